@@ -1,0 +1,13 @@
+"""ROS 1 driver for JAKA six-axis arms, its simulated controller and its state-log tools.
+
+The rooms, from the ground up; a room imports only from those above it in this list:
+
+errors, units       what can go wrong; mm and deg to SI
+state, commands     one sample of the arm; what an arm can be asked to do (SI units, frozen)
+kinematics          arm models, forward and inverse kinematics, the limits audit
+protocol            the controller's JSON protocol: bytes <-> state and commands, no I/O
+client              the sockets and threads of the driver, without ROS
+simulation          the simulated controller
+ros                 the node: parameters, services, topics, diagnostics
+bags                state logs: record, play, convert, inspect, compare
+"""

@@ -1,0 +1,256 @@
+"""What the arm's controller can be asked to do: one frozen dataclass a command, SI units, joint 1 (base) first.
+
+Orientation is always rpy: rotations about the fixed axes x, then y, then z (R = Rz Ry Rx), rad.
+"""
+import enum
+from dataclasses import dataclass
+from typing import Tuple, Union
+
+from jaka_ros_driver.state import IoBank, Vector
+
+
+class JogFrame(enum.IntEnum):
+    """In which coordinates a jog moves; the numbers of the ROS interface (``coord_mode``)."""
+
+    JOINT = 0
+    BASE = 1
+    TOOL = 2
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A Cartesian pose: position m, shape (3,); rpy rad, shape (3,)."""
+
+    position: Vector
+    rpy: Vector
+
+
+@dataclass(frozen=True)
+class JointMove:
+    """Axis motion to a joint target. joint_position rad (6,), speed rad/s, acceleration rad/s2."""
+
+    joint_position: Vector
+    speed: float
+    acceleration: float
+
+
+@dataclass(frozen=True)
+class LinearMove:
+    """Straight line of the active tool in the active user frame. speed m/s, acceleration m/s2, tolerance m."""
+
+    target: Pose
+    speed: float
+    acceleration: float
+    tolerance: float = 0.0005
+
+
+@dataclass(frozen=True)
+class Jog:
+    """Continuous motion of one axis until stopped.
+
+    Attributes:
+        frame: Joint, base or tool coordinates.
+        axis: 0..5: joint index, or x, y, z, rx, ry, rz.
+        velocity: Signed; rad/s for joints and rotations, m/s along x, y, z.
+    """
+
+    frame: JogFrame
+    axis: int
+    velocity: float
+
+
+@dataclass(frozen=True)
+class JogStop:
+    """End the jog of this axis in this frame."""
+
+    frame: JogFrame
+    axis: int
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Stop a running program and every running or queued motion."""
+
+
+@dataclass(frozen=True)
+class SetServoMode:
+    """Enter or leave servo (streaming) mode."""
+
+    active: bool
+
+
+@dataclass(frozen=True)
+class ServoJoint:
+    """One joint target of a servo stream, rad (6,); covers ``cycles`` x 8 ms."""
+
+    joint_position: Vector
+    relative: bool = False
+    cycles: int = 1
+
+
+@dataclass(frozen=True)
+class ServoPose:
+    """One Cartesian target of a servo stream, in the active user frame; covers ``cycles`` x 8 ms."""
+
+    target: Pose
+    relative: bool = False
+    cycles: int = 1
+
+
+@dataclass(frozen=True)
+class SetPower:
+    """Energise the drives, or cut them off."""
+
+    on: bool
+
+
+@dataclass(frozen=True)
+class SetEnabled:
+    """Release the brakes and hold torque, or the reverse."""
+
+    on: bool
+
+
+@dataclass(frozen=True)
+class ClearError:
+    """Clear alarms and recover from a protective stop."""
+
+
+@dataclass(frozen=True)
+class SetToolFrame:
+    """Store the pose of a tool in the flange frame under tool_id."""
+
+    tool_id: int
+    pose: Pose
+    name: str
+
+
+@dataclass(frozen=True)
+class SelectTool:
+    """Make a stored tool the active one; 0 is the bare flange."""
+
+    tool_id: int
+
+
+@dataclass(frozen=True)
+class SetUserFrame:
+    """Store the pose of a user frame in the base frame under user_frame_id."""
+
+    user_frame_id: int
+    pose: Pose
+    name: str
+
+
+@dataclass(frozen=True)
+class SelectUserFrame:
+    """Make a stored user frame the active one; 0 is the base."""
+
+    user_frame_id: int
+
+
+@dataclass(frozen=True)
+class SetPayload:
+    """Load at the active tool: mass kg, centre of mass m (3,)."""
+
+    mass: float
+    centroid: Vector
+
+
+@dataclass(frozen=True)
+class SetHandGuiding:
+    """Switch hand guiding on or off."""
+
+    active: bool
+
+
+@dataclass(frozen=True)
+class SetCollisionLevel:
+    """Collision sensitivity: 0 off, 1 most sensitive (25 N) to 5 (125 N)."""
+
+    level: int
+
+
+@dataclass(frozen=True)
+class SetDigitalOutput:
+    """Switch one digital output; index counts from 0."""
+
+    bank: IoBank
+    index: int
+    value: bool
+
+
+@dataclass(frozen=True)
+class SetAnalogOutput:
+    """Set one analog output, V or mA; index counts from 0."""
+
+    bank: IoBank
+    index: int
+    value: float
+
+
+@dataclass(frozen=True)
+class SetRapidRate:
+    """Speed override, 0 to 1."""
+
+    rate: float
+
+
+@dataclass(frozen=True)
+class SetFeedPeriod:
+    """Period of the status feed, s."""
+
+    period: float
+
+
+@dataclass(frozen=True)
+class ForwardKinematics:
+    """Ask the controller for the tool pose at these joints, rad (6,). Result: Pose."""
+
+    joint_position: Vector
+
+
+@dataclass(frozen=True)
+class InverseKinematics:
+    """Ask the controller for joints that reach the pose, nearest to the reference. Result: Vector (6,), rad."""
+
+    target: Pose
+    reference: Vector
+
+
+class Query(enum.Enum):
+    """A question without arguments; the value is the type of its result, in words."""
+
+    VERSION = "str"
+    SERVO_MODE = "bool, True in servo mode"
+    FEED_PERIOD = "float, s"
+    TOOL_FRAMES = "tuple of Pose, by tool id"
+    USER_FRAMES = "tuple of Pose, by user frame id"
+    PAYLOAD = "SetPayload"
+    COLLISION_LEVEL = "int, 0..5"
+
+
+@dataclass(frozen=True)
+class GetDigitalOutput:
+    """Read one digital output back from the controller. Result: bool."""
+
+    bank: IoBank
+    index: int
+
+
+@dataclass(frozen=True)
+class GetAnalogOutput:
+    """Read one analog output back from the controller. Result: float."""
+
+    bank: IoBank
+    index: int
+
+
+Motion = Union[JointMove, LinearMove]
+
+Command = Union[
+    JointMove, LinearMove, Jog, JogStop, Stop, SetServoMode, ServoJoint, ServoPose, SetPower, SetEnabled,
+    ClearError, SetToolFrame, SelectTool, SetUserFrame, SelectUserFrame, SetPayload, SetHandGuiding,
+    SetCollisionLevel, SetDigitalOutput, SetAnalogOutput, SetRapidRate, SetFeedPeriod, ForwardKinematics,
+    InverseKinematics, Query, GetDigitalOutput, GetAnalogOutput]
+
+JOINTS: Tuple[str, ...] = tuple("joint_%d" % n for n in range(1, 7))

@@ -1,0 +1,86 @@
+"""What can go wrong, one class for each cause; callers catch ``JakaError`` or a child of it."""
+import enum
+from typing import Union
+
+
+class JakaError(Exception):
+    """Any failure that this package foresees; every other exception is a bug."""
+
+
+class InvalidCommand(JakaError, ValueError):
+    """The caller's request is malformed or outside the arm's limits; nothing was sent."""
+
+
+class UnreachablePose(InvalidCommand):
+    """No joint position of the arm, within its limits, puts the flange there."""
+
+
+class CommandRejected(JakaError):
+    """The controller answered the command with an error code.
+
+    Attributes:
+        command: The controller's name of the command (``cmdName``).
+        code: The controller's ``errorCode``; an int where it is a number, else its text.
+        reason: The controller's own words, or the meaning of the code where it sent none.
+    """
+
+    def __init__(self, command: str, code: Union[int, str], reason: str) -> None:
+        super().__init__("controller rejected %s: code %s, %s" % (command, code, reason))
+        self.command = command
+        self.code = code
+        self.reason = reason
+
+
+class ProtocolError(JakaError):
+    """The peer's bytes break the protocol."""
+
+
+class FramingError(ProtocolError):
+    """Bytes that cannot be cut into JSON objects: garbage, an object that never ends, one too large."""
+
+
+class StatusFrameError(ProtocolError):
+    """A status frame that lacks an essential field or holds a value of the wrong type or range."""
+
+
+class ReplyTimeout(JakaError, TimeoutError):
+    """The controller did not answer in time; whether it acted on the command is unknown.
+
+    Attributes:
+        command: The controller's name of the command.
+        waited_s: How long the reply was waited for, s.
+    """
+
+    def __init__(self, command: str, waited_s: float) -> None:
+        super().__init__("no reply to %s within %.3g s" % (command, waited_s))
+        self.command = command
+        self.waited_s = waited_s
+
+
+class ConnectionLost(JakaError, ConnectionError):
+    """The link to the controller is down, or went down before the reply came."""
+
+
+class StopCause(enum.Enum):
+    """Why an accepted motion did not complete; the value is the phrase shown to users."""
+
+    STOPPED = "stopped by request"
+    PROTECTIVE_STOP = "protective stop"
+    EMERGENCY_STOP = "emergency stop"
+    FAULT = "controller fault"
+    NOT_ENABLED = "drives no longer enabled"
+    LINK_LOST = "link to the controller lost"
+    TIMEOUT = "timed out"
+    SHUTDOWN = "driver shut down"
+
+
+class MotionInterrupted(JakaError):
+    """An accepted motion ended before it was completed.
+
+    Attributes:
+        cause: The ``StopCause``.
+    """
+
+    def __init__(self, cause: StopCause, detail: str = "") -> None:
+        super().__init__(cause.value + (": " + detail if detail else ""))
+        self.cause = cause

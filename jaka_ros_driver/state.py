@@ -1,0 +1,126 @@
+"""What the arm is and does at one moment, in SI units; made from a status frame, never changed."""
+import enum
+from dataclasses import dataclass, field
+from typing import Dict, Optional, Tuple
+
+Vector = Tuple[float, ...]
+
+
+class MotionState(enum.IntEnum):
+    """Motion state as the ROS interface numbers it (interface document V2.0, RobotMsg)."""
+
+    STOPPED = 0
+    PAUSED = 1
+    EMERGENCY_STOP = 2
+    RUNNING = 3
+    ERROR = 4
+
+
+class IoBank(enum.IntEnum):
+    """Where an input or output sits; the controller's own numbers (SDK header IOType)."""
+
+    CABINET = 0
+    TOOL = 1
+    EXTENSION = 2
+
+
+@dataclass(frozen=True)
+class IoState:
+    """Inputs and outputs by bank; a bank that the controller does not report is absent.
+
+    Attributes:
+        digital_inputs: Per bank, 0 or 1 each, index 0 first.
+        digital_outputs: As digital_inputs.
+        analog_inputs: Per bank, V or mA as the terminal is configured.
+        analog_outputs: As analog_inputs.
+    """
+
+    digital_inputs: Dict[IoBank, Tuple[int, ...]] = field(default_factory=dict)
+    digital_outputs: Dict[IoBank, Tuple[int, ...]] = field(default_factory=dict)
+    analog_inputs: Dict[IoBank, Vector] = field(default_factory=dict)
+    analog_outputs: Dict[IoBank, Vector] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """One sample of the arm, as the controller measured it.
+
+    A field that is None was not in the frame: which ones a controller sends is configurable there.
+
+    Attributes:
+        joint_position: Measured joint angles, rad, joint 1 (base) first, shape (6,).
+        is_powered: True while the drives are energised.
+        is_enabled: True while brakes are off and the joint drives hold torque.
+        is_in_position: True when no commanded motion is pending.
+        emergency_stop: True while the emergency stop is latched.
+        protective_stop: True while a protective stop (collision, singularity) stands.
+        received_at: Host monotonic time of the frame's last byte, s.
+        tcp_position: Tool centre point in the active user frame, m, shape (3,).
+        tcp_rpy: Orientation, rotations about the fixed axes x, then y, then z
+            (R = Rz Ry Rx), rad, shape (3,).
+        joint_position_commanded: Commanded joint angles, rad, shape (6,).
+        joint_velocity: As the controller reports it, rad/s, shape (6,).
+        tcp_speed: Speed of the tool centre point, m/s.
+        is_hand_guided: True while hand guiding is on.
+        is_paused: True while a program or motion is paused.
+        on_soft_limit: True while a joint stands at a soft limit.
+        program_state: 0 idle, 1 loading, 2 paused, 3 running (``interp_state``).
+        rapid_rate: Speed override, 0 to 1.
+        tool_id: Active tool, 0 is the bare flange.
+        user_frame_id: Active user frame, 0 is the base.
+        error_code: Entry of the controller's event list, 0 for none. Not every one is a fault.
+        error_message: The controller's text beside it.
+        motion_line: ``executing_line_id`` of the motion last executed.
+        add_error_line: ``executing_line_id`` of a motion refused because the arm was there already.
+        io: Inputs and outputs.
+        cabinet_temperature: deg C.
+        joint_temperature: deg C, shape (6,).
+    """
+
+    joint_position: Vector
+    is_powered: bool
+    is_enabled: bool
+    is_in_position: bool
+    emergency_stop: bool
+    protective_stop: bool
+    received_at: float = 0.0
+    tcp_position: Optional[Vector] = None
+    tcp_rpy: Optional[Vector] = None
+    joint_position_commanded: Optional[Vector] = None
+    joint_velocity: Optional[Vector] = None
+    tcp_speed: Optional[float] = None
+    is_hand_guided: Optional[bool] = None
+    is_paused: Optional[bool] = None
+    on_soft_limit: Optional[bool] = None
+    program_state: Optional[int] = None
+    rapid_rate: Optional[float] = None
+    tool_id: Optional[int] = None
+    user_frame_id: Optional[int] = None
+    error_code: int = 0
+    error_message: str = ""
+    motion_line: Optional[int] = None
+    add_error_line: Optional[int] = None
+    io: IoState = field(default_factory=IoState)
+    cabinet_temperature: Optional[float] = None
+    joint_temperature: Optional[Vector] = None
+
+    @property
+    def has_fault(self) -> bool:
+        """True while the event code stands for a fault: entries 0x10F0000..0x10FFFFF are notes, not faults.
+
+        Source: controller protocol 4.4.
+        """
+        return self.error_code != 0 and not 0x10F0000 <= self.error_code <= 0x10FFFFF
+
+    @property
+    def motion_state(self) -> MotionState:
+        """The motion state of the ROS interface; the worst condition that holds wins."""
+        if self.emergency_stop:
+            return MotionState.EMERGENCY_STOP
+        if self.protective_stop or self.has_fault:
+            return MotionState.ERROR
+        if self.is_paused or self.program_state == 2:
+            return MotionState.PAUSED
+        if not self.is_in_position or self.is_hand_guided or self.program_state in (1, 3):
+            return MotionState.RUNNING
+        return MotionState.STOPPED
