@@ -1,0 +1,216 @@
+"""Cuts JSON objects out of the byte streams of the controller's ports, wherever TCP split or glued them.
+
+Both streams return damage as values, in its place among the objects, so that nothing after it is lost.
+Memory is bounded: bytes that cannot become an object are dropped.
+"""
+import json
+import re
+from typing import Any, Dict, List, NoReturn, Union
+
+from jaka_ros_driver.errors import FramingError
+
+JsonObject = Dict[str, Any]
+Item = Union[JsonObject, FramingError]
+
+MAX_OBJECT_BYTES = 1 << 20
+"""Longest object accepted from the command port; the longest known reply is a status frame of about 9 kB."""
+MAX_FRAME_BYTES = 1 << 16
+"""Longest status frame accepted; the longest known is 8979 bytes (controller protocol 3.3)."""
+
+_STRUCTURAL = re.compile(rb'["{}]')
+_STRING_END = re.compile(rb'["\\]')
+_NOT_BLANK = re.compile(rb"[^\s\x00]")
+_FRAME_HEAD = re.compile(rb'\{\s*"len"\s*:\s*(\d{1,9})\s*[,}]')
+_HEAD_BYTES = 64
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise ValueError("%s is not JSON" % name)
+
+
+def parse_object(text: bytes) -> JsonObject:
+    """Parse one JSON object strictly: UTF-8, no NaN or Infinity.
+
+    Raises:
+        FramingError: The text is anything else.
+    """
+    try:
+        value = json.loads(text.decode("utf-8"), parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise FramingError("not a JSON object: %s" % error) from error
+    if not isinstance(value, dict):
+        raise FramingError("not a JSON object but %s" % type(value).__name__)
+    return value
+
+
+def encode_object(value: JsonObject) -> bytes:
+    """The object as the controller writes it: ``", "`` and ``": "`` between the tokens (controller protocol 3.2).
+
+    Raises:
+        FramingError: A number in it is not finite.
+    """
+    try:
+        return json.dumps(value, allow_nan=False).encode("utf-8")
+    except ValueError as error:
+        raise FramingError("cannot be written as JSON: %s" % error) from error
+
+
+class ObjectStream:
+    """Objects back to back, without delimiter, as on the command port in both directions.
+
+    Between objects white space and NUL are passed over; other bytes come out as one FramingError.
+    """
+
+    def __init__(self, max_bytes: int = MAX_OBJECT_BYTES) -> None:
+        self._max_bytes = max_bytes
+        self._buffer = bytearray()
+        self._scanned = 0
+        self._depth = 0
+        self._in_string = False
+
+    @property
+    def pending(self) -> int:
+        """Bytes of an object that has begun and not ended."""
+        return len(self._buffer)
+
+    def feed(self, data: bytes) -> List[Item]:
+        """Take the next bytes of the stream, and return what they complete, in order."""
+        self._buffer += data
+        items: List[Item] = []
+        while self._buffer:
+            if self._depth == 0 and not self._find_start(items):
+                break
+            end = self._find_end()
+            if end:
+                text = bytes(self._buffer[:end])
+                self._restart(end)
+                try:
+                    items.append(parse_object(text))
+                except FramingError as error:
+                    items.append(error)
+            elif len(self._buffer) > self._max_bytes:
+                items.append(FramingError("an object of more than %d bytes" % self._max_bytes))
+                self._restart(len(self._buffer))
+            else:
+                break
+        return items
+
+    def clear(self) -> None:
+        """Forget the object that has begun."""
+        self._restart(len(self._buffer))
+
+    def _restart(self, consumed: int) -> None:
+        del self._buffer[:consumed]
+        self._scanned = self._depth = 0
+        self._in_string = False
+
+    def _find_start(self, items: List[Item]) -> bool:
+        first = _NOT_BLANK.search(self._buffer)
+        if first is None:
+            self._buffer.clear()
+            return False
+        start = self._buffer.find(b"{", first.start())
+        if start != first.start():
+            garbage = bytes(self._buffer[first.start():start if start >= 0 else None])
+            items.append(FramingError("%d bytes outside any object: %r" % (len(garbage), garbage[:40])))
+            if start < 0:
+                self._buffer.clear()
+                return False
+        del self._buffer[:start]
+        return True
+
+    def _find_end(self) -> int:
+        """Length of the object at the head of the buffer, 0 while it is not whole; never looks at a byte twice."""
+        position = self._scanned
+        while True:
+            pattern = _STRING_END if self._in_string else _STRUCTURAL
+            match = pattern.search(self._buffer, position)
+            if match is None:
+                self._scanned = max(position, len(self._buffer))
+                return 0
+            position = match.end()
+            token = match.group()
+            if token == b'"':
+                self._in_string = not self._in_string
+            elif token == b"\\":
+                if position >= len(self._buffer):
+                    self._scanned = match.start()
+                    return 0
+                position += 1
+            elif token == b"{":
+                self._depth += 1
+            else:
+                self._depth -= 1
+                if self._depth == 0:
+                    return position
+
+
+class FrameStream:
+    """Status frames back to back, each led by ``len``, its exact size in bytes (controller protocol 3.3).
+
+    ``len`` is also the check on the bytes in between: a frame whose text has another length, or is not JSON,
+    is damaged. Reading goes on at the next frame head.
+    """
+
+    def __init__(self, max_bytes: int = MAX_FRAME_BYTES) -> None:
+        self._max_bytes = max_bytes
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> List[Item]:
+        """Take the next bytes of the stream, and return what they complete, in order."""
+        self._buffer += data
+        items: List[Item] = []
+        while self._take(items):
+            pass
+        return items
+
+    def clear(self) -> None:
+        """Forget the frame that has begun."""
+        self._buffer.clear()
+
+    def _take(self, items: List[Item]) -> bool:
+        """Move one item from the buffer to ``items``; False when more bytes are needed."""
+        head = _FRAME_HEAD.search(self._buffer)
+        if head is None:
+            self._drop_garbage(max(0, len(self._buffer) - _HEAD_BYTES), items)
+            return False
+        if head.start():
+            self._drop_garbage(head.start(), items)
+            return True
+        length = int(head.group(1))
+        if not head.end() <= length <= self._max_bytes:
+            items.append(FramingError("a status frame cannot have len %d" % length))
+            del self._buffer[:head.end()]
+            return True
+        if len(self._buffer) >= length:
+            try:
+                items.append(parse_object(bytes(self._buffer[:length])))
+                del self._buffer[:length]
+            except FramingError as error:
+                items.append(FramingError("status frame of len %d: %s" % (length, error)))
+                del self._buffer[:head.end()]
+            return True
+        return self._give_up_on_cut_frame(head.end(), items)
+
+    def _give_up_on_cut_frame(self, head_end: int, items: List[Item]) -> bool:
+        """A frame that lost its tail is known by a whole frame that begins inside its claimed length."""
+        following = _FRAME_HEAD.search(self._buffer, head_end)
+        while following is not None:
+            end = following.start() + int(following.group(1))
+            if end <= len(self._buffer):
+                try:
+                    parse_object(bytes(self._buffer[following.start():end]))
+                except FramingError:
+                    pass
+                else:
+                    items.append(FramingError("status frame cut off after %d bytes" % following.start()))
+                    del self._buffer[:following.start()]
+                    return True
+            following = _FRAME_HEAD.search(self._buffer, following.end())
+        return False
+
+    def _drop_garbage(self, count: int, items: List[Item]) -> None:
+        garbage = bytes(self._buffer[:count])
+        del self._buffer[:count]
+        if _NOT_BLANK.search(garbage):
+            items.append(FramingError("%d bytes outside any status frame: %r" % (count, garbage[:40])))

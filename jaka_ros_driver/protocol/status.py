@@ -1,0 +1,188 @@
+"""Status frames of the feed: their text with a true ``len``, and their fields as a RobotState."""
+import math
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+from jaka_ros_driver.errors import StatusFrameError
+from jaka_ros_driver.protocol.framing import encode_object
+from jaka_ros_driver.state import IoBank, IoState, RobotState, Vector
+from jaka_ros_driver.units import all_deg_to_rad, all_mm_to_m, deg_to_rad, mm_to_m
+
+_MAX_ANGLE_DEG = 1e4
+_MAX_LENGTH_MM = 1e6
+_NUMBERS = frozenset((int, float, bool))
+
+_DIGITAL_INPUTS = ((IoBank.CABINET, "din"), (IoBank.TOOL, "tio_din"))
+_DIGITAL_OUTPUTS = ((IoBank.CABINET, "dout"), (IoBank.TOOL, "tio_dout"))
+_ANALOG_INPUTS = ((IoBank.CABINET, "ain"), (IoBank.TOOL, "tio_ain"))
+_ANALOG_OUTPUTS = ((IoBank.CABINET, "aout"),)
+
+
+def encode_frame(fields: Mapping[str, Any]) -> bytes:
+    """The text of a status frame: ``len`` first, the exact size of the whole text in bytes, then the fields.
+
+    Source: controller protocol 3.3.
+
+    Raises:
+        FramingError: A number in it is not finite.
+    """
+    body = encode_object({key: value for key, value in fields.items() if key != "len"})[1:]
+    rest = b", " + body if body != b"}" else body
+    length = len(rest)
+    while True:
+        frame = b'{"len": %d' % length + rest
+        if len(frame) == length:
+            return frame
+        length = len(frame)
+
+
+def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
+    """The state that a status frame tells.
+
+    Which fields a controller sends is configurable there (controller protocol 6.1): a missing one is None in the
+    state, except those without which the arm's condition is unknown.
+
+    Args:
+        fields: The frame as parsed JSON; deg and mm.
+        received_at: Host monotonic time of the frame's last byte, s.
+
+    Raises:
+        StatusFrameError: An essential field is missing (joint_actual_position, powered_on, enabled, inpos,
+            emergency_stop, protective_stop), or a field has the wrong type, too few numbers or an impossible value.
+    """
+    joints = _numbers(fields, "joint_actual_position", 6, _MAX_ANGLE_DEG)
+    if joints is None:
+        raise StatusFrameError("status frame without joint_actual_position")
+    commanded = _numbers(fields, "joint_position", 6, _MAX_ANGLE_DEG)
+    pose = _numbers(fields, "actual_position", 6, _MAX_LENGTH_MM)
+    velocity = _numbers(fields, "instVel", 6, _MAX_ANGLE_DEG)
+    speed = _number(fields, "curr_tcp_trans_vel")
+    cabinet_temperature, joint_temperature = _temperatures(fields.get("monitor_data"))
+    message = fields.get("errmsg", "")
+    return RobotState(
+        joint_position=all_deg_to_rad(joints),
+        is_powered=_essential_flag(fields, "powered_on"),
+        is_enabled=_essential_flag(fields, "enabled"),
+        is_in_position=_essential_flag(fields, "inpos"),
+        emergency_stop=_essential_flag(fields, "emergency_stop"),
+        protective_stop=_essential_flag(fields, "protective_stop"),
+        received_at=received_at,
+        tcp_position=None if pose is None else all_mm_to_m(pose[:3]),
+        tcp_rpy=None if pose is None else all_deg_to_rad(pose[3:]),
+        joint_position_commanded=None if commanded is None else all_deg_to_rad(commanded),
+        joint_velocity=None if velocity is None else all_deg_to_rad(velocity),
+        tcp_speed=None if speed is None else mm_to_m(speed),
+        is_hand_guided=_flag(fields, "drag_status"),
+        is_paused=_flag(fields, "paused"),
+        on_soft_limit=_flag(fields, "on_soft_limit"),
+        program_state=_integer(fields, "interp_state"),
+        rapid_rate=_number(fields, "rapidrate"),
+        tool_id=_integer(fields, "current_tool_id"),
+        user_frame_id=_integer(fields, "current_user_id"),
+        error_code=_event_code(fields.get("errcode", "0x0")),
+        error_message=message if isinstance(message, str) else str(message),
+        motion_line=_integer(fields, "motion_line"),
+        add_error_line=_integer(fields, "err_add_line"),
+        io=_io(fields),
+        cabinet_temperature=cabinet_temperature,
+        joint_temperature=joint_temperature)
+
+
+def _fail(key: str, value: Any, expected: str) -> StatusFrameError:
+    return StatusFrameError("status frame: %s is %.60r, expected %s" % (key, value, expected))
+
+
+def _is_finite_number(value: Any) -> bool:
+    return type(value) in _NUMBERS and math.isfinite(value)
+
+
+def _numbers(fields: Mapping[str, Any], key: str, count: int, limit: float) -> Optional[List[float]]:
+    """The first ``count`` numbers of an array; older firmware sends 9 for the joints (controller protocol 4.2)."""
+    values = fields.get(key)
+    if values is None:
+        return None
+    if not isinstance(values, list) or len(values) < count:
+        raise _fail(key, values, "%d numbers" % count)
+    values = values[:count]
+    for value in values:
+        if type(value) not in _NUMBERS or not -limit <= value <= limit:
+            raise _fail(key, values, "finite numbers within %g" % limit)
+    return values
+
+
+def _number(fields: Mapping[str, Any], key: str) -> Optional[float]:
+    value = fields.get(key)
+    if value is None:
+        return None
+    if not _is_finite_number(value):
+        raise _fail(key, value, "a finite number")
+    return float(value)
+
+
+def _integer(fields: Mapping[str, Any], key: str) -> Optional[int]:
+    value = _number(fields, key)
+    return None if value is None else int(value)
+
+
+def _flag(fields: Mapping[str, Any], key: str) -> Optional[bool]:
+    """Booleans come as true/false, 0/1 or their text, depending on the firmware."""
+    value = fields.get(key)
+    if value is None:
+        return None
+    if value in (0, 1):
+        return bool(value)
+    if isinstance(value, str) and value.lower() in ("0", "1", "true", "false"):
+        return value.lower() in ("1", "true")
+    raise _fail(key, value, "true or false")
+
+
+def _essential_flag(fields: Mapping[str, Any], key: str) -> bool:
+    value = _flag(fields, key)
+    if value is None:
+        raise StatusFrameError("status frame without %s" % key)
+    return value
+
+
+def _event_code(value: Any) -> int:
+    """``"0x0"``, ``"0"`` and 0 all stand for none (controller protocol 4.4)."""
+    if type(value) is int:
+        return value
+    try:
+        return int(value, 0)
+    except (TypeError, ValueError):
+        raise _fail("errcode", value, "a hexadecimal number as text") from None
+
+
+def _bank_values(fields: Mapping[str, Any], banks: Tuple[Tuple[IoBank, str], ...]) -> Dict[IoBank, Vector]:
+    found: Dict[IoBank, Vector] = {}
+    for bank, key in banks:
+        values = fields.get(key)
+        if values is None:
+            continue
+        if not isinstance(values, list) or not _NUMBERS.issuperset(map(type, values)):
+            raise _fail(key, values, "an array of numbers")
+        found[bank] = tuple(values)
+    return found
+
+
+def _io(fields: Mapping[str, Any]) -> IoState:
+    return IoState(
+        digital_inputs=_bank_values(fields, _DIGITAL_INPUTS),
+        digital_outputs=_bank_values(fields, _DIGITAL_OUTPUTS),
+        analog_inputs=_bank_values(fields, _ANALOG_INPUTS),
+        analog_outputs=_bank_values(fields, _ANALOG_OUTPUTS))
+
+
+def _temperatures(monitor: Any) -> Tuple[Optional[float], Optional[Vector]]:
+    """Cabinet and joint temperatures, deg C, out of ``monitor_data`` (controller protocol 6.3).
+
+    They warn, they do not decide: another shape than the known one reads as unknown.
+    """
+    if not isinstance(monitor, list) or len(monitor) < 6:
+        return None, None
+    cabinet = float(monitor[2]) if _is_finite_number(monitor[2]) else None
+    joints: List[float] = []
+    if isinstance(monitor[5], list):
+        for row in monitor[5][:6]:
+            if isinstance(row, list) and len(row) > 2 and _is_finite_number(row[2]):
+                joints.append(float(row[2]))
+    return cabinet, tuple(joints) if len(joints) == 6 else None
