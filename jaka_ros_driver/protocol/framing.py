@@ -1,6 +1,7 @@
 """Cuts JSON objects out of the byte streams of the controller's ports, wherever TCP split or glued them.
 
 Both streams return damage as values, in its place among the objects, so that nothing after it is lost.
+How the bytes were split over ``feed`` calls changes neither the objects nor the number of errors.
 Memory is bounded: bytes that cannot become an object are dropped.
 """
 import json
@@ -58,7 +59,7 @@ def encode_object(value: JsonObject) -> bytes:
 class ObjectStream:
     """Objects back to back, without delimiter, as on the command port in both directions.
 
-    Between objects white space and NUL are passed over; other bytes come out as one FramingError.
+    Between objects white space and NUL are passed over; other bytes come out as one FramingError a stretch.
     """
 
     def __init__(self, max_bytes: int = MAX_OBJECT_BYTES) -> None:
@@ -67,6 +68,7 @@ class ObjectStream:
         self._scanned = 0
         self._depth = 0
         self._in_string = False
+        self._in_garbage = False
 
     @property
     def pending(self) -> int:
@@ -105,19 +107,15 @@ class ObjectStream:
         self._in_string = False
 
     def _find_start(self, items: List[Item]) -> bool:
-        first = _NOT_BLANK.search(self._buffer)
-        if first is None:
-            self._buffer.clear()
-            return False
-        start = self._buffer.find(b"{", first.start())
-        if start != first.start():
-            garbage = bytes(self._buffer[first.start():start if start >= 0 else None])
-            items.append(FramingError("%d bytes outside any object: %r" % (len(garbage), garbage[:40])))
-            if start < 0:
-                self._buffer.clear()
-                return False
-        del self._buffer[:start]
-        return True
+        start = self._buffer.find(b"{")
+        garbage = bytes(self._buffer if start < 0 else self._buffer[:start])
+        if _NOT_BLANK.search(garbage) and not self._in_garbage:
+            items.append(FramingError("bytes outside any object: %r" % garbage.lstrip()[:40]))
+            self._in_garbage = True
+        del self._buffer[:len(garbage)]
+        if start >= 0:
+            self._in_garbage = False
+        return start >= 0
 
     def _find_end(self) -> int:
         """Length of the object at the head of the buffer, 0 while it is not whole; never looks at a byte twice."""
@@ -149,12 +147,13 @@ class FrameStream:
     """Status frames back to back, each led by ``len``, its exact size in bytes (controller protocol 3.3).
 
     ``len`` is also the check on the bytes in between: a frame whose text has another length, or is not JSON,
-    is damaged. Reading goes on at the next frame head.
+    is damaged. Reading goes on at the next whole frame; a stretch of damage comes out as one FramingError.
     """
 
     def __init__(self, max_bytes: int = MAX_FRAME_BYTES) -> None:
         self._max_bytes = max_bytes
         self._buffer = bytearray()
+        self._in_damage = False
 
     def feed(self, data: bytes) -> List[Item]:
         """Take the next bytes of the stream, and return what they complete, in order."""
@@ -167,50 +166,47 @@ class FrameStream:
     def clear(self) -> None:
         """Forget the frame that has begun."""
         self._buffer.clear()
+        self._in_damage = False
 
     def _take(self, items: List[Item]) -> bool:
-        """Move one item from the buffer to ``items``; False when more bytes are needed."""
+        """Consume some of the buffer; False when more bytes are needed."""
         head = _FRAME_HEAD.search(self._buffer)
         if head is None:
-            self._drop_garbage(max(0, len(self._buffer) - _HEAD_BYTES), items)
+            self._skip(max(0, len(self._buffer) - _HEAD_BYTES), "bytes outside any status frame", items)
             return False
-        if head.start():
-            self._drop_garbage(head.start(), items)
-            return True
-        length = int(head.group(1))
-        if not head.end() <= length <= self._max_bytes:
-            items.append(FramingError("a status frame cannot have len %d" % length))
-            del self._buffer[:head.end()]
+        self._skip(head.start(), "bytes outside any status frame", items)
+        length, head_end = int(head.group(1)), head.end() - head.start()
+        if not head_end <= length <= self._max_bytes:
+            self._skip(head_end, "a status frame cannot have len %d" % length, items)
             return True
         if len(self._buffer) >= length:
             try:
                 items.append(parse_object(bytes(self._buffer[:length])))
-                del self._buffer[:length]
             except FramingError as error:
-                items.append(FramingError("status frame of len %d: %s" % (length, error)))
-                del self._buffer[:head.end()]
+                self._skip(head_end, "status frame of len %d: %s" % (length, error), items)
+            else:
+                del self._buffer[:length]
+                self._in_damage = False
             return True
-        return self._give_up_on_cut_frame(head.end(), items)
+        following = self._whole_frame_after(head_end)
+        self._skip(following, "status frame cut off after %d bytes" % following, items)
+        return following > 0
 
-    def _give_up_on_cut_frame(self, head_end: int, items: List[Item]) -> bool:
-        """A frame that lost its tail is known by a whole frame that begins inside its claimed length."""
-        following = _FRAME_HEAD.search(self._buffer, head_end)
-        while following is not None:
-            end = following.start() + int(following.group(1))
+    def _whole_frame_after(self, position: int) -> int:
+        """Where a whole frame begins behind this position, 0 for nowhere: the frame before it lost its tail."""
+        for head in _FRAME_HEAD.finditer(self._buffer, position):
+            end = head.start() + int(head.group(1))
             if end <= len(self._buffer):
                 try:
-                    parse_object(bytes(self._buffer[following.start():end]))
+                    parse_object(bytes(self._buffer[head.start():end]))
                 except FramingError:
-                    pass
-                else:
-                    items.append(FramingError("status frame cut off after %d bytes" % following.start()))
-                    del self._buffer[:following.start()]
-                    return True
-            following = _FRAME_HEAD.search(self._buffer, following.end())
-        return False
+                    continue
+                return head.start()
+        return 0
 
-    def _drop_garbage(self, count: int, items: List[Item]) -> None:
-        garbage = bytes(self._buffer[:count])
+    def _skip(self, count: int, why: str, items: List[Item]) -> None:
+        skipped = bytes(self._buffer[:count])
         del self._buffer[:count]
-        if _NOT_BLANK.search(garbage):
-            items.append(FramingError("%d bytes outside any status frame: %r" % (count, garbage[:40])))
+        if not self._in_damage and _NOT_BLANK.search(skipped):
+            self._in_damage = True
+            items.append(FramingError("%s: %r" % (why, skipped.lstrip()[:40])))
