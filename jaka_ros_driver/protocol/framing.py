@@ -174,8 +174,8 @@ class FrameStream:
         if head is None:
             self._skip(max(0, len(self._buffer) - _HEAD_BYTES), "bytes outside any status frame", items)
             return False
-        self._skip(head.start(), "bytes outside any status frame", items)
-        length, head_end = int(head.group(1)), head.end() - head.start()
+        start, length, head_end = head.start(), int(head.group(1)), head.end() - head.start()
+        self._skip(start, "bytes outside any status frame", items)
         if not head_end <= length <= self._max_bytes:
             self._skip(head_end, "a status frame cannot have len %d" % length, items)
             return True
