@@ -1,0 +1,220 @@
+"""Commands as the controller's request objects, and its replies as results or a CommandRejected."""
+import math
+from typing import Any, Callable, Dict, Mapping, Tuple, Type, Union
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.errors import CommandRejected, InvalidCommand, ProtocolError
+from jaka_ros_driver.protocol.framing import JsonObject
+from jaka_ros_driver.state import Vector
+from jaka_ros_driver.units import (all_deg_to_rad, all_m_to_mm, all_mm_to_m, all_rad_to_deg, m_to_mm, ms_to_s,
+                                   rad_to_deg, s_to_ms)
+
+Params = Dict[str, Any]
+Encoder = Callable[[Any], Params]
+
+_JOG_COORD_MAP = {c.JogFrame.BASE: 0, c.JogFrame.JOINT: 1, c.JogFrame.TOOL: 2}
+_JOG_STOP, _JOG_CONTINUOUS = 0, 1
+
+ERROR_MEANINGS: Dict[int, str] = {
+    1: "unknown command or wrong parameter",
+    2: "refused by the controller",
+    -1: "not allowed in this state",
+    -2: "invalid parameter",
+    -4: "inverse kinematics failed",
+    -5: "emergency stop pressed",
+    -6: "not powered on",
+    -7: "not enabled",
+    -8: "not in servo mode",
+    -9: "must be disabled first",
+    -10: "a program is running",
+    -12: "motion abnormal",
+    -16: "forward kinematics failed",
+    -20: "protective stop active",
+    -21: "emergency stop active",
+    -22: "on a soft limit",
+    -40: "linear move failed",
+    -41: "joint move failed",
+    -42: "circular move failed",
+    -55: "user frame not set in time",
+    -56: "tool not set in time",
+    -60: "I/O not set",
+    -61: "I/O operation timed out",
+}
+"""What a reply's errorCode stands for where the controller sends no text (controller protocol 4.3)."""
+
+
+def encode(command: c.Command) -> JsonObject:
+    """The request object of a command, mm and deg.
+
+    Raises:
+        InvalidCommand: A number in it is not finite.
+    """
+    name = command_name(command)
+    params = _QUERIES[command][1] if isinstance(command, c.Query) else _ENCODERS[type(command)][1](command)
+    _require_finite(name, params)
+    return {"cmdName": name, **params}
+
+
+def command_name(command: c.Command) -> str:
+    """The controller's name of the command (``cmdName``)."""
+    if isinstance(command, c.Query):
+        return _QUERIES[command][0]
+    name = _ENCODERS[type(command)][0]
+    return name(command) if callable(name) else name
+
+
+def decode(command: c.Command, reply: Mapping[str, Any]) -> Any:
+    """The result of a command that the controller accepted; None where it has none.
+
+    Raises:
+        CommandRejected: The controller refused it.
+        ProtocolError: The reply lacks what the command asks for.
+    """
+    name = command_name(command)
+    raise_if_rejected(name, reply)
+    decoder = _QUERIES[command][2] if isinstance(command, c.Query) else _DECODERS.get(type(command))
+    if decoder is None:
+        return None
+    try:
+        return decoder(reply)
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise ProtocolError("reply to %s does not hold its result: %.200r (%s)" % (name, dict(reply), error)) from error
+
+
+def raise_if_rejected(name: str, reply: Mapping[str, Any]) -> None:
+    """Look at a reply's ``errorCode``, a number or its text.
+
+    Raises:
+        CommandRejected: It is not 0.
+        ProtocolError: There is none.
+    """
+    if "errorCode" not in reply:
+        raise ProtocolError("reply to %s has no errorCode: %.200r" % (name, dict(reply)))
+    raw = reply["errorCode"]
+    code: Union[int, str]
+    try:
+        code = int(str(raw), 0)
+    except ValueError:
+        code = str(raw)
+    if code != 0:
+        text = str(reply.get("errorMsg") or "") or ERROR_MEANINGS.get(code if isinstance(code, int) else 0, "")
+        raise CommandRejected(name, code, text or "no reason given")
+
+
+def _require_finite(name: str, value: Any) -> None:
+    if isinstance(value, dict):
+        for key, item in value.items():
+            _require_finite("%s %s" % (name, key), item)
+    elif isinstance(value, (list, tuple)):
+        for item in value:
+            _require_finite(name, item)
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise InvalidCommand("%s: %s is not a finite number" % (name, value))
+
+
+def _joints(values: Vector) -> Tuple[float, ...]:
+    return all_rad_to_deg(values)
+
+
+def _pose(pose: c.Pose) -> Tuple[float, ...]:
+    return all_m_to_mm(pose.position) + all_rad_to_deg(pose.rpy)
+
+
+def _pose_from_wire(values: Any) -> c.Pose:
+    numbers = _finite(values, 6)
+    return c.Pose(all_mm_to_m(numbers[:3]), all_deg_to_rad(numbers[3:]))
+
+
+def _finite(values: Any, count: int) -> Tuple[float, ...]:
+    numbers = tuple(float(value) for value in values[:count])
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise ValueError("expected %d finite numbers" % count)
+    return numbers
+
+
+def _user_frame(command: c.SetUserFrame) -> Params:
+    """Both spellings: which of them a firmware reads is not known, and unknown keys are ignored (5.7)."""
+    pose = _pose(command.pose)
+    return {"userffset": pose, "useroffset": pose, "id": command.user_frame_id, "name": command.name}
+
+
+def _jog_rate(command: c.Jog) -> float:
+    linear = command.frame is not c.JogFrame.JOINT and command.axis < 3
+    return m_to_mm(command.velocity) if linear else rad_to_deg(command.velocity)
+
+
+def _terminal(command: Any) -> Params:
+    return {"type": int(command.bank), "index": command.index}
+
+
+_ENCODERS: Dict[Type[Any], Tuple[Union[str, Callable[[Any], str]], Encoder]] = {
+    c.JointMove: ("joint_move", lambda m: {
+        "relFlag": 0, "jointPosition": _joints(m.joint_position), "speed": rad_to_deg(m.speed),
+        "accel": rad_to_deg(m.acceleration)}),
+    c.LinearMove: ("moveL", lambda m: {
+        "relFlag": 0, "cartPosition": _pose(m.target), "speed": m_to_mm(m.speed), "accel": m_to_mm(m.acceleration),
+        "tol": m_to_mm(m.tolerance)}),
+    c.Jog: ("jog", lambda j: {
+        "jog_mode": _JOG_CONTINUOUS, "coord_map": _JOG_COORD_MAP[j.frame], "jnum": j.axis, "jogvel": _jog_rate(j)}),
+    c.JogStop: ("jog", lambda j: {
+        "jog_mode": _JOG_STOP, "coord_map": _JOG_COORD_MAP[j.frame], "jnum": j.axis}),
+    c.Stop: ("stop_program", lambda _: {}),
+    c.SetServoMode: ("servo_move", lambda s: {"relFlag": int(s.active)}),
+    c.ServoJoint: ("servo_j", lambda s: {
+        "relFlag": int(s.relative), "jointPosition": _joints(s.joint_position), "stepNum": s.cycles}),
+    c.ServoPose: ("servo_p", lambda s: {
+        "relFlag": int(s.relative), "catPosition": _pose(s.target), "stepNum": s.cycles}),
+    c.SetPower: (lambda p: "power_on" if p.on else "power_off", lambda _: {}),
+    c.SetEnabled: (lambda e: "enable_robot" if e.on else "disable_robot", lambda _: {}),
+    c.ClearError: ("clear_error", lambda _: {}),
+    c.SetToolFrame: ("set_tool_offsets", lambda t: {
+        "tooloffset": _pose(t.pose), "id": t.tool_id, "name": t.name}),
+    c.SelectTool: ("set_tool_id", lambda t: {"tool_id": t.tool_id}),
+    c.SetUserFrame: ("set_user_offsets", _user_frame),
+    c.SelectUserFrame: ("set_user_id", lambda u: {"user_frame_id": u.user_frame_id}),
+    c.SetPayload: ("set_payload", lambda p: {"mass": p.mass, "centroid": all_m_to_mm(p.centroid)}),
+    c.SetHandGuiding: ("torque_control_enable", lambda h: {"enable_flag": int(h.active)}),
+    c.SetCollisionLevel: ("set_clsn_sensitivity", lambda s: {"sensitivityVal": s.level}),
+    c.SetDigitalOutput: ("set_digital_output", lambda o: dict(_terminal(o), value=int(o.value))),
+    c.SetAnalogOutput: ("set_analog_output", lambda o: dict(_terminal(o), value=o.value)),
+    c.SetRapidRate: ("rapid_rate", lambda r: {"rate_value": r.rate}),
+    c.SetFeedPeriod: ("set_port10000_delay_ms", lambda f: {"port10000_delay_ms": int(round(s_to_ms(f.period)))}),
+    c.ForwardKinematics: ("kine_forward", lambda k: {"jointPosition": _joints(k.joint_position)}),
+    c.InverseKinematics: ("kine_inverse", lambda k: {
+        "jointPosition": _joints(k.reference), "cartPosition": _pose(k.target)}),
+    c.GetDigitalOutput: ("get_digital_output", _terminal),
+    c.GetAnalogOutput: ("get_analog_output", _terminal),
+}
+
+
+def _payload(reply: Mapping[str, Any]) -> c.SetPayload:
+    return c.SetPayload(_finite([reply["mass"]], 1)[0], all_mm_to_m(_finite(reply["centroid"], 3)))
+
+
+def _collision_level(reply: Mapping[str, Any]) -> int:
+    """The key differs by firmware (controller protocol 5.9)."""
+    return int(reply["sensitivityLevel"] if "sensitivityLevel" in reply else reply["sensitivityVal"])
+
+
+def _truth(value: Any) -> bool:
+    """Firmware differs in how it writes true (controller protocol 5.1)."""
+    return value in (True, 1, "1", "true", "True")
+
+
+_DECODERS: Dict[Type[Any], Callable[[Mapping[str, Any]], Any]] = {
+    c.ForwardKinematics: lambda r: _pose_from_wire(r["cartPosition"]),
+    c.InverseKinematics: lambda r: all_deg_to_rad(_finite(r["jointPosition"], 6)),
+    c.GetDigitalOutput: lambda r: _truth(r["value"]),
+    c.GetAnalogOutput: lambda r: _finite([r["value"]], 1)[0],
+}
+
+_QUERIES: Dict[c.Query, Tuple[str, Params, Callable[[Mapping[str, Any]], Any]]] = {
+    c.Query.VERSION: ("get_version", {}, lambda r: str(r["version"])),
+    c.Query.SERVO_MODE: ("is_in_servomove", {}, lambda r: _truth(r["in_servomove"])),
+    c.Query.FEED_PERIOD: ("get_port10000_delay_ms", {}, lambda r: ms_to_s(float(r["port10000_delay_ms"]))),
+    c.Query.TOOL_FRAMES: ("get_tool_offsets", {}, lambda r: tuple(map(_pose_from_wire, r["tool_offsets"]))),
+    c.Query.USER_FRAMES: ("get_user_offsets", {}, lambda r: tuple(map(_pose_from_wire, r["user_offsets"]))),
+    c.Query.PAYLOAD: ("get_payload", {}, _payload),
+    c.Query.COLLISION_LEVEL: ("get_clsn_sensitivity", {}, _collision_level),
+}
+

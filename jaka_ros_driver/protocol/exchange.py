@@ -1,0 +1,73 @@
+"""Which reply answers which request on the command port: a record of what is outstanding, told the time."""
+from collections import deque
+from typing import Any, Deque, Generic, List, Mapping, Optional, TypeVar
+
+T = TypeVar("T")
+
+
+class Request(Generic[T]):
+    """One request on its way.
+
+    Attributes:
+        name: Its ``cmdName``.
+        sent_at: Monotonic time it was sent, s.
+        deadline: Monotonic time by which the reply is due, s.
+        waiter: Whatever the caller wants back with the reply; None for one that nobody waits for.
+    """
+
+    __slots__ = ("name", "sent_at", "deadline", "waiter")
+
+    def __init__(self, name: str, sent_at: float, deadline: float, waiter: Optional[T]) -> None:
+        self.name = name
+        self.sent_at = sent_at
+        self.deadline = deadline
+        self.waiter = waiter
+
+
+class Exchange(Generic[T]):
+    """Pairs replies with requests: in order, with ``cmdName`` as the check (controller protocol 3.2).
+
+    A reply names the oldest outstanding request of its ``cmdName``. One without a name (error code 1 comes
+    without) answers the oldest of all. One that nothing asked for is stale and dropped.
+
+    Attributes:
+        stale_replies: How many were dropped.
+    """
+
+    def __init__(self) -> None:
+        self._outstanding: Deque[Request[T]] = deque()
+        self.stale_replies = 0
+
+    def __len__(self) -> int:
+        return len(self._outstanding)
+
+    def sent(self, name: str, now: float, deadline_s: float, waiter: Optional[T] = None) -> Request[T]:
+        """Note a request that is sent now and due within ``deadline_s``."""
+        request = Request(name, now, now + deadline_s, waiter)
+        self._outstanding.append(request)
+        return request
+
+    def answered(self, reply: Mapping[str, Any]) -> Optional[Request[T]]:
+        """The request that this reply answers, no longer outstanding; None for a stale reply."""
+        name = reply.get("cmdName")
+        if self._outstanding and (name is None or self._outstanding[0].name == name):
+            return self._outstanding.popleft()
+        for request in self._outstanding:
+            if request.name == name:
+                self._outstanding.remove(request)
+                return request
+        self.stale_replies += 1
+        return None
+
+    def overdue(self, now: float) -> Optional[Request[T]]:
+        """An outstanding request whose reply is late, if there is one."""
+        for request in self._outstanding:
+            if request.deadline < now:
+                return request
+        return None
+
+    def abandon(self) -> List[Request[T]]:
+        """Forget and return all that is outstanding: the link is gone, none of it will be answered."""
+        lost = list(self._outstanding)
+        self._outstanding.clear()
+        return lost
