@@ -1,0 +1,1 @@
+"""The simulated controller: motion of the arm (plant), state machine, wire, faults."""
