@@ -35,8 +35,8 @@ class IoState:
         analog_outputs: As analog_inputs.
     """
 
-    digital_inputs: Dict[IoBank, Tuple[int, ...]] = field(default_factory=dict)
-    digital_outputs: Dict[IoBank, Tuple[int, ...]] = field(default_factory=dict)
+    digital_inputs: Dict[IoBank, Vector] = field(default_factory=dict)
+    digital_outputs: Dict[IoBank, Vector] = field(default_factory=dict)
     analog_inputs: Dict[IoBank, Vector] = field(default_factory=dict)
     analog_outputs: Dict[IoBank, Vector] = field(default_factory=dict)
 

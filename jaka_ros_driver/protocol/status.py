@@ -5,7 +5,7 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple
 from jaka_ros_driver.errors import StatusFrameError
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.state import IoBank, IoState, RobotState, Vector
-from jaka_ros_driver.units import all_deg_to_rad, all_mm_to_m, deg_to_rad, mm_to_m
+from jaka_ros_driver.units import all_deg_to_rad, all_mm_to_m, mm_to_m
 
 _MAX_ANGLE_DEG = 1e4
 _MAX_LENGTH_MM = 1e6

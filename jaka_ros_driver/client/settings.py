@@ -1,0 +1,47 @@
+"""How the client talks to one controller; the numbers that a user may change."""
+from dataclasses import dataclass
+
+COMMAND_PORT = 10001
+STATUS_PORT = 10000
+FEED_PERIOD = 0.008
+
+
+@dataclass(frozen=True)
+class ClientSettings:
+    """Addresses and time limits, s unless the name says otherwise.
+
+    Attributes:
+        host: Address of the controller.
+        command_port: Its request and reply port (controller protocol 1).
+        status_port: Its status feed.
+        connect_timeout: Longest wait for a connection.
+        reply_timeout: Longest wait for a reply; the connection is made anew after a late one.
+        silence_timeout: The status feed is lost after so long without a byte.
+        stale_after: A status sample older than this is not acted on.
+        feed_period: Period asked of the status feed.
+        motion_timeout: A motion that takes longer is stopped.
+        power_timeout: Longest wait for the drives to energise or de-energise.
+        enable_timeout: Longest wait for the brakes to open or close.
+        jog_timeout: A jog stops so long after the last jog call (interface document 1.1).
+        servo_timeout: Servo mode is left so long after the last servo target.
+        servo_max_joint_jump: Largest distance of a servo target from the last one, rad.
+        servo_max_linear_jump: The same for the position of a Cartesian target, m.
+        servo_max_angular_jump: The same for its orientation, rad.
+    """
+
+    host: str
+    command_port: int = COMMAND_PORT
+    status_port: int = STATUS_PORT
+    connect_timeout: float = 1.0
+    reply_timeout: float = 1.0
+    silence_timeout: float = 0.8
+    stale_after: float = 0.5
+    feed_period: float = FEED_PERIOD
+    motion_timeout: float = 300.0
+    power_timeout: float = 30.0
+    enable_timeout: float = 30.0
+    jog_timeout: float = 3.0
+    servo_timeout: float = 10.0
+    servo_max_joint_jump: float = 0.1
+    servo_max_linear_jump: float = 0.05
+    servo_max_angular_jump: float = 0.1
