@@ -14,6 +14,7 @@ from jaka_ros_driver.state import RobotState
 Listener = Callable[[RobotState, bool], None]
 
 _RATE_WINDOW = 250
+_TICK = 1e-6
 MAX_BURST = 5
 """Of the frames that arrive in one piece only so many, the newest, are shown as new: the others are old news."""
 
@@ -54,6 +55,7 @@ class StatusMonitor:
         self._frames = 0
         self._damaged = 0
         self._last_damage = ""
+        self._last_arrival = 0.0
 
     def connect(self, host: str, port: int, connect_timeout: float, on_closed: Callable[[str], None]) -> None:
         """Connect to the feed and begin to read.
@@ -133,7 +135,8 @@ class StatusMonitor:
             try:
                 if isinstance(item, FramingError):
                     raise item
-                states.append(parse_status(item, now))
+                self._last_arrival = max(now, self._last_arrival + _TICK)
+                states.append(parse_status(item, self._last_arrival))
             except (FramingError, StatusFrameError) as error:
                 self._damaged += 1
                 self._last_damage = str(error)
@@ -141,7 +144,7 @@ class StatusMonitor:
             self._frames += 1
             with self._changed:
                 self._state = state
-                self._arrivals.append(now)
+                self._arrivals.append(state.received_at)
                 self._changed.notify_all()
             for listener in self._listeners:
                 listener(state, len(states) - index <= MAX_BURST)

@@ -108,11 +108,12 @@ class Connection:
         self._on_closed(self._reason or "")
 
 
-class _Pending:
+class Pending:
     """A request that waits for its reply, or that only wants to hear of a refusal."""
 
-    def __init__(self, command: Command, on_rejected: Optional[Rejected] = None) -> None:
+    def __init__(self, command: Command, timeout: float, on_rejected: Optional[Rejected] = None) -> None:
         self.command = command
+        self.timeout = timeout
         self.on_rejected = on_rejected
         self.event = threading.Event()
         self.reply: Optional[Mapping[str, Any]] = None
@@ -135,7 +136,7 @@ class CommandLink:
         self._reply_timeout = reply_timeout
         self._on_closed = on_closed
         self._stream = ObjectStream()
-        self._exchange: Exchange[_Pending] = Exchange()
+        self._exchange: Exchange[Pending] = Exchange()
         self._exchange_lock = threading.Lock()
         self._send_lock = threading.Lock()
         self._closed_reason = ""
@@ -162,32 +163,45 @@ class CommandLink:
             ConnectionLost: The connection ended before the reply.
             ProtocolError: The reply does not hold the result.
         """
-        timeout = self._reply_timeout if reply_timeout is None else reply_timeout
-        pending = _Pending(command)
-        self._send([pending], timeout)
-        if not pending.event.wait(timeout + _POLL_S):
-            name = codec.command_name(command)
-            self._connection.close("no reply to %s within %.3g s" % (name, timeout))
-            raise ReplyTimeout(name, timeout)
-        if pending.reply is None:
-            raise ConnectionLost(self._closed_reason or "command port closed")
-        return codec.decode(command, pending.reply)
+        return self.finish(self.begin([command], reply_timeout)[0])
 
-    def post(self, commands: List[Command], on_rejected: Optional[Rejected] = None) -> None:
-        """Send commands without waiting for replies; refusals are told to ``on_rejected`` in the reader thread.
+    def begin(self, commands: List[Command], reply_timeout: Optional[float] = None) -> List["Pending"]:
+        """Send the commands in one go, and return what to wait for with ``finish``, one for each.
 
         Raises:
             InvalidCommand: A number in them is not finite; nothing was sent.
             ConnectionLost: The connection is closed.
         """
-        self._send([_Pending(command, on_rejected) for command in commands], self._reply_timeout)
+        timeout = self._reply_timeout if reply_timeout is None else reply_timeout
+        pendings = [Pending(command, timeout) for command in commands]
+        self._send(pendings)
+        return pendings
+
+    def finish(self, pending: "Pending") -> Any:
+        """Wait for the reply to a command sent with ``begin``; result and errors as ``request``."""
+        if not pending.event.wait(pending.timeout + _POLL_S):
+            name = codec.command_name(pending.command)
+            self._connection.close("no reply to %s within %.3g s" % (name, pending.timeout))
+            raise ReplyTimeout(name, pending.timeout)
+        if pending.reply is None:
+            raise ConnectionLost(self._closed_reason or "command port closed")
+        return codec.decode(pending.command, pending.reply)
+
+    def post(self, command: Command, on_rejected: Rejected) -> None:
+        """Send a command without waiting for its reply; a refusal is told in the reader thread.
+
+        Raises:
+            InvalidCommand: A number in it is not finite; nothing was sent.
+            ConnectionLost: The connection is closed.
+        """
+        self._send([Pending(command, self._reply_timeout, on_rejected)])
 
     def close(self, reason: str) -> None:
         """End the connection; who waits for a reply gets ConnectionLost."""
         self._connection.close(reason)
         self._connection.join()
 
-    def _send(self, pendings: List[_Pending], timeout: float) -> None:
+    def _send(self, pendings: List[Pending]) -> None:
         texts = [encode_object(codec.encode(pending.command)) for pending in pendings]
         with self._send_lock:
             now = time.monotonic()
@@ -195,7 +209,7 @@ class CommandLink:
                 if self._closed_reason:
                     raise ConnectionLost(self._closed_reason)
                 for pending in pendings:
-                    self._exchange.sent(codec.command_name(pending.command), now, timeout, pending)
+                    self._exchange.sent(codec.command_name(pending.command), now, pending.timeout, pending)
             for text in texts:
                 self._connection.send(text)
 
@@ -210,7 +224,7 @@ class CommandLink:
                 self._deliver(request.waiter, item)
 
     @staticmethod
-    def _deliver(pending: _Pending, reply: Mapping[str, Any]) -> None:
+    def _deliver(pending: Pending, reply: Mapping[str, Any]) -> None:
         pending.reply = reply
         pending.event.set()
         if pending.on_rejected is not None:
