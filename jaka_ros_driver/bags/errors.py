@@ -1,0 +1,34 @@
+"""What can go wrong with a log file; every one prints as one line."""
+from ..errors import JakaError
+
+
+class BagError(JakaError):
+    """A log that cannot be read, written or worked with; the text names the file and the reason."""
+
+
+class BagFormatError(BagError):
+    """The bytes are not those of the format: damaged, cut short, encrypted or of another version."""
+
+
+class OutputExists(BagError):
+    """The output is there already and overwriting was not asked for, or another program is writing it."""
+
+
+class DefinitionError(BagError):
+    """A message definition that cannot be understood, or that does not describe the bytes."""
+
+
+class MissingDependency(BagError):
+    """An optional library that this operation needs is not installed; the text names it."""
+
+
+class WriteFailed(BagError):
+    """The system refused to write the output; the file is whole up to the record before.
+
+    Attributes:
+        errno: The system's error number, as ``errno.ENOSPC`` for a full disk.
+    """
+
+    def __init__(self, name: str, error: OSError) -> None:
+        super().__init__("cannot write %s: %s" % (name, error.strerror))
+        self.errno = error.errno

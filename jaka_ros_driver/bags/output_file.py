@@ -1,0 +1,113 @@
+"""Output that appears only when whole: written beside its name, renamed on success, removed on failure."""
+import fcntl
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Optional, Type, Union
+
+from .errors import BagError, OutputExists
+
+PathLike = Union[str, Path]
+
+
+def check_output(path: PathLike, overwrite: bool = False) -> None:
+    """Refuse an output that could not be put in place, before any work is done for it.
+
+    Raises:
+        OutputExists: There is something of that name already and ``overwrite`` is False.
+        BagError: The name is a folder, or its folder does not exist.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise BagError("%s is a folder" % target)
+    if not overwrite and os.path.lexists(str(target)):
+        raise OutputExists("%s exists (--force overwrites it)" % target)
+    if not target.parent.is_dir():
+        raise BagError("there is no folder %s" % target.parent)
+
+
+class OutputFile:
+    """A binary file written as ``NAME + suffix`` and renamed to ``NAME`` by ``commit``.
+
+    The working file is locked while it is written: one left behind by a killed program is taken over, one
+    that another program is writing is refused.
+
+    Args:
+        path: The final name.
+        overwrite: Replace a file of the final name.
+        suffix: What the working name has more than the final one.
+        keep_leftover: Refuse to take over a working file that a killed program left (it may be evidence).
+
+    Attributes:
+        path: The final name.
+        working_path: The name while it is written.
+        file: The open file, unbuffered.
+
+    Raises:
+        OutputExists: The final name is taken, or the working name is in use.
+        BagError: The file cannot be created there.
+    """
+
+    def __init__(self, path: PathLike, overwrite: bool = False, suffix: str = ".part",
+                 keep_leftover: bool = False) -> None:
+        self.path = Path(path)
+        self.overwrite = overwrite
+        check_output(self.path, overwrite)
+        self.working_path = self.path.with_name(self.path.name + suffix)
+        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | (os.O_EXCL if keep_leftover else 0)
+        try:
+            descriptor = os.open(str(self.working_path), flags, 0o666)
+        except FileExistsError:
+            raise OutputExists("%s exists: a recording that was cut off; recover or remove it"
+                               % self.working_path) from None
+        except OSError as error:
+            raise BagError("cannot write %s: %s" % (self.working_path, error.strerror)) from error
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            os.ftruncate(descriptor, 0)
+        except OSError:
+            os.close(descriptor)
+            raise OutputExists("%s is being written by another program" % self.working_path) from None
+        self.file: BinaryIO = os.fdopen(descriptor, "r+b", buffering=0)
+
+    def write(self, data: Union[bytes, bytearray, memoryview]) -> None:
+        """Write all of ``data`` at the end.
+
+        Raises:
+            OSError: The system refused, as with a full disk; a part may have been written.
+        """
+        view = memoryview(data)
+        while view:
+            view = view[self.file.write(view):]
+
+    def commit(self) -> None:
+        """Close the file and give it its final name.
+
+        Raises:
+            OutputExists: The final name was taken meanwhile; the working file stays.
+            OSError: The system refused.
+        """
+        if not self.overwrite and os.path.lexists(str(self.path)):
+            self.file.close()
+            raise OutputExists("%s appeared meanwhile; the result is %s" % (self.path, self.working_path))
+        os.replace(str(self.working_path), str(self.path))
+        self.file.close()
+
+    def abort(self) -> None:
+        """Close and remove the working file; nothing of the final name is touched."""
+        if not self.file.closed:
+            self.file.close()
+            try:
+                os.unlink(str(self.working_path))
+            except FileNotFoundError:
+                pass
+
+    def __enter__(self) -> "OutputFile":
+        return self
+
+    def __exit__(self, kind: Optional[Type[BaseException]], value: Optional[BaseException],
+                 trace: Optional[TracebackType]) -> None:
+        if kind is not None:
+            self.abort()
+        elif not self.file.closed:
+            self.commit()
