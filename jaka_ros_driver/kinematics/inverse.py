@@ -1,0 +1,125 @@
+"""Flange pose to joint angles: every branch, or the one nearest to a reference.
+
+The main family and MiniCobo are solved in closed form (``closed_forms``), the A12 by a one-dimensional
+search (``numeric_inverse``; experimental). An arm whose own DH file deviates from its family's structure
+is solved for the structure and then refined on the real table.
+
+A target is answered where the arm reaches it to ``POSITION_TOLERANCE`` and ``ROTATION_TOLERANCE``; away from
+singularities the answer is right to rounding.
+"""
+import math
+from typing import List, Optional, Sequence, Tuple
+
+from jaka_ros_driver.errors import UnreachablePose
+from jaka_ros_driver.kinematics import closed_forms, numeric_inverse
+from jaka_ros_driver.kinematics.arm_models import SPHERICAL_WRIST, THREE_PARALLEL, ArmModel
+from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.kinematics.rotations import Transform, distance_between, rotation_angle_between, wrap_angle
+from jaka_ros_driver.state import Vector
+from jaka_ros_driver.units import rad_to_deg
+
+POSITION_TOLERANCE = 2e-6
+"""m; how far the arm may end beside a target that lies at a singularity or at the edge of the reach."""
+ROTATION_TOLERANCE = 2e-6
+"""rad; likewise."""
+LIMIT_TOLERANCE = 1e-9
+"""rad; a joint this little beyond its limit is set on the limit."""
+
+_SAME_PLACE = 1e-3
+"""rad; an answer nearer to the reference than this needs no look at whether the reference itself is one."""
+
+
+def inverse_all(model: ArmModel, base_t_flange: Transform, reference: Optional[Sequence[float]] = None) -> List[Vector]:
+    """Every branch that reaches the pose, each joint in (-pi, pi], limits not looked at; empty if none.
+
+    Args:
+        model: The arm.
+        base_t_flange: The target; its rotation must be orthonormal.
+        reference: Joint angles, rad, shape (6,): gives q6 where the pose leaves it free (sin q5 = 0); 0 without.
+    """
+    return _branches(model, base_t_flange, reference)[0]
+
+
+def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float]) -> Vector:
+    """Joint angles, rad, shape (6,), within the limits, that reach the pose: those nearest to the reference.
+
+    Branch and whole turns of each joint are chosen for the smallest sum of squared joint differences.
+
+    Args:
+        model: The arm.
+        base_t_flange: The target; its rotation must be orthonormal.
+        reference: Joint angles to stay near to, rad, shape (6,).
+
+    Raises:
+        UnreachablePose: The pose is out of reach, or every branch breaks a joint limit.
+    """
+    branches, obstacle = _branches(model, base_t_flange, reference)
+    best: Optional[Vector] = None
+    best_cost = math.inf
+    for branch in branches:
+        candidate = _nearest_turns(model, branch, reference)
+        if candidate is not None:
+            cost = sum((a - b) ** 2 for a, b in zip(candidate, reference))
+            if cost < best_cost:
+                best, best_cost = candidate, cost
+    if (best_cost > _SAME_PLACE ** 2 and _is_within_limits(model, reference)
+            and _reaches(model, reference, base_t_flange)):
+        return tuple(reference)
+    if best is None:
+        raise UnreachablePose(_outside_limits(model, branches) if branches else obstacle)
+    return best
+
+
+def _branches(model: ArmModel, target: Transform, reference: Optional[Sequence[float]]) -> Tuple[List[Vector], str]:
+    offsets = [row.theta_offset for row in model.dh]
+    free_q6 = reference[5] + offsets[5] if reference is not None else offsets[5]
+    if model.family == THREE_PARALLEL:
+        solved = closed_forms.three_parallel(model.structural_dh, target, free_q6)
+    elif model.family == SPHERICAL_WRIST:
+        solved = closed_forms.spherical_wrist(model.structural_dh, target, free_q6)
+    else:
+        solved = numeric_inverse.two_parallel(model.structural_dh, target)
+    o1, o2, o3, o4, o5, o6 = offsets
+    branches: List[Vector] = [
+        (wrap_angle(q1 - o1), wrap_angle(q2 - o2), wrap_angle(q3 - o3),
+         wrap_angle(q4 - o4), wrap_angle(q5 - o5), wrap_angle(q6 - o6)) for q1, q2, q3, q4, q5, q6 in solved.angles]
+    if not model.is_exact:
+        branches = numeric_inverse.refine_all(model, target, branches)
+    elif solved.is_clamped:
+        branches = [branch for branch in branches if _reaches(model, branch, target)]
+    return branches, solved.obstacle or "out of reach: no joint position brings the flange there"
+
+
+def _reaches(model: ArmModel, joint_position: Sequence[float], target: Transform) -> bool:
+    reached = forward(model, joint_position)
+    return (distance_between(reached, target) <= POSITION_TOLERANCE
+            and rotation_angle_between(reached, target) <= ROTATION_TOLERANCE)
+
+
+def _nearest_turns(model: ArmModel, branch: Vector, reference: Sequence[float]) -> Optional[Vector]:
+    """The branch with whole turns added: each joint within limits, nearest to the reference; None if it can't."""
+    turned = []
+    for angle, near, (low, high) in zip(branch, reference, model.joint_limits):
+        value = angle + math.tau * round((near - angle) / math.tau)
+        if value < low:
+            value += math.tau * math.ceil((low - LIMIT_TOLERANCE - value) / math.tau)
+        elif value > high:
+            value -= math.tau * math.ceil((value - high - LIMIT_TOLERANCE) / math.tau)
+        if not low - LIMIT_TOLERANCE <= value <= high + LIMIT_TOLERANCE:
+            return None
+        turned.append(min(max(value, low), high))
+    return tuple(turned)
+
+
+def _is_within_limits(model: ArmModel, joint_position: Sequence[float]) -> bool:
+    return all(low <= value <= high for value, (low, high) in zip(joint_position, model.joint_limits))
+
+
+def _outside_limits(model: ArmModel, branches: Sequence[Vector]) -> str:
+    """For people: the branch with the fewest joints outside, and which they are."""
+    def outside(branch: Vector) -> List[str]:
+        return ["joint %d at %.6g rad (%.4g deg), limits %.4g to %.4g deg"
+                % (n + 1, angle, rad_to_deg(angle), rad_to_deg(low), rad_to_deg(high))
+                for n, (angle, (low, high)) in enumerate(zip(branch, model.joint_limits))
+                if all(not low <= angle + turn * math.tau <= high for turn in (-1, 0, 1))]
+    return "outside the joint limits: it would need " + "; ".join(min((outside(b) for b in branches), key=lambda joints: len(joints)))

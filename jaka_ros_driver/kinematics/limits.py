@@ -1,0 +1,285 @@
+"""The audit: what every command passes before anything is sent.
+
+One checker a command class; a class without one is refused, so that a new command cannot slip through.
+Where a value may come from a float32 (the ROS interface), a bound is widened by ``FLOAT32_SLACK``.
+"""
+import math
+from typing import Any, Callable, Dict, Optional, Sequence, Tuple
+
+from jaka_ros_driver import commands
+from jaka_ros_driver.commands import JogFrame, Pose
+from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
+from jaka_ros_driver.state import IoBank, RobotState
+
+FLOAT32_SLACK = 2e-7
+"""Relative; a bound such as 265 deg, given in rad as float32, may come out this much above itself."""
+JOINT_SPEED_CEILING = math.pi
+"""rad/s (180 deg/s): no joint motion is faster, whatever the model (controller protocol 5.2, 5.6.5)."""
+JOINT_ACCELERATION_CEILING = 4.0 * math.pi
+"""rad/s2 (720 deg/s2), the maker's advice (controller protocol 5.2); no model has a value of its own."""
+TCP_ACCELERATION_CEILING = 8.0
+"""m/s2 (8000 mm/s2), the maker's advice (controller protocol 5.4.1)."""
+UNKNOWN_TCP_SPEED_CEILING = 1.5
+"""m/s, for models without tcp_max_speed: the lowest that any full-size arm has (Zu3)."""
+SERVO_PERIOD = 0.008
+"""s, one servo cycle (controller protocol 5.6.5)."""
+TOOL_IDS = (1, 11)
+USER_FRAME_IDS = (1, 10)
+"""Ids that can be set (interface document 2); 0, the flange and the base, can only be selected."""
+FEED_PERIODS = (0.001, 10.0)
+"""s; the wire carries whole ms (controller protocol 6.1)."""
+
+Checker = Callable[[Any, ArmModel, Optional[RobotState]], None]
+
+
+def check(command: commands.Command, model: ArmModel, state: Optional[RobotState] = None) -> None:
+    """Refuse a command that is malformed or outside the arm's limits.
+
+    Joint speed: ``JointMove.speed`` is one number for all joints; the controller limits each joint by its own
+    maximum. So the number may be as high as the model's fastest joint allows, and never above
+    ``JOINT_SPEED_CEILING``. A jog names its joint and is held to that joint's maximum; its rotations in space,
+    for which no source gives a limit, to the fastest joint's. Cartesian targets are checked for form and speed
+    only: whether they can be reached depends on the controller's active tool and user frame.
+
+    Args:
+        command: Any command of ``commands``.
+        model: The arm that is to carry it out.
+        state: The newest state, where there is a fresh one: then what moves the arm is refused while the
+            drives are not enabled, and relative servo targets are checked against the joint limits.
+
+    Raises:
+        InvalidCommand: The message names the field, its value and the valid range.
+    """
+    checker = _CHECKERS.get(type(command))
+    if checker is None:
+        raise InvalidCommand("%s is no command that the arm knows" % type(command).__name__)
+    checker(command, model, state)
+
+
+def joint_speed_limit(model: ArmModel) -> float:
+    """The highest ``JointMove.speed``, rad/s."""
+    return min(max(model.joint_max_speed), JOINT_SPEED_CEILING)
+
+
+def tcp_speed_limit(model: ArmModel) -> float:
+    """The highest ``LinearMove.speed``, m/s."""
+    return UNKNOWN_TCP_SPEED_CEILING if model.tcp_max_speed is None else model.tcp_max_speed
+
+
+def _number(name: str, value: Any, low: float = -math.inf, high: float = math.inf, unit: str = "") -> None:
+    valid = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    if not valid:
+        raise InvalidCommand("%s is %r; it must be a finite number%s" % (name, value, " in " + unit if unit else ""))
+    slack = FLOAT32_SLACK * max(abs(bound) for bound in (low, high, 0.0) if math.isfinite(bound))
+    if not low - slack <= value <= high + slack:
+        raise InvalidCommand("%s is %.9g%s; valid: %s" % (name, value, _unit(unit), _range(low, high, unit)))
+
+
+def _above_zero(name: str, value: Any, high: float, unit: str) -> None:
+    _number(name, value, -math.inf, high, unit)
+    if value <= 0.0:
+        raise InvalidCommand("%s is %.9g%s; valid: above 0, at most %.9g%s"
+                             % (name, value, _unit(unit), high, _unit(unit)))
+
+
+def _unit(unit: str) -> str:
+    return " " + unit if unit else ""
+
+
+def _range(low: float, high: float, unit: str) -> str:
+    if math.isinf(high):
+        return "at least %.9g%s" % (low, _unit(unit))
+    return "%.9g to %.9g%s" % (low, high, _unit(unit))
+
+
+def _integer(name: str, value: Any, low: int, high: Optional[int] = None) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or value < low or (high is not None and value > high):
+        raise InvalidCommand("%s is %r; valid: a whole number, %s" % (
+            name, value, "at least %d" % low if high is None else "%d to %d" % (low, high)))
+
+
+def _flag(name: str, value: Any) -> None:
+    if not isinstance(value, bool):
+        raise InvalidCommand("%s is %r; valid: True or False" % (name, value))
+
+
+def _text(name: str, value: Any) -> None:
+    if not isinstance(value, str):
+        raise InvalidCommand("%s is %r; it must be text" % (name, value))
+
+
+def _member(name: str, value: Any, kind: Any) -> None:
+    if not isinstance(value, kind):
+        raise InvalidCommand("%s is %r; valid: %s" % (name, value, ", ".join("%s (%d)" % (k.name, k) for k in kind)))
+
+
+def _vector(name: str, values: Any, length: int, unit: str) -> None:
+    if isinstance(values, (str, bytes)) or not hasattr(values, "__len__") or len(values) != length:
+        raise InvalidCommand("%s is %r; it must be %d numbers in %s" % (name, values, length, unit))
+    for n, value in enumerate(values):
+        _number("%s[%d]" % (name, n), value, unit=unit)
+
+
+def _pose(name: str, pose: Any) -> None:
+    if not isinstance(pose, Pose):
+        raise InvalidCommand("%s is %r; it must be a Pose" % (name, pose))
+    _vector(name + ".position", pose.position, 3, "m")
+    _vector(name + ".rpy", pose.rpy, 3, "rad")
+
+
+def _joint_target(name: str, values: Sequence[float], model: ArmModel) -> None:
+    for n, (value, (low, high)) in enumerate(zip(values, model.joint_limits)):
+        _number("%s[%d] (joint %d of %s)" % (name, n, n + 1, model.name), value, low, high, "rad")
+
+
+def _enabled(command: str, state: Optional[RobotState]) -> None:
+    if state is not None and not state.is_enabled:
+        raise InvalidCommand("%s while the drives are not enabled" % command)
+
+
+def _joint_move(command: commands.JointMove, model: ArmModel, state: Optional[RobotState]) -> None:
+    _vector("joint_position", command.joint_position, JOINT_COUNT, "rad")
+    _joint_target("joint_position", command.joint_position, model)
+    _above_zero("speed", command.speed, joint_speed_limit(model), "rad/s")
+    _above_zero("acceleration", command.acceleration, JOINT_ACCELERATION_CEILING, "rad/s2")
+    _enabled("joint move", state)
+
+
+def _linear_move(command: commands.LinearMove, model: ArmModel, state: Optional[RobotState]) -> None:
+    _pose("target", command.target)
+    _above_zero("speed", command.speed, tcp_speed_limit(model), "m/s")
+    _above_zero("acceleration", command.acceleration, TCP_ACCELERATION_CEILING, "m/s2")
+    _number("tolerance", command.tolerance, 0.0, unit="m")
+    _enabled("linear move", state)
+
+
+def _jog(command: commands.Jog, model: ArmModel, state: Optional[RobotState]) -> None:
+    _jog_axis(command, model, state)
+    if command.frame is JogFrame.JOINT:
+        limit, unit = min(model.joint_max_speed[command.axis], JOINT_SPEED_CEILING), "rad/s"
+    elif command.axis < 3:
+        limit, unit = tcp_speed_limit(model), "m/s"
+    else:
+        limit, unit = joint_speed_limit(model), "rad/s"
+    _number("velocity", command.velocity, -limit, limit, unit)
+    if command.velocity == 0.0:
+        raise InvalidCommand("velocity is 0 %s; a jog needs a direction, up to %.9g %s" % (unit, limit, unit))
+    _enabled("jog", state)
+
+
+def _jog_axis(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
+    _member("frame", command.frame, JogFrame)
+    _integer("axis", command.axis, 0, 5)
+
+
+def _servo_joint(command: commands.ServoJoint, model: ArmModel, state: Optional[RobotState]) -> None:
+    _vector("joint_position", command.joint_position, JOINT_COUNT, "rad")
+    _flag("relative", command.relative)
+    _integer("cycles", command.cycles, 1)
+    if command.relative:
+        reach = JOINT_SPEED_CEILING * SERVO_PERIOD * command.cycles
+        for n, increment in enumerate(command.joint_position):
+            _number("joint_position[%d] (increment over %d cycles)" % (n, command.cycles), increment,
+                    -reach, reach, "rad")
+        if state is not None:
+            _joint_target("joint_position", [at + by for at, by in zip(state.joint_position, command.joint_position)],
+                          model)
+    else:
+        _joint_target("joint_position", command.joint_position, model)
+    _enabled("servo target", state)
+
+
+def _servo_pose(command: commands.ServoPose, model: ArmModel, state: Optional[RobotState]) -> None:
+    _pose("target", command.target)
+    _flag("relative", command.relative)
+    _integer("cycles", command.cycles, 1)
+    _enabled("servo target", state)
+
+
+def _set_tool_frame(command: commands.SetToolFrame, model: ArmModel, state: Optional[RobotState]) -> None:
+    _integer("tool_id", command.tool_id, *TOOL_IDS)
+    _pose("pose", command.pose)
+    _text("name", command.name)
+
+
+def _set_user_frame(command: commands.SetUserFrame, model: ArmModel, state: Optional[RobotState]) -> None:
+    _integer("user_frame_id", command.user_frame_id, *USER_FRAME_IDS)
+    _pose("pose", command.pose)
+    _text("name", command.name)
+
+
+def _set_payload(command: commands.SetPayload, model: ArmModel, state: Optional[RobotState]) -> None:
+    _number("mass", command.mass, 0.0, unit="kg")
+    _vector("centroid", command.centroid, 3, "m")
+
+
+def _set_digital_output(command: commands.SetDigitalOutput, model: ArmModel, state: Optional[RobotState]) -> None:
+    _terminal(command, model, state)
+    _flag("value", command.value)
+
+
+def _set_analog_output(command: commands.SetAnalogOutput, model: ArmModel, state: Optional[RobotState]) -> None:
+    _terminal(command, model, state)
+    _number("value", command.value, unit="V or mA")
+
+
+def _terminal(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
+    _member("bank", command.bank, IoBank)
+    _integer("index", command.index, 0)
+
+
+def _forward_kinematics(command: commands.ForwardKinematics, model: ArmModel, state: Optional[RobotState]) -> None:
+    _vector("joint_position", command.joint_position, JOINT_COUNT, "rad")
+
+
+def _inverse_kinematics(command: commands.InverseKinematics, model: ArmModel, state: Optional[RobotState]) -> None:
+    _pose("target", command.target)
+    _vector("reference", command.reference, JOINT_COUNT, "rad")
+
+
+def _nothing(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
+    """A command without fields."""
+
+
+def _switch(field: str) -> Checker:
+    return lambda command, model, state: _flag(field, getattr(command, field))
+
+
+def _whole(field: str, low: int, high: int) -> Checker:
+    return lambda command, model, state: _integer(field, getattr(command, field), low, high)
+
+
+def _within(field: str, bounds: Tuple[float, float], unit: str) -> Checker:
+    return lambda command, model, state: _number(field, getattr(command, field), bounds[0], bounds[1], unit)
+
+
+_CHECKERS: Dict[type, Checker] = {
+    commands.JointMove: _joint_move,
+    commands.LinearMove: _linear_move,
+    commands.Jog: _jog,
+    commands.JogStop: _jog_axis,
+    commands.Stop: _nothing,
+    commands.SetServoMode: _switch("active"),
+    commands.ServoJoint: _servo_joint,
+    commands.ServoPose: _servo_pose,
+    commands.SetPower: _switch("on"),
+    commands.SetEnabled: _switch("on"),
+    commands.ClearError: _nothing,
+    commands.SetToolFrame: _set_tool_frame,
+    commands.SelectTool: _whole("tool_id", 0, TOOL_IDS[1]),
+    commands.SetUserFrame: _set_user_frame,
+    commands.SelectUserFrame: _whole("user_frame_id", 0, USER_FRAME_IDS[1]),
+    commands.SetPayload: _set_payload,
+    commands.SetHandGuiding: _switch("active"),
+    commands.SetCollisionLevel: _whole("level", 0, 5),
+    commands.SetDigitalOutput: _set_digital_output,
+    commands.SetAnalogOutput: _set_analog_output,
+    commands.SetRapidRate: _within("rate", (0.0, 1.0), ""),
+    commands.SetFeedPeriod: _within("period", FEED_PERIODS, "s"),
+    commands.ForwardKinematics: _forward_kinematics,
+    commands.InverseKinematics: _inverse_kinematics,
+    commands.Query: _nothing,
+    commands.GetDigitalOutput: _terminal,
+    commands.GetAnalogOutput: _terminal,
+}

@@ -1,0 +1,237 @@
+"""Inverse kinematics where no closed form holds: Newton refinement, and the A12's search over joint 6.
+
+The A12's search (experimental): once q6 is assumed, axis 5 and the meeting point of axes 4 and 5 are known;
+that point gives q1 (two ways), axis 4 is perpendicular to axes 2 and 5 (two signs), and what remains is one
+equation, |o3 - o1| = a2. Its roots in q6 are bracketed on a grid and refined.
+"""
+import math
+from typing import List, Optional, Sequence, Tuple
+
+import numpy as np
+
+from jaka_ros_driver.kinematics.arm_models import ArmModel, DhRow
+from jaka_ros_driver.kinematics.closed_forms import Angles, Branches
+from jaka_ros_driver.kinematics.forward import forward, jacobian
+from jaka_ros_driver.kinematics.rotations import Transform, rotation_vector_from_matrix, wrap_angle
+from jaka_ros_driver.state import Vector
+
+_REFINE_STEPS = 20
+_REFINED = 1e-11
+"""Twist (m and rad together) below which a refinement is done."""
+_SAME_BRANCH = 1e-6
+"""rad; two refined branches nearer than this in every joint are one."""
+_GRID = 720
+
+
+def refine(model: ArmModel, target: Transform, start: Sequence[float]) -> Optional[Vector]:
+    """Joint angles near ``start`` that reach the target on the model's real table; None if Newton does not settle."""
+    angles = np.array(start, dtype=float)
+    for _ in range(_REFINE_STEPS):
+        twist = _twist(forward(model, tuple(angles)), target)
+        if max(map(abs, twist)) < _REFINED:
+            return tuple(wrap_angle(float(a)) for a in angles)
+        try:
+            step = np.linalg.solve(jacobian(model, tuple(angles)), np.array(twist))
+        except np.linalg.LinAlgError:
+            return None
+        angles = angles + step * min(1.0, 0.5 / max(1e-12, float(np.max(np.abs(step)))))
+    return None
+
+
+def refine_all(model: ArmModel, target: Transform, starts: Sequence[Sequence[float]]) -> List[Vector]:
+    """``refine`` of each start, each result once."""
+    found: List[Vector] = []
+    for start in starts:
+        angles = refine(model, target, start)
+        if angles is not None and not any(_is_same(angles, other) for other in found):
+            found.append(angles)
+    return found
+
+
+def _is_same(a: Vector, b: Vector) -> bool:
+    return all(abs(wrap_angle(x - y)) < _SAME_BRANCH for x, y in zip(a, b))
+
+
+def _twist(reached: Transform, target: Transform) -> Tuple[float, ...]:
+    """What still leads from reached to target, in the base frame: m, then rad."""
+    a, b = reached, target
+    turn = tuple(b[3 * i] * a[3 * j] + b[3 * i + 1] * a[3 * j + 1] + b[3 * i + 2] * a[3 * j + 2]
+                 for i in range(3) for j in range(3))
+    return (b[9] - a[9], b[10] - a[10], b[11] - a[11]) + rotation_vector_from_matrix(turn)
+
+
+class _JointSixSearch:
+    """The A12's remaining equation in q6, for one target and one choice of the two signs."""
+
+    def __init__(self, dh: Sequence[DhRow], target: Transform) -> None:
+        _, row2, row3, row4, row5, row6 = dh
+        self._target = target
+        self._d1, self._upper, self._offset, self._d4, self._d5 = dh[0].d, row2.a, row2.d + row3.d, row4.d, row5.d
+        zx, zy, zz, px, py, pz = target[2], target[5], target[8], target[9], target[10], target[11]
+        self._wrist = px - row6.d * zx, py - row6.d * zy, pz - row6.d * zz - dh[0].d
+
+    def residuals(self, q6: "np.ndarray[Tuple[int], np.dtype[np.float64]]"
+                  ) -> "np.ndarray[Tuple[int, int], np.dtype[np.float64]]":
+        """|o3 - o1| - a2, m, for the four sign choices; NaN where joint 1 cannot reach the point. Shape (4, n)."""
+        xx, yx, _, xy, yy, _, xz, yz, _ = self._target[:9]
+        c6, s6 = np.cos(q6), np.sin(q6)
+        z4x, z4y, z4z = s6 * xx + c6 * yx, s6 * xy + c6 * yy, s6 * xz + c6 * yz
+        wx, wy, wz = self._wrist
+        x, y, z = wx - self._d5 * z4x, wy - self._d5 * z4y, wz - self._d5 * z4z
+        squared = x * x + y * y
+        with np.errstate(invalid="ignore", divide="ignore"):
+            along = np.sqrt(squared - self._offset ** 2)
+            rows = []
+            for shoulder in (1.0, -1.0):
+                # unit vector of the arm's plane: (x, y) = along * (c1, s1) + offset * (s1, -c1)
+                c1 = (shoulder * along * x - self._offset * y) / squared
+                s1 = (shoulder * along * y + self._offset * x) / squared
+                z4_along = c1 * z4x + s1 * z4y
+                length = np.hypot(z4_along, z4z)
+                for wrist in (1.0, -1.0):
+                    scale = wrist * self._d4 / length
+                    rows.append(np.hypot(shoulder * along + scale * z4z, z - scale * z4_along) - self._upper)
+        return np.array(rows)
+
+    def residual(self, q6: float, choice: int) -> float:
+        """One of ``residuals``, in plain floats; NaN likewise."""
+        state = self._state(q6, choice)
+        return math.nan if state is None else math.hypot(state[2], state[3]) - self._upper
+
+    def _state(self, q6: float, choice: int) -> Optional[Tuple[float, ...]]:
+        """c1, s1, o3 along and above the shoulder, z3 likewise, z4 (3); None where joint 1 cannot reach."""
+        shoulder, wrist = (1.0, 1.0, -1.0, -1.0)[choice], (1.0, -1.0, 1.0, -1.0)[choice]
+        xx, yx, _, xy, yy, _, xz, yz, _ = self._target[:9]
+        c6, s6 = math.cos(q6), math.sin(q6)
+        z4x, z4y, z4z = s6 * xx + c6 * yx, s6 * xy + c6 * yy, s6 * xz + c6 * yz
+        wx, wy, wz = self._wrist
+        x, y, z = wx - self._d5 * z4x, wy - self._d5 * z4y, wz - self._d5 * z4z
+        squared = x * x + y * y
+        if squared < self._offset ** 2 or squared == 0.0:
+            return None
+        along = shoulder * math.sqrt(squared - self._offset ** 2)
+        c1, s1 = (along * x - self._offset * y) / squared, (along * y + self._offset * x) / squared
+        z4_along = c1 * z4x + s1 * z4y
+        length = math.hypot(z4_along, z4z)
+        if length == 0.0:
+            return None
+        z3_along, z3_up = -wrist * z4z / length, wrist * z4_along / length
+        return c1, s1, along - self._d4 * z3_along, z - self._d4 * z3_up, z3_along, z3_up, z4x, z4y, z4z
+
+    def angles(self, q6: float, choice: int) -> Optional[Angles]:
+        """The whole solution at a root."""
+        state = self._state(q6, choice)
+        if state is None:
+            return None
+        c1, s1, along, up, z3_along, z3_up, z4x, z4y, z4z = state
+        q2 = math.atan2(up, along)
+        q23 = math.atan2(z3_along, -z3_up)
+        c23, s23 = math.cos(q23), math.sin(q23)
+        x3x, x3y, x3z = c1 * c23, s1 * c23, s23
+        q4 = math.atan2(-(z4x * x3x + z4y * x3y + z4z * x3z), z4x * s1 - z4y * c1)
+        z3x, z3y, z3z = c1 * z3_along, s1 * z3_along, z3_up
+        x4x, x4y, x4z = z4y * z3z - z4z * z3y, z4z * z3x - z4x * z3z, z4x * z3y - z4y * z3x
+        xx, yx, _, xy, yy, _, xz, yz, _ = self._target[:9]
+        c6, s6 = math.cos(q6), math.sin(q6)
+        x5x, x5y, x5z = c6 * xx - s6 * yx, c6 * xy - s6 * yy, c6 * xz - s6 * yz
+        q5 = math.atan2(-(x5x * z3x + x5y * z3y + x5z * z3z), x5x * x4x + x5y * x4y + x5z * x4z)
+        return math.atan2(s1, c1), q2, q23 - q2, q4, q5, q6
+
+
+def two_parallel(dh: Sequence[DhRow], base_t_flange: Transform) -> Branches:
+    """Every branch of the A12's family that the search finds; arguments as in ``closed_forms``."""
+    search = _JointSixSearch(dh, base_t_flange)
+    grid = np.linspace(-math.pi, math.pi, _GRID + 1)
+    samples = search.residuals(grid)
+    found: List[Angles] = []
+    for choice, low, high in _brackets(search, grid, samples):
+        root = _root(search, choice, low, high)
+        angles = search.angles(root, choice)
+        if angles is not None and abs(search.residual(root, choice)) < 1e-9:
+            if not any(_is_same(angles, other) for other in found):
+                found.append(angles)
+    return Branches(found, True, "" if found else "out of reach: no angle of joint 6 lets the arm close")
+
+
+def _brackets(search: _JointSixSearch, grid: "np.ndarray[Tuple[int], np.dtype[np.float64]]",
+              samples: "np.ndarray[Tuple[int, int], np.dtype[np.float64]]") -> List[Tuple[int, float, float]]:
+    """(sign choice, low, high) around each root: sign changes, edges of the domain, and close pairs of roots."""
+    found: List[Tuple[int, float, float]] = []
+    for choice, row in enumerate(samples):
+        valid = np.isfinite(row)
+        both = valid[:-1] & valid[1:]
+        changes = both & (np.signbit(row[:-1]) != np.signbit(row[1:]))
+        found += [(choice, float(grid[n]), float(grid[n + 1])) for n in np.flatnonzero(changes)]
+        for n in np.flatnonzero(valid[:-1] != valid[1:]):
+            inside, outside = (n, n + 1) if valid[n] else (n + 1, n)
+            edge = _edge_of_domain(search, choice, float(grid[inside]), float(grid[outside]))
+            if (search.residual(edge, choice) < 0.0) != bool(row[inside] < 0.0):
+                found.append((choice, float(grid[inside]), edge))
+        size = np.abs(row)
+        with np.errstate(invalid="ignore"):
+            slope = np.maximum(np.abs(row[:-2] - row[1:-1]), np.abs(row[2:] - row[1:-1]))
+            dips = ((size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < 4.0 * slope)
+                    & ~changes[:-1] & ~changes[1:])
+        for n in np.flatnonzero(dips):
+            low, high = float(grid[n]), float(grid[n + 2])
+            bottom = _lowest(search, choice, low, high)
+            if (search.residual(bottom, choice) < 0.0) != bool(row[n] < 0.0):
+                found += [(choice, low, bottom), (choice, bottom, high)]
+            else:
+                found.append((choice, bottom, bottom))
+    return found
+
+
+def _edge_of_domain(search: _JointSixSearch, choice: int, inside: float, outside: float) -> float:
+    """The last q6 on the way from inside to outside at which joint 1 still reaches."""
+    for _ in range(60):
+        middle = 0.5 * (inside + outside)
+        if math.isnan(search.residual(middle, choice)):
+            outside = middle
+        else:
+            inside = middle
+    return inside
+
+
+def _lowest(search: _JointSixSearch, choice: int, low: float, high: float) -> float:
+    """Where |residual| is smallest between low and high, or anything beyond a change of sign (golden section)."""
+    shrink = 0.5 * (math.sqrt(5.0) - 1.0)
+    negative = search.residual(low, choice) < 0.0
+    left, right = high - shrink * (high - low), low + shrink * (high - low)
+    at_left, at_right = search.residual(left, choice), search.residual(right, choice)
+    for _ in range(60):
+        if (at_left < 0.0) != negative:
+            return left
+        if (at_right < 0.0) != negative:
+            return right
+        if abs(at_left) < abs(at_right):
+            high, right, at_right = right, left, at_left
+            left = high - shrink * (high - low)
+            at_left = search.residual(left, choice)
+        else:
+            low, left, at_left = left, right, at_right
+            right = low + shrink * (high - low)
+            at_right = search.residual(right, choice)
+    return left if abs(at_left) < abs(at_right) else right
+
+
+def _root(search: _JointSixSearch, choice: int, low: float, high: float) -> float:
+    """The root between low and high (regula falsi, Illinois)."""
+    at_low, at_high = search.residual(low, choice), search.residual(high, choice)
+    for _ in range(100):
+        if high == low or at_low == 0.0:
+            return low
+        if at_high == 0.0:
+            return high
+        middle = (low * at_high - high * at_low) / (at_high - at_low)
+        at_middle = search.residual(middle, choice)
+        if abs(at_middle) < 1e-15:
+            return middle
+        if (at_middle < 0.0) == (at_high < 0.0):
+            at_low *= 0.5
+        else:
+            low, at_low = high, at_high
+        if abs(high - middle) < 1e-15:
+            return middle
+        high, at_high = middle, at_middle
+    return high
