@@ -1,0 +1,46 @@
+"""Which test files are collected: those that need ROS only where ROS can be imported.
+
+A plain Python without ROS (another version, another machine) runs the rest. A file needs ROS when it, or a module of
+the package that it imports, imports a ROS package. What was left out is said at the end.
+"""
+import importlib.util
+from pathlib import Path
+from typing import List
+
+import import_graph
+import pytest
+
+ROS_PACKAGES = (
+    "actionlib", "actionlib_msgs", "catkin_pkg", "diagnostic_msgs", "diagnostic_updater", "genmsg", "genpy",
+    "geometry_msgs", "jaka_msgs", "rosbag", "rosgraph", "rosgraph_msgs", "roslaunch", "roslib", "rosmsg", "rosnode",
+    "rosparam", "rosservice", "rostest", "rostopic", "rospy", "sensor_msgs", "std_msgs", "std_srvs", "tf2_msgs",
+    "trajectory_msgs")
+MISSING = frozenset(name for name in ROS_PACKAGES if importlib.util.find_spec(name) is None)
+NEED_ROS = (import_graph.ROOT / "test" / "ros", import_graph.ROOT / "test" / "build")
+left_out: List[str] = []
+
+
+def pytest_ignore_collect(collection_path, config):
+    if not MISSING:
+        return None
+    if collection_path in NEED_ROS:
+        needs = MISSING
+    elif collection_path.suffix == ".py" and collection_path.name.startswith("test_"):
+        needs = MISSING & import_graph.roots_behind(import_graph.parse(collection_path), collection_path.parent)
+    else:
+        return None
+    if needs:
+        left_out.append(str(collection_path.relative_to(import_graph.ROOT)))
+    return True if needs else None
+
+
+def pytest_terminal_summary(terminalreporter):
+    if left_out:
+        terminalreporter.section("left out: need ROS, and cannot be imported here: %s" % ", ".join(sorted(MISSING)))
+        terminalreporter.line(" ".join(sorted(left_out)))
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The checkout."""
+    return import_graph.ROOT

@@ -1,0 +1,69 @@
+"""A roscore of the tests' own, on loopback and a free port, and launch files started against it."""
+import contextlib
+import os
+import socket
+from pathlib import Path
+from typing import Callable, Iterator, Sequence, Tuple
+
+import import_graph
+import pytest
+import rosgraph
+import roslaunch
+import rospy
+
+
+def free_port() -> int:
+    """A port that was free a moment ago: roscore, unlike our own programs, cannot be told to take any."""
+    with contextlib.closing(socket.socket()) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture(scope="session")
+def ros_master(tmp_path_factory) -> Iterator[str]:
+    """URI of a running master; the environment points at it, logs go to a temporary folder."""
+    home = tmp_path_factory.mktemp("ros_home")
+    with pytest.MonkeyPatch.context() as environment:
+        port = free_port()
+        uri = "http://127.0.0.1:%d" % port
+        environment.setenv("ROS_MASTER_URI", uri)
+        environment.setenv("ROS_IP", "127.0.0.1")
+        environment.setenv("ROS_HOME", str(home))
+        environment.setenv("ROS_LOG_DIR", str(home / "log"))
+        environment.delenv("ROS_HOSTNAME", raising=False)
+        environment.delenv("ROS_NAMESPACE", raising=False)
+        core = roslaunch.parent.ROSLaunchParent("jaka-tests", [], is_core=True, port=port, num_workers=3)
+        core.start()
+        try:
+            assert rosgraph.is_master_online(uri)
+            yield uri
+        finally:
+            core.shutdown()
+
+
+@pytest.fixture(scope="session")
+def ros_node(ros_master) -> Iterator[str]:
+    """Makes the test process a ROS node; its name."""
+    rospy.init_node("jaka_tests", anonymous=True, disable_signals=True)
+    yield rospy.get_name()
+    rospy.signal_shutdown("tests are over")
+
+
+@pytest.fixture
+def launch(ros_master) -> Iterator[Callable[..., roslaunch.parent.ROSLaunchParent]]:
+    """Starts a launch file of this package: ``launch("demo.launch", "model:=zu7")``; all end with the test."""
+    with contextlib.ExitStack() as running:
+        yield lambda name, *arguments: running.enter_context(launched(name, arguments))
+
+
+@contextlib.contextmanager
+def launched(name: str, arguments: Sequence[str] = ()) -> Iterator[roslaunch.parent.ROSLaunchParent]:
+    """A launch file of this package, running; also for fixtures of a wider scope, which need ros_master themselves."""
+    path = str(Path(import_graph.ROOT, "launch", name))
+    files: Sequence[Tuple[str, Sequence[str]]] = [(path, arguments)]
+    parent = roslaunch.parent.ROSLaunchParent(os.path.basename(name), files, is_core=False)
+    parent.start()
+    try:
+        yield parent
+    finally:
+        parent.shutdown()

@@ -1,0 +1,102 @@
+"""The rules of the house that a machine can keep: who imports whom, sizes, names, Python 3.8."""
+import ast
+import re
+from pathlib import Path
+from typing import Dict, Iterator, List, Set
+
+import pytest
+from import_graph import ROOT, imported_names, parse
+
+PACKAGE = ROOT / "jaka_ros_driver"
+GROUND = {"errors", "units"}
+DOMAIN = GROUND | {"state", "commands"}
+ROOMS: Dict[str, Set[str]] = {  # what each room may import from the package besides itself
+    "__init__": set(),
+    "errors": set(),
+    "units": set(),
+    "state": GROUND,
+    "commands": GROUND | {"state"},
+    "kinematics": DOMAIN,
+    "protocol": DOMAIN,
+    "client": DOMAIN | {"kinematics", "protocol"},
+    "simulation": DOMAIN | {"kinematics", "protocol"},
+    "ros": DOMAIN | {"kinematics", "protocol", "client"},
+    "bags": GROUND | {"state"},
+}
+OPEN_SOCKETS = {"client/transport.py", "simulation/server.py", "bags/raw_transport.py", "bags/tcpros.py"}
+ROS_OUTSIDE_ITS_ROOM = {"bags/rospy_transport.py", "bags/player.py"}
+LONGEST = 600
+WRITTEN = {"", ".launch", ".md", ".msg", ".py", ".rst", ".sh", ".srv", ".toml", ".txt", ".xml", ".yaml"}
+
+
+def modules(*folders: Path) -> List[Path]:
+    return sorted(path for folder in folders for path in folder.rglob("*.py"))
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+
+
+def imports_of(path: Path) -> Set[str]:
+    return set(imported_names(parse(path), path.parent))
+
+
+def written_texts() -> Iterator[Path]:
+    """Every text file of the checkout that people write."""
+    for path in sorted(ROOT.rglob("*")):
+        parts = path.relative_to(ROOT).parts
+        hidden = any(part.startswith(".") and part != ".ci" for part in parts)
+        generated = parts[0] in ("build", "devel", "install")
+        if path.is_file() and not hidden and not generated and path.suffix in WRITTEN:
+            yield path
+
+
+def test_rooms_import_only_from_the_rooms_below():
+    wrong = []
+    for path in modules(PACKAGE):
+        room = room_of(path)
+        wrong += ["%s imports %s" % (path.relative_to(ROOT), name) for name in imports_of(path)
+                  if name.startswith("jaka_ros_driver.") and name.split(".")[1] not in ROOMS[room] | {room}]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("packages, allowed", [
+    ({"socket"}, lambda where: where in OPEN_SOCKETS),
+    ({"rospy", "jaka_msgs"}, lambda where: where.startswith("ros/") or where in ROS_OUTSIDE_ITS_ROOM),
+    ({"asyncio"}, lambda where: False),
+])
+def test_outside_packages_stay_in_their_rooms(packages, allowed):
+    wrong = [where for where in (path.relative_to(PACKAGE).as_posix() for path in modules(PACKAGE))
+             if {name.split(".")[0] for name in imports_of(PACKAGE / where)} & packages and not allowed(where)]
+    assert not wrong, "%s in %s" % (packages, wrong)
+
+
+def test_files_are_python_3_8_of_bounded_length_under_a_telling_name():
+    wrong = []
+    for path in modules(PACKAGE, ROOT / "test"):
+        text = path.read_text(encoding="utf-8")
+        try:
+            ast.parse(text, feature_version=(3, 8))
+        except SyntaxError as error:
+            wrong.append("%s: %s" % (path, error))
+        if text.count("\n") > LONGEST:
+            wrong.append("%s: longer than %d lines" % (path, LONGEST))
+        if path.stem in ("utils", "common", "helpers", "misc"):
+            wrong.append("%s: says nothing about its content" % path)
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_text_names_a_machine_path():
+    machine_path = re.compile(r"(?<![\w.~$}/-])/(?:work|root|home|Users)/\w")
+    wrong = ["%s:%d: %s" % (path.relative_to(ROOT), number, line.strip())
+             for path in written_texts()
+             for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+             if machine_path.search(line)]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_imports_in_functions_and_relative_ones_are_seen():
+    tree = ast.parse("from . import tcpros\nfrom ..client.transport import Link\n"
+                     "def f():\n    import socket, rospy.names\n")
+    assert set(imported_names(tree, PACKAGE / "bags")) == {
+        "jaka_ros_driver.bags.tcpros", "jaka_ros_driver.client.transport.Link", "socket", "rospy.names"}
