@@ -45,39 +45,37 @@ class MotionWaiter:
     at the target.
     """
 
-    def __init__(self, command: object, timeout: float, on_ended: Callable[["MotionWaiter"], None]) -> None:
+    def __init__(self, command: object, timeout: float, accepted_at: float, state: RobotState,
+                 on_ended: Callable[["MotionWaiter"], None]) -> None:
         """Begin to follow.
 
         Args:
             command: A JointMove or LinearMove has a target to be reached; anything else ends when the arm rests.
             timeout: The motion is over time so long after its acceptance, s.
+            accepted_at: Monotonic time at which the controller took it, s.
+            state: Of before: events that stand in it are not this motion's.
             on_ended: Called once, in the thread that learns of the end.
         """
         self._command = command
         self._timeout = timeout
+        self._accepted_at = accepted_at
+        self._known_event = state.error_code
         self._on_ended = on_ended
         self._lock = threading.Lock()
         self._ended = threading.Event()
         self._outcome: Optional[MotionInterrupted] = None
-        self._accepted_at: Optional[float] = None
-        self._known_event = 0
         self._has_started = False
         self._rest_since: Optional[float] = None
 
     @property
-    def is_ended(self) -> bool:
-        """True once the outcome is known."""
-        return self._ended.is_set()
-
-    def accepted(self, now: float, state: Optional[RobotState]) -> None:
-        """The controller took the command at ``now``; events that stood in ``state`` are not this motion's."""
-        self._known_event = state.error_code if state is not None else 0
-        self._accepted_at = now
+    def is_over_time(self) -> bool:
+        """It ended because it took too long; the arm may still move."""
+        return self._outcome is not None and self._outcome.cause is StopCause.TIMEOUT
 
     def observe(self, state: RobotState) -> None:
         """Take one state of the feed into account."""
         accepted_at = self._accepted_at
-        if accepted_at is None or self.is_ended or state.received_at <= accepted_at:
+        if self._ended.is_set() or state.received_at <= accepted_at:
             return
         cause = standing_cause(state)
         if cause is None and state.has_fault and state.error_code != self._known_event:
@@ -95,7 +93,7 @@ class MotionWaiter:
     def end(self, outcome: Optional[MotionInterrupted]) -> None:
         """The motion is over: completed (None), or interrupted. Only the first word counts."""
         with self._lock:
-            if self.is_ended:
+            if self._ended.is_set():
                 return
             self._outcome = outcome
             self._ended.set()

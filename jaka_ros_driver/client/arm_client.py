@@ -1,0 +1,426 @@
+"""One arm, as the driver sees it: what moves it, what stops it, and what stands against moving it.
+
+The way of a move: audit against the model's limits, the arm's condition, ownership, then the wire; "accepted" is the
+controller's reply, the end is seen in the status feed. A stop waits for nobody: it needs no ownership, and what was
+asked before it and is not yet on the wire is dropped.
+"""
+import logging
+import threading
+import time
+from typing import Any, Callable, List, Optional, Union
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.arm_links import ArmLinks, LinkHealth
+from jaka_ros_driver.client.jog_watchdog import JogWatchdog
+from jaka_ros_driver.client.motion_owner import MotionOwner, Ownership
+from jaka_ros_driver.client.motion_waiter import MotionWaiter, standing_cause
+from jaka_ros_driver.client.servo_stream import ServoStream
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.client.status_monitor import StatusMonitor
+from jaka_ros_driver.client.transport import Pending
+from jaka_ros_driver.errors import (
+    CommandRejected,
+    ConnectionLost,
+    InvalidCommand,
+    JakaError,
+    MotionInterrupted,
+    StopCause,
+)
+from jaka_ros_driver.kinematics import limits
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.state import RobotState
+
+_LOG = logging.getLogger(__name__)
+
+_REST_TIMEOUT = 1.0
+_SERVO_TIMEOUT = 2.0
+_POLL_PERIOD = 0.02
+
+
+class ArmClient:
+    """The driver's grip on one arm. Every method may be called from any thread."""
+
+    def __init__(self, settings: ClientSettings, model: ArmModel) -> None:
+        self.settings = settings
+        self.model = model
+        self.status = StatusMonitor(settings.silence_timeout)
+        self.status.add_listener(self._observe)
+        self._links = ArmLinks(settings, self.status, self._command_lost, self._status_lost, self._check_sight)
+        self._ownership = Ownership()
+        self._dispatch = threading.Lock()
+        self._jog_calls = threading.Lock()
+        self._servo_calls = threading.Lock()
+        self._stops = 0
+        self._last_stop = StopCause.STOPPED
+        self._is_closing = False
+        self._waiter: Optional[MotionWaiter] = None
+        self._stream: Optional[ServoStream] = None
+        self._jog_watchdog = JogWatchdog(settings.jog_timeout, self._jog_expired)
+
+    # ---- life ----
+
+    def start(self) -> None:
+        """Begin to connect; returns at once, and the links are kept up until ``close``."""
+        self._links.start()
+
+    def close(self) -> None:
+        """Stop what this driver moves, end every pending call, disconnect."""
+        self._is_closing = True
+        if self._ownership.owner is not None:
+            try:
+                self._stop(StopCause.SHUTDOWN)
+            except JakaError as error:
+                _LOG.error("the arm could not be stopped at shut-down: %s", error)
+        self._end_motion(MotionInterrupted(StopCause.SHUTDOWN))
+        self._jog_watchdog.close()
+        self._links.close()
+
+    # ---- what is known ----
+
+    @property
+    def link_health(self) -> LinkHealth:
+        """How the links to the controller do."""
+        return self._links.health()
+
+    @property
+    def is_ready(self) -> bool:
+        """Both links are up and the state is fresh."""
+        return self._links.is_up and self.status.fresh_state(self.settings.stale_after) is not None
+
+    @property
+    def is_servo_active(self) -> bool:
+        """The controller is in servo mode."""
+        return self._links.is_servo_active
+
+    @property
+    def motion_owner(self) -> Optional[MotionOwner]:
+        """What moves the arm on behalf of this driver."""
+        return self._ownership.owner
+
+    @property
+    def late_servo_cycles(self) -> int:
+        """Cycles of the present servo stream that came too late to be sent."""
+        stream = self._stream
+        return stream.late_cycles if stream is not None else 0
+
+    def fresh_state(self) -> RobotState:
+        """The newest state.
+
+        Raises:
+            ConnectionLost: It is stale, or there is none.
+        """
+        state = self.status.fresh_state(self.settings.stale_after)
+        if state is None:
+            raise ConnectionLost("no fresh status of the arm: " + (
+                self.link_health.last_error or "the status feed is silent"))
+        return state
+
+    # ---- asking and setting ----
+
+    def execute(self, command: c.Command) -> Any:
+        """Audit a command that moves nothing, send it, and return the controller's answer.
+
+        Raises:
+            InvalidCommand: It breaks a limit; nothing was sent.
+            CommandRejected: The controller refused it.
+            ReplyTimeout: No reply in time.
+            ConnectionLost: The link is down.
+            ProtocolError: The reply does not hold the answer.
+        """
+        limits.check(command, self.model, self.status.state)
+        return self._links.command.request(command)
+
+    def require_free(self) -> None:
+        """See that the arm could move, and that nobody moves it.
+
+        Raises:
+            InvalidCommand: Otherwise.
+            ConnectionLost: That is not known.
+        """
+        self._require_ready_to_move()
+        if self._ownership.owner is not None:
+            raise InvalidCommand("refused: %s owns the arm's motion" % self._ownership.owner.value)
+
+    # ---- motion ----
+
+    def move(self, command: c.Motion, wait: bool = True) -> None:
+        """Move to the command's target; with ``wait`` until the arm is there, else until the controller accepts.
+
+        Raises:
+            InvalidCommand: Outside the limits, or the arm cannot move now; nothing was sent.
+            CommandRejected: The controller refused it.
+            MotionInterrupted: It was accepted and did not complete.
+            ReplyTimeout, ConnectionLost: As ``execute``.
+        """
+        stops = self._stops
+        limits.check(command, self.model, self.status.state)
+        state = self._require_ready_to_move()
+        self._ownership.claim(MotionOwner.MOVE, may_share=not wait)
+        waiter = self._begin_motion(command, MotionOwner.MOVE, stops, state, self.settings.motion_timeout)
+        if wait:
+            waiter.wait()
+
+    def jog(self, command: c.Jog) -> None:
+        """Begin a jog, or keep the same one going; it ends ``jog_timeout`` after the last call.
+
+        Raises:
+            As ``move``.
+        """
+        with self._jog_calls:
+            stops = self._stops
+            limits.check(command, self.model, self.status.state)
+            state = self._require_ready_to_move()
+            if self._jog_watchdog.keep_going(command):
+                return
+            running = self._jog_watchdog.end()
+            if running is not None:
+                self._end_jog(running)
+                if self.status.wait_for(lambda s: s.is_in_position, _REST_TIMEOUT) is None:
+                    raise MotionInterrupted(StopCause.TIMEOUT, "the jog before did not come to rest")
+                self._end_motion(None)
+            self._ownership.claim(MotionOwner.JOG)
+            self._jog_watchdog.begin(command)
+            self._begin_motion(command, MotionOwner.JOG, stops, state, float("inf"))
+
+    def set_servo_mode(self, active: bool) -> None:
+        """Enter servo mode and hold the arm there, or leave it; returns when the controller confirms.
+
+        Raises:
+            As ``move``; MotionInterrupted when the controller does not follow within 2 s.
+        """
+        with self._servo_calls:
+            if active:
+                self._enter_servo_mode()
+            else:
+                self._leave_servo_mode()
+
+    def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> None:
+        """Take one target into the servo stream.
+
+        Raises:
+            InvalidCommand: Not in servo mode, outside the limits, or too far from the last target; nothing moves.
+        """
+        stream = self._stream
+        if stream is None:
+            raise InvalidCommand("refused: not in servo mode; servo_move_enable first")
+        limits.check(command, self.model, self.status.state)
+        stream.set_target(command)
+
+    def stop(self) -> None:
+        """Stop all motion, queued motion and programs; leaves servo mode.
+
+        Raises:
+            ConnectionLost, ReplyTimeout: The stop could not be delivered.
+            CommandRejected: The controller refused it.
+        """
+        self._stop(StopCause.STOPPED)
+
+    # ---- inside ----
+
+    def _require_ready_to_move(self) -> RobotState:
+        if self._is_closing:
+            raise ConnectionLost("the driver is shutting down")
+        state = self.fresh_state()
+        cause = standing_cause(state)
+        if cause is not None:
+            raise InvalidCommand("refused, the arm cannot move: %s" % cause)
+        if state.is_hand_guided:
+            raise InvalidCommand("refused: hand guiding owns the arm's motion; switch it off first")
+        return state
+
+    def _begin_motion(self, command: c.Command, owner: MotionOwner, stops: int, state: RobotState,
+                      timeout: float) -> MotionWaiter:
+        """Send a motion that its owner has claimed; it is given back where the controller does not take it."""
+        try:
+            with self._dispatch:
+                self._require_no_stop_since(stops)
+                link = self._links.command
+                pending = link.begin([command])[0]
+            link.finish(pending)
+            waiter = MotionWaiter(command, timeout, time.monotonic(), state,
+                                  lambda ended: self._motion_ended(ended, owner))
+            with self._dispatch:
+                self._require_no_stop_since(stops)
+                self._waiter = waiter
+            return waiter
+        except JakaError:
+            if self._waiter is None:
+                self._motion_over(owner)
+            raise
+
+    def _require_no_stop_since(self, stops: int) -> None:
+        if self._stops != stops:
+            raise MotionInterrupted(self._last_stop)
+
+    def _motion_ended(self, waiter: MotionWaiter, owner: MotionOwner) -> None:
+        if self._waiter is not waiter:
+            return
+        self._waiter = None
+        self._motion_over(owner)
+        if waiter.is_over_time:
+            self._post_stop(StopCause.TIMEOUT)
+
+    def _motion_over(self, owner: MotionOwner) -> None:
+        if owner is MotionOwner.JOG:
+            self._jog_watchdog.end()
+        self._ownership.release(owner)
+
+    def _end_motion(self, outcome: Optional[MotionInterrupted]) -> None:
+        waiter = self._waiter
+        if waiter is not None:
+            waiter.end(outcome)
+
+    def _stop(self, cause: StopCause) -> None:
+        with self._dispatch:
+            self._stops += 1
+            self._last_stop = cause
+            stream, self._stream = self._stream, None
+            if stream is not None:
+                stream.stop()
+            halts: List[c.Command] = []
+            if stream is not None or self.is_servo_active:
+                halts.append(c.SetServoMode(False))
+            jog = self._jog_watchdog.end()
+            if jog is not None:
+                halts.append(c.JogStop(jog.frame, jog.axis))
+            link = self._links.command
+            pendings = link.begin(halts + [c.Stop()])
+        for pending in pendings[:-1]:
+            self._finish_quietly(link.finish, pending)
+        link.finish(pendings[-1])
+        self._end_motion(MotionInterrupted(cause))
+        self._ownership.release(MotionOwner.SERVO)
+
+    def _post_stop(self, cause: StopCause) -> None:
+        """Send a stop from a thread that must not wait."""
+        with self._dispatch:
+            self._stops += 1
+            self._last_stop = cause
+            try:
+                self._links.command.post(c.Stop(), lambda rejection: _LOG.error("%s", rejection))
+            except JakaError as error:
+                _LOG.error("the arm could not be stopped: %s", error)
+                self._links.must_stop_first = True
+
+    @staticmethod
+    def _finish_quietly(finish: Callable[[Pending], Any], pending: Pending) -> None:
+        try:
+            finish(pending)
+        except CommandRejected as rejection:
+            _LOG.info("%s", rejection)
+
+    def _jog_expired(self, jog: c.Jog) -> None:
+        _LOG.info("jog watchdog: no jog call for %.1f s, stopping", self.settings.jog_timeout)
+        try:
+            self._end_jog(jog)
+        except JakaError as error:
+            _LOG.error("the jog could not be stopped: %s", error)
+            self._links.must_stop_first = True
+
+    def _end_jog(self, jog: c.Jog) -> None:
+        with self._dispatch:
+            link = self._links.command
+            pendings = link.begin([c.JogStop(jog.frame, jog.axis), c.Stop()])
+        self._finish_quietly(link.finish, pendings[0])
+        link.finish(pendings[1])
+
+    def _enter_servo_mode(self) -> None:
+        if self._stream is not None:
+            return
+        stops = self._stops
+        state = self._require_ready_to_move()
+        if not state.is_in_position:
+            raise InvalidCommand("refused: the arm is moving; servo mode can be entered at rest only")
+        self._ownership.claim(MotionOwner.SERVO)
+        try:
+            with self._dispatch:
+                self._require_no_stop_since(stops)
+                link = self._links.command
+                pending = link.begin([c.SetServoMode(True)])[0]
+            link.finish(pending)
+            self._await_servo_mode(True)
+            stream = ServoStream(self.model, self.settings, lambda frame: self._send_frame(stream, frame),
+                                 lambda: self.status.fresh_state(self.settings.stale_after),
+                                 lambda reason: self._servo_ended(stream))
+            with self._dispatch:
+                self._require_no_stop_since(stops)
+                self._stream = stream
+            stream.start(self.fresh_state())
+        except JakaError:
+            self._stream = None
+            self._ownership.release(MotionOwner.SERVO)
+            raise
+
+    def _leave_servo_mode(self) -> None:
+        with self._dispatch:
+            stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.stop()
+            stream.join()
+        try:
+            self._links.command.request(c.SetServoMode(False))
+            self._await_servo_mode(False)
+        finally:
+            self._ownership.release(MotionOwner.SERVO)
+
+    def _await_servo_mode(self, active: bool) -> None:
+        deadline = time.monotonic() + _SERVO_TIMEOUT
+        while bool(self._links.command.request(c.Query.SERVO_MODE)) is not active:
+            if time.monotonic() > deadline:
+                raise MotionInterrupted(StopCause.TIMEOUT, "the controller did not %s servo mode"
+                                        % ("enter" if active else "leave"))
+            time.sleep(_POLL_PERIOD)
+        self._links.is_servo_active = active
+
+    def _send_frame(self, stream: ServoStream, frame: Union[c.ServoJoint, c.ServoPose]) -> bool:
+        with self._dispatch:
+            if self._stream is not stream:
+                return False
+            self._links.command.post(frame, stream.rejected)
+            return True
+
+    def _servo_ended(self, stream: ServoStream) -> None:
+        with self._dispatch:
+            if self._stream is not stream:
+                return
+            self._stream = None
+        try:
+            self._leave_servo_mode()
+        except JakaError as error:
+            _LOG.error("servo mode could not be left: %s", error)
+            self._links.must_stop_first = True
+
+    def _observe(self, state: RobotState, is_new: bool) -> None:
+        waiter = self._waiter
+        if waiter is not None:
+            waiter.observe(state)
+        stream = self._stream
+        if stream is not None and standing_cause(state) is not None:
+            stream.rejected(CommandRejected("servo", "none", str(standing_cause(state))))
+
+    def _command_lost(self, reason: str) -> None:
+        if self._ownership.owner is not None:
+            self._links.must_stop_first = True
+        self._drop_motion(reason)
+
+    def _status_lost(self, reason: str) -> None:
+        if self._ownership.owner is not None and not self._is_closing:
+            _LOG.error("the arm moves unseen, stopping it: %s", reason)
+            self._post_stop(StopCause.LINK_LOST)
+            self._drop_motion(reason)
+
+    def _check_sight(self) -> None:
+        """Called regularly: a feed of which nothing can be read is as good as none."""
+        if self._ownership.owner is not None and self.status.fresh_state(self.settings.silence_timeout) is None:
+            self._status_lost("no readable status frame for %.1f s" % self.settings.silence_timeout)
+
+    def _drop_motion(self, reason: str) -> None:
+        with self._dispatch:
+            self._stops += 1
+            self._last_stop = StopCause.LINK_LOST
+            stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.stop()
+        self._jog_watchdog.end()
+        self._end_motion(MotionInterrupted(StopCause.LINK_LOST, reason))
+        self._ownership.release(MotionOwner.SERVO)
