@@ -82,8 +82,8 @@ class ArmModel:
         dh_confidence: How well the DH values are evidenced; the words are explained in the data file.
         note: What is peculiar about the values.
         sources: Where the values come from.
-        is_exact: True where the DH table has exactly its family's structure, so that the closed form is
-            the whole solution.
+        is_exact: True where the DH table has exactly its family's structure.
+        has_closed_form: True where inverse kinematics is closed form alone: is_exact, and not the A12's family.
         structural_dh: The table with everything set to the family's structure; equals ``dh`` where is_exact.
         link_terms: Per joint (a, d, cos alpha, sin alpha, theta_offset), for the hot path.
     """
@@ -100,6 +100,7 @@ class ArmModel:
     note: str = ""
     sources: Tuple[str, ...] = ()
     is_exact: bool = field(init=False, repr=False, compare=False)
+    has_closed_form: bool = field(init=False, repr=False, compare=False)
     structural_dh: Tuple[DhRow, ...] = field(init=False, repr=False, compare=False)
     link_terms: Tuple[Tuple[float, float, float, float, float], ...] = field(init=False, repr=False, compare=False)
 
@@ -115,6 +116,7 @@ class ArmModel:
         structural = tuple(_to_structure(self.name, self.family, n, row) for n, row in enumerate(self.dh))
         object.__setattr__(self, "structural_dh", structural)
         object.__setattr__(self, "is_exact", structural == self.dh)
+        object.__setattr__(self, "has_closed_form", structural == self.dh and self.family != TWO_PARALLEL)
         object.__setattr__(self, "link_terms", tuple(
             (row.a, row.d, _snap(math.cos(row.alpha)), _snap(math.sin(row.alpha)), row.theta_offset)
             for row in self.dh))

@@ -25,6 +25,8 @@ ROTATION_TOLERANCE = 2e-6
 LIMIT_TOLERANCE = 1e-9
 """rad; a joint this little beyond its limit is set on the limit."""
 
+_NEAR_REFERENCE = 0.05
+"""rad; where only iteration solves, a solution this near to the reference in every joint is taken for the nearest."""
 _SAME_PLACE = 1e-3
 """rad; an answer nearer to the reference than this needs no look at whether the reference itself is one."""
 
@@ -53,18 +55,30 @@ def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float
     Raises:
         UnreachablePose: The pose is out of reach, or every branch breaks a joint limit.
     """
+    if not model.has_closed_form:
+        followed = numeric_inverse.refine(model, base_t_flange, reference)
+        if followed is not None and _is_near(model, followed, reference):
+            return followed
     branches, obstacle = _branches(model, base_t_flange, reference)
     best: Optional[Vector] = None
     best_cost = math.inf
     for branch in branches:
-        candidate = _nearest_turns(model, branch, reference)
-        if candidate is not None:
-            cost = sum((a - b) ** 2 for a, b in zip(candidate, reference))
-            if cost < best_cost:
-                best, best_cost = candidate, cost
+        cost = 0.0
+        turned = []
+        for angle, near, (low, high) in zip(branch, reference, model.joint_limits):
+            if not -math.pi <= angle - near <= math.pi:
+                angle += math.tau * round((near - angle) / math.tau)
+            if not low <= angle <= high:
+                angle = _turned_into(angle, low, high)
+            cost += (angle - near) ** 2
+            if not cost < best_cost:
+                break
+            turned.append(angle)
+        else:
+            best, best_cost = tuple(turned), cost
     if (best_cost > _SAME_PLACE ** 2 and _is_within_limits(model, reference)
             and _reaches(model, reference, base_t_flange)):
-        return tuple(reference)
+        return tuple(float(angle) for angle in reference)
     if best is None:
         raise UnreachablePose(_outside_limits(model, branches) if branches else obstacle)
     return best
@@ -96,19 +110,20 @@ def _reaches(model: ArmModel, joint_position: Sequence[float], target: Transform
             and rotation_angle_between(reached, target) <= ROTATION_TOLERANCE)
 
 
-def _nearest_turns(model: ArmModel, branch: Vector, reference: Sequence[float]) -> Optional[Vector]:
-    """The branch with whole turns added: each joint within limits, nearest to the reference; None if it can't."""
-    turned = []
-    for angle, near, (low, high) in zip(branch, reference, model.joint_limits):
-        value = angle + math.tau * round((near - angle) / math.tau)
-        if value < low:
-            value += math.tau * math.ceil((low - LIMIT_TOLERANCE - value) / math.tau)
-        elif value > high:
-            value -= math.tau * math.ceil((value - high - LIMIT_TOLERANCE) / math.tau)
-        if not low - LIMIT_TOLERANCE <= value <= high + LIMIT_TOLERANCE:
-            return None
-        turned.append(min(max(value, low), high))
-    return tuple(turned)
+def _turned_into(angle: float, low: float, high: float) -> float:
+    """The angle with the fewest whole turns added that bring it between low and high; infinite if none do."""
+    if angle < low:
+        angle += math.tau * math.ceil((low - LIMIT_TOLERANCE - angle) / math.tau)
+    else:
+        angle -= math.tau * math.ceil((angle - high - LIMIT_TOLERANCE) / math.tau)
+    if not low - LIMIT_TOLERANCE <= angle <= high + LIMIT_TOLERANCE:
+        return math.inf
+    return min(max(angle, low), high)
+
+
+def _is_near(model: ArmModel, joint_position: Vector, reference: Sequence[float]) -> bool:
+    return (all(abs(angle - near) < _NEAR_REFERENCE for angle, near in zip(joint_position, reference))
+            and _is_within_limits(model, joint_position))
 
 
 def _is_within_limits(model: ArmModel, joint_position: Sequence[float]) -> bool:
@@ -122,4 +137,5 @@ def _outside_limits(model: ArmModel, branches: Sequence[Vector]) -> str:
                 % (n + 1, angle, rad_to_deg(angle), rad_to_deg(low), rad_to_deg(high))
                 for n, (angle, (low, high)) in enumerate(zip(branch, model.joint_limits))
                 if all(not low <= angle + turn * math.tau <= high for turn in (-1, 0, 1))]
-    return "outside the joint limits: it would need " + "; ".join(min((outside(b) for b in branches), key=lambda joints: len(joints)))
+    nearest = sorted((outside(branch) for branch in branches), key=len)[0]
+    return "outside the joint limits: it would need " + "; ".join(nearest)

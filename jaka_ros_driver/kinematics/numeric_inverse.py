@@ -5,7 +5,7 @@ that point gives q1 (two ways), axis 4 is perpendicular to axes 2 and 5 (two sig
 equation, |o3 - o1| = a2. Its roots in q6 are bracketed on a grid and refined.
 """
 import math
-from typing import List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Iterator, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -21,15 +21,23 @@ _REFINED = 1e-11
 _SAME_BRANCH = 1e-6
 """rad; two refined branches nearer than this in every joint are one."""
 _GRID = 720
+"""Steps of the search over joint 6."""
+_EDGE_GRID = 33
+"""Points of the finer search next to an edge of the domain."""
+_ROOT_TOLERANCE = 1e-9
+"""m; how well the equation must hold at what is taken for a root."""
+
+if TYPE_CHECKING:
+    Samples = np.ndarray[Tuple[int], np.dtype[np.float64]]
 
 
 def refine(model: ArmModel, target: Transform, start: Sequence[float]) -> Optional[Vector]:
-    """Joint angles near ``start`` that reach the target on the model's real table; None if Newton does not settle."""
+    """Joint angles near ``start``, not wrapped, that reach the target on the model's real table; None if they don't."""
     angles = np.array(start, dtype=float)
     for _ in range(_REFINE_STEPS):
         twist = _twist(forward(model, tuple(angles)), target)
         if max(map(abs, twist)) < _REFINED:
-            return tuple(wrap_angle(float(a)) for a in angles)
+            return tuple(float(angle) for angle in angles)
         try:
             step = np.linalg.solve(jacobian(model, tuple(angles)), np.array(twist))
         except np.linalg.LinAlgError:
@@ -44,7 +52,7 @@ def refine_all(model: ArmModel, target: Transform, starts: Sequence[Sequence[flo
     for start in starts:
         angles = refine(model, target, start)
         if angles is not None and not any(_is_same(angles, other) for other in found):
-            found.append(angles)
+            found.append(tuple(wrap_angle(angle) for angle in angles))
     return found
 
 
@@ -70,8 +78,7 @@ class _JointSixSearch:
         zx, zy, zz, px, py, pz = target[2], target[5], target[8], target[9], target[10], target[11]
         self._wrist = px - row6.d * zx, py - row6.d * zy, pz - row6.d * zz - dh[0].d
 
-    def residuals(self, q6: "np.ndarray[Tuple[int], np.dtype[np.float64]]"
-                  ) -> "np.ndarray[Tuple[int, int], np.dtype[np.float64]]":
+    def residuals(self, q6: "Samples") -> "np.ndarray[Tuple[int, int], np.dtype[np.float64]]":
         """|o3 - o1| - a2, m, for the four sign choices; NaN where joint 1 cannot reach the point. Shape (4, n)."""
         xx, yx, _, xy, yy, _, xz, yz, _ = self._target[:9]
         c6, s6 = np.cos(q6), np.sin(q6)
@@ -141,45 +148,52 @@ class _JointSixSearch:
 def two_parallel(dh: Sequence[DhRow], base_t_flange: Transform) -> Branches:
     """Every branch of the A12's family that the search finds; arguments as in ``closed_forms``."""
     search = _JointSixSearch(dh, base_t_flange)
-    grid = np.linspace(-math.pi, math.pi, _GRID + 1)
-    samples = search.residuals(grid)
     found: List[Angles] = []
-    for choice, low, high in _brackets(search, grid, samples):
+    for choice, low, high in _brackets(search):
         root = _root(search, choice, low, high)
         angles = search.angles(root, choice)
-        if angles is not None and abs(search.residual(root, choice)) < 1e-9:
+        if angles is not None and abs(search.residual(root, choice)) < _ROOT_TOLERANCE:
             if not any(_is_same(angles, other) for other in found):
                 found.append(angles)
     return Branches(found, True, "" if found else "out of reach: no angle of joint 6 lets the arm close")
 
 
-def _brackets(search: _JointSixSearch, grid: "np.ndarray[Tuple[int], np.dtype[np.float64]]",
-              samples: "np.ndarray[Tuple[int, int], np.dtype[np.float64]]") -> List[Tuple[int, float, float]]:
-    """(sign choice, low, high) around each root: sign changes, edges of the domain, and close pairs of roots."""
-    found: List[Tuple[int, float, float]] = []
-    for choice, row in enumerate(samples):
+def _brackets(search: _JointSixSearch) -> Iterator[Tuple[int, float, float]]:
+    """(sign choice, low, high) around each root that the grid shows; a root may come twice.
+
+    Next to an edge of the domain the residual runs like a square root: there a second grid is laid, even in
+    the root of the distance to the edge, in which it is smooth.
+    """
+    grid = np.linspace(-math.pi, math.pi, _GRID + 1)
+    for choice, row in enumerate(search.residuals(grid)):
+        for low, high in _scan(search, choice, grid, row):
+            yield choice, low, high
         valid = np.isfinite(row)
-        both = valid[:-1] & valid[1:]
-        changes = both & (np.signbit(row[:-1]) != np.signbit(row[1:]))
-        found += [(choice, float(grid[n]), float(grid[n + 1])) for n in np.flatnonzero(changes)]
         for n in np.flatnonzero(valid[:-1] != valid[1:]):
             inside, outside = (n, n + 1) if valid[n] else (n + 1, n)
             edge = _edge_of_domain(search, choice, float(grid[inside]), float(grid[outside]))
-            if (search.residual(edge, choice) < 0.0) != bool(row[inside] < 0.0):
-                found.append((choice, float(grid[inside]), edge))
-        size = np.abs(row)
-        with np.errstate(invalid="ignore"):
-            slope = np.maximum(np.abs(row[:-2] - row[1:-1]), np.abs(row[2:] - row[1:-1]))
-            dips = ((size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < 4.0 * slope)
-                    & ~changes[:-1] & ~changes[1:])
-        for n in np.flatnonzero(dips):
-            low, high = float(grid[n]), float(grid[n + 2])
-            bottom = _lowest(search, choice, low, high)
-            if (search.residual(bottom, choice) < 0.0) != bool(row[n] < 0.0):
-                found += [(choice, low, bottom), (choice, bottom, high)]
-            else:
-                found.append((choice, bottom, bottom))
-    return found
+            towards = 1.0 if inside < outside else -1.0
+            fine = edge - towards * np.linspace(0.0, math.sqrt(2.0 * (grid[1] - grid[0])), _EDGE_GRID) ** 2
+            for low, high in _scan(search, choice, fine, search.residuals(fine)[choice]):
+                yield choice, low, high
+
+
+def _scan(search: _JointSixSearch, choice: int, points: "Samples", values: "Samples") -> Iterator[Tuple[float, float]]:
+    """Brackets between neighbouring points: changes of sign, and dips that may hide a close pair of roots."""
+    with np.errstate(invalid="ignore"):
+        valid = np.isfinite(values)
+        changes = valid[:-1] & valid[1:] & (np.signbit(values[:-1]) != np.signbit(values[1:]))
+        size = np.abs(values)
+        slope = np.maximum(np.abs(values[:-2] - values[1:-1]), np.abs(values[2:] - values[1:-1]))
+        dips = ((size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < 4.0 * slope)
+                & ~changes[:-1] & ~changes[1:])
+    for n in np.flatnonzero(changes):
+        yield float(points[n]), float(points[n + 1])
+    for n in np.flatnonzero(dips):
+        low, high = float(points[n]), float(points[n + 2])
+        bottom = _lowest(search, choice, low, high)
+        yield low, bottom
+        yield bottom, high
 
 
 def _edge_of_domain(search: _JointSixSearch, choice: int, inside: float, outside: float) -> float:
@@ -216,11 +230,11 @@ def _lowest(search: _JointSixSearch, choice: int, low: float, high: float) -> fl
 
 
 def _root(search: _JointSixSearch, choice: int, low: float, high: float) -> float:
-    """The root between low and high (regula falsi, Illinois)."""
+    """The root between low and high (regula falsi, Illinois); without a change of sign, the better end."""
     at_low, at_high = search.residual(low, choice), search.residual(high, choice)
+    if at_low == 0.0 or (at_low < 0.0) == (at_high < 0.0):
+        return low if abs(at_low) < abs(at_high) else high
     for _ in range(100):
-        if high == low or at_low == 0.0:
-            return low
         if at_high == 0.0:
             return high
         middle = (low * at_high - high * at_low) / (at_high - at_low)

@@ -77,7 +77,8 @@ def _body(row: DhRow, radius: float) -> List[str]:
     if row.d:
         visuals += _cylinder(radius * 0.8, abs(row.d), (0.0, 0.0, 0.5 * row.d), "arm")
     if row.a:
-        visuals.append(_visual((0.5 * row.a, 0.0, row.d), '<box size="%r %r %r"/>' % (abs(row.a), radius, radius), "arm"))
+        box = '<box size="%r %r %r"/>' % (abs(row.a), radius, radius)
+        visuals.append(_visual((0.5 * row.a, 0.0, row.d), box, "arm"))
     return visuals
 
 
