@@ -40,13 +40,21 @@ _POLL_PERIOD = 0.02
 class ArmClient:
     """The driver's grip on one arm. Every method may be called from any thread."""
 
-    def __init__(self, settings: ClientSettings, model: ArmModel) -> None:
+    def __init__(self, settings: ClientSettings, model: ArmModel,
+                 on_moving: Callable[[bool], None] = lambda is_moving: None) -> None:
+        """Prepare; ``start`` begins.
+
+        Args:
+            settings: Address and time limits.
+            model: Whose limits every command is held against.
+            on_moving: Told, before anything is sent, when this driver begins to move the arm, and when it has ended.
+        """
         self.settings = settings
         self.model = model
         self.status = StatusMonitor(settings.silence_timeout)
         self.status.add_listener(self._observe)
         self._links = ArmLinks(settings, self.status, self._command_lost, self._status_lost, self._check_sight)
-        self._ownership = Ownership()
+        self._ownership = Ownership(on_moving)
         self._dispatch = threading.Lock()
         self._jog_calls = threading.Lock()
         self._servo_calls = threading.Lock()

@@ -1,7 +1,7 @@
 """One owner of the arm's motion at a time; who else wants to move it is told who that is."""
 import enum
 import threading
-from typing import Optional
+from typing import Callable, Optional
 
 from jaka_ros_driver.errors import InvalidCommand
 
@@ -17,9 +17,11 @@ class MotionOwner(enum.Enum):
 class Ownership:
     """Who moves the arm now. Stop, reads and settings need no ownership."""
 
-    def __init__(self) -> None:
+    def __init__(self, on_change: Callable[[bool], None]) -> None:
+        """Nobody owns it; ``on_change`` is told whether somebody does, at once."""
         self._lock = threading.Lock()
         self._owner: Optional[MotionOwner] = None
+        self._on_change = on_change
 
     @property
     def owner(self) -> Optional[MotionOwner]:
@@ -37,9 +39,11 @@ class Ownership:
                 raise InvalidCommand("refused: %s owns the arm's motion; wait for its end or stop it first"
                                      % self._owner.value)
             self._owner = owner
+            self._on_change(True)
 
     def release(self, owner: MotionOwner) -> None:
         """Give the motion back; nothing happens where another has it."""
         with self._lock:
             if self._owner is owner:
                 self._owner = None
+                self._on_change(False)

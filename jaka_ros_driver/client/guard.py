@@ -1,0 +1,150 @@
+"""A small process beside the driver that stops the arm when the driver dies or freezes in the middle of a motion.
+
+The driver writes a byte every 20 ms into the guard's standard input: whether it moves the arm now, or that it leaves
+in good order. When the pipe closes without a farewell, or no byte comes for 0.25 s, and the driver was moving the arm,
+the guard takes the command port over (the newest client wins, controller protocol 1) and stops the arm.
+
+What it cannot do: it needs this computer, its network and the controller. Against the loss of those only the
+controller's own safety functions help.
+"""
+import argparse
+import os
+import select
+import subprocess
+import sys
+import threading
+import time
+from typing import List, Optional
+
+from jaka_ros_driver.client.arm_links import request_all
+from jaka_ros_driver.client.transport import CommandLink
+from jaka_ros_driver.commands import SetServoMode, Stop
+from jaka_ros_driver.errors import JakaError
+
+BEAT_PERIOD = 0.02
+SILENCE_TIMEOUT = 0.25
+_MOVING, _IDLE, _FAREWELL = b"m", b"i", b"q"
+_STOP_TRIES_FOR = 10.0
+_TRY_PERIOD = 0.05
+_EXIT_TIMEOUT = 2.0
+
+
+class Guard:
+    """The driver's end: starts the guard process, keeps telling it what it does, and sends it away."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._host = host
+        self._port = port
+        self._lock = threading.Lock()
+        self._word = _IDLE
+        self._process = self._start_process()
+        self._is_closing = threading.Event()
+        self._thread = threading.Thread(target=self._beat, name="guard heartbeat", daemon=True)
+        self._thread.start()
+
+    @property
+    def is_alive(self) -> bool:
+        """The guard process runs."""
+        return self._process.poll() is None
+
+    def tell(self, is_moving: bool) -> None:
+        """Tell at once, before the motion's first byte is on the wire."""
+        self._word = _MOVING if is_moving else _IDLE
+        self._say(self._word)
+
+    def close(self) -> None:
+        """Leave in good order."""
+        self._is_closing.set()
+        self._thread.join()
+        self._say(_FAREWELL)
+        pipe = self._process.stdin
+        if pipe is not None:
+            pipe.close()
+        try:
+            self._process.wait(_EXIT_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _start_process(self) -> "subprocess.Popen[bytes]":
+        """In a session of its own, so that what ends the driver's process group does not end the guard first."""
+        return subprocess.Popen(
+            [sys.executable, "-m", __name__, "--host", self._host, "--port", str(self._port)],
+            stdin=subprocess.PIPE, start_new_session=True, bufsize=0)
+
+    def _say(self, word: bytes) -> None:
+        with self._lock:
+            pipe = self._process.stdin
+            try:
+                if pipe is not None and not pipe.closed:
+                    pipe.write(word)
+            except OSError:
+                pass
+
+    def _beat(self) -> None:
+        while not self._is_closing.wait(BEAT_PERIOD):
+            if not self.is_alive:
+                with self._lock:
+                    if self._process.stdin is not None:
+                        self._process.stdin.close()
+                    self._process = self._start_process()
+            self._say(self._word)
+
+
+def watch(pipe: int, host: str, port: int) -> None:
+    """The guard's whole life: read the driver's words until it leaves or dies."""
+    is_moving = False
+    while True:
+        readable, _, _ = select.select([pipe], [], [], SILENCE_TIMEOUT)
+        words = os.read(pipe, 4096) if readable else None
+        if words is not None and _FAREWELL in words:
+            return
+        if words:
+            is_moving = words[-1:] == _MOVING
+            continue
+        if is_moving:
+            stop_arm(host, port, "the driver has died" if words == b"" else "the driver is silent")
+            is_moving = False
+        if words == b"":
+            return
+
+
+def stop_arm(host: str, port: int, why: str) -> bool:
+    """Take the command port over and stop all motion; tries for 10 s. True when the controller accepted the stop."""
+    _say("guard: %s while the arm moves, stopping the arm" % why)
+    give_up_at = time.monotonic() + _STOP_TRIES_FOR
+    while time.monotonic() < give_up_at:
+        try:
+            link = CommandLink(host, port, 1.0, 1.0, lambda reason: None)
+            try:
+                request_all(link, [SetServoMode(False), Stop()])
+            finally:
+                link.close("guard is done")
+            _say("guard: the controller accepted the stop")
+            return True
+        except JakaError as error:
+            _say("guard: %s" % error)
+            time.sleep(_TRY_PERIOD)
+    _say("guard: the arm could not be stopped")
+    return False
+
+
+def _say(text: str) -> None:
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except OSError:
+        pass
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """The guard process; its words come on standard input."""
+    parser = argparse.ArgumentParser(prog="jaka_guard", description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("--host", required=True, help="address of the controller")
+    parser.add_argument("--port", required=True, type=int, help="its command port")
+    args = parser.parse_args(argv)
+    watch(sys.stdin.fileno(), args.host, args.port)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
