@@ -15,7 +15,7 @@ MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 FOOTER_SIZE = RECORD_HEAD.size + 20
 MAX_CHANNELS = 65535
 
-Buffer = Union[bytes, memoryview]
+Buffer = Union[bytes, bytearray, memoryview]
 
 
 class ChunkIndex(NamedTuple):

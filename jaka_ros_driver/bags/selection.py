@@ -1,0 +1,95 @@
+"""Which messages of a log are wanted: topics, types, times."""
+import re
+from typing import List, NamedTuple, Optional, Pattern, Sequence
+
+import numpy as np
+
+from .blocks import Array, Block
+from .definitions import Connection
+from .errors import BagError
+from .log_index import ChunkRef
+
+
+class Selection(NamedTuple):
+    """Which messages are wanted; the default is all.
+
+    Attributes:
+        topics: Exact names; a message of any of them is wanted.
+        patterns: Regular expressions; a topic that one matches in full is wanted.
+        exclude: A topic that one of these regular expressions matches in full is not.
+        types: ``package/Type``.
+        start_time: Earliest log time, ns; None from the first.
+        end_time: Latest log time, ns; None to the last.
+    """
+
+    topics: Sequence[str] = ()
+    patterns: Sequence[str] = ()
+    exclude: Sequence[str] = ()
+    types: Sequence[str] = ()
+    start_time: Optional[int] = None
+    end_time: Optional[int] = None
+
+    def wanted(self, connections: Sequence[Connection]) -> Array:
+        """Whether each connection is wanted, bool.
+
+        Raises:
+            BagError: A pattern is not a regular expression.
+        """
+        patterns, exclude = _compile(self.patterns), _compile(self.exclude)
+        result = []
+        for connection in connections:
+            by_name = not (self.topics or patterns) or connection.topic in self.topics or any(
+                p.fullmatch(connection.topic) for p in patterns)
+            result.append(by_name and not any(p.fullmatch(connection.topic) for p in exclude)
+                          and (not self.types or connection.datatype in self.types))
+        return np.array(result, bool)
+
+    @property
+    def has_times(self) -> bool:
+        """True where the time is limited."""
+        return self.start_time is not None or self.end_time is not None
+
+
+def _compile(patterns: Sequence[str]) -> List[Pattern[str]]:
+    try:
+        return [re.compile(p) for p in patterns]
+    except re.error as error:
+        raise BagError("%r is not a regular expression: %s" % (error.pattern, error.msg)) from error
+
+
+class Picker:
+    """A selection applied to one log.
+
+    Attributes:
+        wanted: Whether each of the log's connections is wanted, bool.
+
+    Raises:
+        BagError: A pattern is not a regular expression.
+    """
+
+    def __init__(self, selection: Selection, connections: Sequence[Connection]) -> None:
+        self._selection = selection
+        self.wanted = selection.wanted(connections)
+        self._all = bool(self.wanted.all())
+
+    @property
+    def takes_all(self) -> bool:
+        """True where every message is wanted."""
+        return self._all and not self._selection.has_times
+
+    def chunks(self, chunks: Sequence[ChunkRef]) -> List[ChunkRef]:
+        """The chunks that may hold a wanted message."""
+        start, end = self._selection.start_time, self._selection.end_time
+        return [c for c in chunks if (start is None or c.end_time >= start) and (end is None or c.start_time <= end)
+                and (self._all or not c.counts or any(self.wanted[n] for n in c.counts))]
+
+    def pick(self, block: Block) -> Block:
+        """The wanted messages of a block."""
+        if self.takes_all:
+            return block
+        mask = self.wanted[block.connection]
+        if self._selection.start_time is not None:
+            mask &= block.log_time >= self._selection.start_time
+        if self._selection.end_time is not None:
+            mask &= block.log_time <= self._selection.end_time
+        return block if mask.all() else block.take(mask)
