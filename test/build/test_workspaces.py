@@ -1,0 +1,69 @@
+"""The package in workspaces with others: a C++ user of its messages, and another jaka_msgs."""
+import os
+from pathlib import Path
+
+import pytest
+
+BUILDERS = {"catkin_make": "devel", "catkin_make_isolated": "devel_isolated"}
+
+
+def builder_command(builder, cmake_options, *more):
+    separator = "--cmake-args" if builder == "catkin_make_isolated" else ""
+    return " ".join((builder,) + more + (separator,) + tuple(cmake_options))
+
+
+@pytest.fixture(scope="module", params=sorted(BUILDERS))
+def built(request, make_workspace, shell, cmake_options):
+    """A workspace with a C++ package, built and installed by each builder: the setup files of both spaces."""
+    workspace = make_workspace("cpp_client")
+    devel = BUILDERS[request.param]
+    install = "install" if request.param == "catkin_make" else "--install"
+    shell(builder_command(request.param, cmake_options, install), cwd=workspace)
+    return [workspace / devel / "setup.bash", workspace / devel.replace("devel", "install") / "setup.bash"]
+
+
+def test_a_cpp_package_speaks_the_same_types(built, shell):
+    for setup in built:
+        move_md5, robot_md5 = shell("rossrv md5 jaka_msgs/Move; rosmsg md5 jaka_msgs/RobotMsg", setup).stdout.split()
+        request_length = 4 + 6 * 4 + 1 + 4 + 4 * 4 + 2 * 2
+        assert shell("rosrun cpp_client print_md5", setup).stdout.split() == [
+            move_md5, str(request_length), robot_md5]
+        shell("rosrun jaka_ros_driver jaka_sim --help", setup)
+
+
+@pytest.mark.parametrize("builder", sorted(BUILDERS))
+def test_another_jaka_msgs_in_the_workspace_is_an_error_with_two_ways_out(builder, make_workspace, shell,
+                                                                          cmake_options, root):
+    workspace = make_workspace("other_jaka_msgs")
+    said = shell(builder_command(builder, cmake_options), cwd=workspace, check=False)
+    assert said.returncode != 0
+    other = workspace / "src" / "other_jaka_msgs"
+    for part in ("two packages named jaka_msgs", "jaka_ros_driver/jaka_msgs", str(other),
+                 "touch %s/CATKIN_IGNORE" % other, "export JAKA_MSGS_EXTERNAL=1"):
+        assert part in said.stdout
+
+
+def test_the_other_jaka_msgs_can_be_ignored(make_workspace, shell, cmake_options):
+    workspace = make_workspace()
+    other = workspace / "src" / "other"
+    other.mkdir()
+    for path in Path(__file__).with_name("other_jaka_msgs").iterdir():
+        os.symlink(str(path), str(other / path.name))
+    (other / "CATKIN_IGNORE").touch()
+    shell(builder_command("catkin_make", cmake_options, "clean"), cwd=workspace)  # configures, builds nothing
+    assert "motion_state" in shell("rosmsg show jaka_msgs/RobotMsg", workspace / "devel/setup.bash").stdout
+
+
+def test_the_other_jaka_msgs_can_be_used(make_workspace, shell, cmake_options):
+    workspace = make_workspace("other_jaka_msgs")
+    shell(builder_command("catkin_make", cmake_options), cwd=workspace, JAKA_MSGS_EXTERNAL="1")
+    setup = workspace / "devel" / "setup.bash"
+    assert shell("rosmsg show jaka_msgs/RobotMsg", setup).stdout.strip() == "int16 other_field"
+    shell("rosrun jaka_ros_driver jaka_sim --help", setup)
+
+
+def test_asking_for_an_external_jaka_msgs_that_is_not_there_is_an_error(root, shell, cmake_options, tmp_path):
+    said = shell("cmake -S %s -B build %s" % (root, " ".join(cmake_options)), cwd=tmp_path, check=False,
+                 JAKA_MSGS_EXTERNAL="1")
+    assert said.returncode != 0
+    assert "or unset JAKA_MSGS_EXTERNAL to build the one in %s/jaka_msgs" % root in " ".join(said.stdout.split())
