@@ -44,6 +44,8 @@ DEFAULT_TCP_ACCELERATION = 8.0
 STRUCTURE_TOLERANCE_M = 0.01
 STRUCTURE_TOLERANCE_RAD = units.deg_to_rad(2.0)
 
+_TOTAL_LENGTH = (0.1, 20.0)
+"""m; between these lies the sum of all |a| and |d| of a real arm: notices a file in metres."""
 _HALF_PI = math.pi / 2.0
 _STRUCTURES: Mapping[str, Tuple[Tuple[float, ...], Tuple[bool, ...], Tuple[bool, ...]]] = {
     THREE_PARALLEL: ((_HALF_PI, 0.0, 0.0, _HALF_PI, -_HALF_PI, 0.0),
@@ -54,6 +56,13 @@ _STRUCTURES: Mapping[str, Tuple[Tuple[float, ...], Tuple[bool, ...], Tuple[bool,
                    (False, True, False, False, False, False), (True, True, True, True, True, True)),
 }
 """Per family: alpha, rad; which a and which d may differ from 0. Source: meta.families of the data file."""
+
+_REQUIRED_KEYS = ("family", "dh_standard", "joint_limits_deg", "joint_max_speed_deg_s")
+_OPTIONAL_KEYS = ("name", "tcp_max_speed_m_s", "joint_max_acceleration_deg_s2", "tcp_max_acceleration_m_s2",
+                  "dh_confidence", "note", "sources")
+_NOTED_KEYS = ("payload_kg_by_name", "joint_max_speed_urdf_rad_s", "dh_alternatives", "joint_limits_alternatives_deg",
+               "joint_max_speed_alternatives_deg_s")
+"""For readers of the data file; the program does not use them."""
 
 
 @dataclass(frozen=True)
@@ -108,12 +117,17 @@ class ArmModel:
         """Check the table against its family.
 
         Raises:
-            InvalidCommand: The family is unknown, or the DH table does not have its structure.
+            InvalidCommand: The family is unknown, the DH table does not have its structure, or a link has no length.
         """
         if self.family not in _STRUCTURES:
             raise InvalidCommand("model %s: family %r is unknown; known: %s"
                                  % (self.name, self.family, ", ".join(sorted(_STRUCTURES))))
         structural = tuple(_to_structure(self.name, self.family, n, row) for n, row in enumerate(self.dh))
+        fore = structural[2].a if self.family == THREE_PARALLEL else structural[3].d
+        if structural[1].a <= 0.0 or fore <= 0.0:
+            raise InvalidCommand("model %s: upper arm %.6g m (row 2: a) and forearm %.6g m (row %s) must be above 0"
+                                 % (self.name, structural[1].a, fore,
+                                    "3: a" if self.family == THREE_PARALLEL else "4: d"))
         object.__setattr__(self, "structural_dh", structural)
         object.__setattr__(self, "is_exact", structural == self.dh)
         object.__setattr__(self, "has_closed_form", structural == self.dh and self.family != TWO_PARALLEL)
@@ -172,15 +186,15 @@ def load_model_file(path: str) -> ArmModel:
         InvalidCommand: The file cannot be read, is no YAML, lacks a key, or holds a value of the wrong
             type, length or range; the message names the file, the key and the value.
     """
-    try:
-        entry = _read_yaml(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidCommand("model file %s cannot be read: %s" % (path, error)) from error
     name = os.path.splitext(os.path.basename(path))[0]
     try:
+        entry = _read_yaml(path)
         if not isinstance(entry, dict):
             raise InvalidCommand("holds no mapping of keys to values")
         return _model_from_entry(str(entry.get("name", name)), entry, {})
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else _one_line(error)
+        raise InvalidCommand("model file %s: cannot be read: %s" % (path, reason)) from error
     except InvalidCommand as error:
         raise InvalidCommand("model file %s: %s" % (path, error)) from error
 
@@ -204,19 +218,34 @@ def _read_yaml(path: str) -> Any:
         try:
             return yaml.load(file, Loader=loader)
         except yaml.YAMLError as error:
-            raise InvalidCommand("model file %s is no YAML: %s" % (path, " ".join(str(error).split()))) from error
+            raise InvalidCommand("is no YAML: " + _one_line(error).replace(path, "the file")) from error
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
 
 
 def _model_from_entry(name: str, entry: Mapping[str, Any], confidence_words: Mapping[str, str]) -> ArmModel:
-    for key in ("family", "dh_standard", "joint_limits_deg", "joint_max_speed_deg_s"):
+    known = _REQUIRED_KEYS + _OPTIONAL_KEYS + _NOTED_KEYS
+    for key in _REQUIRED_KEYS:
         if key not in entry:
             raise InvalidCommand("key %s is missing" % key)
+    for key in map(str, entry):
+        if key not in known:
+            raise InvalidCommand("unknown key %s; nearest known is %s"
+                                 % (key, difflib.get_close_matches(key, known, n=1, cutoff=0.0)[0]))
     rows = _list(entry, "dh_standard", JOINT_COUNT)
     dh = tuple(_dh_row("dh_standard row %d" % (n + 1), row) for n, row in enumerate(rows))
     limits = tuple(_limit_pair("joint_limits_deg of joint %d" % (n + 1), pair)
                    for n, pair in enumerate(_list(entry, "joint_limits_deg", JOINT_COUNT)))
+    total = sum(abs(row.a) + abs(row.d) for row in dh)
+    if not _TOTAL_LENGTH[0] <= total <= _TOTAL_LENGTH[1]:
+        raise InvalidCommand("dh_standard: all a and d together are %.4g mm; lengths must be in mm"
+                             % units.m_to_mm(total))
     confidence = str(entry.get("dh_confidence", ""))
     sources = entry.get("sources", [confidence_words[confidence]] if confidence in confidence_words else [])
+    if not isinstance(sources, list) or not all(isinstance(source, str) for source in sources):
+        raise InvalidCommand("sources is %r; it must be a list of texts" % (sources,))
     optional: Dict[str, Any] = {}
     if "joint_max_acceleration_deg_s2" in entry:
         optional["joint_max_acceleration"] = _rates(entry, "joint_max_acceleration_deg_s2")
@@ -227,13 +256,14 @@ def _model_from_entry(name: str, entry: Mapping[str, Any], confidence_words: Map
     return ArmModel(
         name=name, family=str(entry["family"]), dh=dh, joint_limits=limits,
         joint_max_speed=_rates(entry, "joint_max_speed_deg_s"), dh_confidence=confidence,
-        note=str(entry.get("note") or ""), sources=tuple(str(s) for s in sources), **optional)
+        note=str(entry.get("note") or ""), sources=tuple(sources), **optional)
 
 
 def _number(what: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    number = float(value) if isinstance(value, float) or type(value) is int and abs(value) < 1e300 else math.nan
+    if not math.isfinite(number):
         raise InvalidCommand("%s is %r; it must be a finite number" % (what, value))
-    return float(value)
+    return number
 
 
 def _positive(what: str, value: Any) -> float:

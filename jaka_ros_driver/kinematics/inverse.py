@@ -13,7 +13,7 @@ from typing import List, Optional, Sequence, Tuple
 from jaka_ros_driver.errors import UnreachablePose
 from jaka_ros_driver.kinematics import closed_forms, numeric_inverse
 from jaka_ros_driver.kinematics.arm_models import SPHERICAL_WRIST, THREE_PARALLEL, ArmModel
-from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.kinematics.forward import forward, singularity_measures
 from jaka_ros_driver.kinematics.rotations import Transform, distance_between, rotation_angle_between, wrap_angle
 from jaka_ros_driver.state import Vector
 from jaka_ros_driver.units import rad_to_deg
@@ -26,9 +26,9 @@ LIMIT_TOLERANCE = 1e-9
 """rad; a joint this little beyond its limit is set on the limit."""
 
 _NEAR_REFERENCE = 0.05
-"""rad; where only iteration solves, a solution this near to the reference in every joint is taken for the nearest."""
-_SAME_PLACE = 1e-3
-"""rad; an answer nearer to the reference than this needs no look at whether the reference itself is one."""
+"""rad; a solution by iteration that is this near to the reference in every joint is taken for the nearest."""
+_NEAR_SINGULAR = 0.02
+"""Singularity measure (dimensionless; shoulder in m) below which rounding of the pose can throw branches far apart."""
 
 
 def inverse_all(model: ArmModel, base_t_flange: Transform, reference: Optional[Sequence[float]] = None) -> List[Vector]:
@@ -45,7 +45,9 @@ def inverse_all(model: ArmModel, base_t_flange: Transform, reference: Optional[S
 def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float]) -> Vector:
     """Joint angles, rad, shape (6,), within the limits, that reach the pose: those nearest to the reference.
 
-    Branch and whole turns of each joint are chosen for the smallest sum of squared joint differences.
+    Branch and whole turns of each joint are chosen for the smallest sum of squared joint differences. At a
+    singularity, where rounding of the pose throws the branches far from the reference, a solution next to the
+    reference that reaches the pose to the tolerances is preferred.
 
     Args:
         model: The arm.
@@ -76,9 +78,10 @@ def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float
             turned.append(angle)
         else:
             best, best_cost = tuple(turned), cost
-    if (best_cost > _SAME_PLACE ** 2 and _is_within_limits(model, reference)
-            and _reaches(model, reference, base_t_flange)):
-        return tuple(float(angle) for angle in reference)
+    if best_cost > _NEAR_REFERENCE ** 2 and min(singularity_measures(model, reference)) < _NEAR_SINGULAR:
+        followed = numeric_inverse.settle(model, base_t_flange, reference)
+        if _is_near(model, followed, reference) and _reaches(model, followed, base_t_flange):
+            return followed
     if best is None:
         raise UnreachablePose(_outside_limits(model, branches) if branches else obstacle)
     return best
@@ -122,12 +125,8 @@ def _turned_into(angle: float, low: float, high: float) -> float:
 
 
 def _is_near(model: ArmModel, joint_position: Vector, reference: Sequence[float]) -> bool:
-    return (all(abs(angle - near) < _NEAR_REFERENCE for angle, near in zip(joint_position, reference))
-            and _is_within_limits(model, joint_position))
-
-
-def _is_within_limits(model: ArmModel, joint_position: Sequence[float]) -> bool:
-    return all(low <= value <= high for value, (low, high) in zip(joint_position, model.joint_limits))
+    return all(abs(angle - near) < _NEAR_REFERENCE and low <= angle <= high
+               for angle, near, (low, high) in zip(joint_position, reference, model.joint_limits))
 
 
 def _outside_limits(model: ArmModel, branches: Sequence[Vector]) -> str:

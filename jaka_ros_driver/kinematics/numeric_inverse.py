@@ -18,6 +18,7 @@ from jaka_ros_driver.state import Vector
 _REFINE_STEPS = 20
 _REFINED = 1e-11
 """Twist (m and rad together) below which a refinement is done."""
+_SETTLE_STEPS = 15
 _SAME_BRANCH = 1e-6
 """rad; two refined branches nearer than this in every joint are one."""
 _GRID = 720
@@ -44,6 +45,27 @@ def refine(model: ArmModel, target: Transform, start: Sequence[float]) -> Option
             return None
         angles = angles + step * min(1.0, 0.5 / max(1e-12, float(np.max(np.abs(step)))))
     return None
+
+
+def settle(model: ArmModel, target: Transform, start: Sequence[float]) -> Vector:
+    """Joint angles near ``start``, not wrapped, that come nearest to the target; works at singularities too.
+
+    Levenberg-Marquardt, at most ``_SETTLE_STEPS``; how near it came is for the caller to judge.
+    """
+    angles = np.array(start, dtype=float)
+    twist = np.array(_twist(forward(model, tuple(angles)), target))
+    damping = 1e-6
+    for _ in range(_SETTLE_STEPS):
+        if float(np.max(np.abs(twist))) < _REFINED:
+            break
+        jac = jacobian(model, tuple(angles))
+        step = np.linalg.solve(jac.T @ jac + damping * np.eye(len(angles)), jac.T @ twist)
+        tried = np.array(_twist(forward(model, tuple(angles + step)), target))
+        if float(tried @ tried) < float(twist @ twist):
+            angles, twist, damping = angles + step, tried, damping * 0.1
+        else:
+            damping *= 10.0
+    return tuple(float(angle) for angle in angles)
 
 
 def refine_all(model: ArmModel, target: Transform, starts: Sequence[Sequence[float]]) -> List[Vector]:
