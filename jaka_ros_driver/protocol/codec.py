@@ -6,8 +6,16 @@ from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, ProtocolError
 from jaka_ros_driver.protocol.framing import JsonObject
 from jaka_ros_driver.state import Vector
-from jaka_ros_driver.units import (all_deg_to_rad, all_m_to_mm, all_mm_to_m, all_rad_to_deg, m_to_mm, ms_to_s,
-                                   rad_to_deg, s_to_ms)
+from jaka_ros_driver.units import (
+    all_deg_to_rad,
+    all_m_to_mm,
+    all_mm_to_m,
+    all_rad_to_deg,
+    m_to_mm,
+    ms_to_s,
+    rad_to_deg,
+    s_to_ms,
+)
 
 Params = Dict[str, Any]
 Encoder = Callable[[Any], Params]

@@ -1,0 +1,112 @@
+"""Cutting JSON objects and status frames out of byte streams, whole, split, glued and damaged."""
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jaka_ros_driver.errors import FramingError
+from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream, encode_object, parse_object
+from jaka_ros_driver.protocol.status import encode_frame
+
+JSON_VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-10**6, 10**6) | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4), max_leaves=12)
+OBJECTS = st.dictionaries(st.text(max_size=8), JSON_VALUES, max_size=5)
+FRAME = encode_frame({"errcode": "0x0", "note": 'a "quoted" { brace', "joint_actual_position": [1.5] * 6})
+
+
+def fed(stream, data, cuts):
+    """What a stream yields of data that arrives cut at these places."""
+    items, last = [], 0
+    for cut in sorted(cut % (len(data) + 1) for cut in cuts) + [len(data)]:
+        items += stream.feed(data[last:cut])
+        last = cut
+    return items
+
+
+def shape(items):
+    return ["damage" if isinstance(item, FramingError) else item for item in items]
+
+
+@given(st.lists(OBJECTS, max_size=6), st.lists(st.integers(0, 10**6), max_size=20),
+       st.sampled_from(["", "\n", "\r\n", " ", "\x00"]))
+def test_objects_come_out_whole_wherever_they_are_cut(objects, cuts, between):
+    data = between.join(json.dumps(o) for o in objects).encode()
+    assert fed(ObjectStream(), data, cuts) == objects
+
+
+@pytest.mark.parametrize("stream", [ObjectStream, FrameStream])
+@given(pieces=st.lists(st.one_of(
+    st.just(FRAME), st.integers(1, len(FRAME) - 1).map(lambda n: FRAME[:n]), st.binary(max_size=40),
+    st.sampled_from([b'{"len": 3, ', b'{"len": 99999999, "a": 1}', b'{"len": 5000, "a": 1}', b"{}", b"NaN", b"\\",
+                     b'"'])),
+    max_size=8), cuts=st.lists(st.integers(0, 10**6), max_size=20))
+def test_splitting_never_changes_the_outcome_of_damaged_streams(stream, pieces, cuts):
+    data = b"".join(pieces) + 2 * FRAME
+    assert shape(fed(stream(), data, cuts)) == shape(stream().feed(data))
+
+
+@given(st.lists(st.one_of(st.just(FRAME), st.binary(max_size=40).filter(lambda b: b"{" not in b)), max_size=8))
+def test_whole_frames_survive_garbage_between_them(pieces):
+    frames = [item for item in FrameStream().feed(b"".join(pieces)) if not isinstance(item, FramingError)]
+    assert len(frames) == pieces.count(FRAME)
+
+
+def test_a_cut_frame_costs_itself_only():
+    for kept in range(len(FRAME)):
+        items = FrameStream().feed(FRAME + FRAME[:kept] + FRAME + FRAME)
+        assert shape(items).count(json.loads(FRAME)) == 3
+        assert shape(items).count("damage") <= 1
+
+
+@pytest.mark.parametrize("text", [b'{"a": NaN}', b'{"a": Infinity}', b'{"a": -Infinity}', b'{"a": nan}', b"{'a': 1}",
+                                  b'{"a": 1,}', b'{"a"}', b'{"a": "\xff"}',
+                                  b'{"a": ' + 100000 * b"[" + 100000 * b"]" + b"}", b"[1]", b"7", b"", b"{"])
+def test_what_is_not_a_json_object_is_a_framing_error(text):
+    with pytest.raises(FramingError):
+        parse_object(text)
+
+
+def test_after_a_bad_object_the_next_one_is_read():
+    assert shape(ObjectStream().feed(b'{"a": NaN}{"b": 1}xyz{"c": 2}')) == ["damage", {"b": 1}, "damage", {"c": 2}]
+
+
+def test_an_object_that_never_ends_is_dropped_and_memory_stays_bounded():
+    stream = ObjectStream(max_bytes=1000)
+    items = []
+    for _ in range(100):
+        items += stream.feed(b'{"a": [' + b"1, " * 30)
+        assert stream.pending <= 1000
+    assert items and all(isinstance(item, FramingError) for item in items)
+
+
+@pytest.mark.parametrize("length", [0, 3, 65537, 999999999])
+def test_an_impossible_len_is_damage_and_the_next_frame_is_read(length):
+    items = FrameStream().feed(b'{"len": %d, "a": 1}' % length + FRAME)
+    assert shape(items) == ["damage", json.loads(FRAME)]
+
+
+def test_a_frame_with_another_len_than_its_text_is_damage():
+    true = b'"len": %d' % len(FRAME)
+    for wrong in (len(FRAME) - 1, len(FRAME) + 1, 30):
+        items = FrameStream().feed(FRAME.replace(true, b'"len": %d' % wrong) + FRAME)
+        assert shape(items) == ["damage", json.loads(FRAME)]
+
+
+def test_clear_forgets_what_has_begun():
+    for stream in (ObjectStream(), FrameStream()):
+        stream.feed(FRAME[:50])
+        stream.clear()
+        assert stream.feed(FRAME) == [json.loads(FRAME)]
+
+
+def test_objects_are_written_as_the_controller_writes_them():
+    assert encode_object({"a": [1.5, 2], "b": "x"}) == b'{"a": [1.5, 2], "b": "x"}'
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_number_that_is_not_finite_is_not_written(value):
+    with pytest.raises(FramingError):
+        encode_object({"a": value})

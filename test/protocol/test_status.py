@@ -1,0 +1,115 @@
+"""Status frames: their text and their fields."""
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jaka_ros_driver.errors import StatusFrameError
+from jaka_ros_driver.protocol.status import encode_frame, parse_status
+from jaka_ros_driver.state import IoBank, MotionState
+
+ESSENTIAL = {"joint_actual_position": [10.0, 90.0, -90.0, 90.0, 90.0, 0.0], "powered_on": 1, "enabled": True,
+             "inpos": True, "emergency_stop": 0, "protective_stop": 0}
+FULL = dict(
+    ESSENTIAL, drag_status=False, errcode="0x0", errmsg="",
+    monitor_data=[12338, 12593, 36.5, 41.2, 0.86, [[0.4, 48.0, 31.0 + n, 0.0, 0.2] for n in range(6)]],
+    actual_position=[-132.40112, 310.77345, 402.00018, 180.0, 0.0, -90.0], din=[0, 1], dout=[1, 0], ain=[0.5],
+    aout=[1.5], tio_din=[0] * 8, tio_dout=[1] * 8, tio_ain=[474.0, 0.0], interp_state=0, paused=False, rapidrate=0.5,
+    current_tool_id=2, current_user_id=1, on_soft_limit=0, curr_tcp_trans_vel=12.5)
+
+
+@given(st.dictionaries(st.text(max_size=10), st.text(max_size=300) | st.integers(), max_size=30))
+def test_len_is_the_exact_size_of_the_text_and_comes_first(fields):
+    frame = encode_frame(fields)
+    assert frame.startswith(b'{"len": ')
+    assert json.loads(frame)["len"] == len(frame)
+    assert {k: v for k, v in json.loads(frame).items() if k != "len"} == {k: v for k, v in fields.items() if k != "len"}
+
+
+@pytest.mark.parametrize("size", [*range(70, 100), *range(960, 1000), *range(9950, 10000)])
+def test_len_is_exact_where_its_own_digits_grow(size):
+    frame = encode_frame({"a": "x" * size})
+    assert json.loads(frame)["len"] == len(frame)
+
+
+def test_fields_become_si_units():
+    state = parse_status(FULL, 12.0)
+    assert state.joint_position == pytest.approx([math.radians(q) for q in FULL["joint_actual_position"]])
+    assert state.tcp_position == pytest.approx((-0.13240112, 0.31077345, 0.40200018))
+    assert state.tcp_rpy == pytest.approx((math.pi, 0.0, -math.pi / 2))
+    assert state.tcp_speed == pytest.approx(0.0125)
+    assert (state.tool_id, state.user_frame_id, state.rapid_rate, state.received_at) == (2, 1, 0.5, 12.0)
+    assert state.io.digital_outputs[IoBank.TOOL] == (1,) * 8
+    assert state.io.analog_inputs[IoBank.CABINET] == (0.5,)
+    assert (state.cabinet_temperature, state.joint_temperature) == (36.5, (31.0, 32.0, 33.0, 34.0, 35.0, 36.0))
+
+
+def test_what_the_controller_does_not_send_is_unknown():
+    state = parse_status(ESSENTIAL, 0.0)
+    assert state.tcp_position is None and state.tool_id is None and state.joint_temperature is None
+    assert state.io.digital_inputs == {}
+
+
+@pytest.mark.parametrize("key", sorted(ESSENTIAL))
+def test_without_an_essential_field_there_is_no_state(key):
+    with pytest.raises(StatusFrameError, match=key):
+        parse_status({k: v for k, v in FULL.items() if k != key}, 0.0)
+
+
+WRONG = [None, "x", [], {}, [1, 2], "NaN", float("nan"), float("inf"), 1e300]
+
+
+@pytest.mark.parametrize("key", ["joint_actual_position", "actual_position", "inpos", "powered_on", "enabled",
+                                 "emergency_stop", "protective_stop", "rapidrate", "current_tool_id", "din", "aout",
+                                 "errcode", "curr_tcp_trans_vel", "paused", "drag_status"])
+@pytest.mark.parametrize("value", WRONG, ids=repr)
+def test_a_wrong_value_is_refused_or_harmless_and_never_shown(key, value):
+    try:
+        state = parse_status(dict(FULL, **{key: value}), 0.0)
+    except StatusFrameError:
+        return
+    numbers = state.joint_position + (state.tcp_position or ()) + (state.tcp_rpy or ()) + (state.rapid_rate or 0.0,)
+    assert all(math.isfinite(number) for number in numbers)
+    assert key not in ESSENTIAL
+
+
+@pytest.mark.parametrize("joints", [[float("nan")] * 6, [1e9] * 6, [1, 2, 3, 4, 5, "6"], [1] * 5])
+def test_joints_that_cannot_be_are_refused(joints):
+    with pytest.raises(StatusFrameError):
+        parse_status(dict(FULL, joint_actual_position=joints), 0.0)
+
+
+def test_nine_joints_of_old_firmware_are_read_as_six():
+    state = parse_status(dict(FULL, joint_actual_position=[1.0] * 6 + [0.0] * 3), 0.0)
+    assert len(state.joint_position) == 6
+
+
+@pytest.mark.parametrize("text, code, is_fault", [
+    ("0x0", 0, False), ("0", 0, False), (0, 0, False), ("0x10f0005", 0x10F0005, False), ("0x10FFFFF", 0x10FFFFF, False),
+    ("0xf0034", 0xF0034, True), ("0x309082", 0x309082, True), ("0x1100000", 0x1100000, True)])
+def test_info_events_are_not_faults(text, code, is_fault):
+    state = parse_status(dict(FULL, errcode=text), 0.0)
+    assert (state.error_code, state.has_fault) == (code, is_fault)
+
+
+@pytest.mark.parametrize("fields, expected", [
+    ({}, MotionState.STOPPED),
+    ({"inpos": False}, MotionState.RUNNING),
+    ({"interp_state": 3}, MotionState.RUNNING),
+    ({"drag_status": True}, MotionState.RUNNING),
+    ({"paused": True}, MotionState.PAUSED),
+    ({"interp_state": 2, "inpos": False}, MotionState.PAUSED),
+    ({"protective_stop": 1}, MotionState.ERROR),
+    ({"errcode": "0xf0017", "inpos": False}, MotionState.ERROR),
+    ({"errcode": "0x10f0005"}, MotionState.STOPPED),
+    ({"emergency_stop": 1, "protective_stop": 1, "errcode": "0x309082"}, MotionState.EMERGENCY_STOP)])
+def test_motion_state_names_the_worst_condition(fields, expected):
+    assert parse_status(dict(FULL, **fields), 0.0).motion_state is expected
+
+
+@pytest.mark.parametrize("value, expected", [(True, True), (1, True), ("1", True), ("True", True), (False, False),
+                                             (0, False), ("0", False), ("false", False)])
+def test_flags_come_in_several_writings(value, expected):
+    assert parse_status(dict(FULL, enabled=value), 0.0).is_enabled is expected
