@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jaka_ros_driver.errors import StatusFrameError
+from jaka_ros_driver.protocol.framing import FrameStream
 from jaka_ros_driver.protocol.status import encode_frame, parse_status
 from jaka_ros_driver.state import IoBank, MotionState
 
@@ -113,3 +114,19 @@ def test_motion_state_names_the_worst_condition(fields, expected):
                                              (0, False), ("0", False), ("false", False)])
 def test_flags_come_in_several_writings(value, expected):
     assert parse_status(dict(FULL, enabled=value), 0.0).is_enabled is expected
+
+
+def test_a_frame_captured_from_a_real_controller_is_understood(root):
+    """Client and simulator share this codec and would agree on a shared mistake; a real arm would not."""
+    text = (root / "test" / "data" / "frames" / "zu5s_1.5.14.json").read_bytes()
+    fields, = FrameStream().feed(text)
+    assert fields["len"] == len(text) == 3208
+    assert encode_frame(fields) == text
+    state = parse_status(fields, 1.0)
+    assert state.joint_position[0] == pytest.approx(math.radians(-263.40236))
+    assert state.tcp_position == pytest.approx((-0.04997239, -0.61224783, 0.40447777))
+    assert (state.is_powered, state.is_enabled, state.is_in_position) == (False, False, True)
+    assert (state.tool_id, state.user_frame_id, state.motion_state) == (0, 1, MotionState.STOPPED)
+    assert state.joint_temperature == (28.0, 28.0, 27.0, 28.0, 28.0, 28.0)
+    assert len(state.io.digital_inputs[IoBank.CABINET]) == 135
+    assert state.joint_velocity is None and state.motion_line is None
