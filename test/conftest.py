@@ -16,7 +16,7 @@ ROS_PACKAGES = (
     "rosparam", "rosservice", "rostest", "rostopic", "rospy", "sensor_msgs", "std_msgs", "std_srvs", "tf2_msgs",
     "trajectory_msgs")
 MISSING = frozenset(name for name in ROS_PACKAGES if importlib.util.find_spec(name) is None)
-NEED_ROS = (import_graph.ROOT / "test" / "ros", import_graph.ROOT / "test" / "build")
+NEED_ROS = (import_graph.ROOT / "test" / "ros", import_graph.ROOT / "test" / "packaging")
 left_out: List[str] = []
 
 
