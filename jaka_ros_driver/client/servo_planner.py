@@ -27,6 +27,8 @@ _JOINT_ACCELERATION = 4.0 * math.pi
 _LINEAR_ACCELERATION = 8.0
 _ANGULAR_ACCELERATION = 4.0 * math.pi
 _ORIGIN = (0.0, 0.0, 0.0)
+_WIRE_ROUNDING = 1e-6
+"""rad or m: targets come as float32, and one at the very limit is still allowed."""
 
 
 class _Follower:
@@ -93,7 +95,7 @@ class JointServo:
         goal = tuple(t + s for t, s in zip(self._target, target)) if is_relative else target
         jumps = [abs(g - t) for g, t in zip(goal, self._target)]
         farthest = max(jumps)
-        if farthest > self._max_jump:
+        if farthest > self._max_jump + _WIRE_ROUNDING:
             raise InvalidCommand(
                 "refused: joint %d of the servo target is %.4f rad from the last one, more than the allowed %.4f rad"
                 % (jumps.index(farthest) + 1, farthest, self._max_jump))
@@ -132,7 +134,7 @@ class PoseServo:
         rotation = _rotation(rpy)
         jump = _distance(position, self._target_position)
         turn = _norm(_turn_between(self._target_rotation, rotation))
-        if jump > self._max_linear_jump or turn > self._max_angular_jump:
+        if jump > self._max_linear_jump + _WIRE_ROUNDING or turn > self._max_angular_jump + _WIRE_ROUNDING:
             raise InvalidCommand(
                 "refused: the servo target is %.4f m and %.4f rad from the last one, more than the allowed %.4f m or "
                 "%.4f rad" % (jump, turn, self._max_linear_jump, self._max_angular_jump))

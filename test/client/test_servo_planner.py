@@ -1,0 +1,118 @@
+"""Servo targets become frames that break no speed limit."""
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jaka_ros_driver.client.servo_planner import MAX_JOINT_SPEED, JointServo, PoseServo
+from jaka_ros_driver.commands import Pose
+from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
+
+PERIOD = 0.008
+HOME = (0.0, 1.5, -1.5, 1.5, 1.5, 0.0)
+SPEEDS = (math.pi,) * 3 + (3.84,) * 3
+POSE = Pose((0.4, 0.1, 0.3), (3.0, 0.1, 0.2))
+
+
+def joint_servo(max_jump=0.1):
+    return JointServo(HOME, SPEEDS, max_jump, PERIOD)
+
+
+def shifted(by, joint=0):
+    return tuple(q + by if index == joint else q for index, q in enumerate(HOME))
+
+
+def test_without_a_target_every_frame_holds():
+    servo = joint_servo()
+    assert all(servo.next_frame().joint_position == HOME for _ in range(100))
+
+
+def test_a_smooth_stream_is_passed_on_as_it_is_once_under_way():
+    servo = joint_servo()
+    for cycle in range(1, 300):
+        target = shifted(0.3 * (1 - math.cos(0.01 * cycle)))
+        servo.set_target(target, False)
+        assert servo.next_frame().joint_position == pytest.approx(target, abs=1e-12)
+
+
+@pytest.mark.parametrize("joint", range(6))
+@pytest.mark.parametrize("jump", [0.1, -0.1, 1e-4])
+def test_a_jump_is_driven_within_speed_and_reached_exactly(joint, jump):
+    servo = joint_servo()
+    servo.set_target(shifted(jump, joint), False)
+    last = HOME
+    for _ in range(200):
+        frame = servo.next_frame().joint_position
+        assert max(abs(a - b) for a, b in zip(frame, last)) <= MAX_JOINT_SPEED * PERIOD * (1 + 1e-9)
+        last = frame
+    assert last == pytest.approx(shifted(jump, joint), abs=1e-9)
+
+
+@settings(max_examples=50)
+@given(st.lists(st.tuples(st.integers(1, 5), st.lists(st.floats(-0.1, 0.1), min_size=6, max_size=6)), max_size=40))
+def test_whatever_targets_come_no_step_breaks_the_limits(stream):
+    servo, last, before = joint_servo(), HOME, (0.0,) * 6
+    for cycles, target in stream:
+        servo.set_target(tuple(target), True)
+        for _ in range(cycles):
+            frame = servo.next_frame().joint_position
+            velocity = tuple((a - b) / PERIOD for a, b in zip(frame, last))
+            for speed, was, limit in zip(velocity, before, SPEEDS):
+                assert abs(speed) <= min(limit, MAX_JOINT_SPEED) * (1 + 1e-6)
+                assert abs(speed - was) <= 4 * math.pi * PERIOD * (1 + 1e-6)
+            last, before = frame, velocity
+
+
+def test_a_target_too_far_away_is_refused_with_its_distance_and_nothing_moves():
+    servo = joint_servo()
+    with pytest.raises(InvalidCommand, match=r"joint 3 .* 0\.2000 rad .* 0\.1000 rad"):
+        servo.set_target(shifted(0.2, joint=2), False)
+    assert servo.next_frame().joint_position == HOME
+
+
+def test_increments_add_up_and_none_is_lost():
+    servo = joint_servo()
+    for _ in range(50):
+        servo.set_target((0.002, 0, 0, 0, 0, 0), True)
+    for _ in range(200):
+        frame = servo.next_frame()
+    assert frame.joint_position[0] == pytest.approx(0.1)
+
+
+def pose_servo():
+    return PoseServo(POSE, 1.0, 0.05, 0.1, PERIOD)
+
+
+def test_a_pose_target_is_reached_within_its_limits():
+    servo = pose_servo()
+    goal = Pose((0.44, 0.1, 0.3), (3.0, 0.1, 0.28))
+    servo.set_target(goal, False)
+    last = POSE
+    for _ in range(200):
+        pose = servo.next_frame().target
+        assert math.dist(pose.position, last.position) <= 1.0 * PERIOD * (1 + 1e-9)
+        turn = rotation_angle_between(matrix_from_rpy(pose.rpy), matrix_from_rpy(last.rpy))
+        assert turn <= MAX_JOINT_SPEED * PERIOD * (1 + 1e-6)
+        last = pose
+    assert last.position == pytest.approx(goal.position, abs=1e-9)
+    assert rotation_angle_between(matrix_from_rpy(last.rpy), matrix_from_rpy(goal.rpy)) < 1e-7
+
+
+@pytest.mark.parametrize("pose", [Pose((0.46, 0.1, 0.3), POSE.rpy), Pose(POSE.position, (3.0, 0.1, 0.4))])
+def test_a_pose_too_far_away_is_refused(pose):
+    servo = pose_servo()
+    with pytest.raises(InvalidCommand, match="more than the allowed 0.0500 m or 0.1000 rad"):
+        servo.set_target(pose, False)
+    assert servo.next_frame().target.position == pytest.approx(POSE.position)
+
+
+def test_pose_increments_add_along_the_user_frame():
+    servo = pose_servo()
+    for _ in range(10):
+        servo.set_target(Pose((0.001, 0.0, 0.0), (0.0, 0.0, 0.0)), True)
+    for _ in range(100):
+        pose = servo.next_frame().target
+    assert pose.position == pytest.approx((0.41, 0.1, 0.3))
+    assert rotation_angle_between(matrix_from_rpy(pose.rpy), matrix_from_rpy(POSE.rpy)) < 1e-9
