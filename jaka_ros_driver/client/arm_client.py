@@ -35,6 +35,7 @@ _LOG = logging.getLogger(__name__)
 _REST_TIMEOUT = 1.0
 _SERVO_TIMEOUT = 2.0
 _POLL_PERIOD = 0.02
+_RETRY_PERIOD = 0.2
 
 
 class ArmClient:
@@ -182,7 +183,7 @@ class ArmClient:
                 return
             running = self._jog_watchdog.end()
             if running is not None:
-                self._end_jog(running)
+                self._stop_jog(running)
                 if self.status.wait_for(lambda s: s.is_in_position, _REST_TIMEOUT) is None:
                     raise MotionInterrupted(StopCause.TIMEOUT, "the jog before did not come to rest")
                 self._end_motion(None)
@@ -286,7 +287,7 @@ class ArmClient:
             if stream is not None:
                 stream.stop()
             halts: List[c.Command] = []
-            if stream is not None or self.is_servo_active:
+            if self.is_servo_active or self._ownership.owner is MotionOwner.SERVO:
                 halts.append(c.SetServoMode(False))
             jog = self._jog_watchdog.end()
             if jog is not None:
@@ -320,17 +321,24 @@ class ArmClient:
     def _jog_expired(self, jog: c.Jog) -> None:
         _LOG.info("jog watchdog: no jog call for %.1f s, stopping", self.settings.jog_timeout)
         try:
-            self._end_jog(jog)
+            self._stop_jog(jog)
         except JakaError as error:
-            _LOG.error("the jog could not be stopped: %s", error)
-            self._links.must_stop_first = True
+            _LOG.error("the jog could not be stopped, trying again: %s", error)
 
-    def _end_jog(self, jog: c.Jog) -> None:
-        with self._dispatch:
-            link = self._links.command
-            pendings = link.begin([c.JogStop(jog.frame, jog.axis), c.Stop()])
-        self._finish_quietly(link.finish, pendings[0])
-        link.finish(pendings[1])
+    def _stop_jog(self, jog: c.Jog) -> None:
+        """Stop this jog; where that fails, the watchdog tries again until it succeeds or the link is down."""
+        try:
+            with self._dispatch:
+                link = self._links.command
+                pendings = link.begin([c.JogStop(jog.frame, jog.axis), c.Stop()])
+            self._finish_quietly(link.finish, pendings[0])
+            link.finish(pendings[1])
+        except CommandRejected:
+            self._jog_watchdog.begin(jog, within=_RETRY_PERIOD)
+            raise
+        except JakaError:
+            self._links.must_stop_first = True
+            raise
 
     def _enter_servo_mode(self) -> None:
         if self._stream is not None:
@@ -356,7 +364,10 @@ class ArmClient:
             stream.start(self.fresh_state())
         except JakaError:
             self._stream = None
-            self._ownership.release(MotionOwner.SERVO)
+            try:
+                self._leave_servo_mode()
+            except JakaError as error:
+                _LOG.warning("servo mode: %s", error)
             raise
 
     def _leave_servo_mode(self) -> None:
@@ -394,6 +405,8 @@ class ArmClient:
             self._stream = None
         try:
             self._leave_servo_mode()
+        except CommandRejected as rejection:
+            _LOG.warning("%s", rejection)
         except JakaError as error:
             _LOG.error("servo mode could not be left: %s", error)
             self._links.must_stop_first = True

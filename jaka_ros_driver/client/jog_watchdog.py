@@ -19,11 +19,11 @@ class JogWatchdog:
         self._thread = threading.Thread(target=self._run, name="jog watchdog", daemon=True)
         self._thread.start()
 
-    def begin(self, jog: Jog) -> None:
-        """This jog runs from now on."""
+    def begin(self, jog: Jog, within: Optional[float] = None) -> None:
+        """This jog runs from now on; ``within`` (s) where it is to end sooner than the time-out."""
         with self._changed:
             self._jog = jog
-            self._deadline = time.monotonic() + self._timeout
+            self._deadline = time.monotonic() + (self._timeout if within is None else within)
             self._changed.notify_all()
 
     def keep_going(self, jog: Jog) -> bool:

@@ -10,6 +10,7 @@ _LOG = logging.getLogger(__name__)
 _FIRST_DELAY = 0.1
 _LONGEST_DELAY = 0.5
 _STABLE_TIME = 2.0
+_STOP_TIMEOUT = 0.3
 
 
 class LinkKeeper:
@@ -48,12 +49,12 @@ class LinkKeeper:
         self._thread.start()
 
     def stop(self) -> None:
-        """No more connecting; waits for the thread."""
+        """No more connecting; waits for the thread, but not for a connection that it is still trying."""
         with self._changed:
             self._is_stopping = True
             self._changed.notify_all()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
-            self._thread.join()
+            self._thread.join(_STOP_TIMEOUT)
 
     def closed(self, reason: str) -> None:
         """The link went down; may be called from any thread, also while ``connect`` is at work."""

@@ -16,7 +16,9 @@ Listener = Callable[[RobotState, bool], None]
 _RATE_WINDOW = 250
 _TICK = 1e-6
 MAX_BURST = 5
-"""Of the frames that arrive in one piece only so many, the newest, are shown as new: the others are old news."""
+"""Of the frames that arrive in one piece only so many, the newest, are shown as new: the others are old news.
+
+So is all that piled up while nobody read, as after the process was stopped and continued."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ class StatusMonitor:
             jitter = deviations[int(0.99 * (len(deviations) - 1))]
         return FeedHealth(rate, jitter, age, self._frames, self._damaged, self._last_damage)
 
-    def _received(self, data: bytes) -> None:
+    def _received(self, data: bytes, is_backlog: bool) -> None:
         now = self._clock()
         states: List[RobotState] = []
         for item in self._stream.feed(data):
@@ -147,4 +149,4 @@ class StatusMonitor:
                 self._arrivals.append(state.received_at)
                 self._changed.notify_all()
             for listener in self._listeners:
-                listener(state, len(states) - index <= MAX_BURST)
+                listener(state, not is_backlog and len(states) - index <= MAX_BURST)

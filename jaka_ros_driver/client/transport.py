@@ -20,7 +20,7 @@ class Connection:
     """One TCP connection. A thread reads it and hands the bytes on; it ends once, with one reason."""
 
     def __init__(self, host: str, port: int, connect_timeout: float, name: str,
-                 on_bytes: Callable[[bytes], None], on_closed: Callable[[str], None],
+                 on_bytes: Callable[[bytes, bool], None], on_closed: Callable[[str], None],
                  silence_timeout: Optional[float] = None, on_idle: Optional[Callable[[], None]] = None) -> None:
         """Connect, and start reading.
 
@@ -29,7 +29,7 @@ class Connection:
             port: Its port.
             connect_timeout: s.
             name: What the connection is for, in messages and as the thread's name.
-            on_bytes: Gets what arrives, in the reader thread.
+            on_bytes: Gets what arrives, in the reader thread; True with it where more has piled up behind it.
             on_closed: Called once, in the reader thread, with the reason.
             silence_timeout: The connection counts as lost after so long without a byte, s.
             on_idle: Called in the reader thread at least every 0.1 s.
@@ -101,7 +101,7 @@ class Connection:
                     self.close("%s: closed by the controller" % self.name)
                     break
                 last = time.monotonic()
-                self._on_bytes(data)
+                self._on_bytes(data, len(data) == _RECEIVE_BYTES)
             if self._on_idle is not None:
                 self._on_idle()
         self._socket.close()
@@ -213,7 +213,7 @@ class CommandLink:
             for text in texts:
                 self._connection.send(text)
 
-    def _received(self, data: bytes) -> None:
+    def _received(self, data: bytes, is_backlog: bool) -> None:
         for item in self._stream.feed(data):
             if isinstance(item, FramingError):
                 self.damaged_replies += 1
