@@ -127,6 +127,8 @@ class ArmLinks:
             self._version = _ask(link, Query.VERSION) or ""
             self._ask_for_feed_period(link)
             self.is_servo_active = bool(_ask(link, Query.SERVO_MODE))
+            if self._is_closing.is_set():
+                raise ConnectionLost("driver shut down")
         except JakaError:
             link.close("handshake failed")
             raise
