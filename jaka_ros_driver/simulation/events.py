@@ -3,6 +3,7 @@ from typing import NamedTuple, Optional
 
 from jaka_ros_driver.errors import JakaError
 
+NOT_ALLOWED_IN_MODE = 0x0F0003
 INVERSE_KINEMATICS_FAILED = 0x0F0004
 BAD_SPEED = 0x0F0010
 TARGET_OUTSIDE_LIMITS = 0x0F0011
@@ -22,6 +23,7 @@ _NEAR_LIMIT = 0x33
 _JOG_BEYOND_LIMIT = 0x35
 
 _TEXTS = {
+    NOT_ALLOWED_IN_MODE: "not allowed in this mode",
     INVERSE_KINEMATICS_FAILED: "inverse kinematics failed",
     BAD_SPEED: "bad speed in move",
     TARGET_OUTSIDE_LIMITS: "move target outside limits",

@@ -1,0 +1,64 @@
+"""From a move's numbers to what the queue runs: checks, defaults, cuts to what the arm can do."""
+import math
+from typing import Optional
+
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.rotations import Transform, distance_between, rotation_angle_between
+from jaka_ros_driver.simulation import events
+from jaka_ros_driver.simulation.events import TargetRejected
+from jaka_ros_driver.simulation.legs import Pace
+from jaka_ros_driver.state import Vector
+
+DEFAULT_JOINT_ACCELERATION = math.pi
+"""rad/s2, where a joint move names none (the SDK's short form, controller protocol 2). No vendor value exists."""
+DEFAULT_TCP_ACCELERATION = 0.5
+"""m/s2, where a linear move names none. No vendor value exists."""
+DEFAULT_ROTATION_SPEED = 3.14
+"""rad/s: what the SDK sends where its caller names none (SDK client 8)."""
+DEFAULT_ROTATION_ACCELERATION = 12.56
+"""rad/s2: as DEFAULT_ROTATION_SPEED."""
+
+SAME_ANGLE = 1e-6
+"""rad; a target so near to the end of the queue is the end of the queue."""
+SAME_PLACE = 1e-6
+"""m; likewise."""
+
+
+def positive(what: str, value: Optional[float], default: float) -> float:
+    """The value, or the default where there is none.
+
+    Raises:
+        TargetRejected: Not finite, or not above 0 (0x0F0010).
+    """
+    if value is None:
+        return default
+    if not math.isfinite(value) or value <= 0.0:
+        raise TargetRejected(events.BAD_SPEED, "%s must be finite and above 0" % what)
+    return value
+
+
+def tool_pace(model: ArmModel, speed: float, acceleration: Optional[float], rotation_speed: Optional[float],
+              rotation_acceleration: Optional[float]) -> Pace:
+    """The pace of a Cartesian move, cut to what the model's tool can do; m/s, m/s2, rad/s, rad/s2.
+
+    Raises:
+        TargetRejected: A number that is not finite or not above 0.
+    """
+    top = math.inf if model.tcp_max_speed is None else model.tcp_max_speed
+    strongest = model.tcp_max_acceleration
+    return Pace(
+        min(positive("speed", speed, 0.0), top),
+        min(positive("acceleration", acceleration, DEFAULT_TCP_ACCELERATION), strongest),
+        positive("rotation speed", rotation_speed, DEFAULT_ROTATION_SPEED),
+        positive("rotation acceleration", rotation_acceleration, DEFAULT_ROTATION_ACCELERATION),
+        strongest)
+
+
+def same_joints(a: Vector, b: Vector) -> bool:
+    """True where two joint positions are one for a move."""
+    return all(abs(x - y) < SAME_ANGLE for x, y in zip(a, b))
+
+
+def same_pose(a: Transform, b: Transform) -> bool:
+    """True where two poses are one for a move."""
+    return distance_between(a, b) < SAME_PLACE and rotation_angle_between(a, b) < SAME_ANGLE
