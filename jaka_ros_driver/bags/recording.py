@@ -16,7 +16,7 @@ from .topic_selection import TopicSelection
 
 Transport = Union[RawTransport, RospyTransport]
 
-_WATCH_PERIOD_S = 0.5
+_WATCH_PERIOD_S = 0.2
 _STATISTICS_PERIOD_S = 5.0
 _STATISTICS_WAIT_S = 1.5
 _DRAIN_S = 0.5

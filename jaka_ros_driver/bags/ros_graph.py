@@ -8,7 +8,7 @@ import socketserver
 import threading
 import xmlrpc.client
 import xmlrpc.server
-from typing import Any, Callable, List, Tuple
+from typing import Any, Callable, List, Optional, Tuple
 from xml.parsers.expat import ExpatError
 
 from ..errors import ConnectionLost, ProtocolError
@@ -110,8 +110,11 @@ class SlaveServer:
 
     Attributes:
         uri: This server's XMLRPC URI.
-        subscriptions: What ``getSubscriptions`` answers: (topic, type); set by the owner.
-        bus_info: Called for ``getBusInfo``; set by the owner.
+        subscriptions: Gives what ``getSubscriptions`` answers: (topic, type); set by the owner, as those that follow.
+        publications: Gives what ``getPublications`` answers.
+        bus_info: Gives what ``getBusInfo`` answers.
+        publish_statistics: Gives the publishers' part of what ``getBusStats`` answers.
+        topic_address: Host and TCPROS port for a topic that this node publishes; None for one that it does not.
     """
 
     def __init__(self, host: str, bind: str, on_publishers: Callable[[str, List[str]], None],
@@ -119,7 +122,10 @@ class SlaveServer:
         self._on_publishers = on_publishers
         self._on_shutdown = on_shutdown
         self.subscriptions: Callable[[], List[List[str]]] = list
+        self.publications: Callable[[], List[List[str]]] = list
         self.bus_info: Callable[[], List[List[Any]]] = list
+        self.publish_statistics: Callable[[], List[List[Any]]] = list
+        self.topic_address: Callable[[str], Optional[Tuple[str, int]]] = lambda topic: None
         self._server = _Server((bind, 0), requestHandler=_Handler, logRequests=False, allow_none=True)
         self.uri = "http://%s:%d/" % (host, self._server.server_address[1])
         methods: Tuple[Callable[..., Any], ...] = (
@@ -147,7 +153,10 @@ class SlaveServer:
         return 1, "", 0
 
     def requestTopic(self, caller_id: str, topic: str, protocols: List[List[Any]]) -> Tuple[int, str, List[Any]]:
-        return 0, "this node publishes nothing", []
+        address = self.topic_address(topic)
+        if address is None or not any(protocol and protocol[0] == "TCPROS" for protocol in protocols):
+            return 0, "%s is not published here over TCPROS" % topic, []
+        return 1, "", ["TCPROS", address[0], address[1]]
 
     def getPid(self, caller_id: str) -> Tuple[int, str, int]:
         return 1, "", os.getpid()
@@ -159,13 +168,13 @@ class SlaveServer:
         return 1, "", self.subscriptions()
 
     def getPublications(self, caller_id: str) -> Tuple[int, str, List[List[str]]]:
-        return 1, "", []
+        return 1, "", self.publications()
 
     def getBusInfo(self, caller_id: str) -> Tuple[int, str, List[List[Any]]]:
         return 1, "", self.bus_info()
 
     def getBusStats(self, caller_id: str) -> Tuple[int, str, List[List[Any]]]:
-        return 1, "", [[], [], []]
+        return 1, "", [self.publish_statistics(), [], []]
 
     def shutdown(self, caller_id: str, reason: str = "") -> Tuple[int, str, int]:
         self._on_shutdown("%s: %s" % (caller_id, reason))

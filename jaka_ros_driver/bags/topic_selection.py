@@ -1,4 +1,4 @@
-"""Which topics a recording or a playback takes."""
+"""Which topics a recording takes."""
 import re
 from dataclasses import dataclass
 from typing import Callable, Optional, Pattern, Tuple
