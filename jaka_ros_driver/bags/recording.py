@@ -47,7 +47,6 @@ class Recording:
         self._notice = notice
         self._duration_s = duration_s
         self._subscribed: Set[str] = set()
-        self._run_id: Optional[str] = None
         self._is_master_lost = False
         self._noticed: Dict[str, str] = {}
         self._watcher = threading.Thread(target=self._watch, name="graph-watch", daemon=True)
@@ -156,10 +155,9 @@ class Recording:
 
     def _look_at_graph(self, transport: Transport) -> None:
         master = transport.master
-        run_id = str(read_parameter(master, "/run_id"))
-        if self._run_id is not None and run_id != self._run_id:
+        if self._subscribed and not _knows(master, transport.names.node):
             transport.resubscribe()
-        self._run_id = run_id
+            self._notice("registered again: the master was restarted")
         for topic in self._selection.names:
             if not self._selection.is_excluded(topic):
                 self._subscribe(topic)
@@ -208,6 +206,14 @@ class Recording:
         lost = sum(stream.overflowed for stream in self._recorder.streams())
         if lost:
             self._notice_once("overflow", "the buffer is full: %d messages thrown away so far" % lost)
+
+
+def _knows(master: RemoteNode, node: str) -> bool:
+    try:
+        master.call("lookupNode", node)
+        return True
+    except ProtocolError:
+        return False
 
 
 def read_parameter(master: RemoteNode, name: str) -> Any:
