@@ -4,6 +4,7 @@ One checker a command class; a class without one is refused, so that a new comma
 Where a value may come from a float32 (the ROS interface), a bound is widened by ``FLOAT32_SLACK``.
 """
 import math
+import numbers
 from typing import Any, Callable, Dict, Optional, Sequence, Tuple
 
 from jaka_ros_driver import commands
@@ -67,9 +68,19 @@ def tcp_speed_limit(model: ArmModel) -> float:
     return UNKNOWN_TCP_SPEED_CEILING if model.tcp_max_speed is None else model.tcp_max_speed
 
 
+def _is_finite(value: Any) -> bool:
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return False
+    try:
+        return math.isfinite(float(value))
+    except OverflowError:  # an int beyond float
+        return False
+
+
 def _number(name: str, value: Any, low: float = -math.inf, high: float = math.inf, unit: str = "") -> None:
-    valid = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-    if not valid:
+    if not _is_finite(value):
         raise InvalidCommand("%s is %r; it must be a finite number%s" % (name, value, " in " + unit if unit else ""))
     slack = FLOAT32_SLACK * max(abs(bound) for bound in (low, high, 0.0) if math.isfinite(bound))
     if not low - slack <= value <= high + slack:
@@ -115,7 +126,7 @@ def _member(name: str, value: Any, kind: Any) -> None:
 
 
 def _vector(name: str, values: Any, length: int, unit: str) -> None:
-    if isinstance(values, (str, bytes)) or not hasattr(values, "__len__") or len(values) != length:
+    if not isinstance(values, (tuple, list)) or len(values) != length:
         raise InvalidCommand("%s is %r; it must be %d numbers in %s" % (name, values, length, unit))
     for n, value in enumerate(values):
         _number("%s[%d]" % (name, n), value, unit=unit)
