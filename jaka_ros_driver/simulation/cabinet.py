@@ -83,7 +83,7 @@ class Cabinet:
         emergency_stop: The button is pressed.
         protective_stop: Stands until ``clear_error``.
         program_state: Of the loaded program.
-        feed_period: Of the status feed, s.
+        asked_feed_period: Of the status feed as the client set it, s.
         link_loss: What happens when the command client is lost.
         link_loss_delay: How long after that, s.
     """
@@ -106,6 +106,7 @@ class Cabinet:
         self.link_loss = LinkLoss.KEEP
         self.link_loss_delay = 0.0
         self._was_enabled = self.is_enabled
+        self._forced_feed_period: Optional[float] = None
         self._power_at: Optional[float] = None
         self._enable_at: Optional[float] = None
         self._disable_at: Optional[float] = None
@@ -407,8 +408,18 @@ class Cabinet:
 
     def set_feed_period(self, period: float) -> None:
         """Period of the status feed, s of simulated time; a move shows in at least one frame (SDK client 1.7)."""
-        self.feed_period = period
-        self.plant.settle_time = period
+        self.asked_feed_period = period
+        self.plant.settle_time = self.feed_period
+
+    def slow_feed(self, period: Optional[float]) -> None:
+        """Send the feed with this period, s of simulated time, whatever is asked for; None ends that."""
+        self._forced_feed_period = period
+        self.plant.settle_time = self.feed_period
+
+    @property
+    def feed_period(self) -> float:
+        """Period of the status feed, s of simulated time."""
+        return self._forced_feed_period or self.asked_feed_period
 
     # --- the command client -----------------------------------------------------------------------------------------
 

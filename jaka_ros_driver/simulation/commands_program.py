@@ -63,7 +63,7 @@ def _set_feed_delay(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
 
 
 def _feed_delay_ms(cabinet: Cabinet) -> int:
-    return int(round(s_to_ms(cabinet.feed_period)))
+    return int(round(s_to_ms(cabinet.asked_feed_period)))
 
 
 def _whole_number(value: object) -> int:

@@ -1,0 +1,114 @@
+"""Command line: ``jaka_sim`` serves a simulated controller, ``jaka_sim panel ACTION key=value`` asks a running one."""
+import argparse
+import json
+import signal
+import sys
+from typing import Any, Dict, List, Optional
+
+from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.kinematics.arm_models import model_names
+from jaka_ros_driver.simulation.firmware import FIRMWARES
+from jaka_ros_driver.simulation.panel import ACTIONS
+from jaka_ros_driver.simulation.server import LOOPBACK, ask_panel
+from jaka_ros_driver.simulation.simulated_controller import SimulatedController
+
+_SWITCH_INTERVAL_S = 0.0005
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the command line.
+
+    Returns:
+        0 done, 1 failed, 2 wrong usage.
+    """
+    arguments = sys.argv[1:] if argv is None else argv
+    return _panel(arguments[1:]) if arguments[:1] == ["panel"] else _serve(arguments)
+
+
+def _serve(arguments: List[str]) -> int:
+    options = _serving_parser().parse_args(arguments)
+    settings = vars(options)
+    if settings["panel_port"] < 0:
+        settings["panel_port"] = None
+    sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    if options.host not in (LOOPBACK, "localhost"):
+        print("jaka_sim: warning: listening on %s: everybody who reaches this address can drive the simulated arm"
+              % options.host, file=sys.stderr)
+    try:
+        arm = SimulatedController(**settings)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda _number, _frame: arm.stop())
+        ports = {"command_port": arm.command_port, "status_port": arm.status_port, "poll_port": arm.poll_port,
+                 "panel_port": arm.panel_port}
+        print(json.dumps(ports), flush=True)
+        arm.run()
+    except (JakaError, OSError) as error:
+        print("jaka_sim: error: %s" % error, file=sys.stderr)
+        return 1
+    return 0
+
+
+def _serving_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="jaka_sim", description="A simulated JAKA controller. Its first line of output is JSON with the numbers "
+        "of its ports. 'jaka_sim panel --help' tells about the operator's panel.")
+    parser.add_argument("--model", default="zu7", metavar="NAME", help="one of %s" % ", ".join(model_names()))
+    parser.add_argument("--dh-file", metavar="FILE", help="a model of your own instead, see docs/simulation.md")
+    parser.add_argument("--host", default=LOOPBACK, metavar="ADDRESS", help="where to listen; default loopback only")
+    for port, default, text in (("command", 10001, "commands"), ("status", 10000, "status feed"),
+                                ("poll", 10004, "polled status"), ("panel", 0, "operator's panel, -1 for none")):
+        parser.add_argument("--%s-port" % port, type=int, default=default, metavar="N",
+                            help="%s; 0 for a free port, default %d" % (text, default))
+    parser.add_argument("--time-scale", type=float, default=1.0, metavar="FACTOR",
+                        help="simulated seconds a wall second, default 1")
+    parser.add_argument("--firmware", default="1.5.14", choices=list(FIRMWARES), help="generation, default 1.5.14")
+    parser.add_argument("--single-client", default="replace", choices=["replace", "refuse"],
+                        help="a second command client replaces the first (default) or is refused")
+    parser.add_argument("--starvation", default="hold", choices=["hold", "repeat"],
+                        help="a servo stream that runs dry: hold (default) or repeat the last increment")
+    parser.add_argument("--start", default="off", choices=["off", "powered", "enabled"], help="default off")
+    parser.add_argument("--power-delay", type=float, default=8.0, metavar="S", help="simulated s, default 8")
+    parser.add_argument("--enable-delay", type=float, default=4.0, metavar="S", help="simulated s, default 4")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the wire faults, default 0")
+    parser.add_argument("--log", metavar="FILE.mcap", help="log every byte in and out; needs the package mcap")
+    return parser
+
+
+def _panel(arguments: List[str]) -> int:
+    actions = "\n".join("  %-22s %s%s" % (name, action.meaning, "\n%25s%s" % ("", action.parameters)
+                                          if action.parameters else "") for name, action in ACTIONS.items())
+    parser = argparse.ArgumentParser(
+        prog="jaka_sim panel", formatter_class=argparse.RawDescriptionHelpFormatter, epilog="actions:\n" + actions,
+        description="Ask the operator's panel of a running simulated controller; prints its answer, JSON.")
+    parser.add_argument("--port", type=int, required=True, metavar="N", help="the panel's port, from the first line "
+                        "of the simulated controller")
+    parser.add_argument("action", metavar="ACTION", choices=list(ACTIONS))
+    parser.add_argument("parameters", nargs="*", metavar="key=value", help="value is JSON, or text")
+    options = parser.parse_args(arguments)
+    request: Dict[str, Any] = {"action": options.action}
+    for parameter in options.parameters:
+        key, equals, text = parameter.partition("=")
+        if not equals:
+            parser.error("%r is no key=value" % parameter)
+        request[key] = _value(text)
+    try:
+        answer = ask_panel(options.port, request)
+    except JakaError as error:
+        print("jaka_sim: error: %s" % error, file=sys.stderr)
+        return 1
+    if not answer.get("ok"):
+        print("jaka_sim: error: %s" % answer.get("error"), file=sys.stderr)
+        return 1
+    print(json.dumps({key: value for key, value in answer.items() if key != "ok"}))
+    return 0
+
+
+def _value(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,162 @@
+"""A simulated controller inside another program: the whole product, in a thread of its own.
+
+::
+
+    with SimulatedController(model="zu7", time_scale=20.0, start="enabled") as arm:
+        connect(arm.command_port, arm.status_port)
+        arm.panel("hit", force=150.0)
+"""
+import threading
+from typing import Any, Dict, Optional, Type
+
+from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
+from jaka_ros_driver.simulation import panel
+from jaka_ros_driver.simulation.cabinet import Options, Start
+from jaka_ros_driver.simulation.controller import Controller
+from jaka_ros_driver.simulation.firmware import FIRMWARES
+from jaka_ros_driver.simulation.plant import Starvation
+from jaka_ros_driver.simulation.server import LOOPBACK, Addresses, Server
+from jaka_ros_driver.simulation.wire_log import WireLog
+
+MAX_TIME_SCALE = 100.0
+
+
+class SimulatedController:
+    """Listens from its creation on, serves inside ``with`` or from ``start`` to ``close``.
+
+    Attributes:
+        server: Its sockets; its ``controller`` is the state. Touch them through ``panel`` or ``server.call`` only,
+            while it runs.
+    """
+
+    def __init__(self, model: str = "zu7", dh_file: Optional[str] = None, *, time_scale: float = 1.0,
+                 firmware: str = "1.5.14", start: str = "off", power_delay: float = 8.0, enable_delay: float = 4.0,
+                 starvation: str = "hold", single_client: str = "replace", seed: int = 0, log: Optional[str] = None,
+                 host: str = LOOPBACK, command_port: int = 0, status_port: int = 0, poll_port: int = 0,
+                 panel_port: Optional[int] = 0) -> None:
+        """Listen.
+
+        Args:
+            model: Arm model, a name of the models data.
+            dh_file: A file with one model of the user's own, instead.
+            time_scale: Simulated seconds a wall second.
+            firmware: "1.5.14" or "1.7".
+            start: "off", "powered" or "enabled".
+            power_delay: From power_on to energised drives, s of simulated time.
+            enable_delay: From enable_robot to released brakes, s of simulated time.
+            starvation: "hold" or "repeat": what a servo stream that runs dry does.
+            single_client: "replace": a new command client replaces the old; "refuse": it is closed.
+            seed: Of the wire faults.
+            log: File for the wire log; None for none.
+            host: Address for the three ports.
+            command_port: TCP port, 0 for a free one.
+            status_port: As command_port.
+            poll_port: As command_port.
+            panel_port: As command_port, on loopback; None for none.
+
+        Raises:
+            InvalidCommand: A value that is none of those.
+            WireLogError: The log cannot be written.
+            OSError: A port cannot be had.
+        """
+        arm = load_model_file(dh_file) if dh_file else load_model(model)
+        if not 0.0 < time_scale <= MAX_TIME_SCALE:
+            raise InvalidCommand("time scale is %r; it must be above 0 and at most %g" % (time_scale, MAX_TIME_SCALE))
+        if power_delay < 0.0 or enable_delay < 0.0:
+            raise InvalidCommand("delays must not be negative")
+        options = Options(power_delay, enable_delay, _one_of("start", start, {s.value: s for s in Start}),
+                          _one_of("starvation", starvation, {s.value: s for s in Starvation}))
+        refuse = _one_of("single client", single_client, {"replace": False, "refuse": True})
+        controller = Controller(arm, _one_of("firmware", firmware, FIRMWARES), options)
+        self._log = WireLog(log) if log else None
+        self.server = Server(controller, Addresses(host, command_port, status_port, poll_port, panel_port),
+                             time_scale=time_scale, refuse_second_client=refuse, seed=seed, log=self._log)
+        self._thread: Optional[threading.Thread] = None
+        try:
+            self.server.open(lambda request: panel.handle(self.server, request))
+        except OSError:
+            if self._log:
+                self._log.close()
+            raise
+
+    @property
+    def command_port(self) -> int:
+        """Number of the command port."""
+        return self.server.port_numbers["command"]
+
+    @property
+    def status_port(self) -> int:
+        """Number of the status feed's port."""
+        return self.server.port_numbers["status"]
+
+    @property
+    def poll_port(self) -> int:
+        """Number of the polled status port."""
+        return self.server.port_numbers["poll"]
+
+    @property
+    def panel_port(self) -> Optional[int]:
+        """Number of the panel's port; None where it has none."""
+        return self.server.port_numbers.get("panel")
+
+    def panel(self, action: str, **parameters: Any) -> Dict[str, Any]:
+        """One action of the panel, carried out in the server's thread.
+
+        Raises:
+            InvalidCommand: The panel refuses it.
+            ConnectionLost: The controller does not run.
+        """
+        answer: Dict[str, Any] = self.server.call(lambda: panel.handle(self.server, {"action": action, **parameters}))
+        if not answer["ok"]:
+            raise InvalidCommand("panel: %s" % answer["error"])
+        return answer
+
+    def state(self) -> Dict[str, Any]:
+        """What is true of the arm, in wire units; see the panel's action ``state``."""
+        shown: Dict[str, Any] = self.panel("state")["state"]
+        return shown
+
+    def run(self) -> None:
+        """Serve in this thread until ``stop``; then close every socket and the log."""
+        try:
+            self.server.run()
+        finally:
+            self._close_log()
+
+    def stop(self) -> None:
+        """End ``run``; from any thread or signal handler."""
+        self.server.stop()
+
+    def start(self) -> None:
+        """Serve in a thread."""
+        self._thread = threading.Thread(target=self.server.run, name="simulated-controller", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop serving, close every socket and the log; again is no error."""
+        if self._thread is not None:
+            self.stop()
+            self._thread.join()
+            self._thread = None
+        else:
+            self.server.close()
+        self._close_log()
+
+    def _close_log(self) -> None:
+        log, self._log = self._log, None
+        if log:
+            log.close()
+
+    def __enter__(self) -> "SimulatedController":
+        self.start()
+        return self
+
+    def __exit__(self, kind: Optional[Type[BaseException]], error: object, trace: object) -> None:
+        self.close()
+
+
+def _one_of(what: str, value: str, known: Dict[str, Any]) -> Any:
+    if value not in known:
+        raise InvalidCommand("%s is %r; it must be one of %s" % (what, value, ", ".join(known)))
+    return known[value]
