@@ -1,7 +1,8 @@
 """A log open for reading, either format: connections, chunks as blocks, messages in time order."""
 import os
+import zlib
 from types import TracebackType
-from typing import Dict, Iterator, List, NamedTuple, Optional, Type
+from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple, Type
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from .blocks import Array, Block
 from .definitions import Connection
 from .errors import BagFormatError
 from .log_index import ChunkRef, LogIndex, index_of, open_for_reading, read_at
+from .mcap_format import RECORD_HEAD, AttachmentIndex, Cursor, MetadataIndex
 from .output_file import PathLike
 
 _LOOKUP_LIMIT = 1 << 20
@@ -116,6 +118,32 @@ class LogReader:
         """
         for chunk in self.chunks:
             yield self.load(chunk)
+
+    def read_attachment(self, entry: AttachmentIndex) -> bytes:
+        """The content of an attachment.
+
+        Raises:
+            BagFormatError: It is damaged.
+        """
+        raw = read_at(self._descriptor, entry.position, entry.size)
+        cursor = Cursor(raw, RECORD_HEAD.size + 16)
+        cursor.text()
+        cursor.text()
+        data = cursor.raw(cursor.number("Q"))
+        crc = cursor.number("I")
+        if crc and zlib.crc32(raw[RECORD_HEAD.size:cursor.at - 4]) != crc:
+            raise BagFormatError("%s: the CRC of the attachment %s is wrong" % (self.path, entry.name))
+        return data
+
+    def read_metadata(self, entry: MetadataIndex) -> Tuple[str, Dict[str, str]]:
+        """Name and content of a metadata record.
+
+        Raises:
+            BagFormatError: It is damaged.
+        """
+        cursor = Cursor(read_at(self._descriptor, entry.position, entry.size), RECORD_HEAD.size)
+        name = cursor.text()
+        return name, cursor.text_map()
 
     def close(self) -> None:
         """Close the file."""

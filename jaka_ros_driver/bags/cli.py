@@ -1,0 +1,102 @@
+"""``jaka_bag``: one program for state logs; each subcommand is a module that is imported when it is called."""
+import os
+import signal
+import sys
+from typing import List, NamedTuple, Optional
+
+from ..errors import JakaError
+
+PROGRAM = "jaka_bag"
+
+
+class Command(NamedTuple):
+    """One subcommand.
+
+    Attributes:
+        module: Module beside this one that has ``add_arguments(parser)`` and ``run(args) -> int``.
+        summary: One line for ``--help``.
+    """
+
+    module: str
+    summary: str
+
+
+COMMANDS = {
+    "record": Command("record_cli", "record topics (as rosbag record)"),
+    "play": Command("play_cli", "publish the messages of logs (as rosbag play)"),
+    "info": Command("info_cli", "what is in a log (as rosbag info); --freq: rate, jitter, gaps, drops"),
+    "convert": Command("convert_cli", "between .bag, .mcap and rosbag2 folders, one or many; compress"),
+    "filter": Command("filter_cli", "a part of a log: topics, types, times (as rosbag filter)"),
+    "merge": Command("merge_cli", "several logs into one, in the order of time"),
+    "split": Command("split_cli", "one log into several, by size, duration or count"),
+    "recover": Command("recover_cli", "all that can be read of a cut-off or damaged log (as rosbag reindex)"),
+    "plot": Command("plot_cli", "joints, TCP path and states over time as SVG or PNG"),
+    "export": Command("export_cli", "fields of messages as CSV, NPZ or Parquet"),
+    "completion": Command("completion_cli", "completion for bash or zsh"),
+}
+
+
+def _help() -> str:
+    lines = ["usage: %s COMMAND [OPTIONS]" % PROGRAM, "",
+             "State logs of ROS 1, .bag and .mcap alike: the format of an input is seen from its content,",
+             "that of an output from its name. An input is never changed, an output appears only when whole.", "",
+             "commands:"]
+    lines += ["  %-12s%s" % (name, command.summary) for name, command in COMMANDS.items()]
+    lines += ["", "'%s COMMAND --help' tells the options. Exit code: 0 done, 1 failed or partial, 2 usage." % PROGRAM]
+    return "\n".join(lines)
+
+
+def _run(name: str, arguments: List[str]) -> int:
+    import argparse
+    import importlib
+
+    module = importlib.import_module("." + COMMANDS[name].module, __package__)
+    parser = argparse.ArgumentParser("%s %s" % (PROGRAM, name), description=COMMANDS[name].summary,
+                                     formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    module.add_arguments(parser)
+    result: int = module.run(parser.parse_args(arguments))
+    sys.stdout.flush()
+    return result
+
+
+def _end_at_sigterm() -> None:
+    """SIGTERM as Ctrl-C, so that no half file stays; only where nobody else has decided about it."""
+    try:
+        if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
+    except ValueError:  # not in the main thread: whoever runs us there decides
+        pass
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run one subcommand; the result is the exit code: 0 done, 1 failed or partial, 2 usage."""
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        print(_help(), file=sys.stdout if arguments else sys.stderr)
+        return 0 if arguments else 2
+    name = arguments[0]
+    if name not in COMMANDS:
+        import difflib
+        near = difflib.get_close_matches(name, COMMANDS, 1)
+        print("%s: error: no command %r%s (see %s --help)"
+              % (PROGRAM, name, ", did you mean %r?" % near[0] if near else "", PROGRAM), file=sys.stderr)
+        return 2
+    _end_at_sigterm()
+    try:
+        return _run(name, arguments[1:])
+    except SystemExit as end:  # argparse: help or usage
+        return end.code if isinstance(end.code, int) else 2
+    except JakaError as error:
+        print("%s: error: %s" % (PROGRAM, " ".join(str(error).split())), file=sys.stderr)
+    except BrokenPipeError:  # the reader of our output has gone: nobody is left to be told
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        where = "%s: " % error.filename if error.filename else ""
+        print("%s: error: %s%s" % (PROGRAM, where, error.strerror or error), file=sys.stderr)
+    except KeyboardInterrupt:
+        print("%s: interrupted, nothing was written" % PROGRAM, file=sys.stderr)
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
