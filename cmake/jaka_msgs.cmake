@@ -37,25 +37,13 @@ else()
 endif()
 
 if(IS_DIRECTORY "${workspace_source}")
-  # catkin's own crawl: it honours CATKIN_IGNORE, follows links, and does not see the nested package.
-  execute_process(
-    COMMAND ${PYTHON_EXECUTABLE} -c "import sys
-from catkin_pkg.packages import find_packages
-sys.stdout.write(';'.join(sys.argv[1] + '/' + path for path, package in find_packages(sys.argv[1]).items() if package.name == 'jaka_msgs'))"
-      ${workspace_source}
-    OUTPUT_VARIABLE other_jaka_msgs RESULT_VARIABLE crawl_failed)
-  if(crawl_failed)
-    message(FATAL_ERROR "cannot look for a second jaka_msgs in ${workspace_source}")
+  set(check ${PYTHON_EXECUTABLE} ${PROJECT_SOURCE_DIR}/cmake/check_jaka_msgs_is_alone.py
+    ${PROJECT_SOURCE_DIR}/jaka_msgs ${workspace_source})
+  execute_process(COMMAND ${check} RESULT_VARIABLE check_failed ERROR_VARIABLE check_error)
+  if(check_failed)
+    message(FATAL_ERROR "\n${check_error}")
   endif()
-  if(other_jaka_msgs)
-    message(FATAL_ERROR "this workspace holds two packages named jaka_msgs:
-  ${PROJECT_SOURCE_DIR}/jaka_msgs
-  ${other_jaka_msgs}
-Their generated code would get mixed. Keep one of them:
-  - that of jaka_ros_driver:  touch ${other_jaka_msgs}/CATKIN_IGNORE
-  - the other one:            export JAKA_MSGS_EXTERNAL=1
-and build again from an empty build and devel folder.")
-  endif()
+  add_custom_target(check_jaka_msgs_is_alone ALL COMMAND ${check})  # a second one may come after the first build
 endif()
 
 add_subdirectory(jaka_msgs)

@@ -43,15 +43,17 @@ def test_another_jaka_msgs_in_the_workspace_is_an_error_with_two_ways_out(builde
         assert part in said.stdout
 
 
-def test_the_other_jaka_msgs_can_be_ignored(make_workspace, shell, cmake_options):
+def test_the_other_jaka_msgs_can_be_ignored_and_is_seen_when_it_comes_later(make_workspace, shell, cmake_options):
     workspace = make_workspace()
     other = workspace / "src" / "other"
     other.mkdir()
     for path in Path(__file__).with_name("other_jaka_msgs").iterdir():
         os.symlink(str(path), str(other / path.name))
     (other / "CATKIN_IGNORE").touch()
-    shell(builder_command("catkin_make", cmake_options, "clean"), cwd=workspace)  # configures, builds nothing
-    assert "motion_state" in shell("rosmsg show jaka_msgs/RobotMsg", workspace / "devel/setup.bash").stdout
+    shell(builder_command("catkin_make", cmake_options, "check_jaka_msgs_is_alone"), cwd=workspace)
+    (other / "CATKIN_IGNORE").unlink()
+    said = shell("make -C build check_jaka_msgs_is_alone", cwd=workspace, check=False)
+    assert said.returncode != 0 and "two packages named jaka_msgs" in said.stdout
 
 
 def test_the_other_jaka_msgs_can_be_used(make_workspace, shell, cmake_options):
