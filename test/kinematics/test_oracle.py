@@ -42,21 +42,22 @@ def test_every_original_is_among_the_solutions(name):
         assert max(dh_oracle.error(dh_oracle.flange(model, branch), target) for branch in branches) < 1e-9
 
 
-@pytest.mark.parametrize("name", KNOWN_TO_EAIK)
-def test_the_solutions_are_those_of_eaik(name):
-    model, robot, rng = load_model(name), eaik_robot(load_model(name)), random.Random(22)
-    offsets = np.array([row.theta_offset for row in model.dh])
-    poses = [dh_oracle.random_joints(model, rng) for _ in range(POSES)]
-    targets = [dh_oracle.flange(model, joints) for joints in poses]
-    for joints, target, solved in zip(poses, targets, robot.IK_batched(targets, 1)):
-        assert dh_oracle.error(robot.fwdKin(np.array(joints) + offsets), target) < 1e-12
-        ours = inverse.inverse_all(model, forward(model, joints))
-        theirs = [angles - offsets for angles in solved.Q
-                  if dh_oracle.error(dh_oracle.flange(model, angles - offsets), target) < 1e-9]
-        for branch in theirs:
-            assert nearest(branch, ours) < 1e-6 / max(1e-3, min(singularity_measures(model, branch)))
-        if theirs and min(min(singularity_measures(model, branch)) for branch in ours) > 1e-3:
-            assert all(nearest(branch, theirs) < 1e-6 for branch in ours)
+if KNOWN_TO_EAIK:
+    @pytest.mark.parametrize("name", KNOWN_TO_EAIK)
+    def test_the_solutions_are_those_of_eaik(name):
+        model, robot, rng = load_model(name), eaik_robot(load_model(name)), random.Random(22)
+        offsets = np.array([row.theta_offset for row in model.dh])
+        poses = [dh_oracle.random_joints(model, rng) for _ in range(POSES)]
+        targets = [dh_oracle.flange(model, joints) for joints in poses]
+        for joints, target, solved in zip(poses, targets, robot.IK_batched(targets, 1)):
+            assert dh_oracle.error(robot.fwdKin(np.array(joints) + offsets), target) < 1e-12
+            ours = inverse.inverse_all(model, forward(model, joints))
+            theirs = [angles - offsets for angles in solved.Q
+                      if dh_oracle.error(dh_oracle.flange(model, angles - offsets), target) < 1e-9]
+            for branch in theirs:
+                assert nearest(branch, ours) < 1e-6 / max(1e-3, min(singularity_measures(model, branch)))
+            if theirs and min(min(singularity_measures(model, branch)) for branch in ours) > 1e-3:
+                assert all(nearest(branch, theirs) < 1e-6 for branch in ours)
 
 
 @pytest.mark.parametrize("name", ["zu7", "minicobo", "a12"])
