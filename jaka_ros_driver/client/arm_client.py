@@ -136,7 +136,7 @@ class ArmClient:
             ConnectionLost: The link is down.
             ProtocolError: The reply does not hold the answer.
         """
-        limits.check(command, self.model, self.status.state)
+        limits.check(command, self.model)
         return self._links.command.request(command)
 
     def require_free(self) -> None:
@@ -162,7 +162,7 @@ class ArmClient:
             ReplyTimeout, ConnectionLost: As ``execute``.
         """
         stops = self._stops
-        limits.check(command, self.model, self.status.state)
+        limits.check(command, self.model)
         state = self._require_ready_to_move()
         self._ownership.claim(MotionOwner.MOVE, may_share=not wait)
         waiter = self._begin_motion(command, MotionOwner.MOVE, stops, state, self.settings.motion_timeout)
@@ -177,7 +177,7 @@ class ArmClient:
         """
         with self._jog_calls:
             stops = self._stops
-            limits.check(command, self.model, self.status.state)
+            limits.check(command, self.model)
             state = self._require_ready_to_move()
             if self._jog_watchdog.keep_going(command):
                 return

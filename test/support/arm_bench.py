@@ -1,0 +1,110 @@
+"""A simulated controller on real sockets, and the driver's client connected to it.
+
+What the client did is judged by the controller's own log of bytes and true joints.
+"""
+import threading
+import time
+
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.protocol.framing import ObjectStream
+from jaka_ros_driver.simulation.simulated_controller import SimulatedController
+from jaka_ros_driver.simulation.wire_log import TrueJoints, WireEvent, read_log
+
+WAIT = 20.0
+
+
+def eventually(condition, timeout=WAIT):
+    """Wait until the condition holds; its last value is returned, and is false after the time-out."""
+    deadline = time.monotonic() + timeout
+    while True:
+        value = condition()
+        if value or time.monotonic() > deadline:
+            return value
+        time.sleep(0.005)
+
+
+class Bench:
+    """One simulated controller with its log, and the client that drives it."""
+
+    def __init__(self, folder, **options):
+        self.log_file = str(folder / "wire.mcap")
+        options = {"start": "enabled", **options}
+        self.controller = SimulatedController(log=self.log_file, **options)
+        self.controller.start()
+        self.arm = None
+        self._log = None
+
+    def connect(self, ready=True, **settings):
+        """A client with these settings."""
+        self.arm = ArmClient(ClientSettings("127.0.0.1", self.controller.command_port, self.controller.status_port,
+                                            **settings), load_model("zu7"))
+        self.arm.start()
+        if ready:
+            assert eventually(lambda: self.arm.is_ready)
+        return self.arm
+
+    def panel(self, action, **parameters):
+        return self.controller.panel(action, **parameters)
+
+    def is_moving(self):
+        return self.controller.state()["is_moving"]
+
+    def close(self):
+        if self.arm is not None:
+            self.arm.close()
+            self.arm = None
+        self.controller.close()
+
+    # ---- verdicts, after close ----
+
+    def log(self):
+        self.close()
+        if self._log is None:
+            self._log = read_log(self.log_file)
+        return self._log
+
+    def received(self):
+        """(time s, request) of all that came in on the command port."""
+        streams, requests = {}, []
+        for event in self.log():
+            if isinstance(event, WireEvent) and event.port == "command" and event.what == "in":
+                stream = streams.setdefault(event.connection, ObjectStream())
+                requests += [(event.time_ns * 1e-9, request) for request in stream.feed(event.data)]
+        return requests
+
+    def times_of(self, name):
+        return [at for at, request in self.received() if request["cmdName"] == name]
+
+    def joints(self):
+        return [(item.time_ns * 1e-9, item.joint_position) for item in self.log() if isinstance(item, TrueJoints)]
+
+    def rest_after(self, moment):
+        """When the arm came to rest for good after this moment, s."""
+        path = [(at, joints) for at, joints in self.joints() if at >= moment]
+        end = path[-1][1]
+        return next(at for at, joints in path if all(
+            max(abs(a - b) for a, b in zip(later, end)) < 1e-6 for _, later in path if _ >= at))
+
+
+class Call:
+    """A call in a thread of its own, and how it ended."""
+
+    def __init__(self, function, *args, **kwargs):
+        self.error = None
+        self.ended_at = None
+        self._thread = threading.Thread(target=self._run, args=(function, args, kwargs), daemon=True)
+        self._thread.start()
+
+    def _run(self, function, args, kwargs):
+        try:
+            function(*args, **kwargs)
+        except Exception as error:
+            self.error = error
+        self.ended_at = time.monotonic()
+
+    def join(self):
+        self._thread.join(WAIT)
+        assert not self._thread.is_alive(), "the call did not return"
+        return self.error
