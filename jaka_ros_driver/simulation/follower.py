@@ -3,7 +3,7 @@ from typing import Optional, Sequence
 
 from jaka_ros_driver.simulation import events
 from jaka_ros_driver.simulation.events import PlantEvent
-from jaka_ros_driver.simulation.profiles import HAS_RUCKIG, JERK_TIME, Profile, stopping_way
+from jaka_ros_driver.simulation.profiles import Profile, stopping_way
 from jaka_ros_driver.simulation.routes import Route
 from jaka_ros_driver.state import Vector
 
@@ -21,14 +21,12 @@ class Follower:
         fault: Set where the path turned out not to be passable; the joints then are those before it.
     """
 
-    JERK_TIME = JERK_TIME if HAS_RUCKIG else 0.0
-
-    def __init__(self, route: Route, max_joint_speed: Sequence[float]) -> None:
+    def __init__(self, route: Route, max_joint_speed: Sequence[float], jerk_limited: bool) -> None:
         self.route = route
         self.joints = route.start_joints
         self.is_ending = False
         self.fault: Optional[PlantEvent] = None
-        self._profile = Profile()
+        self._profile = Profile(jerk_limited)
         self._max_joint_speed = max_joint_speed
         self._aimed_at = (-1.0, -1.0, -1.0)
         self._is_braking = False
@@ -55,7 +53,7 @@ class Follower:
 
     def take_limits_of(self, route: Route) -> bool:
         """Go on along a route of the same geometry with its limits; False where it ends before the arm."""
-        needed = stopping_way(self.speed, route.stopping_acceleration(self.way, 0.0), self.JERK_TIME)
+        needed = stopping_way(self.speed, route.stopping_acceleration(self.way, 0.0), self._profile.jerk_time)
         if route.length <= self.way + needed:
             return False
         self.route = route
@@ -85,7 +83,10 @@ class Follower:
         return where
 
     def step(self, dt: float, rate: float) -> Vector:
-        """One cycle at a share of the speed; rate 0 slows down to a standstill and waits. Returns the joints."""
+        """One cycle at a share of the speed; returns the joints.
+
+        Rate 0 slows down to a standstill and waits; a higher rate goes on once the standstill is reached.
+        """
         if not self.is_ending:
             self._steer(rate)
         way = self._profile.step(dt)
@@ -105,6 +106,8 @@ class Follower:
         if rate <= 0.0:
             if not self._is_braking:
                 self._brake()
+            return
+        if self._is_braking and not profile.at_rest:
             return
         self._is_braking = False
         speed, acceleration = route.limits(profile.position, profile.velocity, profile.jerk_time)

@@ -8,6 +8,7 @@ from jaka_ros_driver.simulation.arm_frames import ArmFrames
 from jaka_ros_driver.simulation.events import PlantEvent, TargetRejected
 from jaka_ros_driver.simulation.follower import Follower
 from jaka_ros_driver.simulation.legs import Leg
+from jaka_ros_driver.simulation.profiles import jerk_time
 from jaka_ros_driver.simulation.routes import CartesianRoute, JointRoute, Route
 from jaka_ros_driver.state import Vector
 
@@ -31,7 +32,9 @@ class MotionQueue:
         fault: Set where the running path turned out impassable; the owner brings the arm to rest and clears.
     """
 
-    def __init__(self, frames: ArmFrames) -> None:
+    def __init__(self, frames: ArmFrames, jerk_limited: bool) -> None:
+        self._jerk_limited = jerk_limited
+        self._jerk_time = jerk_time(jerk_limited)
         self.is_paused = False
         self.motion_line = 0
         self.fault: Optional[PlantEvent] = None
@@ -86,12 +89,12 @@ class MotionQueue:
         self._check_room()
         if self._waiting:
             last = self._waiting[-1].route
-            if isinstance(last, CartesianRoute) and last.append(leg, 0.0, 0.0, Follower.JERK_TIME):
+            if isinstance(last, CartesianRoute) and last.append(leg, 0.0, 0.0, self._jerk_time):
                 return
         elif self._running is not None and not self._running.is_ending:
             running = self._running
             if isinstance(running.route, CartesianRoute) and running.route.append(
-                    leg, running.way, running.speed, Follower.JERK_TIME):
+                    leg, running.way, running.speed, self._jerk_time):
                 return
         route = CartesianRoute(self._frames, leg, start_joints)
         if route.break_event is not None and route.length < 1e-6:
@@ -183,7 +186,7 @@ class MotionQueue:
             self._waiting.append(entry)
 
     def _start(self, entry: _Entry) -> None:
-        self._running = Follower(entry.route, self._frames.model.joint_max_speed)
+        self._running = Follower(entry.route, self._frames.model.joint_max_speed, self._jerk_limited)
         self._running_jog = entry.jog
 
     def _end_running(self) -> None:

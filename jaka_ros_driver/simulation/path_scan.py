@@ -17,7 +17,9 @@ SINGULAR_REFERENCE_SPEED = 0.25
 _BEND = 0.01  # rad; a stretch whose middle is so far off its chord, joint by joint, is split
 _CHORD = 0.25  # rad; so is one over which a joint moves further than this
 _SHORTEST = 2e-4  # m; stretches are not split below this
-_EDGE = 1e-7  # m; the place where a path breaks off is found so exactly
+_LIMIT_EDGE = 1e-7  # m; the place where a joint meets its limit is found so exactly
+_REACH_EDGE = 4e-5  # m; the edge of the reach is
+_REACH_MARGIN = 2e-4  # m; so far before it paths end: right at it joints turn infinitely fast
 _SPEED_SHARE = 0.95  # of the joint speed limits is used along a path
 _BUDGET = 0.5  # of the joint acceleration limits for changing speed along the path; the rest for its bends
 _BEND_MARGIN = 1.4  # bends within a stretch may be sharper than their mean
@@ -62,6 +64,7 @@ class PathScan:
         """
         length = limits.way
         self.stretches: List[Stretch] = []
+        self._starts: List[Vector] = []  # joints at the start of each stretch
         self.joints = start_joints
         self.broken: Optional[Break] = None
         self._frames, self._joints_of, self._at = frames, joints_of, at
@@ -81,8 +84,8 @@ class PathScan:
         else:
             problem = self._outside(middle) or self._outside(last)
         if problem is not None:
-            if width < _EDGE:
-                self.broken = Break(begin, problem)
+            if width < (_REACH_EDGE if problem.joint is None else _LIMIT_EDGE):
+                self._break_off(begin, problem)
                 return False
             return self._walk(begin, begin + 0.5 * width) and self._walk(begin + 0.5 * width, end)
         assert middle is not None and last is not None
@@ -95,8 +98,16 @@ class PathScan:
             self.broken = Break(begin, events.event(events.SINGULARITY))
             return False
         self.stretches.append(stretch)
+        self._starts.append(start)
         self.joints = last
         return True
+
+    def _break_off(self, way: float, cause: PlantEvent) -> None:
+        edge = way
+        while cause.joint is None and self.stretches and edge - way < _REACH_MARGIN:
+            way -= self.stretches.pop().way
+            self.joints = self._starts.pop()
+        self.broken = Break(way, cause)
 
     def _outside(self, joints: Vector) -> Optional[PlantEvent]:
         outside = self._frames.joint_outside(joints)
@@ -118,11 +129,17 @@ class PathScan:
 
 
 def merged(stretches: Sequence[Stretch]) -> Tuple[Stretch, ...]:
-    """Neighbours with the same limits made one."""
+    """Neighbours with nearly the same limits, and very short ones, made one with the lower limits of the two."""
     result: List[Stretch] = []
     for stretch in stretches:
-        if result and result[-1][1:] == stretch[1:]:
-            result[-1] = stretch._replace(way=result[-1].way + stretch.way)
+        last = result[-1] if result else None
+        if last is not None and (min(last.way, stretch.way) < _SHORTEST or _nearly_same(last, stretch)):
+            result[-1] = Stretch(last.way + stretch.way, min(last.speed, stretch.speed),
+                                 min(last.acceleration, stretch.acceleration), min(last.braking, stretch.braking))
         else:
             result.append(stretch)
     return tuple(result)
+
+
+def _nearly_same(a: Stretch, b: Stretch) -> bool:
+    return all(abs(x - y) <= 0.02 * min(x, y) for x, y in zip(a[1:3], b[1:3]))

@@ -46,7 +46,7 @@ class Plant:
     """
 
     def __init__(self, model: ArmModel, joint_position: Sequence[float] = HOME, *,
-                 starvation: Starvation = Starvation.HOLD, settle_time: float = 0.04) -> None:
+                 starvation: Starvation = Starvation.HOLD, settle_time: float = 0.04, jerk_limited: bool = True) -> None:
         """An arm at rest.
 
         Args:
@@ -55,6 +55,7 @@ class Plant:
             starvation: What to do when a servo stream runs dry.
             settle_time: For at least so long after a move was accepted is_in_position stays False, s; set it to
                 the period of the status feed, so that the first frame after acceptance shows it.
+            jerk_limited: Build acceleration of moves and jogs up and down smoothly, where ruckig is installed.
         """
         self.settle_time = settle_time
         self.starvation = starvation
@@ -63,7 +64,7 @@ class Plant:
         self._before = self._joints
         self._dt = CYCLE_TIME
         self._velocity = _STILL
-        self._queue = MotionQueue(self._frames)
+        self._queue = MotionQueue(self._frames, jerk_limited)
         self._servo: Optional[ServoStream] = None
         self._guiding: Optional[HandGuiding] = None
         self._coast: Optional[Coast] = None

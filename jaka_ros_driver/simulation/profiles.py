@@ -22,6 +22,11 @@ _STEEPER = 1.25
 _STEEPER_TRIES = 16
 
 
+def jerk_time(jerk_limited: bool) -> float:
+    """s over which acceleration builds up in a jerk-limited profile, or in one that is not."""
+    return JERK_TIME if jerk_limited and HAS_RUCKIG else 0.0
+
+
 class Profile:
     """Way, speed and acceleration along a path, moved by ``step``; units are those of the path (m or rad).
 
@@ -32,11 +37,12 @@ class Profile:
         jerk_time: s over which acceleration builds up; 0 without ruckig.
     """
 
-    def __init__(self, jerk_limited: bool = HAS_RUCKIG) -> None:
+    def __init__(self, jerk_limited: bool = True) -> None:
+        """jerk_limited: has no effect without ruckig."""
         self.position = 0.0
         self.velocity = 0.0
         self.acceleration = 0.0
-        self.jerk_time = JERK_TIME if jerk_limited and HAS_RUCKIG else 0.0
+        self.jerk_time = jerk_time(jerk_limited)
         self._target: Optional[float] = None
         self._max_velocity = 0.0
         self._max_acceleration = 1.0
@@ -157,7 +163,7 @@ class Profile:
         plan.current_velocity = [self.velocity]
         plan.current_acceleration = [self.acceleration]
         plan.max_acceleration = [acceleration]
-        plan.max_jerk = [acceleration / self.jerk_time]
+        plan.max_jerk = [max(acceleration, abs(self.acceleration)) / self.jerk_time]
         return plan
 
     def _solve(self, plan: Any) -> Any:

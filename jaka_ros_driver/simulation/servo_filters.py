@@ -161,14 +161,15 @@ class CartesianLimits(Filter):
 class Tracker:
     """Several coordinates that follow targets, each as fast as the same limits allow."""
 
-    def __init__(self, positions: Sequence[float], limits: Tuple[float, float, float]) -> None:
+    def __init__(self, positions: Sequence[float], limits: Tuple[float, float, float], jerk_limited: bool = True
+                 ) -> None:
         """limits: speed, acceleration, jerk in the unit of the coordinates per s, s2, s3."""
         self._position = list(positions)
         self._velocity = [0.0] * len(self._position)
         self._acceleration = [0.0] * len(self._position)
         self._speed_limit, self._acceleration_limit, jerk = limits
         self._plan: Any = None
-        if _ruckig is not None:
+        if _ruckig is not None and jerk_limited:
             size = len(self._position)
             self._solver, self._trajectory = _ruckig.Ruckig(size), _ruckig.Trajectory(size)
             self._plan = _ruckig.InputParameter(size)
