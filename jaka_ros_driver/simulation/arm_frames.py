@@ -24,6 +24,9 @@ from jaka_ros_driver.state import Vector
 LIMIT_TOLERANCE = 1e-5
 """rad; a joint this near to its soft limit stands on it."""
 
+SAME_ANGLE = 1e-6
+"""rad; a target this near to where the arm will be is where it will be."""
+
 
 def finite_six(what: str, values: Sequence[float]) -> Vector:
     """The values as a tuple.
@@ -180,6 +183,11 @@ def nearest_joints(model: ArmModel, base_t_flange: Transform, reference: Sequenc
         if cost < best_cost:
             best, best_cost = (r1 + d1, r2 + d2, r3 + d3, r4 + d4, r5 + d5, r6 + d6), cost
     return best
+
+
+def same_joints(a: Vector, b: Vector) -> bool:
+    """True where two joint positions are one for a move."""
+    return all(abs(x - y) < SAME_ANGLE for x, y in zip(a, b))
 
 
 def _turn_within(angle: float, near: float, low: float, high: float) -> float:

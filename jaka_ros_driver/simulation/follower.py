@@ -2,6 +2,7 @@
 from typing import Optional, Sequence
 
 from jaka_ros_driver.simulation import events
+from jaka_ros_driver.simulation.arm_frames import same_joints
 from jaka_ros_driver.simulation.events import PlantEvent
 from jaka_ros_driver.simulation.profiles import Profile, stopping_way
 from jaka_ros_driver.simulation.routes import Route
@@ -27,7 +28,7 @@ class Follower:
         self.is_ending = False
         self.fault: Optional[PlantEvent] = None
         self._profile = Profile(jerk_limited)
-        self._max_joint_speed = max_joint_speed
+        self._joint_limits = [speed * _OVERSPEED for speed in max_joint_speed]
         self._aimed_at = (-1.0, -1.0, -1.0)
         self._is_braking = False
 
@@ -52,9 +53,10 @@ class Follower:
         return self.way >= self.route.length
 
     def take_limits_of(self, route: Route) -> bool:
-        """Go on along a route of the same geometry with its limits; False where it ends before the arm."""
+        """Go on along a route of the same geometry with its limits; False where it is another, or ends too soon."""
         needed = stopping_way(self.speed, route.stopping_acceleration(self.way, 0.0), self._profile.jerk_time)
-        if route.length <= self.way + needed:
+        here = route.joints_at(self.way, self.joints)
+        if route.length <= self.way + needed or here is None or not same_joints(here, self.joints):
             return False
         self.route = route
         return True
@@ -91,11 +93,8 @@ class Follower:
             self._steer(rate)
         way = self._profile.step(dt)
         joints = self.route.joints_at(way, self.joints)
-        if joints is None:
-            self.fault = events.event(events.SINGULARITY)
-            return self.joints
-        if not all(-limit <= (b - a) / dt <= limit for a, b, limit in
-                   zip(self.joints, joints, [v * _OVERSPEED for v in self._max_joint_speed])):
+        if joints is None or not all(
+                -limit <= (b - a) / dt <= limit for a, b, limit in zip(self.joints, joints, self._joint_limits)):
             self.fault = events.event(events.SINGULARITY)
             return self.joints
         self.joints = joints

@@ -27,14 +27,14 @@ class MotionQueue:
     """Runs routes one after the other; what is told to stop slows down first and lets later routes follow.
 
     Attributes:
+        jerk_limited: Of the moves and jogs to come.
         is_paused: True from ``pause`` until ``resume`` or the end of the queue.
         motion_line: ``executing_line_id`` of the move running or last run.
         fault: Set where the running path turned out impassable; the owner brings the arm to rest and clears.
     """
 
     def __init__(self, frames: ArmFrames, jerk_limited: bool) -> None:
-        self._jerk_limited = jerk_limited
-        self._jerk_time = jerk_time(jerk_limited)
+        self.jerk_limited = jerk_limited
         self.is_paused = False
         self.motion_line = 0
         self.fault: Optional[PlantEvent] = None
@@ -89,26 +89,30 @@ class MotionQueue:
         self._check_room()
         if self._waiting:
             last = self._waiting[-1].route
-            if isinstance(last, CartesianRoute) and last.append(leg, 0.0, 0.0, self._jerk_time):
+            if isinstance(last, CartesianRoute) and last.append(leg, 0.0, 0.0, jerk_time(self.jerk_limited)):
                 return
         elif self._running is not None and not self._running.is_ending:
             running = self._running
             if isinstance(running.route, CartesianRoute) and running.route.append(
-                    leg, running.way, running.speed, self._jerk_time):
+                    leg, running.way, running.speed, jerk_time(self.jerk_limited)):
                 return
         route = CartesianRoute(self._frames, leg, start_joints)
         if route.break_event is not None and route.length < 1e-6:
             raise TargetRejected(*_of_move(route.break_event)[:2])
         self._enter(_Entry(route))
 
-    def jog(self, axis: JogAxis, route: Route) -> bool:
-        """Start a jog, or change the speed of the same one; False where another motion runs."""
-        if self._running_jog == axis and self._running is not None and not self._running.is_ending:
-            return self._running.take_limits_of(route)
-        if self._waiting or (self._running is not None and not self._running.is_ending):
-            return False
+    @property
+    def takes_jog(self) -> bool:
+        """True where nothing waits and nothing runs but what slows down for good."""
+        return not self._waiting and (self._running is None or self._running.is_ending)
+
+    def start_jog(self, axis: JogAxis, route: Route) -> None:
+        """Start a jog once the arm stands; only where ``takes_jog``."""
         self._enter(_Entry(route, axis))
-        return True
+
+    def change_jog(self, route: Route) -> bool:
+        """Let the running jog go on with the limits of a route of the same geometry; False where it can't."""
+        return self._running is not None and self._running.take_limits_of(route)
 
     def running_jog_start(self, axis: JogAxis) -> Optional[Vector]:
         """Joints where the jog of this axis began; None unless it runs."""
@@ -186,7 +190,7 @@ class MotionQueue:
             self._waiting.append(entry)
 
     def _start(self, entry: _Entry) -> None:
-        self._running = Follower(entry.route, self._frames.model.joint_max_speed, self._jerk_limited)
+        self._running = Follower(entry.route, self._frames.model.joint_max_speed, self.jerk_limited)
         self._running_jog = entry.jog
 
     def _end_running(self) -> None:

@@ -5,6 +5,7 @@ from typing import Optional
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import Transform, distance_between, rotation_angle_between
 from jaka_ros_driver.simulation import events
+from jaka_ros_driver.simulation.arm_frames import SAME_ANGLE, ArmFrames
 from jaka_ros_driver.simulation.events import TargetRejected
 from jaka_ros_driver.simulation.legs import Pace
 from jaka_ros_driver.state import Vector
@@ -18,10 +19,11 @@ DEFAULT_ROTATION_SPEED = 3.14
 DEFAULT_ROTATION_ACCELERATION = 12.56
 """rad/s2: as DEFAULT_ROTATION_SPEED."""
 
-SAME_ANGLE = 1e-6
-"""rad; a target so near to the end of the queue is the end of the queue."""
 SAME_PLACE = 1e-6
-"""m; likewise."""
+"""m; a target so near to the end of the queue is the end of the queue."""
+
+_TOOL_RATE_PIECE = 0.1  # rad of the joint with the longest way between two looks
+_TOOL_RATE_MARGIN = 1.02  # the tool is a little faster between two looks than from one to the other
 
 
 def positive(what: str, value: Optional[float], default: float) -> float:
@@ -54,11 +56,17 @@ def tool_pace(model: ArmModel, speed: float, acceleration: Optional[float], rota
         strongest)
 
 
-def same_joints(a: Vector, b: Vector) -> bool:
-    """True where two joint positions are one for a move."""
-    return all(abs(x - y) < SAME_ANGLE for x, y in zip(a, b))
-
-
 def same_pose(a: Transform, b: Transform) -> bool:
     """True where two poses are one for a move."""
     return distance_between(a, b) < SAME_PLACE and rotation_angle_between(a, b) < SAME_ANGLE
+
+
+def tool_rate(frames: ArmFrames, start: Vector, end: Vector) -> float:
+    """How far the tool centre point goes while the joint with the longest way turns by 1 rad, at most, m/rad."""
+    length = max(abs(b - a) for a, b in zip(start, end))
+    pieces = math.ceil(length / _TOOL_RATE_PIECE)
+    fastest, last = 0.0, frames.tool_at(start)
+    for n in range(1, pieces + 1):
+        tool = frames.tool_at([a + (b - a) * n / pieces for a, b in zip(start, end)])
+        fastest, last = max(fastest, distance_between(last, tool)), tool
+    return _TOOL_RATE_MARGIN * fastest * pieces / length

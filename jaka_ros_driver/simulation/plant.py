@@ -15,14 +15,15 @@ from jaka_ros_driver.commands import JogFrame, Pose
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import distance_between
 from jaka_ros_driver.simulation import events
-from jaka_ros_driver.simulation.arm_frames import ArmFrames, checked_transform, finite_six
+from jaka_ros_driver.simulation.arm_frames import ArmFrames, checked_transform, finite_six, same_joints
 from jaka_ros_driver.simulation.coasting import Coast
 from jaka_ros_driver.simulation.events import PlantEvent, TargetRejected
 from jaka_ros_driver.simulation.hand_guiding import HandGuiding
 from jaka_ros_driver.simulation.jog import JogMode, jog_route
 from jaka_ros_driver.simulation.legs import Leg, Line, arc_through
+from jaka_ros_driver.simulation.limit_watch import NEAR_LIMIT, LimitWatch
 from jaka_ros_driver.simulation.motion_queue import MotionQueue
-from jaka_ros_driver.simulation.moves import DEFAULT_JOINT_ACCELERATION, positive, same_joints, same_pose, tool_pace
+from jaka_ros_driver.simulation.moves import DEFAULT_JOINT_ACCELERATION, positive, same_pose, tool_pace, tool_rate
 from jaka_ros_driver.simulation.routes import JointRoute
 from jaka_ros_driver.simulation.servo import CYCLE_TIME, ServoStream, Starvation
 from jaka_ros_driver.simulation.servo_filters import ServoFilter, checked_parameters, make_filter
@@ -32,8 +33,6 @@ __all__ = ["CYCLE_TIME", "HOME", "JogMode", "NEAR_LIMIT", "Plant", "ServoFilter"
 
 HOME = (0.0, math.pi / 2, -math.pi / 2, math.pi / 2, math.pi / 2, 0.0)
 """rad; away from the singularities of the main family."""
-NEAR_LIMIT = math.radians(2.0)
-"""rad; a joint nearer to a soft limit is about to hit it. No vendor value exists."""
 
 _STILL: Vector = (0.0,) * 6
 
@@ -46,7 +45,8 @@ class Plant:
     """
 
     def __init__(self, model: ArmModel, joint_position: Sequence[float] = HOME, *,
-                 starvation: Starvation = Starvation.HOLD, settle_time: float = 0.04, jerk_limited: bool = True) -> None:
+                 starvation: Starvation = Starvation.HOLD, settle_time: float = 0.04, jerk_limited: bool = True
+                 ) -> None:
         """An arm at rest.
 
         Args:
@@ -74,7 +74,7 @@ class Plant:
         self._unsettled = 0.0
         self._add_error_line = 0
         self._events: List[PlantEvent] = []
-        self._was_near: Tuple[int, ...] = self._near()
+        self._watch = LimitWatch(model, self._joints)
         self._pose: Optional[Pose] = None
 
     # --- what can be seen -------------------------------------------------------------------------------------------
@@ -156,8 +156,8 @@ class Plant:
     @property
     def near_limit(self) -> Tuple[bool, ...]:
         """For each joint, True close to a soft limit (feed field ``drag_near_limit``)."""
-        near = self._near()
-        return tuple(joint + 1 in near or -joint - 1 in near for joint in range(6))
+        near = [joint for joint, _ in self._watch.near(self._joints)]
+        return tuple(joint in near for joint in range(6))
 
     @property
     def rapid_rate(self) -> float:
@@ -282,6 +282,7 @@ class Plant:
         start = self._frames.tool_at(joints)
         through = self._frames.displaced(start, via) if relative else self._frames.in_base(via)
         end = self._frames.displaced(start, target) if relative else self._frames.in_base(target)
+        self._frames.reachable_joints(through, joints)
         if same_pose(start, end) and same_pose(start, through):
             return self._already_there(line_id)
         arc = arc_through(start, through, end, turns, circle_mode, pace, line_id or 0)
@@ -316,6 +317,10 @@ class Plant:
         self._queue.clear()
         self._servo = self._guiding = None
 
+    def set_jerk_limited(self, jerk_limited: bool) -> None:
+        """S-curve (with ruckig) or trapezoid for the moves and jogs to come (``set_motion_planner``)."""
+        self._queue.jerk_limited = jerk_limited
+
     def set_rapid_rate(self, rate: float) -> None:
         """Speed override of queued moves and jogs, 0 to 1; works in mid-motion.
 
@@ -345,17 +350,17 @@ class Plant:
             TargetRejected: Bad numbers, or the jog leads beyond a limit or out of reach at once.
         """
         self._check_planned_mode()
-        key = (frame, axis, (velocity if position is None else position) > 0.0)
-        running_start = self._queue.running_jog_start(key)
-        if mode != JogMode.CONTINUOUS and running_start is not None:
+        key = (frame, axis, velocity > 0.0)
+        running_start = self._queue.running_jog_start(key) if mode == JogMode.CONTINUOUS else None
+        if running_start is not None:
+            again = jog_route(self._frames, running_start, mode, frame, axis, velocity, position)
+            return again is not None and self._queue.change_jog(again)
+        if not self._queue.takes_jog:
             return False
-        start = self._queue_end() if running_start is None else running_start
-        route = jog_route(self._frames, start, mode, frame, axis, velocity, position)
-        if route is None:
-            return True
-        if not self._queue.jog(key, route):
-            return False
-        self._unsettled = self.settle_time
+        route = jog_route(self._frames, self._queue_end(), mode, frame, axis, velocity, position)
+        if route is not None:
+            self._queue.start_jog(key, route)
+            self._unsettled = self.settle_time
         return True
 
     def jog_stop(self, frame: JogFrame, axis: int) -> None:
@@ -446,7 +451,7 @@ class Plant:
         self._before, self._joints, self._dt, self._pose = self._joints, joints, dt, None
         self._velocity = tuple([(b - a) / dt for a, b in zip(self._before, joints)])
         if self._servo is not None or self._guiding is not None or self._queue.is_jogging:
-            self._watch_limits()
+            self._events += self._watch.look(self._joints)
 
     def _next_joints(self, dt: float) -> Optional[Vector]:
         """The joints after this cycle; None where nothing drives them."""
@@ -459,11 +464,8 @@ class Plant:
             return self._guided(self._guiding, dt)
         if self._servo is not None:
             return self._streamed(self._servo, dt)
-        was_jogging = self._queue.is_jogging
         queued, happened = self._queue.step(dt, self._rapid_rate)
         self._events += happened
-        if was_jogging and happened:
-            self._was_near = self._near()
         if self._queue.fault is not None:
             self._come_to_rest()
             self._queue.clear()
@@ -474,7 +476,8 @@ class Plant:
         joints = guiding.step(dt)
         if guiding.hit_limit is not None:
             self._events += [events.on_soft_limit(*guiding.hit_limit), events.event(events.HAND_GUIDING_HIT_SOFT_LIMIT)]
-            self.stop_hand_guiding()
+            self._come_to_rest(joints, guiding.velocity)
+            self._guiding = None
         return joints
 
     def _streamed(self, stream: ServoStream, dt: float) -> Vector:
@@ -487,27 +490,10 @@ class Plant:
                 return self._joints if self._coast is None else self._coast.step(dt)
         return stream.joints
 
-    def _watch_limits(self) -> None:
-        """Report each joint that comes near to a soft limit while a person or a stream leads it there."""
-        near = self._near()
-        if near != self._was_near:
-            self._events += [events.near_soft_limit(abs(n) - 1, n > 0) for n in near if n not in self._was_near]
-            self._was_near = near
-
-    def _near(self) -> Tuple[int, ...]:
-        """Joint numbers 1..6 near the upper limit, their negatives near the lower one."""
-        result = []
-        for n, (q, (low, high)) in enumerate(zip(self._joints, self._frames.model.joint_limits), 1):
-            if q > high - NEAR_LIMIT:
-                result.append(n)
-            elif q < low + NEAR_LIMIT:
-                result.append(-n)
-        return tuple(result)
-
-    def _come_to_rest(self) -> None:
-        """Let the joints slow down from the speed they have."""
-        if self._coast is None and self._velocity is not _STILL:
-            coast = Coast(self._frames.model, self._joints, self._velocity)
+    def _come_to_rest(self, joints: Optional[Vector] = None, velocity: Optional[Vector] = None) -> None:
+        """Let the joints slow down from where they are, at the speed they have, unless they do already."""
+        if self._coast is None:
+            coast = Coast(self._frames.model, joints or self._joints, velocity or self._velocity)
             self._coast = None if coast.is_done else coast
 
     def _queue_end(self) -> Vector:
@@ -538,6 +524,9 @@ class Plant:
                 outside[0] + 1, "upper" if outside[1] else "lower"))
         if same_joints(start, end):
             return self._already_there(line_id)
+        tool_top = self._frames.model.tcp_max_speed
+        if tool_top is not None:
+            top = min(top, tool_top / max(tool_rate(self._frames, start, end), 1e-9))
         self._queue.add_joint_route(JointRoute(self._frames.model, start, end, top, strongest, line_id or 0))
         self._accepted()
         return True
