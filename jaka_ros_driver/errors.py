@@ -15,6 +15,10 @@ class UnreachablePose(InvalidCommand):
     """No joint position of the arm, within its limits, puts the flange there."""
 
 
+class PoseOutsideLimits(UnreachablePose):
+    """The arm is long enough, but each joint position that puts the flange there breaks a joint limit."""
+
+
 class CommandRejected(JakaError):
     """The controller answered the command with an error code.
 

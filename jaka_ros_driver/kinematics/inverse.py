@@ -10,7 +10,7 @@ singularities the answer is right to rounding.
 import math
 from typing import List, Optional, Sequence, Tuple
 
-from jaka_ros_driver.errors import UnreachablePose
+from jaka_ros_driver.errors import PoseOutsideLimits, UnreachablePose
 from jaka_ros_driver.kinematics import closed_forms, numeric_inverse
 from jaka_ros_driver.kinematics.arm_models import SPHERICAL_WRIST, THREE_PARALLEL, ArmModel
 from jaka_ros_driver.kinematics.forward import forward, singularity_measures
@@ -55,7 +55,8 @@ def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float
         reference: Joint angles to stay near to, rad, shape (6,).
 
     Raises:
-        UnreachablePose: The pose is out of reach, or every branch breaks a joint limit.
+        UnreachablePose: The pose is out of reach.
+        PoseOutsideLimits: Every branch breaks a joint limit; the message says which.
     """
     if not model.has_closed_form:
         followed = numeric_inverse.refine(model, base_t_flange, reference)
@@ -82,9 +83,11 @@ def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float
         followed = numeric_inverse.settle(model, base_t_flange, reference)
         if _is_near(model, followed, reference) and _reaches(model, followed, base_t_flange):
             return followed
-    if best is None:
-        raise UnreachablePose(_outside_limits(model, branches) if branches else obstacle)
-    return best
+    if best is not None:
+        return best
+    if branches:
+        raise PoseOutsideLimits(_outside_limits(model, branches))
+    raise UnreachablePose(obstacle)
 
 
 def _branches(model: ArmModel, target: Transform, reference: Optional[Sequence[float]]) -> Tuple[List[Vector], str]:

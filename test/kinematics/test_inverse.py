@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaka_ros_driver.commands import Pose
-from jaka_ros_driver.errors import InvalidCommand, UnreachablePose
+from jaka_ros_driver.errors import InvalidCommand, PoseOutsideLimits, UnreachablePose
 from jaka_ros_driver.kinematics import arm_models, inverse, rotations
 from jaka_ros_driver.kinematics.arm_models import ArmModel, DhRow, load_model, model_names
 from jaka_ros_driver.kinematics.forward import forward
@@ -174,8 +174,9 @@ def at(position, rpy=(math.pi, 0.0, 0.0)):
 ])
 def test_a_pose_out_of_reach_is_refused_with_the_reason(model, target, reason):
     assert inverse.inverse_all(model, target) == []
-    with pytest.raises(UnreachablePose, match=reason):
+    with pytest.raises(UnreachablePose, match=reason) as caught:
         inverse.inverse(model, target, HOME)
+    assert not isinstance(caught.value, PoseOutsideLimits)
 
 
 def narrowed(model, index, low, high):
@@ -190,14 +191,14 @@ def test_a_pose_outside_the_limits_is_refused_with_the_joint(model):
     target = forward(model, HOME)
     narrow = narrowed(model, 0, 4.0, 4.001)
     assert len(inverse.inverse_all(narrow, target)) == len(inverse.inverse_all(model, target)) > 0
-    with pytest.raises(UnreachablePose, match="outside the joint limits: it would need joint 1 at ") as caught:
+    with pytest.raises(PoseOutsideLimits, match="outside the joint limits: it would need joint 1 at ") as caught:
         inverse.inverse(narrow, target, HOME)
-    assert isinstance(caught.value, InvalidCommand)
+    assert isinstance(caught.value, UnreachablePose) and isinstance(caught.value, InvalidCommand)
 
 
 def test_limits_also_bind_the_solution_followed_from_the_reference():
     narrow = narrowed(A12, 5, 1.0, 1.001)
-    with pytest.raises(UnreachablePose):
+    with pytest.raises(PoseOutsideLimits):
         inverse.inverse(narrow, forward(A12, HOME), HOME)
 
 

@@ -2,7 +2,7 @@
 
 Where EAIK is installed (requirements-oracle.txt; not on Python 3.8) each of its solutions must be among ours and
 ours among its. Everywhere, what iteration from random starts finds must be among ours: that covers the A12 too, which
-EAIK does not know. JAKA_ORACLE_POSES sets the number of random poses a model, 300 by default.
+EAIK does not know. JAKA_ORACLE_POSES sets the number of random poses a model, 100 by default.
 """
 import importlib.util
 import math
@@ -17,7 +17,7 @@ from jaka_ros_driver.kinematics import inverse
 from jaka_ros_driver.kinematics.arm_models import TWO_PARALLEL, load_model, model_names
 from jaka_ros_driver.kinematics.forward import forward, singularity_measures
 
-POSES = int(os.environ.get("JAKA_ORACLE_POSES", "300"))
+POSES = int(os.environ.get("JAKA_ORACLE_POSES", "100"))
 HAS_EAIK = importlib.util.find_spec("eaik") is not None
 KNOWN_TO_EAIK = [name for name in model_names() if load_model(name).family != TWO_PARALLEL] if HAS_EAIK else []
 
