@@ -1,0 +1,317 @@
+"""ROS requests to commands, results and states to ROS: shapes, enums and units; the only units changed in this room.
+
+A float32 of the wire may lie above the limit that it was made from (2 pi as float32 is 1.7e-7 rad more). The rule: a
+joint target, speed or acceleration that is beyond a limit of the arm by no more than ``limits.FLOAT32_SLACK`` of the
+limit is set on the limit; anything farther out is refused. So the controller never gets a value beyond its limits.
+"""
+import math
+from typing import Any, NamedTuple, Optional, Sequence, Tuple, Union
+
+from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
+from jaka_msgs.msg import RobotMsg
+from sensor_msgs.msg import JointState
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.kinematics import limits
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.rotations import (
+    Transform,
+    rotation_vector_from_matrix,
+    rotation_vector_from_rpy,
+    rpy_from_rotation_vector,
+)
+from jaka_ros_driver.state import IoBank, RobotState
+from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m, all_rad_to_deg, mm_to_m
+
+COLLISION_STEPS = (25, 50, 75, 100)
+"""Upper ends of the ranges of ``value`` for the levels 1 to 4 (interface document 2)."""
+COLLISION_LOWEST = 10
+VENDOR_IO_FAILURE = -999999.0
+VENDOR_KINEMATICS_FAILURE = 9999.0
+"""What the maker's driver answers in every number of a failed get_fk or get_ik (interface document 5)."""
+
+_JOINTS = "six joint angles, rad"
+_QUATERNION_TOLERANCE = 1e-3
+
+
+class Terminal(NamedTuple):
+    """One input or output: which of them a get_io asks for."""
+
+    is_digital: bool
+    is_output: bool
+    bank: IoBank
+    index: int
+
+    def __str__(self) -> str:
+        return "%s %s %d of %s" % ("digital" if self.is_digital else "analog", "output" if self.is_output else "input",
+                                   self.index, self.bank.name.lower())
+
+
+class Payload(NamedTuple):
+    """A load and the tool that carries it."""
+
+    tool_id: int
+    load: c.SetPayload
+
+
+class Requests:
+    """Requests of the services as commands; every method raises InvalidCommand with the field and what is valid.
+
+    Attributes:
+        is_vendor: Read requests as the maker's own driver does, where it differs (interface document 5).
+    """
+
+    def __init__(self, model: ArmModel, is_vendor: bool = False) -> None:
+        self._model = model
+        self.is_vendor = is_vendor
+
+    def joint_move(self, request: Any) -> c.JointMove:
+        """Of a Move: rad, rad/s, rad/s2."""
+        return c.JointMove(self._joint_target("pose", request.pose),
+                           _settled_speed(_positive("mvvelo", request.mvvelo), limits.joint_speed_limit(self._model)),
+                           _settled_speed(_positive("mvacc", request.mvacc), limits.JOINT_ACCELERATION_CEILING))
+
+    def linear_move(self, request: Any) -> c.LinearMove:
+        """Of a Move: mm and rotation vector, mm/s, mm/s2; the vendor's rotation is the inverse."""
+        pose = _numbers("pose", request.pose, "x y z, mm, and a rotation vector, rad")
+        turn = tuple(-value for value in pose[3:]) if self.is_vendor else pose[3:]
+        return c.LinearMove(
+            c.Pose(all_mm_to_m(pose[:3]), rpy_from_rotation_vector(turn)),
+            _settled_speed(mm_to_m(_positive("mvvelo", request.mvvelo)), limits.tcp_speed_limit(self._model)),
+            _settled_speed(mm_to_m(_positive("mvacc", request.mvacc)), limits.TCP_ACCELERATION_CEILING))
+
+    def jog(self, request: Any) -> c.Jog:
+        """Of a Move: rad/s for joints and turns, mm/s along a line; ``mvacc`` where ``mvvelo`` is 0."""
+        frame = _member("coord_mode", request.coord_mode, c.JogFrame)
+        _whole("index", request.index, 0, 11)
+        name = "mvacc" if request.mvvelo == 0.0 and request.mvacc != 0.0 else "mvvelo"
+        speed = _positive(name, getattr(request, name))
+        axis, is_negative = divmod(request.index, 2)
+        if frame is c.JogFrame.JOINT:
+            limit = min(self._model.joint_max_speed[axis], limits.JOINT_SPEED_CEILING)
+        elif axis < 3:
+            speed, limit = mm_to_m(speed), limits.tcp_speed_limit(self._model)
+        else:
+            limit = limits.joint_speed_limit(self._model)
+        speed = _settled_speed(speed, limit)
+        return c.Jog(frame, axis, -speed if is_negative else speed)
+
+    def servo_mode(self, request: Any) -> bool:
+        """Of a ServoMoveEnable."""
+        return bool(request.enable)
+
+    def servo_joint(self, request: Any) -> c.ServoJoint:
+        """Of a ServoMove: rad; the vendor's is an increment."""
+        if self.is_vendor:
+            return c.ServoJoint(_numbers("pose", request.pose, "six joint increments, rad"), relative=True)
+        return c.ServoJoint(self._joint_target("pose", request.pose))
+
+    def servo_pose(self, request: Any) -> c.ServoPose:
+        """Of a ServoMove: m and rpy; the vendor's is an increment, mm and rpy."""
+        pose = _numbers("pose", request.pose, "x y z, %s, and roll pitch yaw, rad" % ("mm" if self.is_vendor else "m"))
+        position = all_mm_to_m(pose[:3]) if self.is_vendor else pose[:3]
+        return c.ServoPose(c.Pose(position, pose[3:]), relative=self.is_vendor)
+
+    def servo_joint_topic(self, message: JointState) -> c.ServoJoint:
+        """Of a JointState: rad, absolute in both interfaces; in any order where it has names."""
+        values = message.position
+        if message.name:
+            if sorted(message.name) != sorted(c.JOINTS) or len(values) != len(c.JOINTS):
+                raise InvalidCommand("name is %s; valid: %s, each with its position, or no names"
+                                     % (list(message.name), ", ".join(c.JOINTS)))
+            values = [values[message.name.index(joint)] for joint in c.JOINTS]
+        return c.ServoJoint(self._joint_target("position", values))
+
+    def servo_pose_topic(self, message: PoseStamped, user_frame: str) -> c.ServoPose:
+        """Of a PoseStamped: m and unit quaternion, absolute in both interfaces, in the active user frame."""
+        if message.header.frame_id not in ("", user_frame):
+            raise InvalidCommand("frame_id is %.60r; valid: the active user frame %r, or empty"
+                                 % (message.header.frame_id, user_frame))
+        p, q = message.pose.position, message.pose.orientation
+        position = tuple(_finite("position." + axis, getattr(p, axis)) for axis in "xyz")
+        x, y, z, w = (_finite("orientation." + axis, getattr(q, axis)) for axis in "xyzw")
+        norm = math.sqrt(x * x + y * y + z * z + w * w)
+        if abs(norm - 1.0) > _QUATERNION_TOLERANCE:
+            raise InvalidCommand("orientation has the norm %.6g; it must be a unit quaternion" % norm)
+        sin_half = math.sqrt(x * x + y * y + z * z)
+        scale = 2.0 * math.atan2(sin_half, w) / sin_half if sin_half > 0.0 else 0.0
+        return c.ServoPose(c.Pose(position, rpy_from_rotation_vector((x * scale, y * scale, z * scale))))
+
+    def _joint_target(self, name: str, values: Sequence[float]) -> Tuple[float, ...]:
+        return tuple(_settled(value, low, high) for value, (low, high) in zip(
+            _numbers(name, values, _JOINTS), self._model.joint_limits))
+
+    def nothing(self, request: Any) -> None:
+        """Of a request without fields."""
+
+    def tool_frame(self, request: Any) -> c.SetToolFrame:
+        """Of a SetTcpFrame: mm and rotation vector."""
+        _whole("tool_num", request.tool_num, *limits.TOOL_IDS)
+        return c.SetToolFrame(request.tool_num, _frame_pose(request.pose), "tool_%d" % request.tool_num)
+
+    def user_frame(self, request: Any) -> c.SetUserFrame:
+        """Of a SetUserFrame: mm and rotation vector."""
+        _whole("user_num", request.user_num, *limits.USER_FRAME_IDS)
+        return c.SetUserFrame(request.user_num, _frame_pose(request.pose), "user_%d" % request.user_num)
+
+    def payload(self, request: Any) -> Payload:
+        """Of a SetPayload: kg, mm."""
+        _whole("tool_num", request.tool_num, 0, limits.TOOL_IDS[1])
+        mass = _finite("mass", request.mass)
+        if mass < 0.0:
+            raise InvalidCommand("mass is %.9g kg; valid: at least 0 kg" % mass)
+        centroid = tuple(_finite(name, getattr(request, name)) for name in ("xc", "yc", "zc"))
+        return Payload(request.tool_num, c.SetPayload(mass, all_mm_to_m(centroid)))
+
+    def switch(self, request: Any) -> bool:
+        """Of a SetBool."""
+        return bool(request.data)
+
+    def collision_level(self, request: Any) -> int:
+        """Of a SetCollision: 10..100 to the controller's levels 1..4, 0 for off (interface document 2)."""
+        if not request.is_enable:
+            return 0
+        _whole("value", request.value, COLLISION_LOWEST, COLLISION_STEPS[-1])
+        return 1 + sum(request.value > step for step in COLLISION_STEPS)
+
+    def output(self, request: Any) -> Union[c.SetDigitalOutput, c.SetAnalogOutput]:
+        """Of a SetIO; any value but 0 switches a digital output on."""
+        bank = _member("type", request.type, IoBank)
+        index = _whole("index", request.index, 0, None)
+        value = _finite("value", request.value)
+        if _is_digital(request.signal):
+            return c.SetDigitalOutput(bank, index, value != 0.0)
+        return c.SetAnalogOutput(bank, index, value)
+
+    def terminal(self, request: Any) -> Terminal:
+        """Of a GetIO."""
+        is_digital = _is_digital(request.signal)
+        is_output = _whole("path", request.path, 0, 1) == 1
+        return Terminal(is_digital, is_output, _member("type", request.type, IoBank),
+                        _whole("index", request.index, 0, None))
+
+    def forward(self, request: Any) -> c.ForwardKinematics:
+        """Of a GetFK: rad."""
+        return c.ForwardKinematics(_numbers("joint", request.joint, _JOINTS))
+
+    def inverse(self, request: Any) -> c.InverseKinematics:
+        """Of a GetIK: mm and rpy; reference rad."""
+        pose = _numbers("cartesian_pose", request.cartesian_pose, "x y z, mm, and roll pitch yaw, rad")
+        return c.InverseKinematics(c.Pose(all_mm_to_m(pose[:3]), pose[3:]),
+                                   _numbers("ref_joint", request.ref_joint, _JOINTS))
+
+
+def wire_pose(pose: c.Pose) -> Tuple[float, ...]:
+    """The ``cartesian_pose`` of get_fk: mm and rpy."""
+    return all_m_to_mm(pose.position) + tuple(pose.rpy)
+
+
+# ---- state to messages ----
+
+def tool_position(state: RobotState, stamp: Any, frame_id: str, is_vendor: bool) -> Optional[TwistStamped]:
+    """m and rotation vector (the vendor's: mm and rpy in deg); None where the controller does not report the pose."""
+    if state.tcp_position is None or state.tcp_rpy is None:
+        return None
+    message = TwistStamped()
+    message.header.stamp = stamp
+    message.header.frame_id = frame_id
+    linear, angular = message.twist.linear, message.twist.angular
+    if is_vendor:
+        linear.x, linear.y, linear.z = all_m_to_mm(state.tcp_position)
+        angular.x, angular.y, angular.z = all_rad_to_deg(state.tcp_rpy)
+    else:
+        linear.x, linear.y, linear.z = state.tcp_position
+        angular.x, angular.y, angular.z = rotation_vector_from_rpy(state.tcp_rpy)
+    return message
+
+
+def joint_position(state: RobotState, stamp: Any, names: Sequence[str],
+                   velocity: Optional[Sequence[float]]) -> JointState:
+    """rad, and rad/s where it is known."""
+    message = JointState()
+    message.header.stamp = stamp
+    message.name = list(names)
+    message.position = list(state.joint_position)
+    message.velocity = list(velocity) if velocity is not None else []
+    return message
+
+
+def robot_states(state: RobotState, is_servo_active: bool, is_vendor: bool) -> RobotMsg:
+    """``servo_state`` is servo mode; the vendor's is 1 while the arm is enabled."""
+    return RobotMsg(
+        motion_state=int(state.motion_state), power_state=int(state.is_powered),
+        servo_state=int(state.is_enabled if is_vendor else is_servo_active),
+        collision_state=int(state.protective_stop))
+
+
+def transform_message(parent_t_child: Transform, parent: str, child: str, stamp: Any) -> TransformStamped:
+    """m and unit quaternion."""
+    message = TransformStamped()
+    message.header.stamp = stamp
+    message.header.frame_id = parent
+    message.child_frame_id = child
+    translation, rotation = message.transform.translation, message.transform.rotation
+    translation.x, translation.y, translation.z = parent_t_child[9:]
+    x, y, z = rotation_vector_from_matrix(parent_t_child)
+    angle = math.sqrt(x * x + y * y + z * z)
+    scale = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
+    rotation.x, rotation.y, rotation.z, rotation.w = x * scale, y * scale, z * scale, math.cos(0.5 * angle)
+    return message
+
+
+# ---- shapes ----
+
+def _finite(name: str, value: float) -> float:
+    if not math.isfinite(value):
+        raise InvalidCommand("%s is %r; it must be a finite number" % (name, value))
+    return float(value)
+
+
+def _positive(name: str, value: float) -> float:
+    if _finite(name, value) <= 0.0:
+        raise InvalidCommand("%s is %.9g; it must be above 0" % (name, value))
+    return float(value)
+
+
+def _numbers(name: str, values: Sequence[float], what: str) -> Tuple[float, ...]:
+    if len(values) != 6:
+        raise InvalidCommand("%s has %d values; it must have 6: %s" % (name, len(values), what))
+    return tuple(_finite("%s[%d]" % (name, n), value) for n, value in enumerate(values))
+
+
+def _frame_pose(values: Sequence[float]) -> c.Pose:
+    pose = _numbers("pose", values, "x y z, mm, and a rotation vector, rad")
+    return c.Pose(all_mm_to_m(pose[:3]), rpy_from_rotation_vector(pose[3:]))
+
+
+def _whole(name: str, value: int, low: int, high: Optional[int]) -> int:
+    if value < low or (high is not None and value > high):
+        raise InvalidCommand("%s is %d; valid: %s" % (
+            name, value, "at least %d" % low if high is None else "%d to %d" % (low, high)))
+    return int(value)
+
+
+def _member(name: str, value: int, kind: Any) -> Any:
+    try:
+        return kind(value)
+    except ValueError:
+        raise InvalidCommand("%s is %d; valid: %s" % (
+            name, value, ", ".join("%d %s" % (member, member.name.lower()) for member in kind))) from None
+
+
+def _is_digital(signal: str) -> bool:
+    if signal not in ("digital", "analog"):
+        raise InvalidCommand("signal is %.60r; valid: digital, analog" % signal)
+    return signal == "digital"
+
+
+def _settled(value: float, low: float, high: float) -> float:
+    slack = limits.FLOAT32_SLACK * max(abs(low), abs(high))
+    if low - slack <= value <= high + slack:
+        return min(max(value, low), high)
+    return value
+
+
+def _settled_speed(value: float, high: float) -> float:
+    return high if high < value <= high * (1.0 + limits.FLOAT32_SLACK) else value

@@ -1,0 +1,55 @@
+"""When to show the newest sample once more, so that a slow feed still gives the full rate."""
+from collections import deque
+from typing import Deque, Optional
+
+_WINDOW = 17
+_ENOUGH = 3
+_SLOW = 1.05
+
+
+class FeedFiller:
+    """Counts publications against the wanted rate; pure, it is told the time.
+
+    A feed counts as slow when both mean and median of its last intervals are more than 5 % above the period: jitter
+    moves the median, a single stall the mean, only a slow feed both. A feed at the full rate is never filled.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self._arrivals: Deque[float] = deque(maxlen=_WINDOW)
+        self._credit = 0.0
+        self._counted_at = 0.0
+        self._is_slow = False
+
+    def arrived(self, now: float) -> None:
+        """A new sample has been published."""
+        self._arrivals.append(now)
+        intervals = sorted(b - a for a, b in zip(self._arrivals, list(self._arrivals)[1:]))
+        was_slow = self._is_slow
+        self._is_slow = len(intervals) >= _ENOUGH and (
+            intervals[len(intervals) // 2] > _SLOW * self._period
+            and (self._arrivals[-1] - self._arrivals[0]) / len(intervals) > _SLOW * self._period)
+        if not was_slow:
+            self._credit, self._counted_at = 1.0, now
+        self._count(now)
+        self._credit -= 1.0
+
+    def repeated(self, now: float) -> None:
+        """The newest sample has been published once more."""
+        self._count(now)
+        self._credit -= 1.0
+
+    def next_repeat(self) -> Optional[float]:
+        """When the newest sample is to be published once more; None while the feed is fast enough."""
+        if not self._is_slow:
+            return None
+        return self._counted_at + (1.0 - self._credit) * self._period
+
+    def forget(self) -> None:
+        """The feed has ended; nothing is known of the next one."""
+        self._arrivals.clear()
+        self._is_slow = False
+
+    def _count(self, now: float) -> None:
+        self._credit = min(1.0, self._credit + (now - self._counted_at) / self._period)
+        self._counted_at = now

@@ -1,0 +1,87 @@
+"""What the controller has stored as its tools and user frames, read again whenever that may have changed."""
+import logging
+import threading
+from typing import Callable, Optional, Tuple
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.errors import ConnectionLost, JakaError
+from jaka_ros_driver.kinematics.rotations import IDENTITY, Transform, transform_from_pose
+from jaka_ros_driver.state import RobotState
+
+_LOG = logging.getLogger(__name__)
+
+_CHECK_PERIOD = 0.2
+_READ_PERIOD = 5.0
+"""s; a frame that was changed at the controller's own panel is seen after so long at most."""
+
+Frames = Tuple[Transform, ...]
+
+
+class FrameTable:
+    """``flange_T_tool`` and ``base_T_user`` by id, None where they are not known now. A thread reads them."""
+
+    def __init__(self, arm: ArmClient) -> None:
+        self._arm = arm
+        self._tools: Optional[Frames] = None
+        self._users: Optional[Frames] = None
+        self._connections = 0
+        self._wake = threading.Event()
+        self._is_closing = False
+        self._thread = threading.Thread(target=self._run, name="frame table", daemon=True)
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._is_closing = True
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def forget(self) -> None:
+        """A frame has been set: what is known is no longer true; read it again at once."""
+        self._tools = self._users = None
+        self._wake.set()
+
+    def flange_t_tool(self, state: RobotState) -> Optional[Transform]:
+        """The active tool in the flange frame, m."""
+        return _entry(self._tools, state.tool_id)
+
+    def base_t_user(self, state: RobotState) -> Optional[Transform]:
+        """The active user frame in the base frame, m."""
+        return _entry(self._users, state.user_frame_id)
+
+    def _run(self) -> None:
+        waited = _READ_PERIOD
+        while not self._is_closing:
+            connections = self._arm.link_health.connections
+            if waited >= _READ_PERIOD or self._wake.is_set() or connections != self._connections:
+                self._wake.clear()
+                waited = 0.0
+                if connections != self._connections:
+                    self._connections = connections
+                    self._tools = self._users = None
+                self._tools = self._read(c.Query.TOOL_FRAMES, lambda: self._tools)
+                self._users = self._read(c.Query.USER_FRAMES, lambda: self._users)
+            self._wake.wait(_CHECK_PERIOD)
+            waited += _CHECK_PERIOD
+
+    def _read(self, query: c.Query, known: Callable[[], Optional[Frames]]) -> Optional[Frames]:
+        try:
+            return tuple(transform_from_pose(pose) for pose in self._arm.execute(query))
+        except ConnectionLost:
+            return known()
+        except JakaError as error:
+            _LOG.debug("%s: %s", query, error)
+            return None
+
+
+def _entry(frames: Optional[Frames], index: Optional[int]) -> Optional[Transform]:
+    if index is None or index == 0:
+        return IDENTITY
+    if frames is None or not 0 < index < len(frames):
+        return None
+    return frames[index]

@@ -1,0 +1,75 @@
+"""Survives a restart of the ROS master: the new one knows nothing of a node that was there before it.
+
+The master's ``/run_id`` changes with every start. rospy's own registration does the work; connections that exist stay
+as they are.
+"""
+import logging
+import threading
+from typing import Any, Callable, Optional
+from xmlrpc.client import Error as XmlRpcError
+
+import rosgraph
+import rospy
+from rospy.impl import registration
+
+_LOG = logging.getLogger(__name__)
+
+_PERIOD = 1.0
+
+
+class MasterWatch:
+    """Polls the master; after its restart registers all publishers, subscribers and services again."""
+
+    def __init__(self, on_new_master: Callable[[], None], period: float = _PERIOD) -> None:
+        """Prepare; ``start`` begins.
+
+        Args:
+            on_new_master: Called afterwards: parameters are gone as well.
+            period: Of the polling, s.
+        """
+        self._on_new_master = on_new_master
+        self._period = period
+        self._closing = threading.Event()
+        self._run_id: Optional[str] = None
+        self._thread = threading.Thread(target=self._run, name="master watch", daemon=True)
+
+    def start(self) -> None:
+        """Begin to poll."""
+        self._run_id = self._present_run_id()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Poll no more; a call of the master under way is not waited for."""
+        self._closing.set()
+
+    def _run(self) -> None:
+        while not self._closing.wait(self._period):
+            run_id = self._present_run_id()
+            if run_id is None or run_id == self._run_id:
+                continue
+            if self._run_id is not None:
+                _LOG.warning("the ROS master was restarted; registering with the new one")
+                register_all()
+                self._on_new_master()
+            self._run_id = run_id
+
+    @staticmethod
+    def _present_run_id() -> Optional[str]:
+        try:
+            return str(rosgraph.Master(rospy.get_name()).getParam("/run_id"))
+        except (OSError, XmlRpcError, rosgraph.MasterException) as error:
+            _LOG.debug("no answer of the ROS master: %s", error)
+            return None
+
+
+def register_all() -> None:
+    """Register everything that this process publishes, subscribes to and serves, as if it were new."""
+    listeners = registration.get_registration_listeners()
+    topics, services = registration.get_topic_manager(), registration.get_service_manager()
+    kinds: Any = registration.Registration
+    for name, data_type in topics.get_publications():
+        listeners.notify_added(name, data_type, kinds.PUB)
+    for name, data_type in topics.get_subscriptions():
+        listeners.notify_added(name, data_type, kinds.SUB)
+    for name, uri in services.get_services():
+        listeners.notify_added(name, uri, kinds.SRV)

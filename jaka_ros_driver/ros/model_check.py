@@ -1,0 +1,69 @@
+"""Is the configured model the arm that is there? The controller's own pose against ours, from the same joints."""
+import logging
+from typing import NamedTuple, Optional
+
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.commands import Pose
+from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.kinematics.rotations import (
+    compose,
+    distance_between,
+    rotation_angle_between,
+    transform_from_pose,
+)
+from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.state import RobotState
+
+_LOG = logging.getLogger(__name__)
+
+POSITION_TOLERANCE = 0.0003
+"""m; joints and pose of one frame are rounded to 6 digits, and may be of two cycles: so it is compared at rest."""
+ANGLE_TOLERANCE = 0.001
+"""rad"""
+_CONFIRMATIONS = 2
+
+
+class Deviation(NamedTuple):
+    """Between the controller's pose and ours: distance m, angle rad."""
+
+    distance: float
+    angle: float
+
+    @property
+    def is_wrong(self) -> bool:
+        """More than rounding explains."""
+        return self.distance > POSITION_TOLERANCE or self.angle > ANGLE_TOLERANCE
+
+
+class ModelCheck:
+    """Compares whenever it is called with a state of an arm at rest; a deviation counts when seen twice in a row."""
+
+    def __init__(self, arm: ArmClient, frames: FrameTable) -> None:
+        self._arm = arm
+        self._frames = frames
+        self._seen = 0
+        self._has_warned = False
+
+    def check(self, state: RobotState) -> Optional[Deviation]:
+        """The deviation; None where it cannot be told (in motion, frames or pose unknown). Logs once when it counts."""
+        found = self._deviation(state)
+        if found is None:
+            return None
+        self._seen = self._seen + 1 if found.is_wrong else 0
+        if self._seen < _CONFIRMATIONS:
+            return found if not found.is_wrong else None
+        if not self._has_warned:
+            self._has_warned = True
+            _LOG.error("the controller's pose differs from model %s by %.4f m and %.4f rad: is ~model right?",
+                       self._arm.model.name, found.distance, found.angle)
+        return found
+
+    def _deviation(self, state: RobotState) -> Optional[Deviation]:
+        flange_t_tool = self._frames.flange_t_tool(state)
+        base_t_user = self._frames.base_t_user(state)
+        if (not state.is_in_position or state.tcp_position is None or state.tcp_rpy is None or flange_t_tool is None
+                or base_t_user is None):
+            return None
+        ours = compose(forward(self._arm.model, state.joint_position), flange_t_tool)
+        theirs = compose(base_t_user, transform_from_pose(Pose(state.tcp_position, state.tcp_rpy)))
+        return Deviation(distance_between(ours, theirs), rotation_angle_between(ours, theirs))

@@ -1,0 +1,157 @@
+"""The driver node: parameters, client, services, topics and diagnostics put together; the program jaka_driver."""
+import argparse
+import logging
+import os
+import sys
+import threading
+from typing import List, Optional
+
+import rospy
+
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.guard import Guard
+from jaka_ros_driver.client.readiness import enable_once
+from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.urdf import urdf_from_model
+from jaka_ros_driver.ros.convert import Requests
+from jaka_ros_driver.ros.diagnostics import Diagnostics
+from jaka_ros_driver.ros.driver_lock import DriverLock
+from jaka_ros_driver.ros.evidence import Evidence
+from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.ros.log_bridge import log_to_ros
+from jaka_ros_driver.ros.master_watch import MasterWatch
+from jaka_ros_driver.ros.model_check import ModelCheck
+from jaka_ros_driver.ros.operations import Operations
+from jaka_ros_driver.ros.params import DriverConfig, config_from
+from jaka_ros_driver.ros.publishers import FrameNames, StatePublishers
+from jaka_ros_driver.ros.service_server import prepare_connections
+from jaka_ros_driver.ros.services import Services
+from jaka_ros_driver.ros.servo_topics import ServoTopics
+
+_LOG = logging.getLogger(__name__)
+
+_SWITCH_INTERVAL_S = 0.0005
+_ANSWER_TIMEOUT_S = 0.3
+_DESCRIPTION = "robot_description"
+
+
+class Driver:
+    """Everything that runs in the node."""
+
+    def __init__(self, config: DriverConfig, model: ArmModel) -> None:
+        """Take the controller for this driver, and offer services and topics.
+
+        Raises:
+            AlreadyDriven: Another driver has it.
+        """
+        self._config = config
+        self._model = model
+        self._lock = DriverLock(config.ip, config.command_port, "node " + rospy.get_name())
+        self._closing = threading.Event()
+        self._guard = Guard(config.ip, config.command_port) if config.guard else None
+        if self._guard is not None:
+            self._arm = ArmClient(config.client_settings(), model, self._guard.tell)
+        else:
+            self._arm = ArmClient(config.client_settings(), model)
+        self._frames = FrameTable(self._arm)
+        requests = Requests(model, config.is_vendor)
+        self._publishers = StatePublishers(self._arm, config, self._frames)
+        self._services = Services(requests, Operations(self._arm, config, self._frames), Evidence())
+        self._topics = ServoTopics(self._arm, requests, FrameNames(config))
+        self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames))
+        self._master_watch = MasterWatch(self._set_description)
+        self._auto_enable = threading.Thread(target=enable_once, args=(self._arm, self._closing), name="auto enable",
+                                             daemon=True)
+
+    def start(self) -> None:
+        """Begin; returns at once. The controller need not be there yet."""
+        self._set_description()
+        prepare_connections()
+        self._publishers.start()
+        self._services.offer()
+        self._topics.start()
+        self._arm.start()
+        self._frames.start()
+        self._diagnostics.start()
+        self._master_watch.start()
+        if self._config.auto_enable:
+            self._auto_enable.start()
+        _LOG.info("driving a JAKA %s at %s:%d and %d, interface %s", self._model.name, self._config.ip,
+                  self._config.command_port, self._config.status_port, self._config.interface)
+
+    def close(self) -> None:
+        """Stop what this driver moves, answer every pending call, disconnect, give the controller free."""
+        self._closing.set()
+        self._arm.close()
+        self._services.finish_calls(_ANSWER_TIMEOUT_S)
+        self._master_watch.close()
+        self._diagnostics.close()
+        self._publishers.close()
+        self._frames.close()
+        if self._guard is not None:
+            self._guard.close()
+        self._lock.release()
+
+    def _set_description(self) -> None:
+        """A URDF that somebody else has set is left alone."""
+        if not self._config.publish_description:
+            return
+        urdf = urdf_from_model(self._model, self._config.frame_prefix, self._config.base_frame,
+                               self._config.flange_frame)
+        marker = urdf.splitlines()[1]
+        present = rospy.get_param(_DESCRIPTION, "")
+        if not present or marker in str(present):
+            rospy.set_param(_DESCRIPTION, urdf)
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the node until it is told to end.
+
+    Returns:
+        0 ended in good order, 1 could not start, 2 wrong usage.
+    """
+    arguments = rospy.myargv(sys.argv if argv is None else ["jaka_driver"] + argv)[1:]
+    parser = argparse.ArgumentParser(
+        prog="jaka_driver", description="ROS driver of one JAKA arm. Its private parameters are described in "
+        "docs/parameters.md; start it with launch/robot_start_launch.launch.")
+    parser.add_argument("--urdf", metavar="MODEL", help="print the URDF of this model, and do nothing else")
+    parser.add_argument("--dh-file", metavar="FILE", default="", help="with --urdf: a model file of your own instead")
+    parser.add_argument("--frame-prefix", metavar="TEXT", default="", help="with --urdf: in front of every name")
+    options = parser.parse_args(arguments)
+    if options.urdf is not None:
+        return _print_urdf(options)
+    sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    rospy.init_node("jaka_driver")
+    log_to_ros()
+    try:
+        config = config_from(rospy.get_param("~", {}))
+        _set_scheduler(config.realtime_priority)
+        driver = Driver(config, config.arm_model())
+    except (JakaError, OSError) as error:
+        rospy.logfatal("%s cannot start: %s", rospy.get_name(), error)
+        rospy.signal_shutdown("could not start")
+        return 1
+    rospy.on_shutdown(driver.close)
+    driver.start()
+    rospy.spin()
+    return 0
+
+
+def _print_urdf(options: argparse.Namespace) -> int:
+    try:
+        config = config_from({"model": options.urdf, "dh_file": options.dh_file, "frame_prefix": options.frame_prefix})
+        print(urdf_from_model(config.arm_model(), config.frame_prefix, config.base_frame, config.flange_frame), end="")
+        return 0
+    except JakaError as error:
+        print("jaka_driver: error: %s" % error, file=sys.stderr)
+        return 1
+
+
+def _set_scheduler(priority: int) -> None:
+    """For this thread and those made later."""
+    if priority:
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        except PermissionError:
+            _LOG.warning("~realtime_priority %d: not permitted (limit rtprio); going on without", priority)

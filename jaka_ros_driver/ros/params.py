@@ -1,0 +1,258 @@
+"""The node's private parameters: read once, checked, one frozen DriverConfig.
+
+``docs/parameters.md`` is this module's output: ``python3 -m jaka_ros_driver.ros.params``.
+"""
+import dataclasses
+import difflib
+import ipaddress
+import math
+import re
+from dataclasses import dataclass
+from typing import Any, Callable, List, Mapping, NamedTuple, Optional, Tuple
+
+from jaka_ros_driver.client.settings import COMMAND_PORT, STATUS_PORT, ClientSettings
+from jaka_ros_driver.errors import InvalidCommand, JakaError
+from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, load_model_file, model_names
+from jaka_ros_driver.units import ms_to_s, s_to_ms
+
+DOCUMENTED, VENDOR = "documented", "vendor"
+TF_ALL, TF_TOOL, TF_NONE = "all", "tool", "none"
+
+_CLIENT = ClientSettings("")
+_HOST_LABEL = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)\Z")
+_FRAME = re.compile(r"[A-Za-z][A-Za-z0-9_/]*\Z")
+_TOPIC = re.compile(r"[A-Za-z~/][A-Za-z0-9_/]*\Z")
+_PREFIX = re.compile(r"([A-Za-z][A-Za-z0-9_/]*)?\Z")
+
+
+class WrongParameter(JakaError, ValueError):
+    """A private parameter is unknown, or has a wrong type or value; the driver does not start with it."""
+
+
+class Parameter(NamedTuple):
+    """What a private parameter may be.
+
+    ``check`` raises ValueError where the value is not valid, and returns it in the type that the driver uses.
+    """
+
+    kind: str
+    unit: str
+    valid: str
+    doc: str
+    check: Callable[[Any], Any]
+
+
+def _parameter(default: Any, kind: str, unit: str, valid: str, doc: str, check: Callable[[Any], Any]) -> Any:
+    return dataclasses.field(default=default, metadata={"parameter": Parameter(kind, unit, valid, doc, check)})
+
+
+def _number(default: float, low: float, high: float, unit: str, doc: str) -> Any:
+    def check(value: Any) -> float:
+        if type(value) not in (int, float) or not math.isfinite(value) or not low <= value <= high:
+            raise ValueError
+        return float(value)
+    return _parameter(default, "number", unit, "%g to %g" % (low, high), doc, check)
+
+
+def _integer(default: int, low: int, high: int, doc: str) -> Any:
+    def check(value: Any) -> int:
+        if type(value) is not int or not low <= value <= high:
+            raise ValueError
+        return value
+    return _parameter(default, "whole number", "", "%d to %d" % (low, high), doc, check)
+
+
+def _flag(default: Optional[bool], doc: str) -> Any:
+    def check(value: Any) -> bool:
+        if type(value) is not bool:
+            raise ValueError
+        return value
+    return _parameter(default, "bool", "", "true or false", doc, check)
+
+
+def _choice(default: str, choices: Tuple[str, ...], doc: str) -> Any:
+    def check(value: Any) -> str:
+        if value not in choices:
+            raise ValueError
+        return str(value)
+    return _parameter(default, "text", "", ", ".join(choices), doc, check)
+
+
+def _text(default: str, pattern: "re.Pattern[str]", valid: str, doc: str) -> Any:
+    def check(value: Any) -> str:
+        if type(value) is not str or not pattern.match(value):
+            raise ValueError
+        return value
+    return _parameter(default, "text", "", valid, doc, check)
+
+
+def _host(value: Any) -> str:
+    if type(value) is not str or len(value) > 253:
+        raise ValueError
+    if re.match(r"[0-9.]+\Z", value):
+        return str(ipaddress.IPv4Address(value))
+    if not all(_HOST_LABEL.match(label) for label in value.split(".")):
+        raise ValueError
+    return value
+
+
+def _model(value: Any) -> str:
+    if type(value) is not str:
+        raise ValueError
+    try:
+        return load_model(value).name
+    except InvalidCommand as error:
+        raise ValueError(str(error)) from error
+
+
+def _model_file(value: Any) -> str:
+    if type(value) is not str:
+        raise ValueError
+    if value:
+        try:
+            load_model_file(value)
+        except InvalidCommand as error:
+            raise ValueError(str(error)) from error
+    return value
+
+
+@dataclass(frozen=True)
+class DriverConfig:
+    """Everything that a user can set; the fields are the private parameters, documented in docs/parameters.md."""
+
+    ip: str = _parameter("127.0.0.1", "text", "", "host name or IPv4 address", "Address of the controller.", _host)
+    command_port: int = _integer(COMMAND_PORT, 1, 65535, "Its request and reply port.")
+    status_port: int = _integer(STATUS_PORT, 1, 65535, "Its status feed.")
+    model: str = _parameter("zu7", "text", "", "one of " + ", ".join(model_names()),
+                            "The arm; its limits are the audit of every command.", _model)
+    dh_file: str = _parameter("", "text", "", "empty, or path of a model file",
+                              "A model file of your own (calibrated arm), instead of `model`.", _model_file)
+    interface: str = _choice(DOCUMENTED, (DOCUMENTED, VENDOR),
+                             "Follow the interface document, or the maker's own ROS driver where the two differ.")
+    blocking: bool = _flag(True, "linear_move and joint_move answer when the motion has ended; false: on acceptance.")
+    activate_frames: Optional[bool] = _flag(None, "set_toolframe and set_userframe also make the frame the active one. "
+                                                  "Default: true; false with interface vendor.")
+    auto_enable: bool = _flag(True, "Power and enable a healthy arm once, when it is first seen after the start.")
+    guard: bool = _flag(True, "A guard process stops the arm when the driver dies or hangs.")
+    publish_rate: float = _number(1.0 / _CLIENT.feed_period, 1.0, 500.0, "Hz",
+                                  "Status period asked of the controller, and rate up to which a slower feed is filled.")
+    stale_after: float = _number(_CLIENT.stale_after, 0.02, 10.0, "s",
+                                 "State older than this is neither published nor acted on.")
+    joint_states_topic: str = _text("joint_states", _TOPIC, "a ROS name",
+                                    "Topic for robot_state_publisher and the like, with velocity (the controller's "
+                                    "where it reports one, else a filtered difference).")
+    publish_tf: str = _choice(TF_ALL, (TF_ALL, TF_TOOL, TF_NONE),
+                              "Transforms: all (base to flange, flange to active tool, base to user frame); tool (the "
+                              "same without the flange: robot_state_publisher gives it); none.")
+    publish_description: bool = _flag(True, "Set robot_description to a URDF made from the model, where there is none.")
+    base_frame: str = _text("base_link", _FRAME, "a frame name", "Frame of the arm's base.")
+    flange_frame: str = _text("tool0", _FRAME, "a frame name", "Frame of the flange.")
+    tool_frame: str = _text("tool", _FRAME, "a frame name", "Frame of the active tool.")
+    frame_prefix: str = _text("", _PREFIX, "empty, or the start of a frame name",
+                              "In front of every frame and of the joints of joint_states; for several arms.")
+    connect_timeout: float = _number(_CLIENT.connect_timeout, 0.05, 30.0, "s", "Longest wait for a connection.")
+    reply_timeout: float = _number(_CLIENT.reply_timeout, 0.05, 30.0, "s",
+                                   "Longest wait for a reply of the controller; then the link is made anew.")
+    silence_timeout: float = _number(_CLIENT.silence_timeout, 0.1, 30.0, "s",
+                                     "The status feed counts as lost after so long without a byte.")
+    motion_timeout: float = _number(_CLIENT.motion_timeout, 0.1, 86400.0, "s", "A motion that takes longer is stopped.")
+    power_timeout: float = _number(_CLIENT.power_timeout, 0.1, 300.0, "s", "Longest wait for the drives' power.")
+    enable_timeout: float = _number(_CLIENT.enable_timeout, 0.1, 300.0, "s", "Longest wait for the brakes.")
+    jog_timeout: float = _number(_CLIENT.jog_timeout, 0.05, _CLIENT.jog_timeout, "s",
+                                 "A jog stops so long after the last jog call.")
+    servo_timeout: float = _number(_CLIENT.servo_timeout, 0.05, 3600.0, "s",
+                                   "Servo mode is left so long after the last servo target.")
+    servo_max_joint_jump: float = _number(_CLIENT.servo_max_joint_jump, 0.0001, 6.3, "rad",
+                                          "A servo target may be so far from the last one, each joint.")
+    servo_max_linear_jump: float = _number(_CLIENT.servo_max_linear_jump, 0.0001, 2.0, "m", "The same for the position of a Cartesian target.")
+    servo_max_angular_jump: float = _number(_CLIENT.servo_max_angular_jump, 0.0001, 3.2, "rad",
+                                            "The same for its orientation.")
+    realtime_priority: int = _integer(0, 0, 99, "SCHED_FIFO priority of the driver's threads; 0 leaves the scheduler "
+                                                "alone. Needs the right to it (rtprio).")
+
+    @property
+    def is_vendor(self) -> bool:
+        """Clients get what the maker's own driver gives them."""
+        return self.interface == VENDOR
+
+    @property
+    def activates_frames(self) -> bool:
+        """A frame that is set becomes the active one."""
+        return not self.is_vendor if self.activate_frames is None else self.activate_frames
+
+    def client_settings(self) -> ClientSettings:
+        """What the client needs of it."""
+        return ClientSettings(
+            host=self.ip, feed_period=ms_to_s(max(1.0, round(s_to_ms(1.0 / self.publish_rate)))),
+            **{f.name: getattr(self, f.name) for f in dataclasses.fields(ClientSettings)
+               if hasattr(self, f.name)})
+
+    def arm_model(self) -> ArmModel:
+        """The arm, from ``dh_file`` or by its name.
+
+        Raises:
+            InvalidCommand: The file changed since it was checked, and is wrong now.
+        """
+        return load_model_file(self.dh_file) if self.dh_file else load_model(self.model)
+
+
+def table() -> List[Tuple[str, Any, Parameter]]:
+    """Name, default and description of every parameter."""
+    return [(f.name, f.default, f.metadata["parameter"]) for f in dataclasses.fields(DriverConfig)]
+
+
+def config_from(values: Mapping[str, Any]) -> DriverConfig:
+    """The configuration that these private parameters give; what is not there has its default.
+
+    Raises:
+        WrongParameter: Names every unknown parameter with the nearest known one, and every wrong value with what
+            is valid.
+    """
+    known = {name: parameter for name, _, parameter in table()}
+    wrong: List[str] = []
+    checked = {}
+    for name, value in sorted(values.items()):
+        if name not in known:
+            nearest = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
+            wrong.append("unknown parameter ~%s; did you mean ~%s?" % (name, nearest))
+            continue
+        try:
+            checked[name] = known[name].check(value)
+        except ValueError as error:
+            wrong.append(_refusal(name, value, known[name], str(error)))
+    config = DriverConfig(**checked)
+    if config.command_port == config.status_port:
+        wrong.append("parameters ~command_port and ~status_port are both %d; they must differ" % config.command_port)
+    if wrong:
+        raise WrongParameter("; ".join(wrong))
+    return config
+
+
+def _refusal(name: str, value: Any, parameter: Parameter, why: str) -> str:
+    unit = " " + parameter.unit if parameter.unit else ""
+    text = "parameter ~%s is %r; valid: %s, %s%s" % (name, value, parameter.kind, parameter.valid, unit)
+    return text + (" (%s)" % why if why else "")
+
+
+def markdown() -> str:
+    """The documentation of all parameters: the content of docs/parameters.md."""
+    lines = ["# Private parameters of the driver", "",
+             "Made from the code with `python3 -m jaka_ros_driver.ros.params > docs/parameters.md`. They are read once, "
+             "when the node starts; a wrong", "value or an unknown name is an error, and the node does not start.", "",
+             "| parameter | type | unit | default | valid | meaning |", "|---|---|---|---|---|---|"]
+    for name, default, parameter in table():
+        lines.append("| `~%s` | %s | %s | %s | %s | %s |" % (
+            name, parameter.kind, parameter.unit, _shown(default), parameter.valid, parameter.doc))
+    return "\n".join(lines) + "\n"
+
+
+def _shown(default: Any) -> str:
+    if default is None:
+        return "see meaning"
+    if isinstance(default, bool):
+        return "`true`" if default else "`false`"
+    return "`%g`" % default if isinstance(default, float) else "`%s`" % (default if default != "" else '""')
+
+
+if __name__ == "__main__":
+    print(markdown(), end="")

@@ -1,0 +1,172 @@
+"""The services: one table, and one way from a call to its reply and its evidence.
+
+A refusal or failure is a reply, never a lost exception; only where a type has no field for it (stop_move) does the
+call fail as a ROS service error.
+"""
+import logging
+import time
+from typing import Any, Callable, Dict, List, NamedTuple, Tuple
+
+import rospy
+from jaka_msgs.srv import (
+    ClearErr,
+    GetFK,
+    GetIK,
+    GetIO,
+    Move,
+    ServoMove,
+    ServoMoveEnable,
+    SetCollision,
+    SetIO,
+    SetPayload,
+    SetTcpFrame,
+    SetUserFrame,
+)
+from std_srvs.srv import Empty, SetBool
+
+from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.ros.convert import VENDOR_IO_FAILURE, VENDOR_KINEMATICS_FAILURE, Requests, wire_pose
+from jaka_ros_driver.ros.evidence import Call, Evidence
+from jaka_ros_driver.ros.operations import Operations, Outcome
+from jaka_ros_driver.ros.service_server import CallCount, ServiceServer
+from jaka_ros_driver.ros.servo_move_wire import ServoMoveWithSpeed
+
+_LOG = logging.getLogger(__name__)
+
+
+def as_ret(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+    """``ret`` 1 or 0, and ``message`` (interface document 4.1)."""
+    response.ret = int(outcome.is_success)
+    response.message = outcome.message
+
+
+def as_success(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+    """std_srvs/SetBool."""
+    response.success = outcome.is_success
+    response.message = outcome.message
+
+
+def as_exception(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+    """std_srvs/Empty has no field to tell a failure.
+
+    Raises:
+        rospy.ServiceException: It failed.
+    """
+    if not outcome.is_success:
+        raise rospy.ServiceException(outcome.message)
+
+
+def as_value(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+    """get_io has no ``ret``: NaN, and a message that begins with ``error:`` (interface document 4.1)."""
+    response.message = outcome.message if outcome.is_success else "error: " + outcome.message
+    response.value = outcome.value if outcome.is_success else VENDOR_IO_FAILURE if is_vendor else float("nan")
+
+
+def as_pose(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+    """get_fk: empty on failure."""
+    response.message = outcome.message
+    response.cartesian_pose = wire_pose(outcome.value) if outcome.is_success else _no_numbers(is_vendor)
+
+
+def as_joints(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+    """get_ik: empty on failure."""
+    response.message = outcome.message
+    response.joint = outcome.value if outcome.is_success else _no_numbers(is_vendor)
+
+
+def _no_numbers(is_vendor: bool) -> Tuple[float, ...]:
+    return (VENDOR_KINEMATICS_FAILURE,) * 6 if is_vendor else ()
+
+
+class ServiceSpec(NamedTuple):
+    """One service: its name, its type, and how requests and outcomes map.
+
+    Attributes:
+        name: Below the node's own name.
+        srv_type: The generated type.
+        to_command: Pure: checks shape and enums, changes units, raises InvalidCommand.
+        perform: Does it, raises a JakaError.
+        report: Writes the outcome into the response.
+    """
+
+    name: str
+    srv_type: Any
+    to_command: Callable[[Requests, Any], Any]
+    perform: Callable[[Operations, Any], Outcome]
+    report: Callable[[Any, Outcome, bool], None] = as_ret
+
+
+SERVICES: Tuple[ServiceSpec, ...] = (
+    ServiceSpec("linear_move", Move, Requests.linear_move, Operations.move),
+    ServiceSpec("joint_move", Move, Requests.joint_move, Operations.move),
+    ServiceSpec("jog", Move, Requests.jog, Operations.jog),
+    ServiceSpec("servo_move_enable", ServoMoveEnable, Requests.servo_mode, Operations.servo_mode),
+    ServiceSpec("servo_p", ServoMove, Requests.servo_pose, Operations.servo_target),
+    ServiceSpec("servo_j", ServoMove, Requests.servo_joint, Operations.servo_target),
+    ServiceSpec("stop_move", Empty, Requests.nothing, Operations.stop, as_exception),
+    ServiceSpec("set_toolframe", SetTcpFrame, Requests.tool_frame, Operations.tool_frame),
+    ServiceSpec("set_userframe", SetUserFrame, Requests.user_frame, Operations.user_frame),
+    ServiceSpec("set_payload", SetPayload, Requests.payload, Operations.payload),
+    ServiceSpec("drag_mode", SetBool, Requests.switch, Operations.hand_guiding, as_success),
+    ServiceSpec("drag_move", SetBool, Requests.switch, Operations.hand_guiding, as_success),
+    ServiceSpec("set_collisionlevel", SetCollision, Requests.collision_level, Operations.collision_level),
+    ServiceSpec("set_io", SetIO, Requests.output, Operations.output),
+    ServiceSpec("get_io", GetIO, Requests.terminal, Operations.read, as_value),
+    ServiceSpec("clear_err", ClearErr, Requests.nothing, Operations.clear_error),
+    ServiceSpec("get_fk", GetFK, Requests.forward, Operations.forward, as_pose),
+    ServiceSpec("get_ik", GetIK, Requests.inverse, Operations.inverse, as_joints),
+    ServiceSpec("power", SetBool, Requests.switch, Operations.power, as_success),
+    ServiceSpec("enable", SetBool, Requests.switch, Operations.enable, as_success),
+)
+OTHER_DEFINITIONS: Dict[Any, Tuple[Any, ...]] = {ServoMove: (ServoMoveWithSpeed,)}
+"""Definitions under which clients may have been built, besides the one of jaka_msgs."""
+
+
+class Services:
+    """All services of the table on one arm."""
+
+    def __init__(self, requests: Requests, operations: Operations, evidence: Evidence) -> None:
+        self._requests = requests
+        self._operations = operations
+        self._evidence = evidence
+        self._calls = CallCount()
+        self._servers: List[ServiceServer] = []
+
+    def offer(self) -> None:
+        """Register all of them."""
+        for spec in SERVICES:
+            self._servers.append(ServiceServer(
+                "~" + spec.name, spec.srv_type, self._handler(spec), self._calls,
+                OTHER_DEFINITIONS.get(spec.srv_type, ())))
+
+    def finish_calls(self, timeout: float) -> None:
+        """Wait until every call under way has been answered, s at most."""
+        if not self._calls.wait_for_none(timeout):
+            _LOG.warning("some service calls were not answered before the driver shut down")
+
+    def _handler(self, spec: ServiceSpec) -> Callable[[Any], Any]:
+        name = rospy.resolve_name("~" + spec.name)
+
+        def handle(request: Any) -> Any:
+            call = Call(name, spec.srv_type, request, rospy.Time.now(), time.monotonic())
+            try:
+                outcome = self._outcome(spec, request)
+                response = spec.srv_type._response_class()
+                spec.report(response, outcome, self._requests.is_vendor)
+            except rospy.ServiceException as error:
+                self._evidence.failed(call, str(error))
+                raise
+            except Exception as error:
+                self._evidence.failed(call, "internal error: %r" % error)
+                raise
+            self._evidence.answered(call, response, outcome)
+            return response
+
+        return handle
+
+    def _outcome(self, spec: ServiceSpec, request: Any) -> Outcome:
+        try:
+            return spec.perform(self._operations, spec.to_command(self._requests, request))
+        except JakaError as error:
+            _LOG.info("%s: %s", spec.name, error)
+            return Outcome(str(error), is_success=False)
