@@ -1,16 +1,42 @@
 """The index section of a .bag: connections and chunk infos."""
 import os
 import struct
-from typing import Dict, List, Tuple
+from typing import Dict, List, NamedTuple, Tuple
 
 from . import bag_format as fmt
 from .definitions import Connection
 from .errors import BagFormatError
-from .log_index import ChunkRef, LogIndex, read_at
+from .log_index import ChunkRef, LogIndex, open_for_reading, read_at
 from .output_file import PathLike
 
+_U32 = struct.Struct("<I")
 _CUT_OFF = "the recording was cut off, there is no index (jaka_bag recover makes a whole file of it)"
 _DAMAGED = "the index is damaged (jaka_bag recover makes a whole file of it)"
+
+
+class ChunkHead(NamedTuple):
+    """A chunk record up to its data: codec, uncompressed size, where the data starts and how long it is."""
+
+    codec: str
+    size: int
+    data_start: int
+    data_size: int
+
+
+def parse_chunk_head(raw: bytes) -> ChunkHead:
+    """The head of a chunk record.
+
+    Raises:
+        BagFormatError: It is damaged or cut off.
+    """
+    if len(raw) < 8 or _U32.unpack_from(raw)[0] > len(raw) - 8:
+        raise BagFormatError("a chunk record is cut off or damaged")
+    header_end = 4 + _U32.unpack_from(raw)[0]
+    fields = fmt.parse_header(raw[4:header_end])
+    if fmt.opcode(fields) != fmt.OP_CHUNK:
+        raise BagFormatError("there is no chunk record")
+    codec = fields.get("compression", b"").decode("ascii", "replace")
+    return ChunkHead(codec, fmt.u32(fields, "size"), header_end + 4, int(_U32.unpack_from(raw, header_end)[0]))
 
 
 def read_file_header(descriptor: int) -> Tuple[fmt.Header, int]:
@@ -22,7 +48,7 @@ def read_file_header(descriptor: int) -> Tuple[fmt.Header, int]:
     raw = read_at(descriptor, len(fmt.MAGIC), 4 + fmt.FILE_HEADER_SIZE + 4)
     if len(raw) < 8:
         raise BagFormatError("the file is cut off in its first record")
-    size = struct.unpack_from("<I", raw)[0]
+    size = _U32.unpack_from(raw)[0]
     if size > len(raw) - 8:
         raise BagFormatError("the first record is cut off or damaged")
     fields = fmt.parse_header(raw[4:4 + size])
@@ -31,14 +57,14 @@ def read_file_header(descriptor: int) -> Tuple[fmt.Header, int]:
     encryptor = fields.get("encryptor", b"")
     if encryptor:
         raise BagFormatError("the bag is encrypted (%s); 'rosbag decrypt' first" % encryptor.decode("utf-8", "replace"))
-    return fields, len(fmt.MAGIC) + 8 + size + int(struct.unpack_from("<I", raw, 4 + size)[0])
+    return fields, len(fmt.MAGIC) + 8 + size + int(_U32.unpack_from(raw, 4 + size)[0])
 
 
 def _read_section(data: bytes) -> Tuple[Dict[int, Connection], List[fmt.ChunkInfo]]:
     connections: Dict[int, Connection] = {}
     infos: List[fmt.ChunkInfo] = []
     at = 0
-    unpack = struct.Struct("<I").unpack_from
+    unpack = _U32.unpack_from
     while at < len(data):
         if at + 4 > len(data):
             raise BagFormatError(_DAMAGED)
@@ -90,3 +116,23 @@ def read_bag_index(path: PathLike, descriptor: int) -> LogIndex:
     return LogIndex("bag", "2.0", str(path), size, list(by_id.values()), numbers, chunks, counts,
                     min((c.start_time for c in filled), default=None),
                     max((c.end_time for c in filled), default=None))
+
+
+def read_codecs(path: PathLike, index: LogIndex) -> Tuple[Tuple[str, int, int, int], ...]:
+    """Per codec: chunks, stored bytes, uncompressed bytes; from the heads of the chunks.
+
+    Raises:
+        BagFormatError: A chunk's head is damaged.
+    """
+    descriptor = open_for_reading(path)
+    codecs: Dict[str, Tuple[int, int, int]] = {}
+    try:
+        for chunk in index.chunks:
+            head = parse_chunk_head(read_at(descriptor, chunk.position, 256))
+            count, stored, full = codecs.get(head.codec, (0, 0, 0))
+            codecs[head.codec] = (count + 1, stored + head.data_size, full + head.size)
+    except BagFormatError as error:
+        raise BagFormatError("%s: %s" % (path, error)) from error
+    finally:
+        os.close(descriptor)
+    return tuple((name, *values) for name, values in codecs.items())

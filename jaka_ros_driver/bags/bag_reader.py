@@ -1,10 +1,11 @@
 """Reads the chunks of an indexed .bag."""
 import struct
-from typing import List, NamedTuple, Tuple
+from typing import List, Tuple
 
 import numpy as np
 
 from . import bag_format as fmt
+from .bag_index import parse_chunk_head
 from .blocks import Array, Block, concatenate
 from .compression import decompress
 from .errors import BagFormatError
@@ -14,31 +15,6 @@ from .records import parse_bag_chunk
 
 _ENTRY_TYPE = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
 _U32 = struct.Struct("<I")
-
-
-class ChunkHead(NamedTuple):
-    """A chunk record up to its data: codec, uncompressed size, where the data starts and how long it is."""
-
-    codec: str
-    size: int
-    data_start: int
-    data_size: int
-
-
-def parse_chunk_head(raw: bytes) -> ChunkHead:
-    """The head of a chunk record.
-
-    Raises:
-        BagFormatError: It is damaged or cut off.
-    """
-    if len(raw) < 8 or _U32.unpack_from(raw)[0] > len(raw) - 8:
-        raise BagFormatError("a chunk record is cut off or damaged")
-    header_end = 4 + _U32.unpack_from(raw)[0]
-    fields = fmt.parse_header(raw[4:header_end])
-    if fmt.opcode(fields) != fmt.OP_CHUNK:
-        raise BagFormatError("there is no chunk record")
-    codec = fields.get("compression", b"").decode("ascii", "replace")
-    return ChunkHead(codec, fmt.u32(fields, "size"), header_end + 4, int(_U32.unpack_from(raw, header_end)[0]))
 
 
 def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:

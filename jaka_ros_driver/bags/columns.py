@@ -140,6 +140,7 @@ class ColumnReader:
     Args:
         reader: The log.
         selection: Which messages; None for all.
+        only_connection: Number of the one connection to decode; None for all that are selected.
 
     Raises:
         DefinitionError: The definition of a wanted connection is not understood, or two connections of a topic
@@ -147,9 +148,12 @@ class ColumnReader:
         BagError: A pattern of the selection is not a regular expression.
     """
 
-    def __init__(self, reader: LogReader, selection: Optional[Selection] = None) -> None:
+    def __init__(self, reader: LogReader, selection: Optional[Selection] = None,
+                 only_connection: Optional[int] = None) -> None:
         self._reader = reader
         self._picker = Picker(selection or Selection(), reader.connections)
+        if only_connection is not None:
+            self._picker.limit_to(only_connection)
         self.connections: Dict[str, Connection] = {}
         self._finders: Dict[int, LayoutFinder] = {}
         self._topics: List[str] = [connection.topic for connection in reader.connections]

@@ -1,9 +1,9 @@
 """Copies messages of logs into another, chunk by chunk, on two threads: what convert, filter and merge do."""
-from typing import Any, Callable, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
-from .blocks import Array, Block, concatenate, pieces_of
+from .blocks import Array, Block, concatenate, distinct, pieces_of
 from .chunk_writer import ChunkWriter
 from .definitions import Connection, definition_md5
 from .errors import BagFormatError, DefinitionError
@@ -70,43 +70,81 @@ def batches(chunks: Iterable[ChunkRef]) -> Iterator[List[ChunkRef]]:
         yield batch
 
 
-class _Losses:
-    """Notes what a .bag has no place for."""
+class LossNotes:
+    """Watches for what a .bag has no place for.
+
+    Args:
+        writer: The output.
+    """
 
     def __init__(self, writer: ChunkWriter) -> None:
         self._is_bag = not isinstance(writer, McapWriter)
-        self.publish_times = False
-        self.sequences = False
+        self._publish_times = False
+        self._sequences = False
 
-    def look(self, block: Block) -> None:
+    def look(self, block: Block) -> Block:
+        """Look at a block on its way."""
         if self._is_bag:
-            if not self.publish_times and block.publish_time is not block.log_time:
-                self.publish_times = bool((block.publish_time != block.log_time).any())
-            if not self.sequences:
-                self.sequences = bool(block.sequence.any())
+            if not self._publish_times and block.publish_time is not block.log_time:
+                self._publish_times = bool((block.publish_time != block.log_time).any())
+            if not self._sequences:
+                self._sequences = bool(block.sequence.any())
+        return block
 
-    def notes(self, reader: LogReader) -> Tuple[str, ...]:
+    def notes(self, readers: Sequence[LogReader]) -> Tuple[str, ...]:
+        """What was left out, one line each."""
         result = []
-        if self.publish_times:
+        if self._publish_times:
             result.append("a .bag has no place for publish times: only the log times are kept")
-        if self.sequences:
+        if self._sequences:
             result.append("a .bag has no place for the MCAP's sequence numbers: they are left out")
-        if self._is_bag and (reader.index.attachments or reader.index.metadata):
-            result.append("a .bag has no place for attachments and metadata: %d left out"
-                          % (len(reader.index.attachments) + len(reader.index.metadata)))
+        extras = sum(len(reader.index.attachments) + len(reader.index.metadata) for reader in readers)
+        if self._is_bag and extras:
+            result.append("a .bag has no place for attachments and metadata: %d left out" % extras)
         return tuple(result)
 
 
+def latched_before(reader: LogReader, picker: Picker, start_time: int) -> Block:
+    """The newest message before a time, ns, of each wanted latched connection, in the order of time.
+
+    Raises:
+        BagFormatError: A chunk is damaged.
+    """
+    latched = np.array([bool(c.latching) for c in reader.connections] or [False], bool) & (
+        picker.wanted if len(picker.wanted) else np.zeros(1, bool))
+    newest: Dict[int, Block] = {}
+    for chunk in reader.chunks:
+        if chunk.start_time >= start_time or not (not chunk.counts or any(latched[n] for n in chunk.counts)):
+            continue
+        block = reader.load(chunk)
+        which = np.flatnonzero(latched[block.connection] & (block.log_time < start_time))
+        for number in distinct(block.connection[which]).tolist():
+            own = which[block.connection[which] == number]
+            last = own[len(own) - 1 - int(np.argmax(block.log_time[own][::-1]))]
+            candidate = block.take(np.array([last]))
+            if number not in newest or candidate.log_time[0] >= newest[number].log_time[0]:
+                newest[number] = concatenate([candidate, candidate.take(slice(0, 0))])
+    return concatenate(sorted(newest.values(), key=lambda b: int(b.log_time[0])))
+
+
 def copy_log(reader: LogReader, writer: ChunkWriter, picker: Picker, on_progress: Optional[OnProgress] = None,
-             workers: int = WORKERS) -> CopyResult:
+             workers: int = WORKERS, latched_from: Optional[int] = None) -> CopyResult:
     """Copy the wanted messages of one log in the order of the file; attachments and metadata where there is place.
+
+    Args:
+        reader: The log.
+        writer: The output; it stays open.
+        picker: Which messages.
+        on_progress: Is told how far it is.
+        workers: Threads.
+        latched_from: Copy also the newest message before this time, ns, of each latched connection.
 
     Raises:
         BagFormatError: A chunk is damaged, or the chunks hold other messages than the index says.
         BagError: The output cannot hold them.
     """
     ids = add_channels(reader.connections, picker.wanted, writer)
-    losses = _Losses(writer)
+    losses = LossNotes(writer)
 
     def work(batch: List[ChunkRef]) -> Tuple[int, int, List[Any]]:
         block = concatenate([picker.pick(reader.load(chunk)) for chunk in batch])
@@ -115,6 +153,10 @@ def copy_log(reader: LogReader, writer: ChunkWriter, picker: Picker, on_progress
         return sum(chunk.end - chunk.position for chunk in batch), len(block), encoded
 
     written = 0
+    if latched_from is not None:
+        before = latched_before(reader, picker, latched_from)
+        writer.append(writer.encode(before, ids))
+        written += len(before)
     for size, count, encoded in in_order(work, batches(picker.chunks(reader.chunks)), workers):
         for chunk in encoded:
             writer.append(chunk)
@@ -125,7 +167,7 @@ def copy_log(reader: LogReader, writer: ChunkWriter, picker: Picker, on_progress
         raise BagFormatError("%s: the index tells of %d messages, the chunks hold %d (jaka_bag recover keeps them)"
                              % (reader.path, reader.message_count, written))
     copy_extras(reader, writer)
-    return CopyResult(written, losses.notes(reader))
+    return CopyResult(written, losses.notes([reader]))
 
 
 def copy_extras(reader: LogReader, writer: ChunkWriter) -> None:

@@ -10,7 +10,7 @@ from .blocks import Array, Block
 from .definitions import Connection
 from .errors import BagFormatError
 from .log_index import ChunkRef, LogIndex, index_of, open_for_reading, read_at
-from .mcap_format import RECORD_HEAD, AttachmentIndex, Cursor, MetadataIndex
+from .mcap_format import RECORD_HEAD, AttachmentIndex, Cursor, MetadataIndex, parse_metadata
 from .output_file import PathLike
 
 _LOOKUP_LIMIT = 1 << 20
@@ -141,9 +141,7 @@ class LogReader:
         Raises:
             BagFormatError: It is damaged.
         """
-        cursor = Cursor(read_at(self._descriptor, entry.position, entry.size), RECORD_HEAD.size)
-        name = cursor.text()
-        return name, cursor.text_map()
+        return parse_metadata(read_at(self._descriptor, entry.position, entry.size))
 
     def close(self) -> None:
         """Close the file."""

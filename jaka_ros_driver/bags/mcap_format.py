@@ -295,6 +295,17 @@ def parse_metadata_index(body: Buffer) -> MetadataIndex:
     return MetadataIndex(position, size, c.text())
 
 
+def parse_metadata(raw: Buffer) -> Tuple[str, Dict[str, str]]:
+    """Name and content of a whole metadata record.
+
+    Raises:
+        BagFormatError: It is damaged.
+    """
+    c = Cursor(raw, RECORD_HEAD.size)
+    name = c.text()
+    return name, c.text_map()
+
+
 def split_records(data: Buffer) -> List[Tuple[int, int, int]]:
     """(opcode, start, end) of the body of each record in ``data``.
 

@@ -57,6 +57,37 @@ def _compile(patterns: Sequence[str]) -> List[Pattern[str]]:
         raise BagError("%r is not a regular expression: %s" % (error.pattern, error.msg)) from error
 
 
+class TimePoint(NamedTuple):
+    """A moment as users name it: ns since the epoch, or from a log's start (negative: from its end)."""
+
+    ns: int
+    is_absolute: bool
+
+    def resolve(self, start_time: int, end_time: int) -> int:
+        """The moment in a log that spans these times, ns."""
+        if self.is_absolute:
+            return self.ns
+        return (end_time if self.ns < 0 else start_time) + self.ns
+
+
+class TimeSpan(NamedTuple):
+    """A part of a log's time as users name it; ``duration`` is ns and counts from ``start``."""
+
+    start: Optional[TimePoint] = None
+    end: Optional[TimePoint] = None
+    duration: Optional[int] = None
+
+    def apply(self, selection: Selection, start_time: Optional[int], end_time: Optional[int]) -> Selection:
+        """The selection limited to the span, for a log that spans these times, ns (None: it has no message)."""
+        if self == TimeSpan() or start_time is None or end_time is None:
+            return selection
+        first = None if self.start is None else self.start.resolve(start_time, end_time)
+        last = None if self.end is None else self.end.resolve(start_time, end_time)
+        if self.duration is not None:
+            last = (start_time if first is None else first) + self.duration
+        return selection._replace(start_time=first, end_time=last)
+
+
 class Picker:
     """A selection applied to one log.
 
@@ -70,6 +101,11 @@ class Picker:
     def __init__(self, selection: Selection, connections: Sequence[Connection]) -> None:
         self._selection = selection
         self.wanted = selection.wanted(connections)
+        self._all = bool(self.wanted.all())
+
+    def limit_to(self, number: int) -> None:
+        """Want the messages of no other connection than this."""
+        self.wanted &= np.arange(len(self.wanted)) == number
         self._all = bool(self.wanted.all())
 
     @property

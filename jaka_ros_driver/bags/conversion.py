@@ -1,0 +1,159 @@
+"""Converts one file as one job that can be handed to another process or machine."""
+import importlib
+import os
+import time
+from pathlib import Path
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+
+from ..errors import JakaError
+from .chunk_writer import ChunkWriter
+from .copying import OnProgress, copy_log
+from .errors import BagError, MissingDependency
+from .pipeline import WORKERS
+from .readers import open_log
+from .selection import Picker, Selection, TimeSpan
+from .writers import create_log
+
+
+class Job(NamedTuple):
+    """One file to convert.
+
+    Attributes:
+        source: A .bag or .mcap, by content.
+        target: .bag or .mcap by suffix, or a folder for the profile ``ros2``.
+        selection: Which messages, times excepted.
+        span: Which times.
+        compression: None for the target format's default.
+        level: The codec's level; None for its default.
+        profile: ``ros1``, or ``ros2`` for a rosbag2 folder.
+        overwrite: Replace an existing target.
+        workers: Threads.
+        keep_latched: Also the newest message before the span of each latched publisher.
+    """
+
+    source: str
+    target: str
+    selection: Selection = Selection()
+    span: TimeSpan = TimeSpan()
+    compression: Optional[str] = None
+    level: Optional[int] = None
+    profile: str = "ros1"
+    overwrite: bool = False
+    workers: int = WORKERS
+    keep_latched: bool = False
+
+
+class Outcome(NamedTuple):
+    """What became of a job.
+
+    Attributes:
+        source: Its source.
+        target: Its target.
+        messages: Messages written.
+        bytes_read: Size of the source.
+        bytes_written: Size of the target.
+        seconds: Wall time, s.
+        notes: What the target cannot hold.
+        error: Why there is no target; empty on success.
+    """
+
+    source: str
+    target: str
+    messages: int = 0
+    bytes_read: int = 0
+    bytes_written: int = 0
+    seconds: float = 0.0
+    notes: Tuple[str, ...] = ()
+    error: str = ""
+
+    def document(self) -> Dict[str, Any]:
+        """The outcome as JSON data."""
+        return dict(self._asdict(), notes=list(self.notes), error=self.error or None)
+
+
+def same_file(a: str, b: str) -> bool:
+    """True where both names lead to one file."""
+    try:
+        return os.path.samefile(a, b)
+    except OSError:
+        return False
+
+
+def size_of(path: str) -> int:
+    """Bytes of a file, or of the files in a folder."""
+    target = Path(path)
+    files = target.rglob("*") if target.is_dir() else [target]
+    return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def convert_file(job: Job, on_progress: Optional[OnProgress] = None) -> Outcome:
+    """Convert one file.
+
+    Raises:
+        BagError: The source cannot be read, or the target cannot be written or hold it.
+    """
+    begin = time.monotonic()
+    if same_file(job.source, job.target):
+        raise BagError("%s is input and output" % job.source)
+    with open_log(job.source) as reader:
+        index = reader.index
+        selection = job.span.apply(job.selection, index.start_time, index.end_time)
+        profile = job.profile if job.profile == "ros2" or index.format == "bag" else index.profile
+        writer: ChunkWriter
+        with create_log(job.target, job.compression, job.level, job.overwrite, profile) as writer:
+            result = copy_log(reader, writer, Picker(selection, reader.connections), on_progress, job.workers,
+                              selection.start_time if job.keep_latched else None)
+    return Outcome(job.source, job.target, result.messages, index.size, size_of(job.target),
+                   time.monotonic() - begin, result.notes)
+
+
+def try_convert(job: Job) -> Outcome:
+    """As ``convert_file``, but a failure is an outcome: for jobs among others."""
+    try:
+        return convert_file(job)
+    except JakaError as error:
+        return Outcome(job.source, job.target, error=" ".join(str(error).split()))
+    except OSError as error:
+        return Outcome(job.source, job.target, error="%s: %s" % (error.filename or job.source, error.strerror))
+
+
+def convert_many(jobs: List[Job], processes: int, on_outcome: Callable[[Outcome], None]) -> None:
+    """Convert files side by side in processes; outcomes come as they are ready."""
+    from concurrent.futures import ProcessPoolExecutor, as_completed
+    from concurrent.futures.process import BrokenProcessPool
+
+    with ProcessPoolExecutor(processes) as pool:
+        futures = {pool.submit(try_convert, job): job for job in jobs}
+        for future in as_completed(futures):
+            job = futures[future]
+            try:
+                on_outcome(future.result())
+            except BrokenProcessPool:
+                on_outcome(Outcome(job.source, job.target, error="%s: its process was killed" % job.source))
+
+
+def convert_on_dask(jobs: List[Job], address: str, on_outcome: Callable[[Outcome], None]) -> None:
+    """Convert files on the workers of a Dask cluster, which see the same folders and have this package.
+
+    Raises:
+        BagError: The cluster cannot be reached.
+        MissingDependency: ``distributed`` is not installed.
+    """
+    try:
+        distributed = importlib.import_module("distributed")
+    except ImportError:
+        raise MissingDependency("--dask needs the Python package distributed") from None
+    try:
+        client = distributed.Client(address, timeout="20s", set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise BagError("cannot reach the Dask scheduler %s: %s" % (address, error)) from error
+    with client:
+        futures = client.map(try_convert, jobs, pure=False, retries=1)
+        by_key = {future.key: job for future, job in zip(futures, jobs)}
+        for future in distributed.as_completed(futures):
+            job = by_key[future.key]
+            problem = future.exception()
+            if problem is None:
+                on_outcome(future.result())
+            else:
+                on_outcome(Outcome(job.source, job.target, error="%s: %s" % (job.source, problem)))
