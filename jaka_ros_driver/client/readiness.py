@@ -12,6 +12,7 @@ _LOG = logging.getLogger(__name__)
 
 _CLEAR_TIMEOUT = 3.0
 _POLL_PERIOD = 0.2
+_REST_MOVEMENT = 1e-5
 
 
 def missing_for_motion(state: RobotState) -> List[str]:
@@ -114,9 +115,19 @@ def _refuse_under_stop(state: RobotState, what: str) -> None:
 
 def _come_to_rest(arm: ArmClient) -> None:
     """The controller disables an arm at rest only (controller protocol 5.1)."""
-    if not arm.fresh_state().is_in_position or arm.motion_owner is not None:
-        arm.stop()
-        _await(arm, lambda s: s.is_in_position, _CLEAR_TIMEOUT, "come to rest")
+    before = arm.fresh_state()
+    if before.is_in_position and arm.motion_owner is None:
+        return
+    arm.stop()
+    last = before.joint_position
+
+    def is_at_rest(state: RobotState) -> bool:
+        nonlocal last
+        moved = max(abs(a - b) for a, b in zip(state.joint_position, last))
+        last = state.joint_position
+        return state.is_in_position and moved < _REST_MOVEMENT
+
+    _await(arm, is_at_rest, _CLEAR_TIMEOUT, "come to rest")
 
 
 def _await(arm: ArmClient, predicate: Callable[[RobotState], bool], timeout: float, what: str) -> None:

@@ -1,0 +1,204 @@
+"""Links that are cut, stall, fall silent and come back; verdicts from the controller's log."""
+import math
+import os
+import random
+import threading
+import time
+
+import pytest
+from arm_bench import eventually
+from raw_client import RawClient
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, ReplyTimeout, StopCause
+
+HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
+SLOW_MOVE = c.JointMove((3.0,) + HOME[1:], 0.2, 4.0)
+NEVER_BY_ITSELF = {"power_on", "enable_robot", "clear_error"}
+
+CUTS = {
+    "close": lambda one: one.panel("close"),
+    "reset": lambda one: one.panel("reset"),
+    "half open": lambda one: one.panel("half_open"),
+    "half a frame": lambda one: one.panel("fault", kind="cut", port="status", bytes=1000),
+    "reboot": lambda one: one.panel("reboot", down=0.5),
+    "power failure": lambda one: one.panel("reboot", down=0.5, silent=1),
+    "refused for a while": lambda one: (one.panel("refuse", duration_ms=500), one.panel("close")),
+    "reply lost": lambda one: one.panel("fault", kind="drop", port="command"),
+}
+
+
+@pytest.mark.parametrize("cut", CUTS)
+def test_a_cut_is_noticed_and_the_link_comes_back(bench, cut):
+    one = bench()
+    arm = one.connect()
+    before = arm.link_health.connections
+    cut_at = time.monotonic()
+    CUTS[cut](one)
+    lost = eventually(lambda: not arm.is_ready, timeout=5.0) or cut == "reply lost"
+    assert lost and time.monotonic() - cut_at < 5.0
+    assert eventually(lambda: arm.is_ready and (arm.link_health.connections > before or cut == "half a frame"))
+    assert arm.execute(c.Query.VERSION)
+    assert eventually(lambda: arm.link_health.feed_period == 0.008)
+    names = {request["cmdName"] for _, request in one.received()}
+    assert names.isdisjoint(NEVER_BY_ITSELF | {"joint_move", "servo_move", "stop_program"})
+
+
+def test_the_client_may_start_before_the_controller(bench):
+    one = bench()
+    one.panel("reboot", down=1.0)
+    arm = one.connect(ready=False)
+    with pytest.raises(ConnectionLost):
+        arm.execute(c.Query.VERSION)
+    with pytest.raises(ConnectionLost):
+        arm.move(SLOW_MOVE)
+    assert eventually(lambda: arm.is_ready)
+
+
+@pytest.mark.parametrize("port", ["command", "status"])
+def test_a_link_lost_in_mid_move_ends_the_move_and_stops_the_arm(bench, call, port):
+    one = bench()
+    arm = one.connect()
+    move = call(arm.move, SLOW_MOVE)
+    assert eventually(one.is_moving)
+    lost_at = time.monotonic()
+    one.panel("close", port=port)
+    assert move.join().cause is StopCause.LINK_LOST
+    assert move.ended_at - lost_at < 1.0
+    assert eventually(lambda: not one.is_moving())
+    assert eventually(lambda: arm.is_ready)
+    time.sleep(0.3)
+    assert len(one.times_of("joint_move")) == 1 and len(one.times_of("stop_program")) == 1
+
+
+@pytest.mark.parametrize("start", ["jog", "servo"])
+def test_a_link_lost_in_a_jog_or_stream_stops_the_arm_at_its_return(bench, start):
+    one = bench()
+    arm = one.connect()
+    if start == "jog":
+        arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.2))
+    else:
+        arm.set_servo_mode(True)
+    one.panel("close", port="command")
+    assert eventually(lambda: arm.motion_owner is None)
+    assert eventually(lambda: arm.is_ready and not one.is_moving())
+    assert not one.controller.state()["is_servo_active"]
+    assert len(one.times_of("stop_program")) == 1
+
+
+def test_another_client_on_the_port_is_noticed_and_the_arm_is_stopped(bench, call):
+    one = bench()
+    arm = one.connect()
+    move = call(arm.move, SLOW_MOVE)
+    assert eventually(one.is_moving)
+
+    with RawClient(one.controller.command_port):
+        assert move.join().cause is StopCause.LINK_LOST
+    assert eventually(lambda: arm.is_ready and not one.is_moving())
+
+
+def test_a_feed_of_damaged_frames_only_is_as_good_as_none(bench, call):
+    one = bench()
+    arm = one.connect()
+    move = call(arm.move, SLOW_MOVE)
+    assert eventually(one.is_moving)
+    one.panel("fault", kind="wrong_len", port="status", count=None)
+    assert move.join().cause is StopCause.LINK_LOST
+    assert eventually(lambda: not one.is_moving())
+    with pytest.raises(ConnectionLost):
+        arm.fresh_state()
+    one.panel("clear_faults")
+    assert eventually(lambda: arm.is_ready)
+    assert arm.status.health().damaged > 0
+
+
+@pytest.mark.parametrize("kind", ["wrong_len", "garbage", "noise", "drop", "split", "merge", "duplicate"])
+def test_damage_in_the_feed_changes_nothing_but_a_counter(bench, kind):
+    one = bench()
+    arm = one.connect()
+    bad = []
+    arm.status.add_listener(lambda state, _: bad.append(state) if max(map(abs, state.joint_position)) > 7 else None)
+    damaged = arm.status.health().damaged
+    one.panel("fault", kind=kind, port="status", count=None, probability=0.5)
+    frames = arm.status.health().frames
+    assert eventually(lambda: arm.status.health().frames > frames + 100)
+    if kind in ("wrong_len", "garbage", "noise"):
+        assert arm.status.health().damaged > damaged
+    assert bad == [] and arm.is_ready
+
+
+@pytest.mark.parametrize("kind", ["split", "merge", "duplicate", "garbage", "delay", "reorder"])
+def test_damaged_replies_are_survived(bench, kind):
+    one = bench()
+    arm = one.connect()
+    one.panel("fault", kind=kind, port="command", count=None, probability=0.7,
+              **({"delay_ms": 50} if kind == "delay" else {}))
+    answered = 0
+    for _ in range(20):
+        try:
+            assert arm.execute(c.Query.VERSION)
+            answered += 1
+        except (ConnectionLost, ReplyTimeout):
+            assert eventually(lambda: arm.is_ready)
+    assert answered >= 10
+
+
+def test_a_lost_reply_is_told_and_the_command_is_not_repeated(bench):
+    one = bench()
+    arm = one.connect(reply_timeout=0.5)
+    one.panel("fault", kind="drop", port="command", command="set_payload")
+    with pytest.raises((ReplyTimeout, ConnectionLost)):
+        arm.execute(c.SetPayload(1.0, (0.0, 0.0, 0.0)))
+    assert eventually(lambda: arm.is_ready)
+    assert len(one.times_of("set_payload")) == 1
+
+
+def test_a_slow_feed_is_reported_as_it_is(bench):
+    one = bench()
+    arm = one.connect()
+    one.panel("slow_feed", rate=33)
+    assert eventually(lambda: 25 < arm.status.health().rate < 45)
+
+
+def test_fields_that_are_missing_or_new_are_survived(bench):
+    one = bench()
+    arm = one.connect()
+    one.panel("fields", drop=["actual_position", "monitor_data", "tio_ain"], add={"novelty": [1, {"x": None}]})
+    assert eventually(lambda: arm.fresh_state().tcp_position is None)
+    arm.move(c.JointMove((0.1,) + HOME[1:], 1.0, 4.0))
+    one.panel("fields", drop=["protective_stop"], add={})
+    assert eventually(lambda: not arm.is_ready)
+    assert "protective_stop" in arm.status.health().last_damage
+
+
+def test_many_cuts_leave_no_thread_and_no_descriptor_behind(bench):
+    one = bench()
+    arm = one.connect()
+    chance = random.Random(1)
+    threads, descriptors = [], []
+    for _ in range(25):
+        try:
+            one.panel(chance.choice(["close", "reset"]), port=chance.choice(["command", "status"]))
+            arm.execute(c.Query.VERSION)
+        except JakaError:
+            pass
+        assert eventually(lambda: arm.is_ready)
+        threads.append(threading.active_count())
+        descriptors.append(len(os.listdir("/proc/self/fd")))
+    assert max(threads[-5:]) <= max(threads[:5]) + 1
+    assert max(descriptors[-5:]) <= max(descriptors[:5]) + 4
+
+
+def test_after_a_reboot_in_mid_move_nothing_resumes(bench, call):
+    one = bench(power_delay=0.1, enable_delay=0.1)
+    arm = one.connect()
+    move = call(arm.move, SLOW_MOVE)
+    assert eventually(one.is_moving)
+    one.panel("reboot", down=0.5)
+    assert move.join().cause in (StopCause.LINK_LOST, StopCause.NOT_ENABLED)
+    assert eventually(lambda: arm.is_ready)
+    with pytest.raises(InvalidCommand, match="no power"):
+        arm.move(SLOW_MOVE)
+    time.sleep(0.5)
+    names = [request["cmdName"] for _, request in one.received()]
+    assert names.count("joint_move") == 1 and NEVER_BY_ITSELF.isdisjoint(names)

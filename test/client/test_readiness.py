@@ -1,0 +1,119 @@
+"""Power, enabling and alarms."""
+import math
+import threading
+
+import pytest
+from arm_bench import eventually
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.client import readiness
+from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
+
+HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
+QUICK = {"power_delay": 0.1, "enable_delay": 0.1}
+
+
+def test_power_and_enable_return_when_the_arm_reports_it(bench):
+    arm = bench(start="off", **QUICK).connect()
+    assert readiness.missing_for_motion(arm.fresh_state()) == ["power", "enable"]
+    readiness.set_power(arm, True)
+    assert arm.fresh_state().is_powered
+    readiness.set_enabled(arm, True)
+    assert arm.fresh_state().is_enabled and readiness.missing_for_motion(arm.fresh_state()) == []
+    readiness.set_power(arm, True)
+    readiness.set_enabled(arm, True)
+    readiness.set_power(arm, False)
+    assert not arm.fresh_state().is_powered and not arm.fresh_state().is_enabled
+
+
+def test_enabling_without_power_is_refused(bench):
+    one = bench(start="off")
+    arm = one.connect()
+    with pytest.raises(InvalidCommand, match="power first"):
+        readiness.set_enabled(arm, True)
+    assert one.times_of("enable_robot") == []
+
+
+def test_power_that_does_not_come_is_told(bench):
+    arm = bench(start="off").connect(power_timeout=0.3)
+    with pytest.raises(MotionInterrupted, match="power on within") as caught:
+        readiness.set_power(arm, True)
+    assert caught.value.cause is StopCause.TIMEOUT
+
+
+def test_disabling_stops_the_arm_first(bench):
+    one = bench(**QUICK)
+    arm = one.connect()
+    arm.move(c.JointMove((3.0,) + HOME[1:], 0.2, 4.0), wait=False)
+    assert eventually(one.is_moving)
+    readiness.set_enabled(arm, False)
+    assert not arm.fresh_state().is_enabled and not one.is_moving()
+    assert one.times_of("stop_program")[0] < one.times_of("disable_robot")[0]
+
+
+def test_the_way_back_after_an_emergency_stop(bench):
+    one = bench(**QUICK)
+    arm = one.connect()
+    one.panel("press_emergency_stop")
+    assert eventually(lambda: arm.fresh_state().emergency_stop)
+    for act in (readiness.set_power, readiness.set_enabled):
+        with pytest.raises(InvalidCommand, match="emergency stop is pressed"):
+            act(arm, True)
+    assert readiness.clear_error(arm)[0] == "release the emergency stop"
+    one.panel("release_emergency_stop")
+    assert eventually(lambda: not arm.fresh_state().emergency_stop)
+    assert readiness.clear_error(arm) == ["power", "enable"]
+    readiness.set_power(arm, True)
+    readiness.set_enabled(arm, True)
+    arm.move(c.JointMove((0.05,) + HOME[1:], 1.0, 4.0))
+
+
+def test_the_way_back_after_a_protective_stop(bench):
+    one = bench(**QUICK)
+    arm = one.connect()
+    arm.execute(c.SetCollisionLevel(1))
+    arm.move(c.JointMove((3.0,) + HOME[1:], 0.2, 4.0), wait=False)
+    assert eventually(one.is_moving)
+    one.panel("hit")
+    assert eventually(lambda: arm.fresh_state().protective_stop)
+    with pytest.raises(InvalidCommand, match="clear_err first"):
+        readiness.set_enabled(arm, True)
+    missing = readiness.clear_error(arm)
+    if missing:
+        readiness.set_enabled(arm, True)
+    arm.move(c.JointMove((0.5,) + HOME[1:], 1.0, 4.0))
+    assert len(one.times_of("joint_move")) == 2
+
+
+def test_auto_enable_acts_once_on_a_healthy_arm(bench):
+    one = bench(start="off", **QUICK)
+    arm = one.connect()
+    readiness.enable_once(arm, threading.Event())
+    assert arm.fresh_state().is_enabled
+    one.panel("press_emergency_stop")
+    one.panel("release_emergency_stop")
+    threading.Event().wait(0.5)
+    assert len(one.times_of("power_on")) == 1
+
+
+@pytest.mark.parametrize("illness", ["press_emergency_stop", "hit"])
+def test_auto_enable_leaves_a_sick_arm_alone(bench, illness):
+    one = bench(start="enabled")
+    arm = one.connect()
+    arm.execute(c.SetCollisionLevel(1))
+    one.panel(illness)
+    assert eventually(lambda: readiness.missing_for_motion(arm.fresh_state()))
+    readiness.enable_once(arm, threading.Event())
+    assert {request["cmdName"] for _, request in one.received()}.isdisjoint({"power_on", "enable_robot", "clear_error"})
+
+
+def test_auto_enable_ends_with_the_driver(bench):
+    one = bench()
+    one.panel("reboot", down=60)
+    arm = one.connect(ready=False)
+    closing = threading.Event()
+    waiting = threading.Thread(target=readiness.enable_once, args=(arm, closing))
+    waiting.start()
+    closing.set()
+    waiting.join(10.0)
+    assert not waiting.is_alive()
