@@ -113,6 +113,10 @@ class Report:
         """Something that the user should know of a result that is whole."""
         print("jaka_bag: note: %s" % text, file=sys.stderr)
 
+    def lost(self, text: str) -> None:
+        """Something that could not be kept."""
+        print("jaka_bag: lost: %s" % text, file=sys.stderr)
+
     def failed(self, text: str) -> None:
         """Something that went wrong while the rest goes on."""
         print("jaka_bag: error: %s" % text, file=sys.stderr)
