@@ -3,10 +3,12 @@
 The maker's SDK sends bare ``nan`` for a bad argument and then waits 25 s for an answer (SDK client 1.6), so this
 parser follows JSON's grammar byte by byte: the first byte that no JSON object can hold there is an error now, while
 bytes that may still grow into an object are waited for. What follows an error is skipped up to where that
-document ends, so that one bad document gives one error; a ``{`` that cannot belong to it begins the next request.
+document ends, so that one bad document gives one error; a ``{`` that cannot belong to it begins the next request, also
+one that would stand in a string which nobody closed.
 Neither splitting nor gluing changes the outcome. Time is told by the caller.
 """
 import json
+import re
 from typing import List, NoReturn, Optional, Tuple, Union
 
 from jaka_ros_driver.errors import FramingError
@@ -29,6 +31,9 @@ _HEX = frozenset(b"0123456789abcdefABCDEF")
 _ESCAPES = frozenset(b'"\\/bfnrt')
 _OPENERS, _CLOSERS = frozenset(b"{["), frozenset(b"}]")
 _BEFORE_NESTED = frozenset(b":[,")
+_AFTER_STRING = frozenset(b",:]} \t\r\n")
+_MATTERS = re.compile(rb'["\\{}\[\]\n]')
+_MATTERS_IN_STRING = re.compile(rb'["\\\x00-\x1f]')
 _LITERALS = {ord("t"): b"true", ord("f"): b"false", ord("n"): b"null"}
 _QUOTE, _BACKSLASH, _COMMA, _COLON = b'"\\,:'
 _BRACE_OPEN, _BRACE_CLOSE, _BRACKET_OPEN, _BRACKET_CLOSE = b"{}[]"
@@ -197,6 +202,7 @@ class RequestParser:
         self._skipping = False
         self._skip_in_string = False
         self._skip_escaped = False
+        self._may_begin = False
         self._previous = 0
         self._last_byte_at = 0.0
 
@@ -234,6 +240,10 @@ class RequestParser:
         text = data.decode("latin-1")
         position = 0
         while position < len(data):
+            if self._skipping:
+                position = self._pass_over(data, position)
+                if position == len(data):
+                    break
             byte = data[position]
             position += 1
             if self._skipping:
@@ -284,21 +294,37 @@ class RequestParser:
         self._drop()
         self._skipping = self._is_silent = True
         self._skip_depth = 0
-        self._skip_in_string = self._skip_escaped = False
+        self._skip_in_string = self._skip_escaped = self._may_begin = False
 
     def _drop(self) -> None:
         self._text.clear()
         self._open = self._skipping = self._is_silent = False
 
+    def _pass_over(self, data: bytes, position: int) -> int:
+        """Where the next byte stands that matters to what is skipped."""
+        if self._skip_escaped or self._may_begin:
+            return position
+        match = (_MATTERS_IN_STRING if self._skip_in_string else _MATTERS).search(data, position)
+        end = match.start() if match else len(data)
+        passed = data[position:end].rstrip(b" \t\r\n")
+        self._previous = passed[-1] if passed else self._previous
+        return end
+
     def _skip(self, byte: int) -> None:
         """Pass over the rest of a bad document; see where it ends or where the next one must begin."""
-        if self._skip_in_string:
+        may_begin, self._may_begin = self._may_begin, False
+        if may_begin and byte not in _AFTER_STRING:
+            self._begin()
+            for known in (_QUOTE, byte):
+                self._in_object(known, [])
+        elif self._skip_in_string:
             if self._skip_escaped:
                 self._skip_escaped = False
             elif byte == _BACKSLASH:
                 self._skip_escaped = True
             elif byte == _QUOTE or byte < 0x20:
                 self._skip_in_string = False
+                self._may_begin = self._previous == _BRACE_OPEN
         elif byte == _QUOTE and self._skip_depth:
             self._skip_in_string = True
         elif byte == _BRACE_OPEN and (not self._skip_depth or self._previous not in _BEFORE_NESTED):

@@ -56,6 +56,9 @@ CASES = [
     (b'{"cmdName": "x" {"cmdName": "stop_program"}', [BAD, {"cmdName": "stop_program"}]),
     (b'{"cmdName": "x"]{"cmdName": "stop_program"}', [BAD, {"cmdName": "stop_program"}]),
     (b'[1, 2, 3]', [BAD]), (b'"text"', [BAD]), (b'12', [BAD]), (b'true', [BAD]),
+    (b'{"cmdName": "x, "y": "z{"cmdName": "stop_program"}', [BAD, {"cmdName": "stop_program"}]),
+    (b'{"a": nan, "b": "x{", "c": {"cmdName": "power_on"}}{"a": 1}', [BAD, {"a": 1}]),
+    (b'{"a": "' + b"x" * MAX_REQUEST_BYTES + b'{ "cmdName": "get_version"}', [BAD, {"cmdName": "get_version"}]),
     # what stands inside something that is no request is none either
     (b'[{"cmdName": "power_on"}]{"a": 1}', [BAD, {"a": 1}]),
     (b'{"x": nan, "y": {"cmdName": "power_on"}}{"a": 1}', [BAD, {"a": 1}]),
@@ -95,10 +98,10 @@ def test_what_may_become_json_is_waited_for_and_then_given_up(beginning):
 
 def test_rest_of_a_bad_document_is_expected_for_a_moment_only():
     parser = RequestParser()
-    assert len(parser.feed(b'{"a": nan, "b": "', 1.0)) == 1
+    assert len(parser.feed(b'{"a": nan, "b": [', 1.0)) == 1
     assert parser.feed(b'{"cmdName": "x"}', 1.0 + SKIP_LIMIT_S / 2) == []
     parser = RequestParser()
-    assert len(parser.feed(b'{"a": nan, "b": "', 1.0)) == 1
+    assert len(parser.feed(b'{"a": nan, "b": [', 1.0)) == 1
     assert parser.feed(b'{"cmdName": "x"}', 1.0 + SKIP_LIMIT_S) == [{"cmdName": "x"}]
 
 
