@@ -272,16 +272,17 @@ def run(args: argparse.Namespace) -> int:
         facts["log_time"] = "/clock" if use_clock else args.stamp if args.transport == "raw" else "receive"
         attachments.append(Attachment("rosparam.yaml", parameter_dump(master), "application/yaml"))
         master.close()
-        transport: Transport
-        if args.transport == "raw":
-            transport = RawTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
-                                     args.tcpnodelay, args.stamp == "kernel")
-        else:
-            transport = RospyTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
-                                       args.tcpnodelay)
-        try:
+
+        def connect() -> Transport:
             console.say("recording to %s, node %s" % (settings.path(0), names.node))
-            recording.run(transport, use_clock)
+            if args.transport == "rospy":
+                return RospyTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
+                                      args.tcpnodelay)
+            return RawTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
+                                args.tcpnodelay, args.stamp == "kernel")
+
+        try:
+            recording.run(connect, use_clock)
         except JakaError as error:
             failure = error
     drops = drops_by_topic(recorder.streams())

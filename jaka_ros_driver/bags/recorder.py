@@ -182,6 +182,7 @@ class Recorder:
                         self._on_stop("the file has the size asked for")
                 if self._trigger.is_set():
                     self._trigger.clear()
+                    self._write_queue()  # all that was taken before the trigger
                     self._write_snapshot()
         except Exception as error:  # kept for finish(), which raises it: a recording must not end unnoticed
             self._fail(error)

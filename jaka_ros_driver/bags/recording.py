@@ -61,23 +61,32 @@ class Recording:
 
     def end(self, reason: str) -> None:
         """End the recording; may be called from any thread or a signal handler."""
-        self.end_reason = self.end_reason or reason
+        if self.stop.is_set():
+            return
+        self.end_reason = reason
         self.stop.set()
         if self._transport is not None:
             self._transport.wake()
 
-    def run(self, transport: Transport, use_clock: bool) -> None:
+    def run(self, connect: Callable[[], Transport], use_clock: bool) -> None:
         """Record until told to stop.
 
         Args:
-            transport: Subscribes and delivers to the recorder.
+            connect: Makes the transport, which delivers to the recorder; called when there is a file to write to.
             use_clock: Listen to ``/clock`` for log times.
 
         Raises:
             BagError: Why recording ended early or the file could not be finished.
         """
-        self._transport = transport
         self._recorder.start()
+        try:
+            self._transport = connect()
+        except BaseException:
+            self._recorder.finish()
+            raise
+        self._record(self._transport, use_clock)
+
+    def _record(self, transport: Transport, use_clock: bool) -> None:
         try:
             if use_clock:
                 self._subscribe(CLOCK_TOPIC)
@@ -96,7 +105,8 @@ class Recording:
             self._drain(transport)
         finally:
             self.stop.set()
-            self._watcher.join()
+            if self._watcher.ident is not None:
+                self._watcher.join()
             transport.close()
             self._recorder.finish()
 

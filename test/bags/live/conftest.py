@@ -1,0 +1,25 @@
+"""Each test gets a master of its own, so that no test sees another's nodes."""
+import threading
+
+import live_ros
+import pytest
+
+
+@pytest.fixture
+def graph(tmp_path, monkeypatch):
+    """A running master; the environment points at it."""
+    with live_ros.Graph(tmp_path) as running:
+        for name in ("ROS_MASTER_URI", "ROS_IP"):
+            monkeypatch.setenv(name, running.environment[name])
+        for name in ("ROS_HOSTNAME", "ROS_NAMESPACE"):
+            monkeypatch.delenv(name, raising=False)
+        yield running
+
+
+@pytest.fixture(autouse=True)
+def no_thread_stays():
+    """Fails a test that leaves a thread behind."""
+    before = set(threading.enumerate())
+    yield
+    live_ros.wait_until(lambda: not [thread for thread in set(threading.enumerate()) - before if not thread.daemon],
+                        "threads end", 10.0)

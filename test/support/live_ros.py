@@ -1,0 +1,219 @@
+"""A master of the tests' own, jaka_bag and ROS programs as processes against it, publishers with chosen faults."""
+import contextlib
+import os
+import re
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Callable, Dict, Iterator, List, Optional, Sequence, Tuple
+
+import rosgraph
+from geometry_msgs.msg import TwistStamped
+from import_graph import ROOT
+from std_msgs.msg import String
+
+from jaka_ros_driver.bags.definitions import Connection
+from jaka_ros_driver.bags.readers import messages, open_log
+from jaka_ros_driver.bags.ros_names import NodeNames
+from jaka_ros_driver.bags.tcpros_publisher import Outlet, RawPublisher, frame_of
+
+PATIENCE_S = 60.0
+SYSTEM_PYTHON = "/usr/bin/python3"
+
+
+def wait_until(condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
+    deadline = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < deadline, "waited %g s in vain: %s" % (patience_s, what)
+        threading.Event().wait(0.01)
+
+
+class Process:
+    """A program whose output is collected while it runs."""
+
+    def __init__(self, command: Sequence[str], environment: Dict[str, str], folder: Path, **options) -> None:
+        self.lines: List[str] = []
+        self.command = list(command)
+        self.popen = subprocess.Popen(self.command, env=environment, cwd=str(folder), stdout=subprocess.PIPE,
+                                      stderr=subprocess.STDOUT, universal_newlines=True, errors="replace",
+                                      **dict({"stdin": subprocess.DEVNULL}, **options))
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.popen.stdout is not None
+        for line in self.popen.stdout:
+            self.lines.append(line.rstrip("\n"))
+
+    @property
+    def output(self) -> str:
+        return "\n".join(self.lines)
+
+    def wait_for_line(self, pattern: str) -> str:
+        def found() -> bool:
+            assert self.popen.poll() is None or re.search(pattern, self.output), self.output
+            return re.search(pattern, self.output) is not None
+        wait_until(found, "%s says %r" % (" ".join(self.command), pattern))
+        return next(line for line in self.lines if re.search(pattern, line))
+
+    def wait(self) -> int:
+        try:
+            code = self.popen.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self.popen.kill()
+            raise AssertionError("%s does not end: %s" % (self.command, self.output)) from None
+        self._reader.join()
+        self.popen.stdout.close()
+        return code
+
+    def stop(self, number: int = signal.SIGINT) -> int:
+        if self.popen.poll() is None:
+            self.popen.send_signal(number)
+        return self.wait()
+
+
+class Graph:
+    """A master, and programs that are started against it; all end with the context.
+
+    Attributes:
+        uri: Of the master.
+        environment: For programs.
+        folder: Their working folder.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        with contextlib.closing(socket.socket()) as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = int(probe.getsockname()[1])
+        self.uri = "http://127.0.0.1:%d" % self.port
+        self.environment = dict(os.environ, ROS_MASTER_URI=self.uri, ROS_IP="127.0.0.1", ROS_HOME=str(folder / "ros"),
+                                ROS_LOG_DIR=str(folder / "ros"), PYTHONUNBUFFERED="1")
+        for name in ("ROS_HOSTNAME", "ROS_NAMESPACE"):
+            self.environment.pop(name, None)
+        self._processes: List[Process] = []
+        self._master: Optional[Process] = None
+
+    def __enter__(self) -> "Graph":
+        self.start_master()
+        return self
+
+    def __exit__(self, *failure) -> None:
+        for process in self._processes:
+            if process.popen.poll() is None:
+                process.popen.kill()
+            process.wait()
+        self.stop_master()
+
+    def start_master(self) -> None:
+        self._master = Process([SYSTEM_PYTHON, "-c", "import sys, rosmaster; rosmaster.rosmaster_main(sys.argv[1:])",
+                                "--core", "-p", str(self.port)], self.environment, self.folder)
+        wait_until(lambda: rosgraph.is_master_online(self.uri), "the master answers")
+
+    def stop_master(self) -> None:
+        self._master.popen.kill()
+        self._master.wait()
+
+    def master(self) -> rosgraph.Master:
+        return rosgraph.Master("/test", self.uri)
+
+    def start(self, *command: str, **options) -> Process:
+        process = Process(command, self.environment, self.folder, **options)
+        self._processes.append(process)
+        return process
+
+    def jaka_bag(self, *arguments: str, **options) -> Process:
+        environment = dict(self.environment, PYTHONPATH=str(ROOT))
+        process = Process([sys.executable, "-m", "jaka_ros_driver.bags.cli", *arguments], environment, self.folder,
+                          **options)
+        self._processes.append(process)
+        return process
+
+    def record(self, *arguments: str, **options) -> Process:
+        """``jaka_bag record``, listening."""
+        process = self.jaka_bag("record", *arguments, **options)
+        process.wait_for_line("recording to")
+        return process
+
+    def python(self, script: str, *arguments: str) -> Process:
+        """A script for the interpreter that has rospy."""
+        return self.start(SYSTEM_PYTHON, "-c", script, *arguments)
+
+    def subscribed(self, topic: str, count: int = 1) -> None:
+        """Wait until so many nodes have registered as subscribers of a topic."""
+        def is_there() -> bool:
+            subscribers = dict(self.master().getSystemState()[1])
+            return len(subscribers.get(topic, [])) >= count
+        wait_until(is_there, "%d subscribers of %s" % (count, topic))
+
+    @contextlib.contextmanager
+    def publisher(self, node: str) -> Iterator[RawPublisher]:
+        """The package's own publisher in this process, for messages and faults of the test's choice."""
+        before = {name: os.environ.get(name) for name in ("ROS_MASTER_URI", "ROS_IP")}
+        os.environ.update({name: self.environment[name] for name in before})
+        try:
+            publisher = RawPublisher(NodeNames(node), lambda line: None, lambda reason: None)
+        finally:
+            for name, value in before.items():
+                os.environ.pop(name, None) if value is None else os.environ.__setitem__(name, value)
+        try:
+            yield publisher
+        finally:
+            publisher.close(5.0)
+
+
+def twist_connection(topic: str) -> Connection:
+    return Connection(topic, "geometry_msgs/TwistStamped", TwistStamped._md5sum, TwistStamped._full_text)
+
+
+def string_connection(topic: str) -> Connection:
+    return Connection(topic, "std_msgs/String", String._md5sum, String._full_text)
+
+
+def twist_frame(sequence: int, stamp_ns: int = 0) -> bytes:
+    """A TwistStamped whose content tells its number."""
+    head = struct.pack("<III", sequence, *divmod(stamp_ns, 1000000000)) + struct.pack("<I", 5) + b"world"
+    return frame_of(head + struct.pack("<6d", *[float(sequence)] * 6))
+
+
+def string_frame(text: str) -> bytes:
+    raw = text.encode()
+    return frame_of(struct.pack("<I", len(raw)) + raw)
+
+
+def with_subscribers(publisher: RawPublisher, *outlets: Outlet, count: int = 1) -> None:
+    """Wait until each outlet has so many subscribers."""
+    def have() -> bool:
+        publisher.admit()
+        return all(len(outlet.links) >= count for outlet in outlets)
+    wait_until(have, "subscribers connect")
+
+
+def all_read(publisher: RawPublisher) -> None:
+    """Wait until the subscribers have read everything that was sent; they handle it in the order they read it."""
+    ports = {link.socket.getpeername()[1] for outlet in publisher.outlets for link in outlet.links}
+
+    def unread() -> int:
+        rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+        return sum(int(row[4].split(":")[1], 16) for row in rows if int(row[1].split(":")[1], 16) in ports)
+    wait_until(lambda: unread() == 0, "subscribers read")
+
+
+def content(path: Path) -> Dict[str, List[bytes]]:
+    """Messages of a log by topic, in the order of time."""
+    result: Dict[str, List[bytes]] = {}
+    with open_log(path) as reader:
+        for message in messages(reader):
+            result.setdefault(message.connection.topic, []).append(message.data)
+    return result
+
+
+def times(path: Path) -> List[Tuple[str, int]]:
+    """Topic and log time, ns, of all messages of a log, in the order of time."""
+    with open_log(path) as reader:
+        return [(message.connection.topic, message.log_time) for message in messages(reader)]
