@@ -13,6 +13,7 @@ _LOG = logging.getLogger(__name__)
 _CLEAR_TIMEOUT = 3.0
 _POLL_PERIOD = 0.2
 _REST_MOVEMENT = 1e-5
+_REST_TIME = 0.05
 
 
 def missing_for_motion(state: RobotState) -> List[str]:
@@ -119,13 +120,14 @@ def _come_to_rest(arm: ArmClient) -> None:
     if before.is_in_position and arm.motion_owner is None:
         return
     arm.stop()
-    last = before.joint_position
+    last_moving = before
 
     def is_at_rest(state: RobotState) -> bool:
-        nonlocal last
-        moved = max(abs(a - b) for a, b in zip(state.joint_position, last))
-        last = state.joint_position
-        return state.is_in_position and moved < _REST_MOVEMENT
+        nonlocal last_moving
+        moved = max(abs(a - b) for a, b in zip(state.joint_position, last_moving.joint_position))
+        if moved > _REST_MOVEMENT or not state.is_in_position:
+            last_moving = state
+        return state.received_at - last_moving.received_at > _REST_TIME
 
     _await(arm, is_at_rest, _CLEAR_TIMEOUT, "come to rest")
 
