@@ -54,7 +54,7 @@ def _run(name: str, arguments: List[str]) -> int:
     parser = argparse.ArgumentParser("%s %s" % (PROGRAM, name), description=COMMANDS[name].summary,
                                      formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     module.add_arguments(parser)
-    result: int = module.run(parser.parse_args(arguments))
+    result: int = module.run(parser.parse_intermixed_args(arguments))
     sys.stdout.flush()
     return result
 

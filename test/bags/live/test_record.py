@@ -76,7 +76,9 @@ def test_roscpp_publisher_is_recorded_and_rosbag_reads_our_bag(graph):
         recorder = graph.record("/a", "-O", "first.bag", "--lz4")
         a = publisher.advertise("/a", twist_connection("/a"), False)
         with_subscribers(publisher, a)
-        publish_numbers(publisher, a, range(1, 301))
+        for number in range(1, 301):
+            publisher.publish(a, twist_frame(number))
+            threading.Event().wait(0.003)  # rosbag play drops what comes in bursts
         assert recorder.stop() == 0, recorder.output
     second = graph.record("/a", "-O", "second.bag", "--report", "report.json")
     play = graph.start("rosbag", "play", "-q", "--wait-for-subscribers", "-d", "0.5", "first.bag")
