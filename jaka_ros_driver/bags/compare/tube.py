@@ -1,0 +1,59 @@
+"""How far samples of the candidate are from the golden curve, where each stamp may be off by a little."""
+import numpy as np
+
+from ..blocks import Array
+
+_MOST_SEGMENTS = 4000
+
+
+def interpolated(time: Array, value: Array, at: Array) -> Array:
+    """The curve at some times, shape (len(at), columns); held at its ends."""
+    right = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
+    part = (at - time[right - 1]) / np.maximum(time[right] - time[right - 1], 1e-9)
+    part = np.clip(part, 0.0, 1.0)[:, None]
+    result: Array = value[right - 1] + part * (value[right] - value[right - 1])
+    return result
+
+
+def lengths(vectors: Array) -> Array:
+    """Euclidean length of each row."""
+    result: Array = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    return result
+
+
+def distances(time: Array, value: Array, at: Array, seen: Array, direct: Array, jitter_s: float,
+              enough: float) -> Array:
+    """Distance of each sample to the piece of the golden curve that is within the jitter of its stamp.
+
+    Args:
+        time: Golden times, s, shape (n,), ascending; at least two.
+        value: Golden values, shape (n, columns): the distance is Euclidean over the columns.
+        at: Golden times of the samples, s, shape (m,).
+        seen: The samples, shape (m, columns).
+        direct: Distance of each sample to the golden curve at its own time, shape (m,).
+        jitter_s: How far the stamp of a sample may be off, s.
+        enough: A sample whose distance at its own time is within this is not looked at further.
+    """
+    result: Array = direct.copy()
+    which = np.flatnonzero(direct > enough)
+    if not len(which) or jitter_s <= 0:
+        return result
+    first = np.clip(np.searchsorted(time, at[which] - jitter_s, "right") - 1, 0, len(time) - 2)
+    last = np.clip(np.searchsorted(time, at[which] + jitter_s) - 1, 0, len(time) - 2)
+    last = np.minimum(last, first + _MOST_SEGMENTS)
+    point = seen[which]
+    best = direct[which]
+    active = np.arange(len(which))
+    for offset in range(int((last - first).max()) + 1):
+        active = active[(first[active] + offset <= last[active]) & (best[active] > enough)]
+        if not len(active):
+            break
+        segment = first[active] + offset
+        start, along = value[segment], value[segment + 1] - value[segment]
+        length = (along * along).sum(axis=1)
+        off = point[active] - start
+        part = np.clip((off * along).sum(axis=1) / np.maximum(length, 1e-300), 0.0, 1.0)[:, None]
+        left = off - part * along
+        best[active] = np.minimum(best[active], np.sqrt((left * left).sum(axis=1)))
+    result[which] = best
+    return result
