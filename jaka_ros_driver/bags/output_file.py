@@ -1,4 +1,5 @@
 """Output that appears only when whole: written beside its name, renamed on success, removed on failure."""
+import contextlib
 import fcntl
 import os
 from pathlib import Path
@@ -69,6 +70,7 @@ class OutputFile:
             os.close(descriptor)
             raise OutputExists("%s is being written by another program" % self.working_path) from None
         self.file: BinaryIO = os.fdopen(descriptor, "r+b", buffering=0)
+        self._is_finished = False
 
     def write(self, data: Union[bytes, bytearray, memoryview]) -> None:
         """Write all of ``data`` at the end.
@@ -85,8 +87,9 @@ class OutputFile:
 
         Raises:
             OutputExists: The final name was taken meanwhile; the working file stays.
-            OSError: The system refused.
+            OSError: The system refused; the working file stays.
         """
+        self._is_finished = True
         if not self.overwrite and os.path.lexists(str(self.path)):
             self.file.close()
             raise OutputExists("%s appeared meanwhile; the result is %s" % (self.path, self.working_path))
@@ -95,12 +98,12 @@ class OutputFile:
 
     def abort(self) -> None:
         """Close and remove the working file; nothing of the final name is touched."""
-        if not self.file.closed:
-            self.file.close()
-            try:
-                os.unlink(str(self.working_path))
-            except FileNotFoundError:
-                pass
+        if self._is_finished:
+            return
+        self._is_finished = True
+        self.file.close()
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(str(self.working_path))
 
     def __enter__(self) -> "OutputFile":
         return self
@@ -109,5 +112,5 @@ class OutputFile:
                  trace: Optional[TracebackType]) -> None:
         if kind is not None:
             self.abort()
-        elif not self.file.closed:
+        elif not self._is_finished:
             self.commit()
