@@ -5,6 +5,7 @@ joint target, speed or acceleration that is beyond a limit of the arm by no more
 limit is set on the limit; anything farther out is refused. So the controller never gets a value beyond its limits.
 """
 import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Optional, Sequence, Tuple, Union
 
 from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
@@ -35,7 +36,8 @@ _JOINTS = "six joint angles, rad"
 _QUATERNION_TOLERANCE = 1e-3
 
 
-class Terminal(NamedTuple):
+@dataclass(frozen=True)
+class Terminal:
     """One input or output: which of them a get_io asks for."""
 
     is_digital: bool

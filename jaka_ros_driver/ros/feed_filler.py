@@ -2,7 +2,7 @@
 from collections import deque
 from typing import Deque, Optional
 
-_WINDOW = 17
+_WINDOW = 33
 _ENOUGH = 3
 _SLOW = 1.05
 

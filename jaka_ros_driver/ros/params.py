@@ -8,7 +8,7 @@ import ipaddress
 import math
 import re
 from dataclasses import dataclass
-from typing import Any, Callable, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Iterable, List, Mapping, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.client.settings import COMMAND_PORT, STATUS_PORT, ClientSettings
 from jaka_ros_driver.errors import InvalidCommand, JakaError
@@ -213,8 +213,7 @@ def config_from(values: Mapping[str, Any]) -> DriverConfig:
     checked = {}
     for name, value in sorted(values.items()):
         if name not in known:
-            nearest = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
-            wrong.append("unknown parameter ~%s; did you mean ~%s?" % (name, nearest))
+            wrong.append("unknown parameter ~%s; did you mean ~%s?" % (name, _nearest(name, known)))
             continue
         try:
             checked[name] = known[name].check(value)
@@ -226,6 +225,12 @@ def config_from(values: Mapping[str, Any]) -> DriverConfig:
     if wrong:
         raise WrongParameter("; ".join(wrong))
     return config
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    """The known name that shares most words with this one; among those the most similar."""
+    words = set(name.lower().split("_"))
+    return max(known, key=lambda k: (len(words & set(k.split("_"))), difflib.SequenceMatcher(None, name, k).ratio()))
 
 
 def _refusal(name: str, value: Any, parameter: Parameter, why: str) -> str:

@@ -1,6 +1,5 @@
 """A roscore of the tests' own, on loopback and a free port, and launch files started against it."""
 import contextlib
-import os
 import socket
 from pathlib import Path
 from typing import Callable, Iterator, Sequence, Tuple
@@ -10,6 +9,9 @@ import pytest
 import rosgraph
 import roslaunch
 import rospy
+from ros_bench import Arm, SimulatorProcess
+
+RUN_ID = "jaka-tests"
 
 
 def free_port() -> int:
@@ -32,7 +34,7 @@ def ros_master(tmp_path_factory) -> Iterator[str]:
         environment.setenv("ROS_LOG_DIR", str(home / "log"))
         environment.delenv("ROS_HOSTNAME", raising=False)
         environment.delenv("ROS_NAMESPACE", raising=False)
-        core = roslaunch.parent.ROSLaunchParent("jaka-tests", [], is_core=True, port=port, num_workers=3)
+        core = roslaunch.parent.ROSLaunchParent(RUN_ID, [], is_core=True, port=port, num_workers=3)
         core.start()
         try:
             assert rosgraph.is_master_online(uri)
@@ -61,9 +63,42 @@ def launched(name: str, arguments: Sequence[str] = ()) -> Iterator[roslaunch.par
     """A launch file of this package, running; also for fixtures of a wider scope, which need ros_master themselves."""
     path = str(Path(import_graph.ROOT, "launch", name))
     files: Sequence[Tuple[str, Sequence[str]]] = [(path, arguments)]
-    parent = roslaunch.parent.ROSLaunchParent(os.path.basename(name), files, is_core=False)
+    parent = roslaunch.parent.ROSLaunchParent(RUN_ID, files, is_core=False)
     parent.start()
     try:
         yield parent
     finally:
         parent.shutdown()
+
+
+@contextlib.contextmanager
+def driven(simulator: SimulatorProcess, *arguments: str) -> Iterator[Arm]:
+    """The driver node on a simulated controller, started by its launch file; needs ros_node."""
+    ports = ("command_port:=%d" % simulator.command_port, "status_port:=%d" % simulator.status_port)
+    with launched("robot_start_launch.launch", ("sim:=false",) + ports + arguments):
+        yield Arm(simulator)
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Iterator[SimulatorProcess]:
+    """A simulated controller for a module, its drives enabled."""
+    with contextlib.closing(SimulatorProcess("--start", "enabled")) as process:
+        yield process
+
+
+@pytest.fixture(scope="module")
+def arm(ros_node, simulator) -> Iterator[Arm]:
+    """The driver on it, interface documented."""
+    with driven(simulator) as running:
+        running.wait_until_ready()
+        yield running
+
+
+@pytest.fixture
+def start_arm(ros_node) -> Iterator[Callable[..., Arm]]:
+    """Starts a driver with these launch arguments on a simulated controller of its own, for one test."""
+    with contextlib.ExitStack() as running:
+        def start(*arguments: str, simulator: Sequence[str] = ("--start", "enabled")) -> Arm:
+            process = running.enter_context(contextlib.closing(SimulatorProcess(*simulator)))
+            return running.enter_context(driven(process, *arguments))
+        yield start

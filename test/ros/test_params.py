@@ -1,0 +1,111 @@
+"""Private parameters: every wrong value is refused with name, value and what is valid; the documentation is the code's."""
+import dataclasses
+import math
+
+import import_graph
+import pytest
+
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.ros import params
+from jaka_ros_driver.ros.params import DriverConfig, WrongParameter, config_from
+
+WRONG = [
+    ("ip", "", "host name"), ("ip", "10.5.5.256", "host name"), ("ip", "10.5.5", "host name"), ("ip", 10, "host name"),
+    ("ip", "10.5.5.100:10001", "host name"), ("ip", "arm one", "host name"), ("ip", "-arm", "host name"),
+    ("command_port", 0, "1 to 65535"), ("command_port", 65536, "1 to 65535"), ("command_port", "10001", "1 to 65535"),
+    ("command_port", 10001.0, "1 to 65535"), ("command_port", True, "1 to 65535"), ("status_port", -1, "1 to 65535"),
+    ("model", "zu77", "zu7"), ("model", 7, "zu7"), ("model", "", "one of"),
+    ("dh_file", "no/such/file.yaml", "cannot be read"), ("dh_file", 1, "model file"),
+    ("interface", "Documented", "documented, vendor"), ("interface", "", "documented, vendor"),
+    ("interface", 1, "documented, vendor"),
+    ("blocking", "true", "true or false"), ("blocking", 1, "true or false"), ("auto_enable", "no", "true or false"),
+    ("activate_frames", 0, "true or false"), ("guard", None, "true or false"), ("publish_description", 2, "true or"),
+    ("publish_rate", 0, "1 to 500 Hz"), ("publish_rate", 501.0, "1 to 500 Hz"), ("publish_rate", "125", "1 to 500 Hz"),
+    ("publish_rate", math.nan, "1 to 500 Hz"), ("stale_after", 0.0, "0.02 to 10 s"),
+    ("stale_after", math.inf, "0.02 to 10 s"), ("stale_after", True, "0.02 to 10 s"), ("stale_after", [0.5], "0.02"),
+    ("joint_states_topic", "", "ROS name"), ("joint_states_topic", "joint states", "ROS name"),
+    ("publish_tf", True, "all, tool, none"), ("publish_tf", "flange", "all, tool, none"),
+    ("base_frame", "", "frame name"), ("base_frame", "/base", "frame name"), ("flange_frame", "tool 0", "frame name"),
+    ("tool_frame", 3, "frame name"), ("frame_prefix", "1_", "start of a frame name"),
+    ("connect_timeout", 0.0, "0.05 to 30 s"), ("reply_timeout", -1.0, "0.05 to 30 s"),
+    ("silence_timeout", 0.01, "0.1 to 30 s"), ("motion_timeout", 0, "0.1 to 86400 s"),
+    ("power_timeout", 1e9, "0.1 to 300 s"), ("enable_timeout", "30", "0.1 to 300 s"),
+    ("jog_timeout", 3.5, "0.05 to 3 s"), ("jog_timeout", 0, "0.05 to 3 s"), ("servo_timeout", -math.inf, "0.05 to"),
+    ("servo_max_joint_jump", 0.0, "0.0001 to 6.3 rad"), ("servo_max_linear_jump", 2.5, "0.0001 to 2 m"),
+    ("servo_max_angular_jump", math.nan, "0.0001 to 3.2 rad"), ("realtime_priority", 100, "0 to 99"),
+    ("realtime_priority", -1, "0 to 99"), ("realtime_priority", 50.0, "0 to 99"), ("model", {"name": "zu7"}, "one of"),
+]
+
+
+def test_the_table_is_long_enough_and_touches_every_parameter():
+    assert len(WRONG) >= 40
+    assert {name for name, _, _ in WRONG} == {name for name, _, _ in params.table()}
+
+
+@pytest.mark.parametrize("name, value, valid", WRONG, ids=["%s=%r" % row[:2] for row in WRONG])
+def test_a_wrong_value_is_refused_with_its_name_and_what_is_valid(name, value, valid):
+    with pytest.raises(WrongParameter) as refusal:
+        config_from({name: value})
+    assert "~" + name in str(refusal.value) and repr(value) in str(refusal.value) and valid in str(refusal.value)
+
+
+@pytest.mark.parametrize("unknown, nearest", [
+    ("robot_ip", "~ip"), ("comand_port", "~command_port"), ("auto_enabled", "~auto_enable"), ("stale", "~stale_after"),
+    ("Model", "~model")])
+def test_an_unknown_parameter_is_an_error_that_names_the_nearest(unknown, nearest):
+    with pytest.raises(WrongParameter, match="unknown parameter ~%s; did you mean %s" % (unknown, nearest)):
+        config_from({unknown: 1})
+
+
+def test_all_mistakes_are_told_at_once():
+    with pytest.raises(WrongParameter) as refusal:
+        config_from({"blocking": "yes", "modle": "zu7", "status_port": 0})
+    assert all(name in str(refusal.value) for name in ("~blocking", "~modle", "~status_port"))
+
+
+def test_one_port_for_both_is_refused():
+    with pytest.raises(WrongParameter, match="must differ"):
+        config_from({"command_port": 10000})
+
+
+def test_defaults_and_values_reach_the_client():
+    assert config_from({}).client_settings() == ClientSettings("127.0.0.1")
+    given = {"ip": "10.5.5.100", "publish_rate": 100, "jog_timeout": 1, "servo_max_joint_jump": 0.2, "stale_after": 0.3}
+    settings = config_from(given).client_settings()
+    assert settings == ClientSettings("10.5.5.100", feed_period=0.01, jog_timeout=1.0, servo_max_joint_jump=0.2,
+                                      stale_after=0.3)
+
+
+def test_every_setting_of_the_client_is_a_parameter():
+    settings = {field.name for field in dataclasses.fields(ClientSettings)} - {"host", "feed_period"}
+    assert settings <= {field.name for field in dataclasses.fields(DriverConfig)}
+
+
+def test_the_model_is_known_by_its_names_and_a_file_replaces_it(tmp_path):
+    assert config_from({"model": "JAKA Zu 12"}).arm_model().name == "zu12"
+    file = tmp_path / "mine.yaml"
+    file.write_text("""
+family: three_parallel_offset_wrist
+dh_standard:
+- {a: 0, d: 120.15, alpha: 1.5707963267948966}
+- {a: 360, d: 0, alpha: 0}
+- {a: 303.5, d: 0, alpha: 0}
+- {a: 0, d: -115.01, alpha: 1.5707963267948966}
+- {a: 0, d: 113.5, alpha: -1.5707963267948966}
+- {a: 0, d: 107, alpha: 0}
+joint_limits_deg: [[-360, 360], [-85, 265], [-175, 175], [-85, 265], [-360, 360], [-360, 360]]
+joint_max_speed_deg_s: [180, 180, 180, 180, 180, 180]
+""")
+    assert config_from({"dh_file": str(file)}).arm_model().name == "mine"
+
+
+def test_frames_are_activated_as_the_interface_says_unless_told_otherwise():
+    assert config_from({}).activates_frames
+    assert not config_from({"interface": "vendor"}).activates_frames
+    assert config_from({"interface": "vendor", "activate_frames": True}).activates_frames
+    assert not config_from({"activate_frames": False}).activates_frames
+
+
+def test_the_documentation_is_what_the_code_says():
+    written = (import_graph.ROOT / "docs" / "parameters.md").read_text(encoding="utf-8")
+    assert written == params.markdown(), "run: python3 -m jaka_ros_driver.ros.params > docs/parameters.md"

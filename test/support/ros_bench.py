@@ -1,0 +1,152 @@
+"""A simulated controller in a process of its own, and a driver node started on it by its launch file."""
+import contextlib
+import json
+import subprocess
+import sys
+import threading
+
+import rospy
+import yaml
+from arm_bench import WAIT, eventually
+
+from jaka_ros_driver.ros.services import SERVICES
+from jaka_ros_driver.simulation.server import ask_panel
+
+TYPES = {spec.name: spec.srv_type for spec in SERVICES}
+HOME = [0.0, 1.5, -1.5, 1.5, 1.5, 0.0]
+
+
+class SimulatorProcess:
+    """``jaka_sim`` on free ports."""
+
+    def __init__(self, *arguments, ports=(0, 0)):
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "jaka_ros_driver.simulation", "--command-port", str(ports[0]), "--status-port",
+             str(ports[1]), "--poll-port", "0", "--power-delay", "0.1", "--enable-delay", "0.1", *arguments],
+            stdout=subprocess.PIPE, text=True)
+        self.ports = json.loads(self._process.stdout.readline())
+        self.command_port, self.status_port = self.ports["command_port"], self.ports["status_port"]
+
+    def panel(self, action, **parameters):
+        answer = ask_panel(self.ports["panel_port"], dict(parameters, action=action))
+        assert answer.pop("ok"), answer
+        return answer
+
+    def state(self):
+        return self.panel("state")["state"]
+
+    def is_moving(self):
+        return self.state()["is_moving"]
+
+    def close(self):
+        self._process.terminate()
+        self._process.wait(WAIT)
+        self._process.stdout.close()
+
+
+class Arm:
+    """A driver node, its services and topics."""
+
+    def __init__(self, simulator, name="/jaka_driver"):
+        self.simulator = simulator
+        self.name = name
+        self._proxies = {}
+
+    def call(self, service, **fields):
+        """One call on a connection that stays; a reply, or rospy.ServiceException."""
+        key = (service, threading.get_ident())
+        if key not in self._proxies:
+            rospy.wait_for_service("%s/%s" % (self.name, service), WAIT)
+            self._proxies[key] = rospy.ServiceProxy("%s/%s" % (self.name, service), TYPES[service], persistent=True)
+        return self._proxies[key](**fields)
+
+    def wait_until_seen(self):
+        """The driver answers, and the link to the controller is up."""
+        assert eventually(lambda: self.call("get_fk", joint=HOME).cartesian_pose), "the driver does not reach the arm"
+
+    def wait_until_ready(self):
+        self.wait_until_seen()
+        assert eventually(lambda: self.simulator.state()["is_enabled"]), "the arm is not enabled"
+        assert eventually(lambda: self.listen("robot_states", 1)[0].power_state == 1)
+
+    def listen(self, topic, count, timeout=WAIT):
+        """So many messages of a topic of the node."""
+        return [message for _, message in listen(topic if topic[0] == "/" else self.name + "/" + topic, count, timeout)]
+
+    def go_home(self):
+        assert self.call("joint_move", pose=HOME, mvvelo=3.0, mvacc=12.0).ret == 1
+
+
+def listen(topic, count, timeout=WAIT, topic_type=None):
+    """So many (time of receipt, message) of a topic."""
+    received, enough = [], threading.Event()
+
+    def take(message):
+        if len(received) < count:
+            received.append((rospy.get_time(), message))
+        if len(received) >= count:
+            enough.set()
+
+    subscriber = rospy.Subscriber(topic, topic_type or topic_class(topic), take, queue_size=1000, tcp_nodelay=True)
+    try:
+        assert enough.wait(timeout), "%d of %d messages on %s" % (len(received), count, topic)
+    finally:
+        subscriber.unregister()
+    return received
+
+
+def topic_class(topic):
+    import rostopic
+    kind = eventually(lambda: rostopic.get_topic_class(topic)[0])
+    assert kind is not None, "nobody publishes " + topic
+    return kind
+
+
+@contextlib.contextmanager
+def collecting(topic, topic_type=None):
+    """A list that grows with the messages of a topic: (time of receipt, message)."""
+    received = []
+    subscriber = rospy.Subscriber(topic, topic_type or topic_class(topic),
+                                  lambda message: received.append((rospy.get_time(), message)), queue_size=1000,
+                                  tcp_nodelay=True)
+    try:
+        assert eventually(lambda: subscriber.get_num_connections() > 0)
+        yield received
+    finally:
+        subscriber.unregister()
+
+
+def rosservice(*words):
+    """What the program ``rosservice call`` answers, as a dictionary; its error as text."""
+    done = subprocess.run(["rosservice", "call", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                          timeout=60)
+    if done.returncode:
+        return done.stderr
+    return yaml.safe_load(done.stdout) or {}
+
+
+class InBackground:
+    """A call in a thread of its own, and its result."""
+
+    def __init__(self, function, *args, **kwargs):
+        self.result = None
+        self.error = None
+        self._thread = threading.Thread(target=self._run, args=(function, args, kwargs), daemon=True)
+        self._thread.start()
+
+    def _run(self, function, args, kwargs):
+        try:
+            self.result = function(*args, **kwargs)
+        except Exception as error:
+            self.error = error
+
+    @property
+    def is_over(self):
+        return not self._thread.is_alive()
+
+    def join(self):
+        self._thread.join(WAIT)
+        assert self.is_over, "the call did not return"
+        if self.error is not None:
+            raise self.error
+        return self.result
