@@ -30,6 +30,7 @@ _REQUESTS_A_TURN = 20
 _MAX_CLIENTS = 32
 _IDLE_S = 1.0
 _COMPRESSION = 1
+_LONGEST_ANSWER = 1 << 18
 _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 
 PanelHandler = Callable[[Dict[str, Any]], Dict[str, Any]]
@@ -526,7 +527,7 @@ def ask_panel(port: int, request: Dict[str, Any], timeout: float = 10.0) -> Dict
         with socket.create_connection((LOOPBACK, port), timeout) as link:
             link.sendall(json.dumps(request).encode("utf-8") + b"\n")
             with link.makefile("rb") as stream:
-                answer: Dict[str, Any] = json.loads(stream.readline())
+                answer: Dict[str, Any] = json.loads(stream.readline(_LONGEST_ANSWER))
     except (OSError, ValueError) as error:
         raise ConnectionLost("no panel answers on port %d: %s" % (port, error)) from error
     return answer
