@@ -14,8 +14,8 @@ from .stream_account import Stream, drops_as_metadata, drops_by_topic
 
 WORKING_SUFFIX = ".active"
 _SUMMARY_RESERVE = 64 * 1024
-_RESERVE_A_CHUNK = 400
-"""Room kept for the end of the file: a fixed part, and so many bytes for each second (chunk) recorded."""
+_SUMMARY_SHARE = 64
+"""Room kept for the end of the file: a fixed part, byte, and a share of what was written."""
 
 
 class Attachment(NamedTuple):
@@ -104,6 +104,7 @@ class LogFiles:
         self._begin_time: Optional[int] = None
         self._chunk_born: Optional[float] = None
         self._chunk_streams: Dict[Stream, int] = {}
+        self._largest_chunk = settings.chunk_bytes
         self._synced_at = time.monotonic()
         self._synced_position = 0
         self._open()
@@ -147,15 +148,34 @@ class LogFiles:
             WriteFailed: The system refused.
             BagError: A further file cannot be created.
         """
-        if self._begin_time is None:
-            self._begin_time = log_time
-        elif self._is_time_to_split(log_time):
-            self._split(log_time)
+        try:
+            self._make_ready(log_time, len(payload))
+        except BagError:
+            stream.unwritten += 1
+            raise
         self.messages += 1
         stream.written += 1
         self._put(stream, log_time, publish_time, payload)
         if stream.connection.latching:
             stream.latched = (payload, publish_time)
+
+    def _make_ready(self, log_time: int, size: int) -> None:
+        """Split, or close the chunk, where a message of that size asks for it."""
+        if self._begin_time is None:
+            self._begin_time = log_time
+        elif self._is_time_to_split(log_time):
+            self._split(log_time)
+        writer = self._writer
+        assert writer is not None
+        if writer.pending_bytes + size >= self.settings.chunk_bytes:
+            self._flush(writer)
+            self._check_space(writer, size)
+
+    def _flush(self, writer: ChunkWriter) -> None:
+        begin = writer.position
+        writer.flush()
+        self._largest_chunk = max(self._largest_chunk, writer.position - begin)
+        self._chunk_done()
 
     def _put(self, stream: Stream, log_time: int, publish_time: int, payload: bytes) -> None:
         writer = self._writer
@@ -215,9 +235,8 @@ class LogFiles:
         assert writer is not None
         now = time.monotonic()
         if self._chunk_born is not None and now - self._chunk_born >= self.settings.chunk_age_s:
+            self._flush(writer)
             self._check_space(writer)
-            writer.flush()
-            self._chunk_done()
         if self.settings.fsync_s and now - self._synced_at >= self.settings.fsync_s:
             self._synced_at = now
             if writer.position != self._synced_position:
@@ -231,8 +250,13 @@ class LogFiles:
         except OSError as error:
             raise WriteFailed(writer.name, error) from error
 
-    def _check_space(self, writer: ChunkWriter) -> None:
-        reserve = _SUMMARY_RESERVE + _RESERVE_A_CHUNK * (writer.position // 65536) + writer.pending_bytes
+    def _check_space(self, writer: ChunkWriter, coming: int = 0) -> None:
+        """See to it that one more chunk with ``coming`` more bytes, and the end of the file, have room.
+
+        Raises:
+            DiskFull: They have not.
+        """
+        reserve = _SUMMARY_RESERVE + writer.position // _SUMMARY_SHARE + self._largest_chunk + coming
         disk = os.fstatvfs(writer.fileno())
         free = disk.f_bavail * disk.f_frsize
         if free < self.settings.min_space + reserve:
@@ -254,11 +278,10 @@ class LogFiles:
         if writer is None:
             return
         try:
-            writer.flush()
+            self._flush(writer)
         except WriteFailed as error:
             self.lose_chunk()
             self._notice(str(error))
-        self._chunk_done()
         if isinstance(writer, McapWriter):
             writer.add_metadata("jaka_bag.drops", drops_as_metadata(drops_by_topic(self._streams())))
         if self.settings.fsync_s:
