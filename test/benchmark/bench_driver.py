@@ -1,0 +1,243 @@
+"""What the driver costs and how fast it is, beside a bare rospy publisher of the same three topics, in one run.
+
+Driver, simulated controller and this program are processes of their own on one computer. Moments on the wire are those
+of the simulated controller's byte log. Run it with tools/dev bench driver; one argument is the length of the rate
+measurement in seconds (60).
+"""
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support"), str(ROOT / "test" / "ros")]
+os.environ["ROS_IP"] = "127.0.0.1"
+
+import conftest  # noqa: E402
+import roslaunch  # noqa: E402
+import rospy  # noqa: E402
+from arm_bench import eventually  # noqa: E402
+from geometry_msgs.msg import TwistStamped  # noqa: E402
+from ros_bench import HOME, TYPES, Arm, InBackground, SimulatorProcess  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+
+from jaka_msgs.msg import RobotMsg  # noqa: E402
+from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream  # noqa: E402
+from jaka_ros_driver.simulation.wire_log import WireEvent, read_log  # noqa: E402
+
+TOPICS = {"tool_position": TwistStamped, "joint_position": JointState, "robot_states": RobotMsg}
+STOPS = 30
+BARE_PUBLISHER = """
+import time, rospy
+from geometry_msgs.msg import TwistStamped
+from sensor_msgs.msg import JointState
+from jaka_msgs.msg import RobotMsg
+rospy.init_node("jaka_driver")
+out = [rospy.Publisher("~" + n, t, queue_size=10, tcp_nodelay=True) for n, t in (
+    ("tool_position", TwistStamped), ("joint_position", JointState), ("robot_states", RobotMsg))]
+names = ["joint_%d" % n for n in range(1, 7)]
+due = time.monotonic()
+while not rospy.is_shutdown():
+    stamp = rospy.Time.now()
+    twist, joints = TwistStamped(), JointState(name=names, position=[0.0] * 6)
+    twist.header.stamp = joints.header.stamp = stamp
+    out[0].publish(twist), out[1].publish(joints), out[2].publish(RobotMsg())
+    due += 0.008
+    time.sleep(max(0.0, due - time.monotonic()))
+"""
+
+
+def percentile(values, share):
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
+def cpu_seconds(pids):
+    ticks = 0
+    for pid in pids:
+        fields = Path("/proc/%d/stat" % pid).read_text().rsplit(")", 1)[1].split()
+        ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def pids_of(words, unlike="\0none\0"):
+    found = []
+    for pid in filter(str.isdigit, os.listdir("/proc")):
+        with contextlib.suppress(OSError):
+            line = Path("/proc/%s/cmdline" % pid).read_text()
+            if words in line and unlike not in line and int(pid) != os.getpid():
+                found.append(int(pid))
+    return found
+
+
+def print_row(what, *figures):
+    print("%-46s %s" % (what, "  ".join(figures)), flush=True)
+
+
+def ms(seconds):
+    return "%.2f ms" % (1e3 * seconds)
+
+
+def measure_topics(name, pids, duration):
+    """Rate and jitter of the three topics, and CPU of the processes meanwhile."""
+    arrivals = {topic: [] for topic in TOPICS}
+    subscribers = [rospy.Subscriber("/jaka_driver/" + topic, kind, lambda _, t=topic: arrivals[t].append(time.monotonic()),
+                                    queue_size=1000, tcp_nodelay=True) for topic, kind in TOPICS.items()]
+    assert eventually(lambda: all(len(times) > 250 for times in arrivals.values()))
+    for times in arrivals.values():
+        times.clear()
+    began, cpu = time.monotonic(), cpu_seconds(pids)
+    time.sleep(duration)
+    cpu = (cpu_seconds(pids) - cpu) / (time.monotonic() - began)
+    for subscriber in subscribers:
+        subscriber.unregister()
+    for topic, times in arrivals.items():
+        gaps = [b - a for a, b in zip(times, times[1:])]
+        print_row("%s: %s" % (name, topic), "%.2f Hz" % ((len(times) - 1) / (times[-1] - times[0])),
+                  "jitter p99 " + ms(percentile([abs(gap - 0.008) for gap in gaps], 0.99)), "max gap " + ms(max(gaps)))
+    print_row("%s: CPU" % name, "%.1f %% of a core" % (100 * cpu))
+    return cpu
+
+
+def measure_latency(arm):
+    """(joint angle in deg as the frame has it -> arrival here) of a slow move."""
+    seen = {}
+    subscriber = rospy.Subscriber("/jaka_driver/joint_position", JointState, lambda message: seen.setdefault(
+        round(message.position[0] * 180 / 3.141592653589793, 5), time.monotonic()), queue_size=1000, tcp_nodelay=True)
+    move = InBackground(arm.call, "joint_move", pose=[0.4] + HOME[1:], mvvelo=0.05, mvacc=1.0)
+    move.join()
+    subscriber.unregister()
+    return seen
+
+
+def measure_stops(arm):
+    """Moments of the calls of stop_move during blocking moves, replies delayed by 50 ms, and how long they took."""
+    arm.simulator.panel("fault", kind="delay", port="command", count=None, delay_ms=50)
+    calls, pending = [], []
+    for index in range(STOPS):
+        goal = [1.5 if index % 2 else -1.5] + HOME[1:]
+        move = InBackground(arm.call, "joint_move", pose=goal, mvvelo=0.5, mvacc=4.0)
+        assert eventually(arm.simulator.is_moving)
+        time.sleep(0.1)
+        called = time.monotonic()
+        arm.call("stop_move")
+        calls.append(called)
+        reply = move.join()
+        pending.append(time.monotonic() - called)
+        assert reply.ret == 0 and "stopped" in reply.message, reply
+        assert eventually(lambda: not arm.simulator.is_moving())
+    arm.simulator.panel("clear_faults")
+    arm.go_home()
+    return calls, pending
+
+
+def measure_servo(arm):
+    """Calls a second flat out, and the share of 250 Hz calls that were in time."""
+    assert arm.call("servo_move_enable", enable=True).ret == 1
+    took, began = [], time.monotonic()
+    while time.monotonic() - began < 5.0:
+        start = time.monotonic()
+        assert arm.call("servo_j", pose=HOME).ret == 1
+        took.append(time.monotonic() - start)
+    print_row("servo_j, persistent, back to back", "%.0f calls/s" % (len(took) / 5.0), "p99 " + ms(percentile(took, 0.99)))
+    for rate in (125, 250):
+        due, late = time.monotonic(), []
+        for _ in range(5 * rate):
+            due += 1.0 / rate
+            time.sleep(max(0.0, due - time.monotonic()))
+            assert arm.call("servo_j", pose=HOME).ret == 1
+            late.append(time.monotonic() - due)
+        print_row("servo_j at %d Hz for 5 s" % rate, "accepted %d of %d" % (len(late), 5 * rate),
+                  "reply after p50 %s p99 %s" % (ms(percentile(late, 0.5)), ms(percentile(late, 0.99))))
+    assert arm.call("servo_move_enable", enable=False).ret == 1
+
+
+def measure_services(arm):
+    request = {"signal": "digital", "path": 1, "type": 0, "index": 0}
+    took = []
+    for _ in range(500):
+        start = time.monotonic()
+        arm.call("get_io", **request)
+        took.append(time.monotonic() - start)
+    print_row("get_io, persistent connection", "p50 " + ms(percentile(took, 0.5)), "p99 " + ms(percentile(took, 0.99)))
+    took = []
+    for _ in range(200):
+        proxy = rospy.ServiceProxy("/jaka_driver/get_io", TYPES["get_io"])
+        start = time.monotonic()
+        proxy(**request)
+        took.append(time.monotonic() - start)
+    print_row("get_io, a connection each call", "p50 " + ms(percentile(took, 0.5)), "p99 " + ms(percentile(took, 0.99)))
+    took = []
+    for _ in range(5):
+        start = time.monotonic()
+        subprocess.run(["rosservice", "call", "/jaka_driver/get_io", json.dumps(request)], check=True,
+                       stdout=subprocess.DEVNULL)
+        took.append(time.monotonic() - start)
+    print_row("get_io, program rosservice call", "p50 " + ms(percentile(took, 0.5)))
+
+
+def judge_by_the_log(log_file, seen, stops, pending):
+    """Latencies between what the controller's log has and what was seen or called here."""
+    sent, received, commands, frames = {}, [], {}, {}
+    for event in read_log(log_file):
+        if not isinstance(event, WireEvent) or event.what not in ("in", "out"):
+            continue
+        if event.port == "status" and event.what == "out":
+            for frame in frames.setdefault(event.connection, FrameStream()).feed(event.data):
+                sent.setdefault(frame["joint_actual_position"][0], event.time_ns * 1e-9)
+        elif event.port == "command" and event.what == "in":
+            for request in commands.setdefault(event.connection, ObjectStream()).feed(event.data):
+                received.append((event.time_ns * 1e-9, request["cmdName"]))
+    latency = [arrival - sent[angle] for angle, arrival in seen.items() if angle in sent and arrival > sent[angle]]
+    print_row("frame sent -> subscriber (%d frames)" % len(latency), "p50 " + ms(percentile(latency, 0.5)),
+              "p95 " + ms(percentile(latency, 0.95)), "p99 " + ms(percentile(latency, 0.99)))
+    wire = [next(at for at, name in received if name == "stop_program" and at >= called) - called for called in stops]
+    print_row("stop_move called -> stop_program on the wire", "p50 " + ms(percentile(wire, 0.5)),
+              "p95 " + ms(percentile(wire, 0.95)), "max " + ms(max(wire)), "(%d blocking moves, replies 50 ms late)" % STOPS)
+    print_row("stop_move called -> pending move answered", "p95 " + ms(percentile(pending, 0.95)), "max " + ms(max(pending)))
+
+
+def main():
+    duration = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
+    folder = tempfile.mkdtemp()
+    port = conftest.free_port()
+    os.environ.update(ROS_MASTER_URI="http://127.0.0.1:%d" % port, ROS_HOME=folder, ROS_LOG_DIR=folder)
+    core = roslaunch.parent.ROSLaunchParent(conftest.RUN_ID, [], is_core=True, port=port)
+    core.start()
+    print("load average at start: %s" % " ".join("%.2f" % load for load in os.getloadavg()))
+    try:
+        rospy.init_node("bench_driver", anonymous=True, disable_signals=True)
+        bare = subprocess.Popen([sys.executable, "-c", BARE_PUBLISHER])
+        bare_cpu = measure_topics("bare rospy publisher", [bare.pid], duration / 2)
+        bare.terminate()
+        bare.wait()
+        log_file = folder + "/wire.mcap"
+        with contextlib.closing(SimulatorProcess("--start", "enabled", "--log", log_file)) as simulator:
+            with conftest.driven(simulator) as arm:
+                arm.wait_until_ready()
+                driver = pids_of("__name:=jaka_driver")
+                guard = pids_of("jaka_ros_driver.client.guard\0--host")
+                threads = threading.active_count()
+                cpu = measure_topics("driver", driver, duration)
+                print_row("driver: CPU beside the bare publisher's", "%.2f x" % (cpu / bare_cpu))
+                guard_cpu = cpu_seconds(guard)
+                seen = measure_latency(arm)
+                print_row("guard: CPU", "%.2f %% of a core" % (100 * (cpu_seconds(guard) - guard_cpu) / 8.0))
+                stops, pending = measure_stops(arm)
+                measure_servo(arm)
+                measure_services(arm)
+                assert threading.active_count() < threads + 20
+        judge_by_the_log(log_file, seen, stops, pending)
+        print("load average at end: %s" % " ".join("%.2f" % load for load in os.getloadavg()))
+    finally:
+        rospy.signal_shutdown("done")
+        core.shutdown()
+
+
+if __name__ == "__main__":
+    main()
