@@ -1,0 +1,117 @@
+"""The log of every byte, against what a client sent and received."""
+import json
+import sys
+
+import mcap.reader
+import pytest
+from raw_client import RawClient, RawFeed, wait_for
+
+from jaka_ros_driver.simulation import wire_log
+from jaka_ros_driver.simulation.wire_log import TrueJoints, WireEvent, WireLog, WireLogError, read_log
+
+
+def bytes_of(events, port, what):
+    return b"".join(event.data for event in events if event.port == port and event.what == what)
+
+
+def test_every_byte_with_its_time_and_the_joints(make_arm, tmp_path):
+    path = str(tmp_path / "wire.mcap")
+    arm = make_arm(log=path, time_scale=5.0)
+    sent = (b'{"cmdName": "get_version"}', b"nan\xff\x00\n",
+            b'{"cmdName":"joint_move","jointPosition":[5,90,-90,90,90,0],"speed":90}', b'{"cmdName":"wait_complete"}')
+    received = []
+    with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
+        for request in sent:
+            client.send(request)
+            received.append(client.reply())
+        frames = [feed.raw_frame() for _ in range(5)]
+    wait_for(lambda: not arm.panel("wire")["wire"]["connections"], "the clients to be gone")
+    arm.close()
+    entries = read_log(path)
+    events = [entry for entry in entries if isinstance(entry, WireEvent)]
+    assert bytes_of(events, "command", "in") == b"".join(sent)
+    assert bytes_of(events, "command", "out") == b"".join(json.dumps(reply).encode() for reply in received)
+    assert bytes_of(events, "status", "out").startswith(b"".join(frames))
+    assert [event.what for event in events if event.port == "command"][0] == "open"
+    assert [event.what for event in events if event.port == "command"][-1] == "close"
+    joints = [entry for entry in entries if isinstance(entry, TrueJoints)]
+    assert 0.0 <= joints[0].joint_position[0] < 0.01 and joints[-1].joint_position[0] == pytest.approx(0.0872664626)
+    assert len(joints) > 20
+    times = [entry.time_ns for entry in entries]
+    assert times == sorted(times)
+
+
+def test_file_opens_elsewhere(make_arm, tmp_path):
+    path = tmp_path / "wire.mcap"
+    arm = make_arm(log=str(path))
+    with RawClient(arm.command_port) as client:
+        assert client.code("get_version") == "0"
+    arm.close()
+    with open(path, "rb") as file:
+        reader = mcap.reader.make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert {channel.topic for channel in summary.channels.values()} == {
+            "/wire/command", "/wire/status", "/wire/poll", "/wire/panel", "/joints"}
+        assert {channel.message_encoding for channel in summary.channels.values()} == {"json"}
+        assert {schema.encoding for schema in summary.schemas.values()} == {"jsonschema"}
+        assert [record.metadata for record in reader.iter_metadata()] == [{"lost_messages": "0"}]
+        for _, channel, message in reader.iter_messages():
+            assert "time_ns" in json.loads(message.data) and channel.topic
+
+
+def test_log_is_on_disk_while_the_controller_runs(make_arm, tmp_path, monkeypatch):
+    monkeypatch.setattr(wire_log, "FLUSH_INTERVAL_S", 0.05)
+    path = str(tmp_path / "wire.mcap")
+    arm = make_arm(log=path)
+    with RawClient(arm.command_port) as client:
+        assert client.code("get_version") == "0"
+        wait_for(lambda: any(isinstance(entry, WireEvent) and entry.what == "out" for entry in read_log(path)),
+                 "the reply in the unfinished file")
+
+
+def test_truncated_log_is_read_as_far_as_it_goes(make_arm, tmp_path):
+    path = tmp_path / "wire.mcap"
+    arm = make_arm(log=str(path))
+    with RawClient(arm.command_port) as client:
+        assert client.code("get_version") == "0"
+    arm.close()
+    whole = path.read_bytes()
+    for size in (len(whole) // 2, 60, 8):
+        path.write_bytes(whole[:size])
+        assert isinstance(read_log(str(path)), list)
+
+
+def test_what_cannot_be_written_or_read_is_told(tmp_path, make_arm):
+    taken = tmp_path / "taken.mcap"
+    taken.write_bytes(b"no log")
+    with pytest.raises(WireLogError, match="taken"):
+        WireLog(str(taken))
+    with pytest.raises(WireLogError, match="taken"):
+        read_log(str(taken))
+    with pytest.raises(WireLogError):
+        read_log(str(tmp_path / "missing.mcap"))
+    with pytest.raises(WireLogError):
+        make_arm(log=str(tmp_path / "no" / "such" / "folder.mcap"))
+    assert taken.read_bytes() == b"no log"
+
+
+def test_missing_package_is_told(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    with pytest.raises(WireLogError, match="package mcap"):
+        WireLog(str(tmp_path / "x.mcap"))
+    assert not (tmp_path / "x.mcap").exists()
+
+
+def test_full_disk_is_told_and_stops_nothing(tmp_path):
+    log = WireLog(str(tmp_path / "x.mcap"))
+
+    class FullDisk:
+        def write(self, _data):
+            raise OSError(28, "No space left on device")
+
+        flush = tell = write
+    log._writer._Writer__stream = FullDisk()
+    for number in range(1000):
+        log.bytes_in(number, "command", 1, b"x" * 1000)
+    with pytest.raises(WireLogError, match="not complete"):
+        log.close()
