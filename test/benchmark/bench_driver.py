@@ -23,7 +23,7 @@ import roslaunch  # noqa: E402
 import rospy  # noqa: E402
 from arm_bench import eventually  # noqa: E402
 from geometry_msgs.msg import TwistStamped  # noqa: E402
-from ros_bench import HOME, TYPES, Arm, InBackground, SimulatorProcess  # noqa: E402
+from ros_bench import HOME, TYPES, InBackground, SimulatorProcess  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 
 from jaka_msgs.msg import RobotMsg  # noqa: E402
@@ -86,8 +86,9 @@ def ms(seconds):
 def measure_topics(name, pids, duration):
     """Rate and jitter of the three topics, and CPU of the processes meanwhile."""
     arrivals = {topic: [] for topic in TOPICS}
-    subscribers = [rospy.Subscriber("/jaka_driver/" + topic, kind, lambda _, t=topic: arrivals[t].append(time.monotonic()),
-                                    queue_size=1000, tcp_nodelay=True) for topic, kind in TOPICS.items()]
+    subscribers = [rospy.Subscriber("/jaka_driver/" + topic, kind, queue_size=1000, tcp_nodelay=True,
+                                    callback=lambda _, times=arrivals[topic]: times.append(time.monotonic()))
+                   for topic, kind in TOPICS.items()]
     assert eventually(lambda: all(len(times) > 250 for times in arrivals.values()))
     for times in arrivals.values():
         times.clear()
@@ -144,7 +145,8 @@ def measure_servo(arm):
         start = time.monotonic()
         assert arm.call("servo_j", pose=HOME).ret == 1
         took.append(time.monotonic() - start)
-    print_row("servo_j, persistent, back to back", "%.0f calls/s" % (len(took) / 5.0), "p99 " + ms(percentile(took, 0.99)))
+    print_row("servo_j, persistent, back to back", "%.0f calls/s" % (len(took) / 5.0),
+              "p99 " + ms(percentile(took, 0.99)))
     for rate in (125, 250):
         due, late = time.monotonic(), []
         for _ in range(5 * rate):
@@ -198,8 +200,10 @@ def judge_by_the_log(log_file, seen, stops, pending):
               "p95 " + ms(percentile(latency, 0.95)), "p99 " + ms(percentile(latency, 0.99)))
     wire = [next(at for at, name in received if name == "stop_program" and at >= called) - called for called in stops]
     print_row("stop_move called -> stop_program on the wire", "p50 " + ms(percentile(wire, 0.5)),
-              "p95 " + ms(percentile(wire, 0.95)), "max " + ms(max(wire)), "(%d blocking moves, replies 50 ms late)" % STOPS)
-    print_row("stop_move called -> pending move answered", "p95 " + ms(percentile(pending, 0.95)), "max " + ms(max(pending)))
+              "p95 " + ms(percentile(wire, 0.95)), "max " + ms(max(wire)),
+              "(%d blocking moves, replies 50 ms late)" % STOPS)
+    print_row("stop_move called -> pending move answered", "p95 " + ms(percentile(pending, 0.95)),
+              "max " + ms(max(pending)))
 
 
 def main():
