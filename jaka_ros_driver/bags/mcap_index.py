@@ -103,7 +103,8 @@ def read_summary(descriptor: int, size: int) -> Optional[Summary]:
 
 def _is_complete(summary: Summary) -> bool:
     statistics = summary.statistics
-    if statistics is None or statistics.chunks != len(summary.chunks) or statistics.channels != len(summary.channels):
+    if statistics is None or statistics[1:3] + statistics[5:6] != (
+            len(summary.schemas), len(summary.channels), len(summary.chunks)):
         return False
     if not all(chunk.index_offsets for chunk in summary.chunks) and statistics.messages:
         return False
