@@ -117,9 +117,8 @@ def _refuse_under_stop(state: RobotState, what: str) -> None:
 def _come_to_rest(arm: ArmClient) -> None:
     """The controller disables an arm at rest only (controller protocol 5.1)."""
     before = arm.fresh_state()
-    if before.is_in_position and arm.motion_owner is None:
-        return
-    arm.stop()
+    if not before.is_in_position or arm.motion_owner is not None:
+        arm.stop()
     last_moving = before
 
     def is_at_rest(state: RobotState) -> bool:
