@@ -32,6 +32,7 @@ COMMANDS = {
     "recover": Command("recover_cli", "all that can be read of a cut-off or damaged log (as rosbag reindex)"),
     "plot": Command("plot_cli", "joints, TCP path and states over time as SVG or PNG"),
     "export": Command("export_cli", "fields of messages as CSV, NPZ or Parquet"),
+    "compare": Command("compare_cli", "does a log show what a golden one shows? with tolerances, HTML, JUnit"),
     "completion": Command("completion_cli", "completion for bash or zsh"),
 }
 

@@ -70,25 +70,23 @@ class Alignment:
     method: str
     episodes: Dict[str, Tuple[Episode, ...]] = field(default_factory=dict)
 
-    def candidate_time(self, arm: str, golden_time: Array) -> Array:
-        """Candidate times of golden times, s; between motions at the common lag."""
-        lag = np.full(len(golden_time), self.lag)
-        for episode in self.episodes.get(arm, ()):
-            begin, end = np.searchsorted(golden_time, (episode.start, episode.end))
-            lag[begin:end] = episode.lag
-        moved: Array = golden_time + lag
-        return moved
-
     def golden_time(self, arm: str, candidate_time: Array) -> Array:
-        """Golden times of candidate times, ascending, s; around a motion at the motion's own lag."""
+        """Golden times of candidate times, s, never stepping back.
+
+        A motion has its own lag at the golden pace; the rest between two motions is as long as it needs to be.
+        """
         episodes = self.episodes.get(arm, ())
         if not episodes:
             plain: Array = candidate_time - self.lag
             return plain
-        middle = [0.5 * (a.end + a.lag + b.start + b.lag) for a, b in zip(episodes, episodes[1:])]
-        lags = np.array([episode.lag for episode in episodes])
-        near: Array = candidate_time - lags[np.searchsorted(middle, candidate_time)]
-        return near
+        golden = np.array([time for episode in episodes for time in (episode.start, episode.end)])
+        lags = np.repeat([episode.lag for episode in episodes], 2)
+        knots = np.maximum.accumulate(golden + lags)
+        result: Array = np.interp(candidate_time, knots, golden)
+        before, after = candidate_time < knots[0], candidate_time > knots[-1]
+        result[before] = candidate_time[before] - lags[0]
+        result[after] = golden[-1] + (candidate_time[after] - knots[-1])
+        return result
 
 
 Spans = Sequence[Tuple[float, float]]

@@ -30,6 +30,7 @@ def _scaled(tolerances: Tolerances, time_scale: float) -> Tolerances:
     return dataclasses.replace(
         tolerances,
         timing=dataclasses.replace(timing, event_s=timing.event_s * time_scale, cut_ms=timing.cut_ms * time_scale,
+                                   jitter_ms=timing.jitter_ms * time_scale,
                                    pace_floor_ms=timing.pace_floor_ms * time_scale),
         states=dataclasses.replace(states, brief_s=states.brief_s * time_scale,
                                    timing_s=states.timing_s * time_scale),
@@ -66,10 +67,11 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
                             [topic for topic in sorted(comparable) if topic not in call_topics], time_scale)
     checks.append(coverage_check(ours, theirs, bool(arms), alignment, limits))
     checks += timing_checks(alignment, cuts, limits)
-    checks += motion_checks(ours, theirs, alignment, cuts, limits, time_scale)
+    motion, residuals = motion_checks(ours, theirs, alignment, cuts, limits)
+    checks += motion
     checks += state_checks(ours, theirs, alignment, limits)
     checks += call_checks(ours, theirs, alignment, limits, common_time(ours, theirs, alignment))
-    return Comparison(golden, candidate, alignment, tuple(checks), time_scale)
+    return Comparison(golden, candidate, alignment, tuple(checks), residuals, time_scale)
 
 
 def _only(run: Run, topics: List[str]) -> Run:

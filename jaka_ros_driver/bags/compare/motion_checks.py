@@ -11,7 +11,7 @@ from .rotation_angles import continuous, quaternions
 from .run import PoseTrack, Run, Track, arm_of
 from .tolerances import FieldTolerance, Tolerances
 from .tube import distances, interpolated, lengths
-from .verdict import Check, Outcome, Stage, equal, judged, not_compared
+from .verdict import Check, Outcome, Residual, ResidualKey, Stage, equal, judged, not_compared
 
 _LOOK_CLOSER = 0.3
 """A sample farther off than this share of its limit is looked for within the jitter of its stamp."""
@@ -76,15 +76,16 @@ class _Frame(NamedTuple):
     arms: List[str]
     cuts: Dict[str, List[Cut]]
     jitter_s: float
+    residuals: Dict[ResidualKey, Residual]
 
     def cut_s(self) -> float:
         return ms_to_s(self.tolerances.timing.cut_ms)
 
 
 def motion_checks(golden: Run, candidate: Run, alignment: Alignment, cuts: Dict[str, List[Cut]],
-                  tolerances: Tolerances, time_scale: float) -> List[Check]:
+                  tolerances: Tolerances) -> Tuple[List[Check], Dict[ResidualKey, Residual]]:
     """Joints, tool poses and further fields of topics that both logs have, with the same types."""
-    frame = _Frame(alignment, tolerances, golden.arms, cuts, ms_to_s(tolerances.timing.jitter_ms) * time_scale)
+    frame = _Frame(alignment, tolerances, golden.arms, cuts, ms_to_s(tolerances.timing.jitter_ms), {})
     checks: List[Check] = []
     for topic, joints in golden.joints.items():
         if topic in candidate.streams:
@@ -97,7 +98,7 @@ def motion_checks(golden: Run, candidate: Run, alignment: Alignment, cuts: Dict[
             theirs = candidate.fields.get(topic, {}).get(name)
             if topic in candidate.streams:
                 checks += _field_checks(ours, theirs, name, tolerances.fields[topic][name], frame)
-    return checks
+    return checks, frame.residuals
 
 
 class _Samples(NamedTuple):
@@ -134,9 +135,11 @@ def _samples(ours_time: Array, ours: Array, theirs_time: Array, theirs: Array, t
 
 
 def _verdict(stage: Stage, topic: str, field: str, off: Array, allowed: Array, limit: float, unit: str,
-             outside_percent: float, samples: _Samples, names: Sequence[str], factor: float = 1.0) -> Check:
-    """Judge distances that may be exceeded by ``allowed``, in ``unit`` / ``factor``."""
+             outside_percent: float, samples: _Samples, names: Sequence[str], frame: _Frame,
+             factor: float = 1.0) -> Check:
+    """Judge distances, in ``unit`` / ``factor``, that may be larger than the limit by ``allowed``."""
     beyond = np.maximum(off - allowed, 0.0)
+    frame.residuals[stage, topic, field] = Residual(samples.time, beyond * factor, limit * factor, unit)
     worst = int(np.argmax(beyond))
     outside = 100.0 * float((beyond > limit).mean())
     at = float(samples.time[worst])
@@ -207,7 +210,7 @@ def _joint_checks(ours: Track, theirs: Optional[Track], frame: _Frame) -> List[C
         part = samples._replace(value=samples.value[:, one], golden_value=samples.golden_value[:, one],
                                 golden_here=samples.golden_here[:, one])
         checks.append(_verdict(Stage.JOINTS, ours.topic, name, off, allowed[:, column], limit, "rad",
-                               limits.outside_percent, part, [name]))
+                               limits.outside_percent, part, [name], frame))
     return checks
 
 
@@ -231,7 +234,7 @@ def _pose_checks(ours: PoseTrack, theirs: Optional[PoseTrack], frame: _Frame) ->
                     lengths(samples.value - samples.golden_here), frame.jitter_s, _LOOK_CLOSER * limit)
     allowed = allowances(cuts, samples.golden_time, samples.golden_value, samples.time, frame.cut_s())
     checks.append(_verdict(Stage.POSITION, ours.topic, "position", off, np.sqrt((allowed * allowed).sum(axis=1)),
-                           limit, "mm", limits.outside_percent, samples, ("x", "y", "z"), m_to_mm(1.0)))
+                           limit, "mm", limits.outside_percent, samples, ("x", "y", "z"), frame, m_to_mm(1.0)))
     golden_q, candidate_q = (continuous(quaternions(track.rotation_vector)) for track in (ours, theirs))
     turned = _samples(ours.time, golden_q, theirs.time, candidate_q, ours.topic, frame)
     if turned is None:
@@ -247,7 +250,7 @@ def _pose_checks(ours: PoseTrack, theirs: Optional[PoseTrack], frame: _Frame) ->
     allowed = allowances(cuts, turned.golden_time, turned.golden_value, turned.time, frame.cut_s())
     checks.append(_verdict(Stage.ORIENTATION, ours.topic, "orientation", angle,
                            2.0 * np.sqrt((allowed * allowed).sum(axis=1)), limits.orientation_rad, "rad",
-                           limits.outside_percent, turned, ("qw", "qx", "qy", "qz")))
+                           limits.outside_percent, turned, ("qw", "qx", "qy", "qz"), frame))
     return checks
 
 
@@ -270,7 +273,7 @@ def _field_checks(ours: Track, theirs: Optional[Track], name: str, rule: FieldTo
         columns.append(np.maximum(off - rule.relative * np.abs(near[:, column]), 0.0))
     off = np.max(columns, axis=0) if columns else np.zeros(len(seen))
     checks.append(_verdict(Stage.FIELDS, ours.topic, name, off, np.zeros(len(off)), rule.absolute, "", 0.0,
-                           samples, ours.names))
+                           samples, ours.names, frame))
     return checks
 
 

@@ -1,8 +1,9 @@
 """The outcome of one check, and of a whole comparison."""
 import enum
 from dataclasses import dataclass
-from typing import List, Optional, Tuple
+from typing import Dict, List, NamedTuple, Optional, Tuple
 
+from ..blocks import Array
 from .alignment import Alignment
 from .run import Run
 
@@ -70,8 +71,9 @@ class Check:
 
     @property
     def name(self) -> str:
-        """Topic, field and check, as reports name it."""
-        return " ".join(part for part in (self.topic, self.field, self.stage.value) if part)
+        """Topic, check and field, as reports name it."""
+        field = "" if self.field == self.stage.value else self.field
+        return " ".join(part for part in (self.topic, self.stage.value, field) if part)
 
     @property
     def severity(self) -> float:
@@ -102,6 +104,26 @@ def not_compared(stage: Stage, topic: str, field: str, why: str) -> Check:
     return Check(stage, topic, field, Outcome.NOT_COMPARED, why)
 
 
+class Residual(NamedTuple):
+    """How far off the samples of one check are, beyond what jitter and stops allow.
+
+    Attributes:
+        time: Golden time, s, shape (n,).
+        off: In ``unit``, shape (n,).
+        limit: What is allowed.
+        unit: Of both.
+    """
+
+    time: Array
+    off: Array
+    limit: float
+    unit: str
+
+
+ResidualKey = Tuple[Stage, str, str]
+"""Check, topic and field."""
+
+
 @dataclass(frozen=True)
 class Comparison:
     """Two logs, compared.
@@ -111,6 +133,7 @@ class Comparison:
         candidate: What happened.
         alignment: When it happened.
         checks: In the order they were made.
+        residuals: Of the checks that go sample by sample.
         time_scale: The candidate ran this many times faster.
     """
 
@@ -118,6 +141,7 @@ class Comparison:
     candidate: Run
     alignment: Alignment
     checks: Tuple[Check, ...]
+    residuals: Dict[ResidualKey, Residual]
     time_scale: float = 1.0
 
     @property
