@@ -1,11 +1,12 @@
 """What the controller has stored as its tools and user frames, read again whenever that may have changed."""
+import contextlib
 import logging
 import threading
-from typing import Callable, Optional, Tuple
+from typing import Iterator, Optional, Tuple
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.errors import ConnectionLost, JakaError
+from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.rotations import IDENTITY, Transform, transform_from_pose
 from jaka_ros_driver.state import RobotState
 
@@ -23,8 +24,11 @@ class FrameTable:
 
     def __init__(self, arm: ArmClient) -> None:
         self._arm = arm
+        self._lock = threading.Lock()
         self._tools: Optional[Frames] = None
         self._users: Optional[Frames] = None
+        self._changes = 0
+        """Counts beginnings and ends of changes: odd while one is under way."""
         self._connections = 0
         self._wake = threading.Event()
         self._is_closing = False
@@ -41,10 +45,15 @@ class FrameTable:
         if self._thread.is_alive():
             self._thread.join()
 
-    def forget(self) -> None:
-        """A frame has been set: what is known is no longer true; read it again at once."""
-        self._tools = self._users = None
-        self._wake.set()
+    @contextlib.contextmanager
+    def changing(self) -> Iterator[None]:
+        """While a frame is being set nothing is known; afterwards all is read again. One at a time."""
+        self._forget()
+        try:
+            yield
+        finally:
+            self._forget()
+            self._wake.set()
 
     def flange_t_tool(self, state: RobotState) -> Optional[Transform]:
         """The active tool in the flange frame, m."""
@@ -54,6 +63,11 @@ class FrameTable:
         """The active user frame in the base frame, m."""
         return _entry(self._users, state.user_frame_id)
 
+    def _forget(self) -> None:
+        with self._lock:
+            self._changes += 1
+            self._tools = self._users = None
+
     def _run(self) -> None:
         waited = _READ_PERIOD
         while not self._is_closing:
@@ -61,19 +75,21 @@ class FrameTable:
             if waited >= _READ_PERIOD or self._wake.is_set() or connections != self._connections:
                 self._wake.clear()
                 waited = 0.0
-                if connections != self._connections:
-                    self._connections = connections
-                    self._tools = self._users = None
-                self._tools = self._read(c.Query.TOOL_FRAMES, lambda: self._tools)
-                self._users = self._read(c.Query.USER_FRAMES, lambda: self._users)
+                self._connections = connections
+                self._read_all()
             self._wake.wait(_CHECK_PERIOD)
             waited += _CHECK_PERIOD
 
-    def _read(self, query: c.Query, known: Callable[[], Optional[Frames]]) -> Optional[Frames]:
+    def _read_all(self) -> None:
+        changes = self._changes
+        tools, users = self._read(c.Query.TOOL_FRAMES), self._read(c.Query.USER_FRAMES)
+        with self._lock:
+            if changes == self._changes and changes % 2 == 0:
+                self._tools, self._users = tools, users
+
+    def _read(self, query: c.Query) -> Optional[Frames]:
         try:
             return tuple(transform_from_pose(pose) for pose in self._arm.execute(query))
-        except ConnectionLost:
-            return known()
         except JakaError as error:
             _LOG.debug("%s: %s", query, error)
             return None

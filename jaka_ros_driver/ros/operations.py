@@ -66,19 +66,13 @@ class Operations:
 
     def tool_frame(self, command: c.SetToolFrame) -> Outcome:
         """Store, read back, and make it active as configured."""
-        with self._settings:
-            try:
-                return Outcome(verified_settings.set_tool_frame(self._arm, command, self._config.activates_frames))
-            finally:
-                self._frames.forget()
+        with self._settings, self._frames.changing():
+            return Outcome(verified_settings.set_tool_frame(self._arm, command, self._config.activates_frames))
 
     def user_frame(self, command: c.SetUserFrame) -> Outcome:
         """As tool_frame."""
-        with self._settings:
-            try:
-                return Outcome(verified_settings.set_user_frame(self._arm, command, self._config.activates_frames))
-            finally:
-                self._frames.forget()
+        with self._settings, self._frames.changing():
+            return Outcome(verified_settings.set_user_frame(self._arm, command, self._config.activates_frames))
 
     def payload(self, payload: Payload) -> Outcome:
         """Select the tool, set its load, read it back."""

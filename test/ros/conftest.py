@@ -94,6 +94,12 @@ def arm(ros_node, simulator) -> Iterator[Arm]:
         yield running
 
 
+@pytest.fixture(scope="session")
+def driven_by() -> Callable[..., "contextlib.AbstractContextManager[Arm]"]:
+    """``with driven_by(simulator, *launch_arguments) as arm``."""
+    return driven
+
+
 @pytest.fixture
 def start_arm(ros_node) -> Iterator[Callable[..., Arm]]:
     """Starts a driver with these launch arguments on a simulated controller of its own, for one test."""

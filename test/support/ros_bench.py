@@ -1,13 +1,17 @@
 """A simulated controller in a process of its own, and a driver node started on it by its launch file."""
 import contextlib
 import json
+import os
+import signal
 import subprocess
 import sys
 import threading
 
 import rospy
+import rostopic
 import yaml
 from arm_bench import WAIT, eventually
+from import_graph import ROOT
 
 from jaka_ros_driver.ros.services import SERVICES
 from jaka_ros_driver.simulation.server import ask_panel
@@ -96,7 +100,6 @@ def listen(topic, count, timeout=WAIT, topic_type=None):
 
 
 def topic_class(topic):
-    import rostopic
     kind = eventually(lambda: rostopic.get_topic_class(topic)[0])
     assert kind is not None, "nobody publishes " + topic
     return kind
@@ -150,3 +153,37 @@ class InBackground:
         if self.error is not None:
             raise self.error
         return self.result
+
+
+class DriverProcess:
+    """The program jaka_driver, started directly; parameters as ``name=value``."""
+
+    def __init__(self, name="jaka_driver", environment=None, **parameters):
+        words = ["__name:=" + name] + ["_%s:=%s" % (key, yaml.safe_dump(value).split("\n")[0])
+                                       for key, value in parameters.items()]
+        self.process = subprocess.Popen(
+            [sys.executable, str(ROOT / "tools" / "jaka_driver"), *words], stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True, env=dict(os.environ, **(environment or {})))
+
+    def end(self, how=signal.SIGINT):
+        """Its exit code, and all it said."""
+        if self.process.poll() is None:
+            self.process.send_signal(how)
+        return self.wait()
+
+    def wait(self):
+        said, _ = self.process.communicate(timeout=WAIT)
+        return self.process.returncode, said
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.communicate(timeout=WAIT)
+
+
+def on(simulator):
+    """The parameters with which a driver finds this simulated controller."""
+    return {"ip": "127.0.0.1", "command_port": simulator.command_port, "status_port": simulator.status_port}
