@@ -167,6 +167,8 @@ def _play_through(args: argparse.Namespace, source: LogSource, stage: _Stage, pu
                 messages.close()
             if not args.loop:
                 break
+    if args.keep_alive:
+        say("all is played; the topics stay until SIGINT")
     while args.keep_alive:
         player.wait(3600.0, end)
 

@@ -117,7 +117,7 @@ class Player:
             account.add(late if is_timed else 0.0)
 
     def wait(self, seconds: float, log_time: int) -> None:
-        """Let time pass while the log stands still; the clock is told."""
+        """Let time pass while the log stands still at a log time, ns, which the clock is told."""
         deadline = time.monotonic() + seconds
         while True:
             left = deadline - time.monotonic()
@@ -131,7 +131,7 @@ class Player:
         while True:
             if self.is_paused:
                 while self.is_paused and not self._steps:
-                    self.wait(_PAUSE_POLL_S, log_time)
+                    self.wait(_PAUSE_POLL_S, self._log_base)
                 if self._steps:
                     self._steps -= 1
                     self._anchor(log_time)
@@ -140,21 +140,20 @@ class Player:
             left = self._deadline(log_time) - time.monotonic() - self._pace.spin_s
             if left <= 0:
                 break
-            self._tick(log_time)
+            self._tick(min(self._log_now(), log_time))
             self._serve(min(left, self._tick_wait()))
         deadline = self._deadline(log_time)
         while time.monotonic() < deadline:
             pass
 
-    def _tick(self, upto: int) -> None:
-        """Tell the clock, where it is due, the time that the log has now; never beyond ``upto``, ns."""
+    def _tick(self, log_time: int) -> None:
+        """Tell the clock, where it is due, that it is ``log_time``, ns."""
         if self._pace.clock_period_s is None or time.monotonic() < self._next_tick:
             return
         self._next_tick += self._pace.clock_period_s
         if self._next_tick < time.monotonic():
             self._next_tick = time.monotonic() + self._pace.clock_period_s
-        if not self.is_paused:
-            self._clock_time = max(self._clock_time, min(self._log_now(), upto))
+        self._clock_time = max(self._clock_time, log_time)
         self._send_clock(self._clock_time)
 
     def _tick_wait(self) -> float:

@@ -152,12 +152,12 @@ class Graph:
         wait_until(is_there, "%d subscribers of %s" % (count, topic))
 
     @contextlib.contextmanager
-    def publisher(self, node: str) -> Iterator[RawPublisher]:
+    def publisher(self, node: str, notice: Callable[[str], None] = str) -> Iterator[RawPublisher]:
         """The package's own publisher in this process, for messages and faults of the test's choice."""
         before = {name: os.environ.get(name) for name in ("ROS_MASTER_URI", "ROS_IP")}
         os.environ.update({name: self.environment[name] for name in before})
         try:
-            publisher = RawPublisher(NodeNames(node), lambda line: None, lambda reason: None)
+            publisher = RawPublisher(NodeNames(node), notice, lambda reason: None)
         finally:
             for name, value in before.items():
                 os.environ.pop(name, None) if value is None else os.environ.__setitem__(name, value)
