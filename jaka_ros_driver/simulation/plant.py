@@ -116,7 +116,9 @@ class Plant:
         """True when nothing is queued, running or coasting and settle_time has passed since the last acceptance."""
         if self._unsettled > 0.0 or self._coast is not None or not self._queue.is_empty:
             return False
-        return self._servo is None or (self._servo.is_idle and self._velocity is _STILL)
+        if self._guiding is None and self._velocity is not _STILL:
+            return False
+        return self._servo is None or self._servo.is_idle
 
     @property
     def is_moving(self) -> bool:

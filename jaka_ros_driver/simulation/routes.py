@@ -18,6 +18,7 @@ from jaka_ros_driver.state import Vector
 _PIECE_WAY = 0.03  # m of a leg in one stretch of the first scan
 _PIECE_ANGLE = 0.2  # rad likewise
 _CORNER_PIECES = 4
+_LOOK_AHEAD = 1.5  # jerk times: a slower stretch is prepared for so early that no deceleration is left on it
 
 
 class Route:
@@ -70,7 +71,7 @@ class Route:
             self._index += 1
         n = self._index
         allowed, acceleration = self._allowed(n, way, jerk_time), self._stretches[n].acceleration
-        ahead = way + speed * (jerk_time + 0.008)
+        ahead = way + speed * (_LOOK_AHEAD * jerk_time + 0.008)
         while n + 1 < len(self._begins) and self._begins[n + 1] <= ahead:
             n += 1
             acceleration = min(acceleration, self._stretches[n].acceleration)
