@@ -1,6 +1,7 @@
 """The package as catkin's builders lay it out: what a user's shell finds in devel and install space."""
 import hashlib
 import re
+import shutil
 
 import pytest
 
@@ -34,13 +35,16 @@ def service_md5(name):
 
 @pytest.fixture(scope="module")
 def plain_build(root, tmp_path_factory, shell, cmake_options):
-    folder = tmp_path_factory.mktemp("plain")
-    shell("cmake -S %s -B build -DCMAKE_INSTALL_PREFIX=%s/install %s && make -C build -j2 install"
-          % (root, folder, " ".join(cmake_options)), cwd=folder)
-    return folder
+    """A copy of the checkout, built in its folder build as tools/dev does it, and installed."""
+    copy = tmp_path_factory.mktemp("plain") / "checkout"
+    shutil.copytree(str(root), str(copy),
+                    ignore=shutil.ignore_patterns(".*", "__pycache__", "build", "devel", "install"))
+    shell("cmake -S . -B build -DCMAKE_INSTALL_PREFIX=%s/install %s && make -C build -j2 install"
+          % (copy.parent, " ".join(cmake_options)), cwd=copy)
+    return copy.parent
 
 
-@pytest.fixture(scope="module", params=["build/devel", "install"])
+@pytest.fixture(scope="module", params=["checkout/build/devel", "install"])
 def space(request, plain_build):
     return plain_build / request.param / "setup.bash"
 
@@ -84,9 +88,10 @@ def test_the_simulation_runs_as_a_module_with_its_data(space, shell):
           space)
 
 
-def test_launch_files_are_found(space, shell, root):
-    for path in (root / "launch").glob("*.launch"):
-        shell("roslaunch --files jaka_ros_driver %s" % path.name, space)
+def test_roslaunch_finds_a_launch_file_and_those_it_includes(space, shell):
+    files = shell("roslaunch --files jaka_ros_driver demo.launch", space).stdout.split()
+    assert [name.rsplit("/", 2)[1:] for name in sorted(files)] == [
+        ["launch", "demo.launch"], ["launch", "robot_start_launch.launch"]]
 
 
 def test_a_plain_checkout_runs_the_simulation(root, shell):
