@@ -388,7 +388,8 @@ def test_what_is_set_is_what_is_read(client):
             ("set_rs485_chn_mode", "get_rs485_chn_mode"), ("set_rs485_chn_comm", "get_rs485_chn_comm"),
             ("set_torsenosr_brand", "get_torsenosr_brand"), ("set_torque_sensor_comm", "get_torque_sensor_comm"),
             ("set_compliant_type", "get_compliant_type"), ("set_traj_config", "get_traj_config"),
-            ("set_torque_sensor_soft_limit", "get_torque_sensor_soft_limit"), ("set_ft_ctrl_frame", "get_ft_ctrl_frame"),
+            ("set_torque_sensor_soft_limit", "get_torque_sensor_soft_limit"),
+            ("set_ft_ctrl_frame", "get_ft_ctrl_frame"),
             ("set_motion_limit_warning_range", "get_motion_limit_warning_range")):
         parameters = GOOD[command][0]
         assert client.code(command, **parameters) == "0"

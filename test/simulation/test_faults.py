@@ -91,7 +91,8 @@ def test_len_is_falsified_in_the_text_only_where_the_rule_says():
 
 @pytest.mark.parametrize("kind, port, more", [
     ("explode", "status", {}), ("drop", "panel", {}), ("drop", "status", {"count": -1}),
-    ("drop", "status", {"count": 1.5}), ("drop", "status", {"probability": -0.1}), ("drop", "status", {"command": "jog"}),
+    ("drop", "status", {"count": 1.5}), ("drop", "status", {"probability": -0.1}),
+    ("drop", "status", {"command": "jog"}),
     ("drop", "status", {"bytes": 1}), ("split", "status", {"bytes": "x"}), ("delay", "status", {"delay_ms": 1e9}),
 ])
 def test_wrong_rules_are_refused(kind, port, more):

@@ -49,7 +49,8 @@ def test_panel_on_the_command_line(start):
     port = str(ports["panel_port"])
 
     def panel(*arguments):
-        return subprocess.run([*PROGRAM, "panel", "--port", port, *arguments], capture_output=True, text=True, timeout=60)
+        return subprocess.run([*PROGRAM, "panel", "--port", port, *arguments], capture_output=True, text=True,
+                              timeout=60)
 
     assert json.loads(panel("hit", "force=500").stdout) == {"noticed": True}
     assert json.loads(panel("state").stdout)["state"]["protective_stop"] is True

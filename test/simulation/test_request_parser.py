@@ -85,7 +85,8 @@ def test_splitting_changes_nothing(data):
 
 @pytest.mark.parametrize("beginning", [
     b'{', b'{"', b'{"cmdName', b'{"cmdName"', b'{"cmdName":', b'{"a": t', b'{"a": -', b'{"a": 1', b'{"a": 1.',
-    b'{"a": 1e', b'{"a": 1e+', b'{"a": "\\', b'{"a": "\\u00', b'{"a": [', b'{"a": [1', b'{"a": [1,', b'{"a": 1}{'], ids=repr)
+    b'{"a": 1e', b'{"a": 1e+', b'{"a": "\\', b'{"a": "\\u00', b'{"a": [', b'{"a": [1', b'{"a": [1,', b'{"a": 1}{'],
+                         ids=repr)
 def test_what_may_become_json_is_waited_for_and_then_given_up(beginning):
     parser = RequestParser()
     assert not any(isinstance(item, BAD) for item in parser.feed(beginning, 100.0))

@@ -1,4 +1,4 @@
-"""Plain sockets against the simulated controller, written from the protocol document; shares no code with our client."""
+"""Plain sockets against the simulated controller, written from the protocol document; no code of our client in it."""
 import json
 import socket
 import time

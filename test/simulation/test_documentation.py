@@ -1,0 +1,56 @@
+"""The tables of docs/simulation.md say what the code says; ``PYTHONPATH=. python test/simulation/test_documentation.py`` writes them."""
+import re
+from pathlib import Path
+
+import pytest
+
+from jaka_ros_driver.simulation.command_table import COMMANDS
+from jaka_ros_driver.simulation.faults import KINDS
+from jaka_ros_driver.simulation.panel import ACTIONS
+
+HERE = Path(__file__).resolve().parent
+PAGE = HERE.parents[1] / "docs" / "simulation.md"
+DEEPER = ("test_states", "test_sdk_client", "test_panel", "test_server")
+BLOCK = "<!-- %s -->\n(.*?)<!-- end -->"
+
+
+def table(heads, rows):
+    lines = ["| %s |" % " | ".join(row) for row in [heads, ["---"] * len(heads), *rows]]
+    return "\n".join(line.replace("|  |", "| |") for line in lines) + "\n"
+
+
+def where_tested(command):
+    """``test_commands`` tests each; the others go deeper into some."""
+    deeper = [stem for stem in DEEPER
+              if '"%s"' % command in (HERE / (stem + ".py")).read_text(encoding="utf-8")]
+    return ", ".join(["test_commands", *deeper])
+
+
+TABLES = {
+    "actions": lambda: table(["action", "parameters", ""], [
+        ["`%s`" % name, action.parameters, action.meaning] for name, action in ACTIONS.items()]),
+    "faults": lambda: table(["kind", "parameters", "a struck message is"], [
+        ["`%s`" % name, ", ".join("%s (%g)" % entry for entry in kind.defaults.items()), kind.meaning]
+        for name, kind in KINDS.items()]),
+    "commands": lambda: table(["command", "section", "tests"], [
+        ["`%s`" % name, spec.section + (", firmware 1.7" if spec.modern_only else ""), where_tested(name)]
+        for name, spec in COMMANDS.items()]),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_table_is_what_the_code_says(name):
+    written = re.search(BLOCK % name, PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert written and written.group(1) == TABLES[name](), "run PYTHONPATH=. python %s" % __file__
+
+
+def write():
+    text = PAGE.read_text(encoding="utf-8")
+    for name, make in TABLES.items():
+        block = "<!-- %s -->\n%s<!-- end -->" % (name, make())
+        text = re.sub(BLOCK % name, lambda _, block=block: block, text, flags=re.DOTALL)
+    PAGE.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write()
