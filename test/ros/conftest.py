@@ -2,7 +2,7 @@
 import contextlib
 import socket
 from pathlib import Path
-from typing import Callable, Iterator, Sequence, Tuple
+from typing import Callable, Iterator, List, Sequence, Tuple
 
 import import_graph
 import pytest
@@ -92,6 +92,24 @@ def arm(ros_node, simulator) -> Iterator[Arm]:
     with driven(simulator) as running:
         running.wait_until_ready()
         yield running
+
+
+@pytest.fixture(scope="session")
+def launched_file(ros_master) -> Callable[..., "contextlib.AbstractContextManager[roslaunch.parent.ROSLaunchParent]"]:
+    """``with launched_file(name, arguments)``, for fixtures of a wider scope than ``launch``."""
+    return launched
+
+
+@pytest.fixture(scope="session")
+def free_ports() -> Callable[[int], List[int]]:
+    """So many different ports, for programs that must be told theirs before they start."""
+    def choose(count: int) -> List[int]:
+        with contextlib.ExitStack() as probes:
+            sockets = [probes.enter_context(contextlib.closing(socket.socket())) for _ in range(count)]
+            for probe in sockets:
+                probe.bind(("127.0.0.1", 0))
+            return [int(probe.getsockname()[1]) for probe in sockets]
+    return choose
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,98 @@
+"""The program: what it refuses to start with, a controller that comes later, energising, the URDF, its exit."""
+import contextlib
+import subprocess
+import sys
+
+import pytest
+import rospy
+from arm_bench import eventually
+from import_graph import ROOT
+from ros_bench import HOME, Arm, DriverProcess, SimulatorProcess, on
+from sensor_msgs.msg import JointState
+
+PROGRAM = [sys.executable, str(ROOT / "tools" / "jaka_driver")]
+
+
+@pytest.mark.parametrize("parameters, words", [
+    ({"model": "zu77"}, ["~model", "'zu77'", "nearest is 'zu7'"]),
+    ({"blocking": "perhaps"}, ["~blocking", "'perhaps'", "true or false"]),
+    ({"comand_port": 1}, ["unknown parameter ~comand_port", "~command_port"])])
+def test_it_does_not_start_with_a_wrong_parameter(ros_node, parameters, words):
+    with DriverProcess("refusing", **parameters) as driver:
+        code, said = driver.wait()
+    assert code == 1 and all(word in said for word in words) and "Traceback" not in said
+    for name in parameters:
+        rospy.delete_param("/refusing/" + name)
+
+
+def test_started_before_the_controller_it_connects_when_that_comes(ros_node, free_ports):
+    command_port, status_port = free_ports(2)
+    with DriverProcess("early", ip="127.0.0.1", command_port=command_port, status_port=status_port):
+        arm = Arm(None, "/early")
+        answer = arm.call("joint_move", pose=HOME, mvvelo=1.0, mvacc=1.0)
+        assert answer.ret == 0 and "no fresh status" in answer.message
+        failed = arm.call("get_fk", joint=HOME)
+        assert list(failed.cartesian_pose) == [] and "no link to the controller" in failed.message
+        with contextlib.closing(SimulatorProcess("--start", "enabled", ports=(command_port, status_port))) as late:
+            arm.simulator = late
+            arm.wait_until_ready()
+            arm.go_home()
+
+
+def test_auto_enable_acts_once_and_never_again(ros_node):
+    with contextlib.closing(SimulatorProcess()) as simulator, DriverProcess("enabling", **on(simulator)):
+        arm = Arm(simulator, "/enabling")
+        arm.wait_until_ready()
+        simulator.panel("press_emergency_stop")
+        assert eventually(lambda: not simulator.state()["is_powered"])
+        simulator.panel("release_emergency_stop")
+        assert arm.call("clear_err").ret == 1
+        simulator.panel("close")
+        arm.wait_until_seen()
+        assert not simulator.state()["is_powered"]
+        assert arm.call("joint_move", pose=HOME, mvvelo=1.0, mvacc=1.0).ret == 0
+
+
+@pytest.mark.parametrize("spoil", [None, "press_emergency_stop"], ids=["switched off", "arm not healthy"])
+def test_nothing_is_energised_when_auto_enable_is_off_or_the_arm_is_not_healthy(ros_node, spoil):
+    with contextlib.closing(SimulatorProcess()) as simulator:
+        if spoil:
+            simulator.panel(spoil)
+        with DriverProcess("careful", auto_enable=spoil is not None, **on(simulator)):
+            arm = Arm(simulator, "/careful")
+            arm.wait_until_seen()
+            arm.listen("robot_states", 125)
+            assert not simulator.state()["is_powered"]
+
+
+def test_the_description_is_set_unless_somebody_else_has_set_one(ros_node):
+    with contextlib.closing(SimulatorProcess()) as simulator:
+        rospy.set_param("/robot_description", "<robot name='of a cell'/>")
+        with DriverProcess("describing", **on(simulator)):
+            Arm(simulator, "/describing").wait_until_seen()
+            assert rospy.get_param("/robot_description") == "<robot name='of a cell'/>"
+        rospy.delete_param("/robot_description")
+        with DriverProcess("describing", **on(simulator)):
+            Arm(simulator, "/describing").wait_until_seen()
+            assert '<robot name="zu7">' in rospy.get_param("/robot_description")
+
+
+def test_servo_targets_come_by_topic_as_well(ros_node):
+    with contextlib.closing(SimulatorProcess("--start", "enabled")) as simulator, \
+            DriverProcess("streamed", **on(simulator)):
+        arm = Arm(simulator, "/streamed")
+        arm.wait_until_ready()
+        arm.go_home()
+        assert arm.call("servo_move_enable", enable=True).ret == 1
+        publisher = rospy.Publisher("/streamed/servo_j_command", JointState, queue_size=1, tcp_nodelay=True)
+        assert eventually(lambda: publisher.get_num_connections() > 0)
+        publisher.publish(JointState(position=[0.04] + HOME[1:]))
+        assert eventually(lambda: simulator.state()["joint_position"][0] > 2.2)
+        publisher.unregister()
+
+
+def test_the_urdf_is_printed():
+    done = subprocess.run([*PROGRAM, "--urdf", "pro16", "--frame-prefix", "a_"], stdout=subprocess.PIPE, text=True)
+    assert done.returncode == 0 and '<link name="a_tool0">' in done.stdout
+    wrong = subprocess.run([*PROGRAM, "--urdf", "pro17"], stderr=subprocess.PIPE, text=True)
+    assert wrong.returncode == 1 and wrong.stderr.startswith("jaka_driver: error: parameter ~model is 'pro17'")
