@@ -72,7 +72,7 @@ class StopCause(enum.Enum):
     PROTECTIVE_STOP = "protective stop"
     EMERGENCY_STOP = "emergency stop"
     FAULT = "controller fault"
-    NOT_ENABLED = "drives no longer enabled"
+    NOT_ENABLED = "drives not enabled"
     LINK_LOST = "link to the controller lost"
     TIMEOUT = "timed out"
     SHUTDOWN = "driver shut down"

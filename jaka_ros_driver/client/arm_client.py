@@ -36,6 +36,8 @@ _REST_TIMEOUT = 1.0
 _SERVO_TIMEOUT = 2.0
 _POLL_PERIOD = 0.02
 _RETRY_PERIOD = 0.2
+_FRAME_COMMANDS = (c.SetToolFrame, c.SelectTool, c.SetUserFrame, c.SelectUserFrame)
+"""They change what the numbers of a Cartesian servo frame mean."""
 
 
 class ArmClient:
@@ -137,18 +139,22 @@ class ArmClient:
             ProtocolError: The reply does not hold the answer.
         """
         limits.check(command, self.model)
+        stream = self._stream
+        if stream is not None and isinstance(command, _FRAME_COMMANDS):
+            stream.hold_joints()
         return self._links.command.request(command)
 
-    def require_free(self) -> None:
+    def require_free(self) -> RobotState:
         """See that the arm could move, and that nobody moves it.
 
         Raises:
             InvalidCommand: Otherwise.
             ConnectionLost: That is not known.
         """
-        self._require_ready_to_move()
+        state = self._require_ready_to_move()
         if self._ownership.owner is not None:
             raise InvalidCommand("refused: %s owns the arm's motion" % self._ownership.owner.value)
+        return state
 
     # ---- motion ----
 
@@ -344,7 +350,7 @@ class ArmClient:
         if self._stream is not None:
             return
         stops = self._stops
-        state = self._require_ready_to_move()
+        state = self.require_free()
         if not state.is_in_position:
             raise InvalidCommand("refused: the arm is moving; servo mode can be entered at rest only")
         self._ownership.claim(MotionOwner.SERVO)

@@ -89,6 +89,16 @@ class ServoStream:
                 self._servo = pose_servo
             self._last_target_at = time.monotonic()
 
+    def hold_joints(self) -> None:
+        """Hold the arm by its joints from the next cycle on; a stream of poses begins anew with its next target.
+
+        Raises:
+            InvalidCommand: Where the arm is, is not known.
+        """
+        with self._lock:
+            if not isinstance(self._servo, JointServo):
+                self._servo = self._joint_servo(self._fresh_state())
+
     def rejected(self, rejection: CommandRejected) -> None:
         """The controller refused a frame: the stream ends."""
         self._failure = self._failure or str(rejection)

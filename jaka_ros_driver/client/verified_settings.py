@@ -81,6 +81,8 @@ def set_hand_guiding(arm: ArmClient, active: bool) -> str:
         JakaError: As ``ArmClient.execute``.
     """
     if active:
+        if arm.fresh_state().is_hand_guided:
+            return "hand guiding on"
         arm.require_free()
     arm.execute(c.SetHandGuiding(active))
     _await(arm, lambda s: s.is_hand_guided in (active, None),

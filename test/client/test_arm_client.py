@@ -81,7 +81,7 @@ def test_the_controllers_refusal_is_told_and_the_motion_is_free_again(bench):
     arm.move(joint_move(0.05))
 
 
-@pytest.mark.parametrize("start, words", [("off", "no power"), ("powered", "no longer enabled")])
+@pytest.mark.parametrize("start, words", [("off", "no power"), ("powered", "not enabled")])
 def test_an_arm_that_is_not_enabled_is_not_moved(bench, start, words):
     one = bench(start=start)
     arm = one.connect()
@@ -188,6 +188,22 @@ def test_pose_targets_are_followed(bench):
     arm.servo_target(c.ServoJoint(arm.fresh_state().joint_position))
     arm.set_servo_mode(False)
     assert one.times_of("servo_p")
+
+
+def test_a_change_of_frames_does_not_move_a_stream_of_poses(bench):
+    one = bench()
+    arm = one.connect()
+    start = arm.fresh_state()
+    arm.set_servo_mode(True)
+    arm.servo_target(c.ServoPose(c.Pose(start.tcp_position, start.tcp_rpy)))
+    arm.execute(c.SetToolFrame(1, c.Pose((0.1, 0.2, 0.3), (0.5, 0.0, 0.0)), "long"))
+    arm.execute(c.SelectTool(1))
+    assert eventually(lambda: arm.fresh_state().tool_id == 1)
+    shifted = arm.fresh_state()
+    arm.servo_target(c.ServoPose(c.Pose(shifted.tcp_position, shifted.tcp_rpy)))
+    arm.set_servo_mode(False)
+    assert one.times_of("servo_p")
+    assert max(abs(a - b) for _, joints in one.joints() for a, b in zip(joints, HOME)) < 1e-4
 
 
 def test_a_servo_target_too_far_away_moves_nothing(bench):

@@ -46,6 +46,7 @@ def test_an_analog_output_is_seen_set(bench):
 def test_hand_guiding_is_seen_on_and_off(bench):
     arm = bench().connect()
     assert settings.set_hand_guiding(arm, True) == "hand guiding on"
+    assert settings.set_hand_guiding(arm, True) == "hand guiding on"
     assert settings.set_hand_guiding(arm, False) == "hand guiding off"
 
 
