@@ -97,7 +97,8 @@ class Session:
         self.states = states
         self.calls = calls
         late = random.uniform(0.0, conditions.stamp_late_s, len(time))
-        self.stamp = np.maximum.accumulate(time + late)
+        apart = 1e-6 * np.arange(len(time))  # frames that come in one burst still have stamps of their own
+        self.stamp = np.maximum.accumulate(time + late - apart) + apart
         self.log_time = {name: np.maximum.accumulate(self.stamp + random.uniform(2e-4, 6e-4, len(time)))
                          for name in TOPICS}
         self.keep = {name: np.ones(len(time), bool) for name in TOPICS}

@@ -17,9 +17,9 @@ _LATE_ONE_BY_ONE = 10.0
 
 def half_width(time: Array) -> int:
     """Samples in about 24 ms, at least 1: what speeds are taken over, to either side."""
-    if len(time) < 2:
-        return 1
-    return max(1, int(round(0.024 / max(float(np.median(np.diff(time))), 1e-4))))
+    steps = np.diff(time)
+    steps = steps[steps > 1e-4]
+    return max(1, int(round(0.024 / float(np.median(steps))))) if len(steps) else 1
 
 
 def speeds(time: Array, value: Array) -> Array:

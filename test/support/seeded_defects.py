@@ -1,0 +1,90 @@
+"""The defects that a comparison must find, each with the check that must find it."""
+from typing import Callable, Dict, NamedTuple
+
+import numpy as np
+from synthetic_session import Call, Conditions, Session, simulate
+
+from jaka_ros_driver.bags.compare.verdict import Stage
+from jaka_ros_driver.kinematics.rotations import rpy_from_rotation_vector
+
+
+class Defect(NamedTuple):
+    """What is wrong with the candidate, and the checks that fail because of it, the right one first."""
+
+    seed: Callable[[Session], object]
+    found_by: Stage
+    field: str = ""
+    conditions: Conditions = Conditions(seed=11, start_s=1.7)
+
+
+def _offset(session: Session) -> None:
+    session.position[:, 2] += 0.001
+
+
+def _swap(session: Session) -> None:
+    session.joints[:, [1, 2]] = session.joints[:, [2, 1]]
+
+
+def _rpy(session: Session) -> None:
+    session.rotation_vector = np.array([rpy_from_rotation_vector(v)
+                                        for v in session.rotation_vector])
+
+
+def _half_rate(session: Session) -> None:
+    keep = session.keep["robot_states"]
+    keep[:] = np.floor(np.arange(len(keep)) * 60 / 125) != np.floor((np.arange(len(keep)) - 1) * 60 / 125)
+
+
+def _stale_stamps(session: Session) -> None:
+    session.stamp = session.stamp - 0.4
+
+
+def _frozen_stamps(session: Session) -> None:
+    session.stamp = session.stamp[np.arange(len(session.stamp)) // 4 * 4]
+
+
+def _restamped(session: Session) -> None:
+    old = np.arange(len(session.time)) // 60 * 60
+    session.joints = session.joints[old]
+
+
+def _missed_state(session: Session) -> None:
+    changes = np.flatnonzero(np.diff(session.states[:, 0])) + 1
+    session.states[changes[2]:changes[3], 0] = 0
+
+
+def _lost_reply(session: Session) -> None:
+    lost: Call = session.calls[2]
+    session.calls[2] = lost._replace(success=False, response="", error="the controller did not answer")
+
+
+def _millimetres(session: Session) -> None:
+    session.position = session.position * 1000.0
+
+
+def _nothing(session: Session) -> None:
+    """The defect is in the conditions."""
+
+
+DEFECTS: Dict[str, Defect] = {
+    "2 % slower": Defect(_nothing, Stage.PACE, "all motions", Conditions(seed=11, start_s=1.7, pace=1.02)),
+    "1 mm offset": Defect(_offset, Stage.POSITION),
+    "two joints swapped": Defect(_swap, Stage.JOINTS, "joint_2"),
+    "RPY for rotation vector": Defect(_rpy, Stage.ORIENTATION),
+    "state topic at 60 Hz": Defect(_half_rate, Stage.RATES),
+    "stale stamps": Defect(_stale_stamps, Stage.STAMPS, "latency"),
+    "stamps that stand still": Defect(_frozen_stamps, Stage.STAMPS, "repeated"),
+    "old samples stamped as new": Defect(_restamped, Stage.JOINTS, "joint_1"),
+    "a missed state": Defect(_missed_state, Stage.STATES, "motion_state"),
+    "a lost service reply": Defect(_lost_reply, Stage.CALLS),
+    "jog not stopped at 3 s": Defect(_nothing, Stage.STATES, "motion_state timing",
+                                     Conditions(seed=11, start_s=1.7, jog_extra_s=1.0)),
+    "mm for m": Defect(_millimetres, Stage.POSITION),
+}
+
+
+def defective(program, defect: Defect) -> Session:
+    """A run of the program that has the defect."""
+    session = simulate(program, defect.conditions)
+    defect.seed(session)
+    return session
