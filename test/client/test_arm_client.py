@@ -196,6 +196,8 @@ def test_a_change_of_frames_does_not_move_a_stream_of_poses(bench):
     start = arm.fresh_state()
     arm.set_servo_mode(True)
     arm.servo_target(c.ServoPose(c.Pose(start.tcp_position, start.tcp_rpy)))
+    frames = arm.status.health().frames
+    assert eventually(lambda: arm.status.health().frames > frames + 5)
     arm.execute(c.SetToolFrame(1, c.Pose((0.1, 0.2, 0.3), (0.5, 0.0, 0.0)), "long"))
     arm.execute(c.SelectTool(1))
     assert eventually(lambda: arm.fresh_state().tool_id == 1)
