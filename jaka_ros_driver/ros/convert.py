@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Optional, Sequence, Tuple, Union
 
 from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
-from jaka_msgs.msg import RobotMsg
 from sensor_msgs.msg import JointState
 
+from jaka_msgs.msg import RobotMsg
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics import limits

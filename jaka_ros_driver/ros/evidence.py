@@ -4,8 +4,8 @@ import time
 from typing import Any, NamedTuple
 
 import rospy
-from jaka_msgs.msg import ServiceCall
 
+from jaka_msgs.msg import ServiceCall
 from jaka_ros_driver.ros.operations import Outcome
 
 _QUEUE = 200

@@ -5,7 +5,7 @@ as they are.
 """
 import logging
 import threading
-from typing import Any, Callable, Optional
+from typing import Any, Callable
 from xmlrpc.client import Error as XmlRpcError
 
 import rosgraph
@@ -30,12 +30,11 @@ class MasterWatch:
         self._on_new_master = on_new_master
         self._period = period
         self._closing = threading.Event()
-        self._run_id: Optional[str] = None
+        self._run_id = ""
         self._thread = threading.Thread(target=self._run, name="master watch", daemon=True)
 
     def start(self) -> None:
         """Begin to poll."""
-        self._run_id = self._present_run_id()
         self._thread.start()
 
     def close(self) -> None:
@@ -43,23 +42,29 @@ class MasterWatch:
         self._closing.set()
 
     def _run(self) -> None:
-        while not self._closing.wait(self._period):
-            run_id = self._present_run_id()
-            if run_id is None or run_id == self._run_id:
-                continue
-            if self._run_id is not None:
-                _LOG.warning("the ROS master was restarted; registering with the new one")
-                register_all()
-                self._on_new_master()
-            self._run_id = run_id
+        while True:
+            try:
+                if self._is_new_master():
+                    _LOG.warning("the ROS master was restarted; registering with the new one")
+                    register_all()
+                    self._on_new_master()
+            except (OSError, XmlRpcError, rosgraph.MasterException) as error:
+                _LOG.debug("no answer of the ROS master: %s", error)
+            if self._closing.wait(self._period):
+                return
 
-    @staticmethod
-    def _present_run_id() -> Optional[str]:
+    def _is_new_master(self) -> bool:
+        """It has another run id (roscore gives it one), or does not know this node."""
+        master = rosgraph.Master(rospy.get_name())
+        known_run = self._run_id
+        self._run_id = str(master.getParam("/run_id")) if master.hasParam("/run_id") else ""
+        if known_run and self._run_id != known_run:
+            return True
         try:
-            return str(rosgraph.Master(rospy.get_name()).getParam("/run_id"))
-        except (OSError, XmlRpcError, rosgraph.MasterException) as error:
-            _LOG.debug("no answer of the ROS master: %s", error)
-            return None
+            master.lookupNode(rospy.get_name())
+        except rosgraph.MasterError:
+            return True
+        return False
 
 
 def register_all() -> None:

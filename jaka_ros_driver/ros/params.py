@@ -135,7 +135,7 @@ class DriverConfig:
     auto_enable: bool = _flag(True, "Power and enable a healthy arm once, when it is first seen after the start.")
     guard: bool = _flag(True, "A guard process stops the arm when the driver dies or hangs.")
     publish_rate: float = _number(1.0 / _CLIENT.feed_period, 1.0, 500.0, "Hz",
-                                  "Status period asked of the controller, and rate up to which a slower feed is filled.")
+                                  "Status rate asked of the controller; a slower feed is filled up to it.")
     stale_after: float = _number(_CLIENT.stale_after, 0.02, 10.0, "s",
                                  "State older than this is neither published nor acted on.")
     joint_states_topic: str = _text("joint_states", _TOPIC, "a ROS name",
@@ -164,7 +164,8 @@ class DriverConfig:
                                    "Servo mode is left so long after the last servo target.")
     servo_max_joint_jump: float = _number(_CLIENT.servo_max_joint_jump, 0.0001, 6.3, "rad",
                                           "A servo target may be so far from the last one, each joint.")
-    servo_max_linear_jump: float = _number(_CLIENT.servo_max_linear_jump, 0.0001, 2.0, "m", "The same for the position of a Cartesian target.")
+    servo_max_linear_jump: float = _number(_CLIENT.servo_max_linear_jump, 0.0001, 2.0, "m",
+                                           "The same for the position of a Cartesian target.")
     servo_max_angular_jump: float = _number(_CLIENT.servo_max_angular_jump, 0.0001, 3.2, "rad",
                                             "The same for its orientation.")
     realtime_priority: int = _integer(0, 0, 99, "SCHED_FIFO priority of the driver's threads; 0 leaves the scheduler "
@@ -242,8 +243,8 @@ def _refusal(name: str, value: Any, parameter: Parameter, why: str) -> str:
 def markdown() -> str:
     """The documentation of all parameters: the content of docs/parameters.md."""
     lines = ["# Private parameters of the driver", "",
-             "Made from the code with `python3 -m jaka_ros_driver.ros.params > docs/parameters.md`. They are read once, "
-             "when the node starts; a wrong", "value or an unknown name is an error, and the node does not start.", "",
+             "Made from the code with `python3 -m jaka_ros_driver.ros.params > docs/parameters.md`.",
+             "They are read once, when the node starts; with a wrong value or an unknown name it does not start.", "",
              "| parameter | type | unit | default | valid | meaning |", "|---|---|---|---|---|---|"]
     for name, default, parameter in table():
         lines.append("| `~%s` | %s | %s | %s | %s | %s |" % (

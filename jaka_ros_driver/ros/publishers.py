@@ -8,10 +8,10 @@ from typing import Any, List, NamedTuple, Optional
 
 import rospy
 from geometry_msgs.msg import TransformStamped, TwistStamped
-from jaka_msgs.msg import RobotMsg
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
+from jaka_msgs.msg import RobotMsg
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.forward import forward

@@ -8,6 +8,8 @@ import time
 from typing import Any, Callable, Dict, List, NamedTuple, Tuple
 
 import rospy
+from std_srvs.srv import Empty, SetBool
+
 from jaka_msgs.srv import (
     ClearErr,
     GetFK,
@@ -22,8 +24,6 @@ from jaka_msgs.srv import (
     SetTcpFrame,
     SetUserFrame,
 )
-from std_srvs.srv import Empty, SetBool
-
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.convert import VENDOR_IO_FAILURE, VENDOR_KINEMATICS_FAILURE, Requests, wire_pose
 from jaka_ros_driver.ros.evidence import Call, Evidence

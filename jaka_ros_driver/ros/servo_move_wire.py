@@ -12,6 +12,7 @@ import struct
 from typing import Any, Tuple
 
 import genpy
+
 from jaka_msgs.srv import ServoMove, ServoMoveRequest, ServoMoveResponse
 
 
@@ -37,7 +38,7 @@ class ServoMoveWithSpeedRequest(genpy.Message):
         for values in (self.pose, self.speed):
             buff.write(struct.pack("<I%df" % len(values), len(values), *values))
 
-    def deserialize(self, str: bytes) -> "ServoMoveWithSpeedRequest":  # noqa: A002 - genpy's name
+    def deserialize(self, str: bytes) -> "ServoMoveWithSpeedRequest":
         try:
             self.pose, end = _floats(str, 0)
             self.speed, _ = _floats(str, end)

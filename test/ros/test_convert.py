@@ -6,6 +6,9 @@ import pytest
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from hypothesis import given
 from hypothesis import strategies as st
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
 from jaka_msgs.srv import (
     GetFKRequest,
     GetIKRequest,
@@ -19,9 +22,6 @@ from jaka_msgs.srv import (
     SetTcpFrameRequest,
     SetUserFrameRequest,
 )
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
-
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics import limits

@@ -1,4 +1,4 @@
-"""Private parameters: every wrong value is refused with name, value and what is valid; the documentation is the code's."""
+"""Private parameters: a wrong value is refused with name, value and what is valid; the documentation is the code's."""
 import dataclasses
 import math
 

@@ -5,11 +5,11 @@ import pytest
 import rospy
 from arm_bench import eventually
 from geometry_msgs.msg import TwistStamped
-from jaka_msgs.msg import RobotMsg
 from ros_bench import HOME, collecting
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
+from jaka_msgs.msg import RobotMsg
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward
 

@@ -4,10 +4,10 @@ import math
 import pytest
 import rosservice as rosservice_library
 from arm_bench import eventually
-from jaka_msgs.msg import ServiceCall
-from jaka_msgs.srv import Move, MoveRequest, MoveResponse
 from ros_bench import HOME, collecting, rosservice
 
+from jaka_msgs.msg import ServiceCall
+from jaka_msgs.srv import Move, MoveRequest, MoveResponse
 from jaka_ros_driver.kinematics.arm_models import reference_values
 from jaka_ros_driver.ros.services import SERVICES
 
@@ -35,7 +35,8 @@ def rested(arm):
 
 # One good call each, through the program; what the answer must contain; what must be true of the arm afterwards.
 GOOD = [
-    ("joint_move", text(pose=HOME, **FAST), {"ret": 1}, lambda s: abs(s["joint_position"][1] - math.degrees(1.5)) < 0.01),
+    ("joint_move", text(pose=HOME, **FAST), {"ret": 1},
+     lambda s: abs(s["joint_position"][1] - math.degrees(1.5)) < 0.01),
     ("servo_move_enable", "enable: true", {"ret": 1}, lambda s: s["is_servo_active"]),
     ("servo_j", text(pose=[0.05] + HOME[1:]), {"ret": 1},
      lambda s: abs(s["joint_position"][0] - math.degrees(0.05)) < 0.01),
@@ -72,7 +73,7 @@ def test_a_good_call_of_every_service_through_the_real_program(arm):
         request = request(arm) if callable(request) else request
         answer = rosservice("%s/%s" % (arm.name, name), *([request] if request else []))
         assert isinstance(answer, dict) and expected.items() <= answer.items(), (name, answer)
-        assert eventually(lambda: holds(arm.simulator.state())), (name, arm.simulator.state())
+        assert eventually(lambda holds=holds: holds(arm.simulator.state())), (name, arm.simulator.state())
     assert arm.call("set_userframe", pose=[0.0] * 6, user_num=3).ret == 1
 
 
@@ -85,25 +86,25 @@ BAD = [
     ("joint_move", dict(pose=HOME[:5], **FAST), "pose has 5 values"),
     ("joint_move", dict(pose=[NAN] * 6, **FAST), "finite"),
     ("joint_move", dict(pose=[7.0] + HOME[1:], **FAST), "joint 1 of zu7"),
-    ("joint_move", dict(pose=HOME, mvvelo=0.0, mvacc=1.0), "mvvelo is 0"),
-    ("joint_move", dict(pose=HOME, mvvelo=4.0, mvacc=1.0), "speed is 4 rad/s"),
-    ("joint_move", dict(pose=HOME, mvvelo=1.0, mvacc=100.0), "acceleration is 100 rad/s2"),
+    ("joint_move", {"pose": HOME, "mvvelo": 0.0, "mvacc": 1.0}, "mvvelo is 0"),
+    ("joint_move", {"pose": HOME, "mvvelo": 4.0, "mvacc": 1.0}, "speed is 4 rad/s"),
+    ("joint_move", {"pose": HOME, "mvvelo": 1.0, "mvacc": 100.0}, "acceleration is 100 rad/s2"),
     ("linear_move", dict(pose=[1.0] * 3, **FAST), "pose has 3 values"),
-    ("linear_move", dict(pose=LINE, mvvelo=1e5, mvacc=100.0), "speed is 100 m/s"),
-    ("linear_move", dict(pose=[5000.0, 0.0, 0.0, 0.0, 0.0, 0.0], mvvelo=100.0, mvacc=100.0), "moveL"),
-    ("jog", dict(mvvelo=0.1, index=12), "index is 12"),
-    ("jog", dict(mvvelo=0.1, coord_mode=5), "coord_mode is 5"),
-    ("jog", dict(mvvelo=0.0), "mvvelo is 0"),
-    ("jog", dict(mvvelo=9.0), "velocity is 9 rad/s"),
-    ("servo_j", dict(pose=HOME), "not in servo mode"),
-    ("servo_p", dict(pose=[0.4, 0.1, 0.3, 0.0, 0.0, 0.0]), "not in servo mode"),
-    ("servo_p", dict(pose=[0.4]), "pose has 1 values"),
-    ("set_toolframe", dict(pose=[0.0] * 6, tool_num=0), "tool_num is 0"),
-    ("set_userframe", dict(pose=[0.0] * 6, user_num=11), "user_num is 11"),
-    ("set_payload", dict(tool_num=1, mass=-1.0), "mass is -1"),
-    ("set_collisionlevel", dict(is_enable=True, value=5), "value is 5"),
-    ("set_io", dict(signal="x", type=0, index=0, value=1.0), "signal is 'x'"),
-    ("set_io", dict(signal="digital", type=0, index=500, value=1.0), ""),
+    ("linear_move", {"pose": LINE, "mvvelo": 1e5, "mvacc": 100.0}, "speed is 100 m/s"),
+    ("linear_move", {"pose": [5000.0, 0.0, 0.0, 0.0, 0.0, 0.0], "mvvelo": 100.0, "mvacc": 100.0}, "moveL"),
+    ("jog", {"mvvelo": 0.1, "index": 12}, "index is 12"),
+    ("jog", {"mvvelo": 0.1, "coord_mode": 5}, "coord_mode is 5"),
+    ("jog", {"mvvelo": 0.0}, "mvvelo is 0"),
+    ("jog", {"mvvelo": 9.0}, "velocity is 9 rad/s"),
+    ("servo_j", {"pose": HOME}, "not in servo mode"),
+    ("servo_p", {"pose": [0.4, 0.1, 0.3, 0.0, 0.0, 0.0]}, "not in servo mode"),
+    ("servo_p", {"pose": [0.4]}, "pose has 1 values"),
+    ("set_toolframe", {"pose": [0.0] * 6, "tool_num": 0}, "tool_num is 0"),
+    ("set_userframe", {"pose": [0.0] * 6, "user_num": 11}, "user_num is 11"),
+    ("set_payload", {"tool_num": 1, "mass": -1.0}, "mass is -1"),
+    ("set_collisionlevel", {"is_enable": True, "value": 5}, "value is 5"),
+    ("set_io", {"signal": "x", "type": 0, "index": 0, "value": 1.0}, "signal is 'x'"),
+    ("set_io", {"signal": "digital", "type": 0, "index": 500, "value": 1.0}, ""),
 ]
 
 
@@ -116,10 +117,10 @@ def test_a_bad_request_is_answered_with_ret_0_and_the_reason_and_moves_nothing(a
 
 
 @pytest.mark.parametrize("fields, reason", [
-    (dict(signal="digital", path=0, type=0, index=500), "index is 500; valid: 0 to"),
-    (dict(signal="analog", path=3, type=0, index=0), "path is 3"),
-    (dict(signal="digital", path=0, type=2, index=0), "does not report digital input 0 of extension"),
-    (dict(signal="", path=0, type=0, index=0), "signal is ''")])
+    ({"signal": "digital", "path": 0, "type": 0, "index": 500}, "index is 500; valid: 0 to"),
+    ({"signal": "analog", "path": 3, "type": 0, "index": 0}, "path is 3"),
+    ({"signal": "digital", "path": 0, "type": 2, "index": 0}, "does not report digital input 0 of extension"),
+    ({"signal": "", "path": 0, "type": 0, "index": 0}, "signal is ''")])
 def test_get_io_fails_with_nan_and_error(arm, fields, reason):
     answer = arm.call("get_io", **fields)
     assert math.isnan(answer.value) and answer.message.startswith("error: ") and reason in answer.message
@@ -139,7 +140,7 @@ def test_bad_requests_through_the_real_program(arm):
 
 def test_inputs_and_analog_outputs_are_read_and_written(arm):
     arm.simulator.panel("set_input", index=3, value=1)
-    read = dict(signal="digital", path=0, type=0, index=3)
+    read = {"signal": "digital", "path": 0, "type": 0, "index": 3}
     assert eventually(lambda: arm.call("get_io", **read).value == 1.0)
     assert arm.call("set_io", signal="analog", type=0, index=1, value=4.5).ret == 1
     assert arm.call("get_io", signal="analog", path=1, type=0, index=1).value == pytest.approx(4.5)

@@ -12,10 +12,10 @@ import rosgraph
 import rosgraph.network
 import rospy
 from arm_bench import eventually
-from jaka_msgs.msg import ServiceCall
-from jaka_msgs.srv import ServoMove, ServoMoveResponse
 from ros_bench import HOME, collecting
 
+from jaka_msgs.msg import ServiceCall
+from jaka_msgs.srv import ServoMove, ServoMoveResponse
 from jaka_ros_driver.ros.servo_move_wire import ServoMoveWithSpeed, ServoMoveWithSpeedRequest
 
 WITH_SPEED = "float32[] pose\nfloat32[] speed\n---\nint16 ret\nstring message\n"

@@ -23,7 +23,7 @@ def begin(arm, service, **fields):
 
 
 @pytest.mark.parametrize("service, fields", [
-    ("linear_move", SLOW_LINE), ("joint_move", dict(pose=AWAY, mvvelo=0.05, mvacc=1.0))])
+    ("linear_move", SLOW_LINE), ("joint_move", {"pose": AWAY, "mvvelo": 0.05, "mvacc": 1.0})])
 def test_a_blocking_move_is_stopped_at_once_and_its_caller_is_told(arm, service, fields):
     arm.go_home()
     call = begin(arm, service, **fields)

@@ -31,7 +31,7 @@ def test_both_move_at_full_rate_and_independently(two):
         ready(arm)
     left, right = two
     for arm, angle in ((left, 0.3), (right, -0.3)):
-        assert eventually(lambda: arm.call("joint_move", pose=[angle] + HOME[1:], mvvelo=3.0, mvacc=12.0).ret == 1)
+        assert arm.call("joint_move", pose=[angle] + HOME[1:], mvvelo=3.0, mvacc=12.0).ret == 1
         assert arm.listen("joint_position", 1)[0].position[0] == pytest.approx(angle, abs=1e-4)
     assert left.listen("joint_position", 1)[0].position[0] == pytest.approx(0.3, abs=1e-4)
 

@@ -121,7 +121,7 @@ def collecting(topic, topic_type=None):
 
 def rosservice(*words):
     """What the program ``rosservice call`` answers, as a dictionary; its error as text."""
-    done = subprocess.run(["rosservice", "call", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    done = subprocess.run(["rosservice", "call", *words], capture_output=True, text=True,
                           timeout=60)
     if done.returncode:
         return done.stderr
