@@ -11,6 +11,8 @@ from jaka_ros_driver.state import Vector
 
 MAX_TEXT = 256
 """Longest name stored, characters."""
+MAX_NUMBER = 1e9
+"""Larger numbers, either sign, stand for nothing on an arm; they are refused before anything is computed with them."""
 
 
 class Arguments:
@@ -28,6 +30,7 @@ class Arguments:
 
         Raises:
             BadParameter: It is missing without a default, or no finite number.
+            Refused: It is beyond ``MAX_NUMBER``.
         """
         if key not in self._request and default is not None:
             return default
@@ -71,7 +74,7 @@ class Arguments:
 
         Raises:
             BadParameter: It is missing, no array, or holds something else than finite numbers.
-            Refused: It has another length (controller protocol 4.3, code 2).
+            Refused: It has another length, or a number is beyond ``MAX_NUMBER`` (controller protocol 4.3, code 2).
         """
         values = self._request.get(key)
         if not isinstance(values, list):
@@ -109,4 +112,6 @@ def _finite(key: str, value: Any) -> float:
         raise BadParameter("%s is too large" % key) from None
     if not math.isfinite(number):
         raise BadParameter("%s is not finite" % key)
+    if abs(number) > MAX_NUMBER:
+        raise Refused()
     return number

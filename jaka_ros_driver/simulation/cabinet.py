@@ -61,16 +61,18 @@ class Options:
         enable_delay: From ``enable_robot`` to released brakes, s.
         start: State at the beginning.
         starvation: What a servo stream that runs dry does.
+        shortest_feed_period: Of the status feed whatever is asked for, s of simulated time.
     """
 
     power_delay: float = 8.0
     enable_delay: float = 4.0
     start: Start = Start.OFF
     starvation: Starvation = Starvation.HOLD
+    shortest_feed_period: float = 0.0
 
 
 class Cabinet:
-    """The controller as its commands find it.
+    """The controller as its commands find it: owner of the arm, who gates everything that reaches it.
 
     Attributes:
         plant: The arm.
@@ -181,6 +183,8 @@ class Cabinet:
         """
         if self.emergency_stop or self.protective_stop:
             raise Refused()
+        if self._disable_at is not None:
+            self._disable_at, self.is_enabled = None, False
         if self.is_powered and not self.is_enabled and self._enable_at is None:
             self.alarms.drives_enabled()
             self._enable_at = self.now + self.options.enable_delay
@@ -419,7 +423,7 @@ class Cabinet:
     @property
     def feed_period(self) -> float:
         """Period of the status feed, s of simulated time."""
-        return self._forced_feed_period or self.asked_feed_period
+        return max(self._forced_feed_period or self.asked_feed_period, self.options.shortest_feed_period)
 
     # --- the command client -----------------------------------------------------------------------------------------
 

@@ -13,6 +13,9 @@ from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, mm_to_m
 
 _JOG_FRAMES = {0: JogFrame.BASE, 1: JogFrame.JOINT, 2: JogFrame.TOOL}
 _JOG_STOP = 0
+MIN_RATE = 1e-3
+"""Slowest speed and acceleration taken, mm or deg: below, a move would not end within days."""
+_RAPID_RATE_DECIMALS = 4
 
 
 def _move(command: str, queue: Callable[[Cabinet, Arguments], bool]) -> Handler:
@@ -32,6 +35,18 @@ def _optional(arguments: Arguments, key: str, to_si: Callable[[float], float]) -
     return to_si(arguments.number(key)) if arguments.has(key) else None
 
 
+def _rate(arguments: Arguments, key: str) -> float:
+    """A speed or acceleration; its sign is not looked at here."""
+    rate = arguments.number(key)
+    if abs(rate) < MIN_RATE:
+        raise Refused()
+    return rate
+
+
+def _optional_rate(arguments: Arguments, key: str, to_si: Callable[[float], float]) -> Optional[float]:
+    return to_si(_rate(arguments, key)) if arguments.has(key) else None
+
+
 def _line(arguments: Arguments) -> Optional[int]:
     return arguments.integer("executing_line_id") if arguments.has("executing_line_id") else None
 
@@ -39,29 +54,29 @@ def _line(arguments: Arguments) -> Optional[int]:
 def _joint_move(cabinet: Cabinet, arguments: Arguments) -> bool:
     arguments.number("tol", 0.0)
     return cabinet.plant.add_joint_move(
-        all_deg_to_rad(arguments.vector("jointPosition", 6)), deg_to_rad(arguments.number("speed")),
-        _optional(arguments, "accel", deg_to_rad), arguments.flag("relFlag", False), _line(arguments))
+        all_deg_to_rad(arguments.vector("jointPosition", 6)), deg_to_rad(_rate(arguments, "speed")),
+        _optional_rate(arguments, "accel", deg_to_rad), arguments.flag("relFlag", False), _line(arguments))
 
 
 def _end_move(cabinet: Cabinet, arguments: Arguments) -> bool:
     return cabinet.plant.add_end_move(
-        pose_from_wire(arguments.vector("endPosition", 6)), deg_to_rad(arguments.number("speed")),
-        _optional(arguments, "accel", deg_to_rad), _line(arguments))
+        pose_from_wire(arguments.vector("endPosition", 6)), deg_to_rad(_rate(arguments, "speed")),
+        _optional_rate(arguments, "accel", deg_to_rad), _line(arguments))
 
 
 def _linear_move(cabinet: Cabinet, arguments: Arguments) -> bool:
     return cabinet.plant.add_linear_move(
-        pose_from_wire(arguments.vector("cartPosition", 6)), mm_to_m(arguments.number("speed")),
-        _optional(arguments, "accel", mm_to_m), arguments.flag("relFlag", False),
-        _optional(arguments, "tol", mm_to_m), _optional(arguments, "ori_vel", deg_to_rad),
-        _optional(arguments, "ori_acc", deg_to_rad), _line(arguments))
+        pose_from_wire(arguments.vector("cartPosition", 6)), mm_to_m(_rate(arguments, "speed")),
+        _optional_rate(arguments, "accel", mm_to_m), arguments.flag("relFlag", False),
+        _optional(arguments, "tol", mm_to_m), _optional_rate(arguments, "ori_vel", deg_to_rad),
+        _optional_rate(arguments, "ori_acc", deg_to_rad), _line(arguments))
 
 
 def _arc_move(cabinet: Cabinet, arguments: Arguments) -> bool:
     arguments.number("tol", 0.0)
     return cabinet.plant.add_arc_move(
         pose_from_wire(arguments.vector("pos_mid", 6)), pose_from_wire(arguments.vector("pos_end", 6)),
-        mm_to_m(arguments.number("speed")), _optional(arguments, "accel", mm_to_m),
+        mm_to_m(_rate(arguments, "speed")), _optional_rate(arguments, "accel", mm_to_m),
         arguments.flag("relFlag", False), arguments.integer("circle_cnt", 0), arguments.integer("circle_mode", 0),
         _line(arguments))
 
@@ -72,7 +87,7 @@ def _jog(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
     if mode == _JOG_STOP:
         cabinet.stop_jog()
         return None
-    velocity = arguments.number("jogvel")
+    velocity = _rate(arguments, "jogvel")
     position = arguments.number("poscmd") if mode in (JogMode.STEP, JogMode.ABSOLUTE) else None
     if mode not in tuple(JogMode) or coord_map not in _JOG_FRAMES or not 0 <= axis < 6:
         raise Refused()
@@ -144,7 +159,7 @@ def _set_servo_filter(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]
     if number not in tuple(ServoFilter):
         raise Refused()
     kind = ServoFilter(number)
-    parameters = {key: to_si(arguments.number(key)) for key, to_si in _FILTER_PARAMETERS[kind]}
+    parameters = {key: to_si(_rate(arguments, key)) for key, to_si in _FILTER_PARAMETERS[kind]}
     if cabinet.plant.is_servo_active:
         raise Refused("-1", "set_servo_move_filter command can not be excuted in servo move mode")
     try:
@@ -155,7 +170,7 @@ def _set_servo_filter(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]
 
 
 def _rapid_rate(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
-    rate = arguments.number("rate_value")
+    rate = round(arguments.number("rate_value"), _RAPID_RATE_DECIMALS)
     try:
         cabinet.plant.set_rapid_rate(rate)
     except TargetRejected as error:

@@ -59,7 +59,8 @@ class Connection:
         """Put deliveries in line; none goes out before the one in front of it, unless it overtakes."""
         for delivery in deliveries:
             if delivery.overtakes and self._waiting:
-                self._waiting.insert(len(self._waiting) - 1, delivery)
+                held = self._waiting.pop()
+                self._waiting += [delivery, held._replace(at=delivery.at)]
                 continue
             if self._waiting and delivery.at < self._waiting[-1].at:
                 delivery = delivery._replace(at=self._waiting[-1].at)

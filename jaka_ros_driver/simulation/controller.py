@@ -1,4 +1,7 @@
 """The controller's core: request in, reply out; time and chance are told. No socket, no thread, no clock."""
+import dataclasses
+import sys
+import traceback
 from typing import Any, Callable, Mapping, NamedTuple, Optional, Tuple, Union
 
 from jaka_ros_driver.errors import FramingError
@@ -40,11 +43,13 @@ class Controller:
         cabinet: Its state.
         feed_frame: Builds the frames of the status feed.
         polled_frame: Builds the frames of the polled port.
+        failures: Requests whose handling ended in a bug of this program.
     """
 
     def __init__(self, model: ArmModel, firmware: Firmware, options: Options, joint_position: Vector = HOME) -> None:
         self._firmware = firmware
         self._options = options
+        self.failures = 0
         self.cabinet = Cabinet(model, firmware, options, Memory(), joint_position)
         self._build_frames({}, ())
 
@@ -61,7 +66,7 @@ class Controller:
     def restart(self) -> None:
         """As after a power cut: without drive power, where the arm stands, with what the memory holds."""
         old = self.cabinet
-        options = Options(self._options.power_delay, self._options.enable_delay, Start.OFF, self._options.starvation)
+        options = dataclasses.replace(self._options, start=Start.OFF)
         self.cabinet = Cabinet(old.model, self._firmware, options, old.memory, old.plant.joint_position)
         if old.emergency_stop:
             self.cabinet.press_emergency_stop()
@@ -72,7 +77,11 @@ class Controller:
         self.cabinet.step(dt)
 
     def execute(self, request: Union[JsonObject, FramingError]) -> Outcome:
-        """Carry out one request; every request has a reply, and one that is not understood moves nothing."""
+        """Carry out one request; every request has a reply, and one that is not understood moves nothing.
+
+        A bug in a handler ends as the controller's own "Exception:function call failed", with a traceback on
+        stderr: other clients, and the arm in motion, are served on.
+        """
         name = request.get("cmdName") if isinstance(request, dict) else None
         spec = COMMANDS.get(name) if isinstance(name, str) else None
         if spec is None or (spec.modern_only and not self._firmware.is_modern):
@@ -83,6 +92,10 @@ class Controller:
             return Outcome(spec.name, encode_object(not_understood()))
         except Refused as refusal:
             return Outcome(spec.name, encode_object(refused(spec.name, refusal)))
+        except Exception:
+            self.failures += 1
+            traceback.print_exc(file=sys.stderr)
+            return Outcome(spec.name, encode_object(not_understood()))
         if isinstance(fields, Held):
             return Outcome(spec.name, _encode(accepted(spec.name, {})), fields.until)
         return Outcome(spec.name, _encode(accepted(spec.name, fields or {})), None, spec.then)

@@ -32,7 +32,7 @@ class Delivery(NamedTuple):
         data: Written in one piece with whatever else is due then.
         at: When, s on the caller's clock.
         effect: What happens to the connection afterwards.
-        overtakes: True when it goes out before the delivery that waits in front of it.
+        overtakes: True when it goes out before the delivery that waits in front of it, which then goes out too.
         alone: True when it is not to share a segment with what follows.
     """
 
@@ -115,8 +115,8 @@ def _reorder(rule: FaultRule, _chance: random.Random, messages: List[Delivery], 
     if rule.release_at is None or now >= rule.release_at:
         rule.release_at = now + ms_to_s(rule.params["hold_ms"])
         return [message._replace(at=rule.release_at) for message in messages]
-    release_at, rule.release_at = rule.release_at, None
-    return [message._replace(at=release_at, overtakes=True) for message in messages]
+    rule.release_at = None
+    return [message._replace(overtakes=True) for message in messages]
 
 
 def _noise(rule: FaultRule, chance: random.Random) -> bytes:

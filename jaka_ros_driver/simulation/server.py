@@ -346,7 +346,7 @@ class Server:
         if reply.then is not Then.NOTHING:
             connection.post([Delivery(b"", now, Effect.CLOSE)])
         if reply.then is Then.SHUT_DOWN:
-            self._calls.put(lambda: self.shut_down(None))
+            self._calls.put(lambda: self.shut_down(None) if PANEL in self._listeners else self._end())
             self._wake()
 
     def _answer_poll(self, connection: Connection, now: float) -> None:
@@ -496,7 +496,7 @@ class Server:
             "connections": [{"port": c.port, "number": c.number, "peer": c.peer, "half_open": c.is_half_open,
                              "unsent_bytes": c.unsent_bytes} for c in self._sockets],
             "faults": [rule.described() for rule in self.faults.active()],
-            "is_off": self.is_off,
+            "is_off": self.is_off, "failures": self.controller.failures,
             "cycle_lateness": {"cycles": lateness.cycles, "median_s": lateness.median, "p99_s": lateness.p99,
                                "max_s": lateness.maximum, "lags": lateness.lags}}
 

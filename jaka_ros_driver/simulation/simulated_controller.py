@@ -14,6 +14,7 @@ from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
 from jaka_ros_driver.simulation import panel
 from jaka_ros_driver.simulation.cabinet import Options, Start
 from jaka_ros_driver.simulation.controller import Controller
+from jaka_ros_driver.simulation.cycle_clock import MIN_FEED_PERIOD_S
 from jaka_ros_driver.simulation.firmware import FIRMWARES
 from jaka_ros_driver.simulation.plant import Starvation
 from jaka_ros_driver.simulation.server import LOOPBACK, Addresses, Server
@@ -66,7 +67,8 @@ class SimulatedController:
         if power_delay < 0.0 or enable_delay < 0.0:
             raise InvalidCommand("delays must not be negative")
         options = Options(power_delay, enable_delay, _one_of("start", start, {s.value: s for s in Start}),
-                          _one_of("starvation", starvation, {s.value: s for s in Starvation}))
+                          _one_of("starvation", starvation, {s.value: s for s in Starvation}),
+                          MIN_FEED_PERIOD_S * time_scale)
         refuse = _one_of("single client", single_client, {"replace": False, "refuse": True})
         controller = Controller(arm, _one_of("firmware", firmware, FIRMWARES), options)
         self._log = WireLog(log) if log else None

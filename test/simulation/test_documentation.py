@@ -1,4 +1,4 @@
-"""The tables of docs/simulation.md say what the code says; ``PYTHONPATH=. python test/simulation/test_documentation.py`` writes them."""
+"""The tables of docs/simulation.md say what the code says; ``PYTHONPATH=. python FILE`` writes them anew."""
 import re
 from pathlib import Path
 
