@@ -2,6 +2,7 @@
 import subprocess
 
 import rospy
+
 from jaka_msgs.srv import Move
 
 COMPLETE = """
