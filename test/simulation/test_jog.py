@@ -99,7 +99,8 @@ def test_a_jog_after_a_tool_change_in_mid_jog_is_dropped():
     watch.step(30)
 
 
-@pytest.mark.parametrize(("frame", "axis", "step"), [(JOINT, 3, -0.2), (BASE, 1, 0.05), (TOOL, 2, -0.04), (BASE, 5, 0.3)])
+@pytest.mark.parametrize(
+    ("frame", "axis", "step"), [(JOINT, 3, -0.2), (BASE, 1, 0.05), (TOOL, 2, -0.04), (BASE, 5, 0.3)])
 def test_a_step_goes_by_its_position_exactly(frame, axis, step, watch):
     before, pose = watch.plant.joint_position, watch.plant.tcp_pose()
     assert watch.plant.jog(STEP, frame, axis, 0.3, step)
@@ -148,11 +149,12 @@ def test_base_jog_runs_along_the_axis_of_the_user_frame():
     assert (end[9] - start[9], end[10] - start[10], end[11] - start[11]) == pytest.approx((0.0, 0.05, 0.0), abs=1e-9)
 
 
-@pytest.mark.parametrize(("axis", "velocity", "low_event", "beyond"), [(1, 0.8, 0x010033, 0x010035), (1, -0.8, 0x010034, 0x010036)])
-def test_a_joint_jog_stops_on_the_soft_limit_and_says_so(axis, velocity, low_event, beyond, watch):
+@pytest.mark.parametrize(
+    ("axis", "velocity", "near", "beyond"), [(1, 0.8, 0x010033, 0x010035), (1, -0.8, 0x010034, 0x010036)])
+def test_a_joint_jog_stops_on_the_soft_limit_and_says_so(axis, velocity, near, beyond, watch):
     watch.plant.jog(CONTINUOUS, JOINT, axis, velocity)
     watch.run()
-    assert watch.codes == [low_event, beyond]
+    assert watch.codes == [near, beyond]
     assert watch.plant.joint_position[axis] == ZU7.joint_limits[axis][velocity > 0]
     assert watch.plant.on_soft_limit
     assert watch.plant.near_limit == tuple(n == axis for n in range(6))

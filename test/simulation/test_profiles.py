@@ -38,7 +38,8 @@ def test_reaches_its_target_exactly_and_within_its_limits(jerk_limited, way, spe
 
 @BOTH
 @settings(deadline=None, max_examples=60)
-@given(way=st.floats(0.01, 2.0), speed=st.floats(0.01, 2.0), acceleration=st.floats(0.1, 10.0), cycles=st.integers(1, 300))
+@given(way=st.floats(0.01, 2.0), speed=st.floats(0.01, 2.0), acceleration=st.floats(0.1, 10.0),
+       cycles=st.integers(1, 300))
 def test_brakes_to_where_it_said(jerk_limited, way, speed, acceleration, cycles):
     profile = Profile(jerk_limited)
     profile.aim(way, speed, acceleration)
@@ -98,7 +99,8 @@ def test_the_jerk_time_is_how_long_acceleration_builds_up(jerk_limited):
         assert profile.jerk_time == JERK_TIME
 
 
-@given(way=st.floats(1e-4, 10.0), final=st.floats(0.0, 2.0), acceleration=st.floats(0.05, 20.0), jerk=st.sampled_from([0.0, 0.05]))
+@given(way=st.floats(1e-4, 10.0), final=st.floats(0.0, 2.0), acceleration=st.floats(0.05, 20.0),
+       jerk=st.sampled_from([0.0, 0.05]))
 def test_speed_for_way_uses_just_that_way(way, final, acceleration, jerk):
     speed = speed_for_way(way, final, acceleration, jerk)
     assert speed >= final

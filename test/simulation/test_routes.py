@@ -86,7 +86,8 @@ def test_a_rounded_corner_stays_within_its_tolerance(jerk_limited, tolerance, tu
     points = [point(tool) for tool in watch.tools()]
     start, end = points[0], points[-1]
     corner = (start[0], start[1] + 0.15, start[2])
-    assert max(min(distance_to_segment(p, start, corner), distance_to_segment(p, corner, end)) for p in points) <= tolerance
+    beside = max(min(distance_to_segment(p, start, corner), distance_to_segment(p, corner, end)) for p in points)
+    assert beside <= tolerance
     speeds = [math.dist(a, b) / CYCLE_TIME for a, b in zip(points, points[1:])]
     nearest = min(range(len(points)), key=lambda n: math.dist(points[n], corner))
     assert math.dist(points[nearest], corner) <= tolerance + speeds[min(nearest, len(speeds) - 1)] * CYCLE_TIME
