@@ -9,6 +9,8 @@ from raw_client import RawClient, RawFeed, wait_for
 from jaka_ros_driver.simulation import wire_log
 from jaka_ros_driver.simulation.wire_log import TrueJoints, WireEvent, WireLog, WireLogError, read_log
 
+HOME = [0.0, 90.0, -90.0, 90.0, 90.0, 0.0]
+
 
 def bytes_of(events, port, what):
     return b"".join(event.data for event in events if event.port == port and event.what == what)
@@ -39,6 +41,56 @@ def test_every_byte_with_its_time_and_the_joints(make_arm, tmp_path):
     assert len(joints) > 20
     times = [entry.time_ns for entry in entries]
     assert times == sorted(times)
+
+
+def test_a_working_day_is_told_by_its_log(make_arm, tmp_path):
+    """Power, drives, moves, a stop in mid-move, a collision, a servo stream, the emergency stop: judged by the log."""
+    path = str(tmp_path / "day.mcap")
+    arm = make_arm(log=path, start="off", time_scale=10.0)
+    with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
+        assert client.code("power_on") == "0"
+        feed.until(lambda frame: frame["powered_on"] == 1)
+        assert client.code("enable_robot") == "0"
+        feed.until(lambda frame: frame["enabled"])
+        assert client.code("joint_move", jointPosition=[30.0, *HOME[1:]], speed=60) == "0"
+        assert client.code("wait_complete") == "0"
+        pose = client.ask("get_tcp_pos")["tcp_pos"]
+        assert client.code("moveL", cartPosition=[pose[0], pose[1], pose[2] - 50.0, *pose[3:]], speed=100) == "0"
+        assert client.code("wait_complete") == "0"
+        assert client.code("joint_move", jointPosition=[150.0, *HOME[1:]], speed=20) == "0"
+        feed.until(lambda frame: frame["joint_actual_position"][0] > 35.0)
+        assert client.code("stop_program") == "0"
+        feed.until(lambda frame: frame["inpos"])
+        assert client.code("joint_move", jointPosition=[150.0, *HOME[1:]], speed=20) == "0"
+        feed.until(lambda frame: frame["joint_actual_position"][0] > 60.0)
+        arm.panel("hit")
+        feed.until(lambda frame: frame["protective_stop"])
+        wait_for(lambda: not arm.state()["is_moving"], "standstill")
+        assert client.code("clear_error") == "0"
+        assert client.code("servo_move", relFlag=1) == "0"
+        for _ in range(30):
+            assert client.code("servo_j", relFlag=1, jointPosition=[0.2, 0, 0, 0, 0, 0]) == "0"
+        arm.panel("press_emergency_stop")
+        feed.until(lambda frame: frame["emergency_stop"])
+    arm.close()
+    entries = read_log(path)
+    samples = [entry for entry in entries if isinstance(entry, TrueJoints)]
+
+    def joint_1_at(what, request):
+        asked = [entry for entry in entries if isinstance(entry, WireEvent) and entry.what == "in"
+                 and entry.port == "command" and request in entry.data]
+        return [min(samples, key=lambda sample, at=event.time_ns: abs(sample.time_ns - at)).joint_position[0]
+                for event in asked] or pytest.fail("no %s in the log" % what)
+
+    assert joint_1_at("power_on", b'"power_on"') == [0.0]
+    stopped_at = joint_1_at("stop", b'"stop_program"')[0]
+    moves = joint_1_at("moves", b'"joint_move"')
+    assert 0.6 < stopped_at < 2.0 and moves[2] - stopped_at < 0.2  # it came to rest soon after
+    assert max(abs(later.joint_position[0] - earlier.joint_position[0])
+               for earlier, later in zip(samples, samples[1:])) < 0.5
+    assert samples[-1].joint_position[0] < 2.5
+    stops = [entry for entry in entries if isinstance(entry, WireEvent) and b'"emergency_stop": 1' in entry.data]
+    assert stops and stops[0].port == "status"
 
 
 def test_file_opens_elsewhere(make_arm, tmp_path):
