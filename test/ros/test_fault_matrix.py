@@ -142,8 +142,9 @@ def matrix(root):
     rows = {}
     yield rows
     lines = ["# Every service under every condition", "", "| condition | service | | the caller is told |", "|---|---|---|---|"]
-    lines += ["| %s | %s | %s | %s |" % (condition, service, "done" if done else "not done", told.split("\n")[0])
-              for (condition, service), (done, told) in rows.items()]
+    for (condition, service), (done, told) in rows.items():
+        words = told.split("\n")[0]
+        lines.append("| %s | %s | %s | %s |" % (condition, service, "done" if done else "not done", words))
     (root / "build").mkdir(exist_ok=True)
     (root / "build" / "fault_matrix.md").write_text("\n".join(lines) + "\n")
 
