@@ -21,6 +21,9 @@ _NICENESS = -10
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the command line.
 
+    Args:
+        argv: Without the program's name; None for those of the process.
+
     Returns:
         0 done, 1 failed, 2 wrong usage.
     """

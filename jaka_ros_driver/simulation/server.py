@@ -21,6 +21,7 @@ from jaka_ros_driver.simulation.controller import Controller
 from jaka_ros_driver.simulation.cycle_clock import CycleClock
 from jaka_ros_driver.simulation.faults import PORTS, Delivery, Effect, FaultScript
 from jaka_ros_driver.simulation.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.server_doors import Doors
 from jaka_ros_driver.simulation.wire_log import WireLog
 
 PANEL = "panel"
@@ -60,7 +61,6 @@ class Server:
     Attributes:
         controller: What is served.
         faults: The script of wire faults.
-        port_numbers: Name of a port to its number, once open.
         is_off: The cabinet is turned off: nothing listens, time stands still.
     """
 
@@ -68,7 +68,6 @@ class Server:
                  refuse_second_client: bool = False, seed: int = 0, log: Optional[WireLog] = None) -> None:
         self.controller = controller
         self.faults = FaultScript(seed)
-        self.port_numbers: Dict[str, int] = {}
         self.is_off = False
         self._addresses = addresses
         self._time_scale = time_scale
@@ -76,7 +75,7 @@ class Server:
         self._log = log
         self._panel_handler: Optional[PanelHandler] = None
         self._selector = selectors.EpollSelector()
-        self._listeners: Dict[str, socket.socket] = {}
+        self._doors = Doors(self._selector)
         self._sockets: Dict[Connection, socket.socket] = {}
         self._count = 0
         self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
@@ -89,6 +88,11 @@ class Server:
         self._refusing_until: Dict[str, float] = {}
         self._boot_at: Optional[float] = None
         self._clock = CycleClock(time_scale, time.monotonic())
+
+    @property
+    def port_numbers(self) -> Dict[str, int]:
+        """Name of a port to its number, once open."""
+        return self._doors.numbers
 
     # --- life -------------------------------------------------------------------------------------------------------
 
@@ -106,19 +110,12 @@ class Server:
         try:
             for port, number in (("command", self._addresses.command), ("status", self._addresses.status),
                                  ("poll", self._addresses.poll)):
-                self._listen(port, host, number)
+                self._doors.add(port, host, number)
             if self._addresses.panel is not None:
-                self._listen(PANEL, LOOPBACK, self._addresses.panel)
+                self._doors.add(PANEL, LOOPBACK, self._addresses.panel)
         except OSError:
             self.close()
             raise
-
-    def _listen(self, port: str, host: str, number: int) -> None:
-        listener = _bound(host, number)
-        self._listeners[port] = listener
-        self.port_numbers[port] = listener.getsockname()[1]
-        listener.listen(16)
-        self._selector.register(listener, selectors.EVENT_READ, port)
 
     def run(self) -> None:
         """Serve until ``stop``; then close every socket."""
@@ -175,9 +172,7 @@ class Server:
         self._is_closed = True
         for connection in list(self._sockets):
             self._drop(connection)
-        for listener in self._listeners.values():
-            listener.close()
-        self._listeners.clear()
+        self._doors.close()
         self._selector.close()
         self._wake_receive.close()
         self._wake_send.close()
@@ -346,7 +341,7 @@ class Server:
         if reply.then is not Then.NOTHING:
             connection.post([Delivery(b"", now, Effect.CLOSE)])
         if reply.then is Then.SHUT_DOWN:
-            self._calls.put(lambda: self.shut_down(None) if PANEL in self._listeners else self._end())
+            self._calls.put(lambda: self.shut_down(None) if PANEL in self._doors.numbers else self._end())
             self._wake()
 
     def _answer_poll(self, connection: Connection, now: float) -> None:
@@ -434,7 +429,7 @@ class Server:
         """Refuse new connections on these ports for so long, s of wall time."""
         until = time.monotonic() + duration
         for port in ports:
-            self._close_door(port)
+            self._doors.shut(port)
             self._refusing_until[port] = until
 
     def shut_down(self, down: Optional[float], silent: bool = False) -> None:
@@ -447,7 +442,7 @@ class Server:
         self.is_off = True
         self.end_connections(PORTS, Effect.HALF_OPEN if silent else Effect.CLOSE)
         for port in PORTS:
-            self._close_door(port)
+            self._doors.shut(port)
         self._boot_at = None if down is None else time.monotonic() + down
 
     def boot(self) -> None:
@@ -463,7 +458,7 @@ class Server:
             connection.resets = True
             self._drop(connection)
         for port in PORTS:
-            self._open_door(port)
+            self._doors.open(port)
 
     def _end_of_faults(self, now: float) -> None:
         for port in [port for port, until in self._stalled_until.items() if now >= until]:
@@ -471,23 +466,9 @@ class Server:
         for port in [port for port, until in self._refusing_until.items() if now >= until]:
             del self._refusing_until[port]
             if not self.is_off:
-                self._open_door(port)
+                self._doors.open(port)
         if self._boot_at is not None and now >= self._boot_at:
             self.boot()
-
-    def _close_door(self, port: str) -> None:
-        """Stop listening, and keep the port number: bound without listening, a connect is refused."""
-        listener = self._listeners[port]
-        if listener in self._selector.get_map():
-            self._unwatch(listener)
-            listener.close()
-            self._listeners[port] = _bound(self._addresses.host, self.port_numbers[port])
-
-    def _open_door(self, port: str) -> None:
-        listener = self._listeners[port]
-        if listener not in self._selector.get_map():
-            listener.listen(16)
-            self._selector.register(listener, selectors.EVENT_READ, port)
 
     def described(self) -> Dict[str, Any]:
         """What the panel shows of the wire: connections, faults, lateness of the cycle."""
@@ -503,18 +484,6 @@ class Server:
 
 def _at_once() -> bool:
     return True
-
-
-def _bound(host: str, number: int) -> socket.socket:
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    try:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind((host, number))
-        listener.setblocking(False)
-    except OSError:
-        listener.close()
-        raise
-    return listener
 
 
 def ask_panel(port: int, request: Dict[str, Any], timeout: float = 10.0) -> Dict[str, Any]:
