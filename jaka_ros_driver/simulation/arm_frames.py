@@ -3,9 +3,11 @@ import math
 from typing import Optional, Sequence, Tuple
 
 from jaka_ros_driver.commands import Pose
+from jaka_ros_driver.errors import PoseOutsideLimits, UnreachablePose
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.forward import forward
-from jaka_ros_driver.kinematics.inverse import inverse_all
+from jaka_ros_driver.kinematics.inverse import inverse, inverse_all
+from jaka_ros_driver.kinematics.numeric_inverse import refine
 from jaka_ros_driver.kinematics.rotations import (
     IDENTITY,
     Transform,
@@ -26,6 +28,8 @@ LIMIT_TOLERANCE = 1e-5
 
 SAME_ANGLE = 1e-6
 """rad; a target this near to where the arm will be is where it will be."""
+
+_FOLLOWED = 0.3  # rad; where only iteration solves, an answer this near to the reference is on its branch
 
 
 def finite_six(what: str, values: Sequence[float]) -> Vector:
@@ -118,20 +122,12 @@ class ArmFrames:
         Raises:
             TargetRejected: Out of reach (0x0F0017), or reachable beyond the joint limits only (0x0F0011).
         """
-        branches = inverse_all(self.model, compose(base_t_tool, self.tool_t_flange), reference)
-        if not branches:
-            raise TargetRejected(events.TARGET_UNREACHABLE, "target out of reach")
-        best: Optional[Vector] = None
-        best_cost = math.inf
-        for branch in branches:
-            candidate = tuple(_turn_within(angle, near, low, high) for angle, near, (low, high)
-                              in zip(branch, reference, self.model.joint_limits))
-            cost = sum((a - b) ** 2 for a, b in zip(candidate, reference))
-            if cost < best_cost:
-                best, best_cost = candidate, cost
-        if best is None:
-            raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "target reachable beyond the joint limits only")
-        return best
+        try:
+            return inverse(self.model, compose(base_t_tool, self.tool_t_flange), reference)
+        except PoseOutsideLimits as error:
+            raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, str(error)) from error
+        except UnreachablePose as error:
+            raise TargetRejected(events.TARGET_UNREACHABLE, str(error)) from error
 
     def joint_outside(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
         """The first joint beyond its limits and whether beyond the upper one; None if all are within."""
@@ -172,6 +168,10 @@ def turned(matrix: Sequence[float], rotation_vector: Sequence[float], position: 
 
 def nearest_joints(model: ArmModel, base_t_flange: Transform, reference: Sequence[float]) -> Optional[Vector]:
     """Joints that bring the flange there, limits not looked at, nearest to the reference; None if out of reach."""
+    if not model.has_closed_form:
+        followed = refine(model, base_t_flange, reference)
+        if followed is not None and all(abs(a - b) < _FOLLOWED for a, b in zip(followed, reference)):
+            return followed
     best: Optional[Vector] = None
     best_cost = math.inf
     remainder, turn = math.remainder, math.tau
@@ -188,13 +188,3 @@ def nearest_joints(model: ArmModel, base_t_flange: Transform, reference: Sequenc
 def same_joints(a: Vector, b: Vector) -> bool:
     """True where two joint positions are one for a move."""
     return all(abs(x - y) < SAME_ANGLE for x, y in zip(a, b))
-
-
-def _turn_within(angle: float, near: float, low: float, high: float) -> float:
-    """The angle with whole turns added so that it is within the limits and nearest; infinite where it can't be."""
-    value = near + math.remainder(angle - near, math.tau)
-    if value > high + 1e-9:
-        value -= math.tau * math.ceil((value - high - 1e-9) / math.tau)
-    elif value < low - 1e-9:
-        value += math.tau * math.ceil((low - 1e-9 - value) / math.tau)
-    return min(max(value, low), high) if low - 1e-9 <= value <= high + 1e-9 else math.inf

@@ -170,6 +170,8 @@ class CartesianRoute(Route):
     def append(self, leg: Leg, way: float, speed: float, jerk_time: float) -> bool:
         """Add a leg behind a rounded corner while the route is run at way and speed; False where that can't be."""
         last = self._pieces[-1].leg
+        if self._tool_t_flange != self._frames.tool_t_flange:
+            return False
         half = corner_half(last, leg)
         entry = self.length - half
         if half <= 0.0 or way > entry or self.break_event is not None:

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plant_watch import ZU7, PlantWatch, shift
 
+from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.rotations import rotation_angle_between
 from jaka_ros_driver.simulation import events
@@ -224,3 +225,23 @@ def test_lines_are_straight_on_other_arms(name):
     tools = watch.tools()
     assert max(distance_to_segment(point(t), point(tools[0]), point(tools[-1])) for t in tools) < 1e-6
     assert [b - a for a, b in zip(point(tools[0]), point(tools[-1]))] == pytest.approx([0.02, 0.05, 0.03], abs=1e-8)
+
+
+def test_a_line_given_for_another_tool_is_not_blended_into_the_one_before():
+    watch = PlantWatch()
+    watch.plant.add_linear_move(shift(y=0.1), 0.2, 1.0, relative=True, tolerance=0.02)
+    watch.step(10)
+    watch.plant.set_tool(Pose((0.0, 0.0, 0.1), (0.0, 0.0, 0.0)))
+    watch.plant.add_linear_move(shift(x=-0.1), 0.2, 1.0, relative=True)
+    watch.run()
+    points = [point(tool) for tool in watch.tools()]
+    corner = (points[0][0], points[0][1] + 0.1, points[0][2])
+    assert min(math.dist(p, corner) for p in points) < 1e-9
+    assert points[-1] == pytest.approx((corner[0] - 0.1, corner[1], corner[2]), abs=1e-9)
+
+
+def test_at_a_singularity_the_place_itself_can_still_be_named():
+    watch = PlantWatch((0.0, 0.9, -1.0, 1.0, 0.0, 0.4))
+    assert not watch.plant.add_end_move(watch.plant.tcp_pose(), 1.0, line_id=2)
+    assert not watch.plant.add_linear_move(watch.plant.tcp_pose(), 0.1, line_id=3)
+    assert watch.plant.add_error_line == 3
