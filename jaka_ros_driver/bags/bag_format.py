@@ -31,7 +31,7 @@ class ChunkInfo(NamedTuple):
 
 def pack_header(fields: Iterable[Tuple[str, bytes]]) -> bytes:
     """Header fields as the format stores them, without the length in front of all."""
-    return b"".join(_U32.pack(len(name) + 1 + len(value)) + name.encode() + b"=" + value for name, value in fields)
+    return b"".join(_U32.pack(len(name) + 1 + len(value)) + _encode(name) + b"=" + value for name, value in fields)
 
 
 def pack_record(fields: Iterable[Tuple[str, bytes]], data: bytes) -> bytes:

@@ -1,4 +1,5 @@
 """``jaka_bag``: one program for state logs; each subcommand is a module that is imported when it is called."""
+import io
 import os
 import signal
 import sys
@@ -33,6 +34,7 @@ COMMANDS = {
     "plot": Command("plot_cli", "joints, TCP path and states over time as SVG or PNG"),
     "export": Command("export_cli", "fields of messages as CSV, NPZ or Parquet"),
     "compare": Command("compare_cli", "does a log show what a golden one shows? with tolerances, HTML, JUnit"),
+    "replay-commands": Command("replay_commands_cli", "make the service calls of a log again, against a live driver"),
     "completion": Command("completion_cli", "completion for bash or zsh"),
 }
 
@@ -60,6 +62,12 @@ def _run(name: str, arguments: List[str]) -> int:
     return result
 
 
+def _print_any_text() -> None:
+    """Names in logs may hold bytes that are not UTF-8: print them escaped rather than fail."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
 def _end_at_sigterm() -> None:
     """SIGTERM as Ctrl-C, so that no half file stays; only where nobody else has decided about it."""
     try:
@@ -83,6 +91,7 @@ def main(argv: Optional[List[str]] = None) -> int:
               % (PROGRAM, name, ", did you mean %r?" % near[0] if near else "", PROGRAM), file=sys.stderr)
         return 2
     _end_at_sigterm()
+    _print_any_text()
     try:
         return _run(name, arguments[1:])
     except SystemExit as end:  # argparse: help or usage

@@ -100,10 +100,11 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
             result = bz2.decompress(data)
         else:
             raise BagFormatError("compression %r is not known" % codec)
-    except (BagError, MemoryError):
+    except BagError:
         raise
     except Exception as error:  # each library has error types of its own
-        raise BagFormatError("a compressed chunk is damaged (%s)" % str(error).strip()) from error
+        raise BagFormatError("a compressed chunk is damaged (%s)" % (
+            str(error).strip() or "it claims too much memory")) from error
     if len(result) != size:
         raise BagFormatError("a chunk has %d bytes instead of %d" % (len(result), size))
     return result

@@ -65,10 +65,7 @@ class McapSalvager(Salvager):
                 if opcode == fmt.CHUNK:
                     parsed, end = self._chunk(at)
                 elif opcode in LOOSE:
-                    parsed = read_loose(self.descriptor, at, self.size, self._schemas)
-                    if not parsed.consumed:
-                        raise BagFormatError("a record is damaged")
-                    end = at + parsed.consumed
+                    parsed, end = self._loose(at)
                 else:
                     at = self._other(at, opcode)
                     continue
@@ -79,15 +76,32 @@ class McapSalvager(Salvager):
             yield Stretch(parsed.block, self.connections, end)
             at = end
 
+    def _loose(self, at: int) -> Tuple[Parsed, int]:
+        """Loose records from a position on, and where they end."""
+        parsed = read_loose(self.descriptor, at, self.size, self._schemas)
+        if not parsed.consumed:
+            raise BagFormatError("a record is damaged")
+        self._refuse_swallowing(at, at + parsed.consumed)
+        return parsed, at + parsed.consumed
+
+    def _refuse_swallowing(self, at: int, end: int) -> None:
+        """Refuse records whose damaged length would swallow a chunk."""
+        if self._next_chunk(at + 1, end) < end:
+            raise BagFormatError("a record's length is damaged")
+
     def _other(self, at: int, opcode: int) -> int:
         """Take up a record that holds no message; give where it ends."""
         end = record_end(self.descriptor, at, self.size)
         if opcode == 0 or opcode > 0x0F and opcode < 0x80:
             raise BagFormatError("a record of unknown kind %d" % opcode)
         raw = read_at(self.descriptor, at, end - at) if opcode in (fmt.METADATA, fmt.ATTACHMENT) else b""
+        if opcode != fmt.ATTACHMENT:
+            self._refuse_swallowing(at, end)
         if opcode == fmt.METADATA:
             self.metadata.append(fmt.MetadataIndex(at, end - at, fmt.parse_metadata(raw)[0]))
         elif opcode == fmt.ATTACHMENT:
+            if zlib.crc32(raw[fmt.RECORD_HEAD.size:-4]) != int.from_bytes(raw[-4:], "little") != 0:
+                raise BagFormatError("an attachment's CRC is wrong")
             self.attachments.append(attachment_index_of(raw, at))
         return end
 
@@ -97,10 +111,12 @@ class McapSalvager(Salvager):
         self.lose(at, end, reason)
         return end
 
-    def _next_chunk(self, begin: int) -> int:
+    def _next_chunk(self, begin: int, stop: Optional[int] = None) -> int:
+        """Where the next chunk starts, at the latest at ``stop`` (None: the end of the file)."""
         at = begin
-        while at + _SMALLEST_CHUNK <= self.size:
-            raw = read_at(self.descriptor, at, _WINDOW)
+        stop = self.size if stop is None else stop
+        while at < stop and at + _SMALLEST_CHUNK <= self.size:
+            raw = read_at(self.descriptor, at, min(_WINDOW, stop - at + _SMALLEST_CHUNK + 32))
             data = np.frombuffer(raw, np.uint8)
             last = len(data) - _CODEC_AT - 3
             likely = (data[:last] == fmt.CHUNK) & (data[_CODEC_AT:last + _CODEC_AT] <= 4)
@@ -109,13 +125,13 @@ class McapSalvager(Salvager):
             for start in np.flatnonzero(likely).tolist():
                 try:
                     parse_chunk_head(raw[start:start + 128])
-                    return at + int(start)
+                    return min(at + int(start), stop)
                 except BagFormatError:
                     pass
             if len(raw) < _WINDOW:
                 break
             at += _WINDOW - 128
-        return self.size
+        return stop
 
     def _chunk(self, at: int) -> Tuple[Parsed, int]:
         """The messages of the chunk at a position, whole or what is left of it, and where the next record starts."""

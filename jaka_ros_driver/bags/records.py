@@ -154,7 +154,7 @@ def parse_bag_chunk(raw: Buffer, offset: Optional[Array]) -> Parsed:
 
 def _regular_mcap(data: Array, offset: Array) -> Optional[Block]:
     """The messages at the index's offsets; None where one of them is not a message."""
-    if not len(offset) or int(offset[-1]) + _MCAP_HEAD > len(data):
+    if not len(offset) or int(offset[0]) < 0 or int(offset[-1]) + _MCAP_HEAD > len(data):
         return None
     heads = windows(data, _MCAP_HEAD)[offset].view(_MCAP_TYPE)[:, 0]
     length = heads["size"].view(np.int64) - (_MCAP_HEAD - mcap_format.RECORD_HEAD.size)
