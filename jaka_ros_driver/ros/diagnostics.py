@@ -101,6 +101,9 @@ class Diagnostics:
         status.add("rate, Hz", "%.2f" % health.rate)
         status.add("age, ms", "%.1f" % s_to_ms(health.age))
         status.add("jitter p99, ms", "%.2f" % s_to_ms(health.jitter))
+        state = self._arm.status.state
+        if state is not None:
+            status.add("joint velocity", "filtered difference" if state.joint_velocity is None else "the controller's")
         status.add("frames", str(health.frames))
         status.add("damaged frames", str(health.damaged))
         status.add("last damage", health.last_damage)

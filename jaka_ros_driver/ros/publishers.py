@@ -72,8 +72,6 @@ class StatePublishers:
         self._changed = threading.Condition()
         self._is_closing = False
         self._thread = threading.Thread(target=self._repeat, name="feed filler", daemon=True)
-        self.reports_velocity = False
-        """The controller reports joint velocities; without, /joint_states carries an estimate."""
 
     def start(self) -> None:
         """Begin to publish."""
@@ -115,7 +113,6 @@ class StatePublishers:
         self._robot_states.publish(sample.robot_states)
 
     def _publish_joint_states(self, state: RobotState, stamp: rospy.Time, estimate: Optional[Vector]) -> None:
-        self.reports_velocity = state.joint_velocity is not None
         velocity = state.joint_velocity if state.joint_velocity is not None else estimate
         self._joint_states.publish(convert.joint_position(state, stamp, self._joint_names, velocity))
 

@@ -31,6 +31,7 @@ def ros_master(tmp_path_factory) -> Iterator[str]:
         environment.setenv("ROS_MASTER_URI", uri)
         environment.setenv("ROS_IP", "127.0.0.1")
         environment.setenv("ROS_HOME", str(home))
+        environment.setenv("TMPDIR", str(home))
         environment.setenv("ROS_LOG_DIR", str(home / "log"))
         environment.delenv("ROS_HOSTNAME", raising=False)
         environment.delenv("ROS_NAMESPACE", raising=False)

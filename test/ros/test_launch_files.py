@@ -1,16 +1,18 @@
 """The launch files: documented arguments, ip alone drives a real arm, the demo, the tree of frames for display."""
+import math
 import xml.etree.ElementTree as ElementTree
 
 import pytest
 import roslaunch
 import rospy
-import tf2_ros
 from arm_bench import eventually
 from import_graph import ROOT
-from ros_bench import Arm
+from ros_bench import Arm, collecting
+from tf2_msgs.msg import TFMessage
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.kinematics.rotations import IDENTITY, compose, matrix_from_rotation_vector
 from jaka_ros_driver.ros.params import DriverConfig
 
 FILES = sorted((ROOT / "launch").glob("*.launch"))
@@ -71,14 +73,27 @@ def test_display_has_one_tree_from_base_to_tool_that_equals_ours(ros_node, launc
            "status_port:=%d" % status_port)
     arm = Arm(None)
     arm.wait_until_seen()
-    buffer = tf2_ros.Buffer()
-    listener = tf2_ros.TransformListener(buffer)
-    try:
-        assert eventually(lambda: buffer.can_transform("base_link", "tool", rospy.Time(0)))
-        frames = buffer.all_frames_as_yaml()
-        assert "link_1" in frames and "tool0" in frames
-        seen = buffer.lookup_transform("base_link", "tool0", rospy.Time(0)).transform.translation
-        joints = arm.listen("joint_position", 1)[0].position
-        assert (seen.x, seen.y, seen.z) == pytest.approx(forward(load_model("pro16"), joints)[9:], abs=1e-5)
-    finally:
-        listener.unregister()
+    with collecting("/tf", TFMessage) as moving, collecting("/tf_static", TFMessage) as fixed:
+        def parents():
+            """Of each frame, every (parent, transform) that somebody has said."""
+            said = {}
+            for _, message in fixed + moving[-100:]:
+                for one in message.transforms:
+                    said.setdefault(one.child_frame_id, {})[one.header.frame_id.lstrip("/")] = one.transform
+            return said
+        assert eventually(lambda: {"link_%d" % n for n in range(1, 7)} | {"tool0", "tool"} <= set(parents()))
+        tree = parents()
+    assert all(len(by_parent) == 1 for by_parent in tree.values()), "a frame with two parents is no tree"
+    frame, base_t_flange = "tool0", IDENTITY
+    while frame != "base_link":
+        frame, transform = next(iter(tree[frame].items()))
+        base_t_flange = compose(as_transform(transform), base_t_flange)
+    joints = arm.listen("joint_position", 1)[0].position
+    assert base_t_flange == pytest.approx(forward(load_model("pro16"), joints), abs=1e-5)
+
+
+def as_transform(message):
+    q, t = message.rotation, message.translation
+    norm = math.sqrt(q.x * q.x + q.y * q.y + q.z * q.z)
+    angle = 2.0 * math.atan2(norm, q.w) / (norm or 1.0)
+    return matrix_from_rotation_vector((q.x * angle, q.y * angle, q.z * angle)) + (t.x, t.y, t.z)

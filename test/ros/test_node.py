@@ -1,14 +1,20 @@
 """The program: what it refuses to start with, a controller that comes later, energising, the URDF, its exit."""
 import contextlib
+import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 import rospy
 from arm_bench import eventually
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from import_graph import ROOT
-from ros_bench import HOME, Arm, DriverProcess, SimulatorProcess, on
+from ros_bench import HOME, Arm, DriverProcess, SimulatorProcess, collecting, on
 from sensor_msgs.msg import JointState
+
+from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.ros import services
 
 PROGRAM = [sys.executable, str(ROOT / "tools" / "jaka_driver")]
 
@@ -96,3 +102,43 @@ def test_the_urdf_is_printed():
     assert done.returncode == 0 and '<link name="a_tool0">' in done.stdout
     wrong = subprocess.run([*PROGRAM, "--urdf", "pro17"], stderr=subprocess.PIPE, text=True)
     assert wrong.returncode == 1 and wrong.stderr.startswith("jaka_driver: error: parameter ~model is 'pro17'")
+
+
+def test_a_wrong_model_is_told_in_diagnostics_and_in_the_log(ros_node):
+    with contextlib.closing(SimulatorProcess("--start", "enabled")) as simulator, \
+            DriverProcess("mistaken", model="zu12", **on(simulator)) as driver, \
+            collecting("/diagnostics", DiagnosticArray) as reports:
+        def verdict():
+            return [status for _, array in reports for status in array.status
+                    if status.name == "mistaken: kinematic model" and status.level == DiagnosticStatus.ERROR]
+        assert eventually(verdict)
+        assert "differs from model zu12" in verdict()[0].message
+        _, said = driver.end()
+    assert said.count("is ~model right?") == 1
+
+
+def test_the_driver_runs_with_real_time_priority_where_that_is_permitted(ros_node):
+    allowed = subprocess.run([sys.executable, "-c", "import os; os.sched_setscheduler(0, os.SCHED_FIFO, "
+                              "os.sched_param(3))"], stderr=subprocess.DEVNULL).returncode == 0
+    with contextlib.closing(SimulatorProcess()) as simulator, \
+            DriverProcess("urgent", realtime_priority=3, **on(simulator)) as driver:
+        Arm(simulator, "/urgent").wait_until_seen()
+        tasks = [int(task) for task in os.listdir("/proc/%d/task" % driver.process.pid)]
+        policies = {os.sched_getscheduler(task) for task in tasks}
+        _, said = driver.end()
+    assert (os.SCHED_FIFO in policies) == allowed and ("not permitted" in said) != allowed
+
+
+def test_a_defect_in_a_service_is_a_service_error_with_evidence_and_the_next_call_is_served(ros_node, monkeypatch):
+    def defective(operations, command):
+        raise KeyError("a defect")
+    monkeypatch.setattr(services, "SERVICES", (
+        services.ServiceSpec("defective", services.ClearErr, services.Requests.nothing, defective),))
+    evidence = SimpleNamespace(failures=[], failed=lambda call, error: evidence.failures.append((call.service, error)))
+    requests = services.Requests(load_model("zu7"))
+    services.Services(requests, None, evidence).offer()
+    proxy = rospy.ServiceProxy("~defective", services.ClearErr)
+    for _ in range(2):
+        with pytest.raises(rospy.ServiceException, match="a defect"):
+            proxy()
+    assert evidence.failures == [(rospy.get_name() + "/defective", "internal error: KeyError('a defect')")] * 2

@@ -4,6 +4,7 @@ import math
 import pytest
 import rosservice as rosservice_library
 from arm_bench import eventually
+from import_graph import ROOT
 from ros_bench import HOME, collecting, rosservice
 
 from jaka_msgs.msg import ServiceCall
@@ -186,3 +187,9 @@ def test_every_call_leaves_its_evidence(arm):
         assert "pose:" in message.request_text and "ret:" in message.response_text
     request = MoveRequest().deserialize(bytes(good.request))
     assert list(request.pose) == HOME and MoveResponse().deserialize(bytes(good.response)).ret == 1
+
+
+def test_every_service_is_documented_with_its_type():
+    lines = (ROOT / "docs" / "ros-interface.md").read_text(encoding="utf-8").splitlines()
+    for spec in SERVICES:
+        assert [line for line in lines if "`~%s`" % spec.name in line and spec.srv_type._type in line], spec.name

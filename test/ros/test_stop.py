@@ -9,8 +9,10 @@ import pytest
 import rosgraph
 import rospy
 from arm_bench import eventually
-from ros_bench import HOME, Arm, DriverProcess, InBackground, SimulatorProcess, on
+from ros_bench import HOME, Arm, DriverProcess, InBackground, SimulatorProcess, collecting, on
 from std_srvs.srv import Empty
+
+from jaka_msgs.msg import ServiceCall
 
 AWAY = [2.0] + HOME[1:]
 SLOW_LINE = {"pose": [420.0, 300.0, 370.0, 2.2214, -2.2214, 0.0], "mvvelo": 20.0, "mvacc": 100.0}
@@ -107,9 +109,13 @@ def test_a_peer_that_connects_and_says_nothing_keeps_nobody_out(arm):
 def test_a_stop_that_cannot_be_delivered_is_a_service_error(start_arm):
     arm = start_arm()
     arm.wait_until_seen()
-    arm.simulator.close()
-    with pytest.raises(rospy.ServiceException, match="link|connect"):
-        eventually(lambda: arm.call("stop_move") and False)
+    with collecting(arm.name + "/service_calls", ServiceCall) as evidence:
+        arm.simulator.close()
+        with pytest.raises(rospy.ServiceException, match="link|connect"):
+            eventually(lambda: arm.call("stop_move") and False)
+        assert eventually(lambda: evidence and not evidence[-1][1].success)
+    assert evidence[-1][1].service == "/jaka_driver/stop_move" and evidence[-1][1].error
+    assert bytes(evidence[-1][1].response) == b""
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
