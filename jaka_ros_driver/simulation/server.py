@@ -70,7 +70,6 @@ class Server:
         self.faults = FaultScript(seed)
         self.is_off = False
         self._addresses = addresses
-        self._time_scale = time_scale
         self._refuse_second = refuse_second_client
         self._log = log
         self._panel_handler: Optional[PanelHandler] = None

@@ -5,6 +5,7 @@ import resource
 import socket
 import struct
 import threading
+from pathlib import Path
 
 import pytest
 from raw_client import RawClient, RawFeed, poll, wait_for
@@ -12,6 +13,7 @@ from raw_client import RawClient, RawFeed, poll, wait_for
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.simulation.server import Addresses, Server
 
+REQUESTS_FILE = Path(__file__).parents[1] / "data" / "sdk" / "requests.txt"
 REQUESTS = (b'{"cmdName":"get_version"}', b'{"cmdName": "get_joint_pos"}', b'{"cmdName":"no_such"}',
             b'{"a":1,"cmdName":"get_payload"}')
 NAMES = ["get_version", "get_joint_pos", None, "get_payload"]
@@ -192,7 +194,7 @@ def test_fuzz_on_all_ports_kills_nothing_and_keeps_memory(make_arm):
     """Mutated requests of every kind; the arm may be switched off by them, never the controller."""
     arm = make_arm(time_scale=20.0)
     chance = random.Random(7)
-    seeds = [line.split("\t")[1].encode() for line in open("test/data/sdk/requests.txt", encoding="ascii")]
+    seeds = [line.split("\t")[1].encode() for line in REQUESTS_FILE.read_text(encoding="ascii").splitlines()]
     seeds = [seed for seed in seeds if b"shutdown" not in seed and b"quit" not in seed and b"wait_com" not in seed]
     errors = []
 
