@@ -266,7 +266,9 @@ class LogFiles:
             raise DiskFull("%s is at the largest size that this process may write" % self.settings.stem)
 
     def lose_chunk(self) -> None:
-        """Account for the messages of a chunk that the system refused."""
+        """Account for the messages of a chunk, where the writer has dropped it because the system refused it."""
+        if self._writer is not None and self._writer.pending_messages:
+            return
         for stream, count in self._chunk_streams.items():
             stream.unwritten += count
             stream.written -= count

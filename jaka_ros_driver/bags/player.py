@@ -131,7 +131,8 @@ class Player:
         while True:
             if self.is_paused:
                 while self.is_paused and not self._steps:
-                    self.wait(_PAUSE_POLL_S, self._log_base)
+                    self._tick(self._log_base)
+                    self._serve(self._tick_wait())
                 if self._steps:
                     self._steps -= 1
                     self._anchor(log_time)

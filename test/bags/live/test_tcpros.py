@@ -81,7 +81,8 @@ def test_a_connection_says_what_its_publisher_said():
     assert connection.extra == (("tcp_nodelay", "0"),)
 
 
-@pytest.mark.parametrize("fields, reason", [({"error": "no such topic"}, "no such topic"), ({"type": "a/B"}, "no type")])
+@pytest.mark.parametrize("fields, reason", [({"error": "no such topic"}, "no such topic"),
+                                            ({"type": "a/B"}, "no type")])
 def test_a_refusal_is_an_error(fields, reason):
     with pytest.raises(ProtocolError, match=reason):
         connection_of("/a", fields)
@@ -141,8 +142,8 @@ def test_a_publisher_that_closes_is_a_lost_connection(wire):
         wire.read(lambda: False)
 
 
-@pytest.mark.parametrize("garbage", [b"GET / HTTP/1.1\r\n\r\n", b"\xff\xff\xff\xff", encode_header({"error": "go away"}),
-                                     struct.pack("<II", 8, 99) + b"abcd"])
+@pytest.mark.parametrize("garbage", [b"GET / HTTP/1.1\r\n\r\n", b"\xff\xff\xff\xff",
+                                     encode_header({"error": "go away"}), struct.pack("<II", 8, 99) + b"abcd"])
 def test_what_is_not_tcpros_is_an_error(wire, garbage):
     wire.send(garbage)
     with pytest.raises(ProtocolError):
