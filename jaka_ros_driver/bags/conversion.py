@@ -98,9 +98,9 @@ def convert_file(job: Job, on_progress: Optional[OnProgress] = None) -> Outcome:
     with open_log(job.source) as reader:
         index = reader.index
         selection = job.span.apply(job.selection, index.start_time, index.end_time)
-        profile = job.profile if job.profile == "ros2" or index.format == "bag" else index.profile
         writer: ChunkWriter
-        with create_log(job.target, job.compression, job.level, job.overwrite, profile) as writer:
+        with create_log(job.target, job.compression, job.level, job.overwrite, index.profile or "ros1",
+                        job.profile == "ros2") as writer:
             result = copy_log(reader, writer, Picker(selection, reader.connections), on_progress, job.workers,
                               selection.start_time if job.keep_latched else None)
     return Outcome(job.source, job.target, result.messages, index.size, size_of(job.target),
@@ -147,7 +147,7 @@ def convert_on_dask(jobs: List[Job], address: str, on_outcome: Callable[[Outcome
         client = distributed.Client(address, timeout="20s", set_as_default=False)
     except (OSError, ValueError) as error:
         raise BagError("cannot reach the Dask scheduler %s: %s" % (address, error)) from error
-    with client:
+    with client, client.as_current():
         futures = client.map(try_convert, jobs, pure=False, retries=1)
         by_key = {future.key: job for future, job in zip(futures, jobs)}
         for future in distributed.as_completed(futures):

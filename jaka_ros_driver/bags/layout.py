@@ -107,8 +107,7 @@ def layout_of(datatype: str, types: Dict[str, MessageType], raw: bytes) -> Layou
     walker = _Walker(types, raw)
     walker.walk(datatype, "", False)
     if walker.at != len(raw):
-        raise DefinitionError("a message of %s has %d bytes, its definition describes %d"
-                              % (datatype, len(raw), walker.at))
+        raise DefinitionError("a message has %d bytes, its definition describes %d" % (len(raw), walker.at))
     at = np.array(walker.lengths_at, np.int64)
     leaves = {name: Leaf(kind, tuple(offsets), tuple(counts), is_array)
               for name, (kind, offsets, counts, is_array) in walker.runs.items()}
@@ -137,10 +136,17 @@ class LayoutFinder:
         if connection.encoding != "ros1" or connection.schema_encoding != "ros1msg":
             raise DefinitionError("%s: messages encoded as %s (%s) cannot be decoded"
                                   % (connection.topic, connection.encoding, connection.schema_encoding))
+        self._topic = connection.topic
         self._datatype = connection.datatype
         self._types = parse_definition(connection.datatype, connection.definition)
         self._known: Dict[int, List[Layout]] = {}
         self._count = 0
+
+    def _new_layout(self, raw: bytes) -> Layout:
+        try:
+            return layout_of(self._datatype, self._types, raw)
+        except DefinitionError as error:
+            raise DefinitionError("%s (%s): %s" % (self._topic, self._datatype, error)) from error
 
     def groups(self, block: Block, which: Array) -> Iterator[Group]:
         """The messages at positions ``which`` of a block, by layout.
@@ -158,7 +164,7 @@ class LayoutFinder:
                 if tried < len(known):
                     layout: Optional[Layout] = known[tried]
                 else:
-                    layout = layout_of(self._datatype, self._types, matrix[0].tobytes())
+                    layout = self._new_layout(matrix[0].tobytes())
                     if self._count < _MAX_CACHED:
                         known.append(layout)
                         self._count += 1

@@ -148,7 +148,7 @@ def _attempt(path: str, descriptor: int, target: PathLike, compression: Optional
     for file_id, connection in known.items():
         salvager.connections.setdefault(file_id, connection)
     unknown: Dict[int, int] = {}
-    writer = create_log(target, compression, level, overwrite, "" if profile == "ros2" else profile)
+    writer = create_log(target, compression, level, overwrite, profile)
     try:
         written = _write(salvager, writer, unknown, on_progress)
         if not written and salvager.losses:

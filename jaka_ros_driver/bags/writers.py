@@ -12,7 +12,7 @@ SUFFIXES = (".bag", ".mcap")
 
 
 def create_log(path: PathLike, compression: Optional[str] = None, level: Optional[int] = None,
-               overwrite: bool = False, profile: str = "ros1") -> ChunkWriter:
+               overwrite: bool = False, profile: str = "ros1", as_rosbag2: bool = False) -> ChunkWriter:
     """Begin an output.
 
     Args:
@@ -20,14 +20,15 @@ def create_log(path: PathLike, compression: Optional[str] = None, level: Optiona
         compression: None for the format's default: zstd for MCAP, none for .bag.
         level: The codec's level; None for the codec's default.
         overwrite: Replace an existing output.
-        profile: ``ros2`` for a rosbag2 folder with CDR messages; else the profile of the MCAP.
+        profile: Profile of an MCAP.
+        as_rosbag2: Make a rosbag2 folder: ROS 1 messages are converted to CDR.
 
     Raises:
         BagError: The suffix is neither, the compression is not the format's, or it cannot be created.
         OutputExists: The output exists and ``overwrite`` is False.
     """
     suffix = Path(path).suffix
-    if profile == "ros2":
+    if as_rosbag2:
         if suffix:
             raise BagError("the output of the profile ros2 is a folder: %s has a suffix" % path)
         from .rosbag2_writer import Rosbag2Writer

@@ -13,7 +13,7 @@ from jaka_ros_driver.bags.readers import open_log
 from jaka_ros_driver.bags.recovery import recover
 
 SMALL = [model(START_NS, "zu7")] + [states(START_NS + i * 1000, i, 1, 0, 0) for i in range(1, 6)]
-FORMS = [(".bag", "none"), (".bag", "lz4"), (".bag", "bz2"), (".mcap", "none"), (".mcap", "lz4"), (".mcap", "zstd")]
+FORMS = [(".bag", "none"), (".bag", "lz4"), (".mcap", "none"), (".mcap", "zstd")]
 
 
 def small(path, codec):
