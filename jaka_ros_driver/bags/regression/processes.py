@@ -28,26 +28,30 @@ class Program:
         name: For messages, and of the file that keeps what it prints.
         arguments: Of the interpreter, as ``-m`` and the module's name.
         folder: Where that file is written.
-        environment: Added to this process's own.
+        environment: Added to this process's own; None takes a variable out.
         on_line: Takes each line that it prints on stdout, in a thread.
+        is_service: It runs until it is told to end.
 
     Attributes:
         process: The running process.
         output: The file with stdout and stderr.
     """
 
-    def __init__(self, name: str, arguments: Sequence[str], folder: Path, environment: Optional[Dict[str, str]] = None,
-                 on_line: Optional[Callable[[str], None]] = None) -> None:
+    def __init__(self, name: str, arguments: Sequence[str], folder: Path,
+                 environment: Optional[Dict[str, Optional[str]]] = None,
+                 on_line: Optional[Callable[[str], None]] = None, is_service: bool = True) -> None:
         self.name = name
+        self.is_service = is_service
         self.output = folder / (name + ".log")
         self._on_line = on_line
         self._lines: queue.Queue[str] = queue.Queue()
         self._file = open(str(self.output), "wb")
         # children find the same modules as this interpreter does, however it was told
         paths = os.pathsep.join(path for path in sys.path if path)
+        changed = {**os.environ, **(environment or {}), "PYTHONPATH": paths, "PYTHONUNBUFFERED": "1"}
         self.process = subprocess.Popen(
             [sys.executable, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._file,
-            env={**os.environ, **(environment or {}), "PYTHONPATH": paths, "PYTHONUNBUFFERED": "1"},
+            env={name: value for name, value in changed.items() if value is not None},
             start_new_session=True)
         self._reader = threading.Thread(target=self._read, name=name + " output", daemon=True)
         self._reader.start()
@@ -176,13 +180,13 @@ class Programs:
         return program
 
     def check(self) -> None:
-        """See that all still run.
+        """See that all that must run still do.
 
         Raises:
             ProgramFailed: One has ended.
         """
         for program in self._running:
-            if program.process.poll() not in (None, 0):
+            if program.is_service and program.process.poll() is not None:
                 raise ProgramFailed("%s ended: %s" % (program.name, program.last_words()))
 
     def __enter__(self) -> "Programs":

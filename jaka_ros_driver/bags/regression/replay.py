@@ -23,7 +23,7 @@ DRIVER_TIMED_SERVICES = ("jog", "servo_j", "servo_p", "servo_move_enable")
 """Services whose course depends on the driver's own clock (jog watchdog, servo cycle): it runs at speed 1 only."""
 _START_S = 60.0
 _TAIL_S = 0.7
-DRIVER = ("-m", "jaka_ros_driver.ros.node")
+DRIVER = ("-c", "import sys; from jaka_ros_driver.ros.node import main; sys.exit(main())")
 """Arguments of the interpreter that start the driver."""
 _MASTER = ("from rosmaster.master import Master\nimport time\nmaster = Master(0)\nmaster.start()\n"
            "print(master.uri, flush=True)\nwhile master.ok():\n    time.sleep(0.1)\n")
@@ -80,7 +80,7 @@ class _Stage:
         self._script = script
         self._scenario = scenario
         self._time_scale = time_scale
-        self._environment: Dict[str, str] = {}
+        self._environment: Dict[str, Optional[str]] = {}
         self._panels: Dict[str, Program] = {}
         self._ports: Dict[str, Dict[str, Any]] = {}
         self._timers: List[threading.Timer] = []
@@ -94,7 +94,7 @@ class _Stage:
         master = self._start("master", "-c", _MASTER)
         self._environment = {"ROS_MASTER_URI": master.first_line(_START_S), "ROS_IP": "127.0.0.1",
                              "ROS_HOME": str(self._folder), "ROS_LOG_DIR": str(self._folder / "ros_log"),
-                             "ROS_HOSTNAME": "", "ROS_NAMESPACE": ""}
+                             "ROS_HOSTNAME": None, "ROS_NAMESPACE": None}
         for number, arm in enumerate(self._scenario.arms):
             self._start_simulation(number, arm)
         recorder = self._start("recorder", "-m", "jaka_ros_driver.bags.cli", "record", "-O", str(candidate), "--force",
@@ -139,12 +139,23 @@ class _Stage:
         patience = 3.0 * self._script.duration / self._time_scale + 3.0 * _START_S
         player = self._start("calls", "-m", "jaka_ros_driver.bags.cli", "replay-commands", log,
                              "--go-to-start", "--progress", "--wait", "%g" % _START_S, "--time-scale",
-                             "%g" % self._time_scale, on_line=self._call_made)
-        code = player.wait(patience)
+                             "%g" % self._time_scale, on_line=self._call_made, is_service=False)
+        code = self._wait_for(player, patience)
         if code:
             raise ProgramFailed("the calls could not be made again: %s" % player.last_words())
         last = max(call.end for call in self._script.calls)
         self._let_pass((self._script.duration - last) / self._time_scale + _TAIL_S)
+
+    def _wait_for(self, program: Program, patience_s: float) -> int:
+        """Wait for its end while all others run; its exit code."""
+        end = time.monotonic() + patience_s
+        while time.monotonic() < end:
+            code = program.process.poll()
+            if code is not None:
+                return code
+            self._programs.check()
+            time.sleep(0.05)
+        raise ProgramFailed("%s did not end: %s" % (program.name, program.last_words()))
 
     def _call_made(self, line: str) -> None:
         try:
