@@ -154,6 +154,7 @@ class FrameStream:
         self._max_bytes = max_bytes
         self._buffer = bytearray()
         self._in_damage = False
+        self._unsearched = 0
 
     def feed(self, data: bytes) -> List[Item]:
         """Take the next bytes of the stream, and return what they complete, in order."""
@@ -165,7 +166,7 @@ class FrameStream:
 
     def clear(self) -> None:
         """Forget the frame that has begun."""
-        self._buffer.clear()
+        self._drop(len(self._buffer))
         self._in_damage = False
 
     def _take(self, items: List[Item]) -> bool:
@@ -185,7 +186,7 @@ class FrameStream:
             except FramingError as error:
                 self._skip(head_end, "status frame of len %d: %s" % (length, error), items)
             else:
-                del self._buffer[:length]
+                self._drop(length)
                 self._in_damage = False
             return True
         following = self._whole_frame_after(head_end)
@@ -193,20 +194,32 @@ class FrameStream:
         return following > 0
 
     def _whole_frame_after(self, position: int) -> int:
-        """Where a whole frame begins behind this position, 0 for nowhere: the frame before it lost its tail."""
-        for head in _FRAME_HEAD.finditer(self._buffer, position):
+        """Where a whole frame begins behind this position, 0 for nowhere: the frame before it lost its tail.
+
+        What has been searched is not searched again, but for heads whose frames were not whole yet.
+        """
+        unfinished = len(self._buffer)
+        for head in _FRAME_HEAD.finditer(self._buffer, max(position, self._unsearched)):
             end = head.start() + int(head.group(1))
-            if end <= len(self._buffer):
-                try:
-                    parse_object(bytes(self._buffer[head.start():end]))
-                except FramingError:
-                    continue
-                return head.start()
+            if end > len(self._buffer):
+                unfinished = min(unfinished, head.start())
+                continue
+            try:
+                parse_object(bytes(self._buffer[head.start():end]))
+            except FramingError:
+                continue
+            return head.start()
+        self._unsearched = max(self._unsearched, min(unfinished, len(self._buffer) - _HEAD_BYTES))
         return 0
+
+    def _drop(self, count: int) -> None:
+        del self._buffer[:count]
+        if count:
+            self._unsearched = 0
 
     def _skip(self, count: int, why: str, items: List[Item]) -> None:
         skipped = bytes(self._buffer[:count])
-        del self._buffer[:count]
+        self._drop(count)
         if not self._in_damage and _NOT_BLANK.search(skipped):
             self._in_damage = True
             items.append(FramingError("%s: %r" % (why, skipped.lstrip()[:40])))
