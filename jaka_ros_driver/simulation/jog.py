@@ -9,6 +9,7 @@ from jaka_ros_driver.simulation import events
 from jaka_ros_driver.simulation.arm_frames import ArmFrames, rotated, turned
 from jaka_ros_driver.simulation.events import TargetRejected
 from jaka_ros_driver.simulation.legs import Line, Pace, Vector3, norm, rotation_between
+from jaka_ros_driver.simulation.moves import SLOWEST
 from jaka_ros_driver.simulation.routes import CartesianRoute, JointRoute, Route
 from jaka_ros_driver.state import Vector
 
@@ -18,7 +19,7 @@ TCP_ACCELERATION = 0.5
 """m/s2, of a Cartesian jog. No vendor value exists."""
 
 _ALREADY_THERE = 1e-9
-_TURNS = 4.0 * math.pi  # rad; a continuous jog about a Cartesian axis ends after two turns at the latest
+_TURNS = 4.0 * math.pi  # rad; a jog about a Cartesian axis ends after two turns at the latest
 
 
 class JogMode(enum.IntEnum):
@@ -43,7 +44,7 @@ def jog_route(frames: ArmFrames, start: Vector, mode: JogMode, frame: JogFrame, 
     """
     if not 0 <= axis <= 5:
         raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "jog axis %d is not within 0 to 5" % axis)
-    if not math.isfinite(velocity) or velocity == 0.0:
+    if not math.isfinite(velocity) or abs(velocity) < SLOWEST:
         raise TargetRejected(events.BAD_SPEED, "jog velocity must be finite and not 0")
     if mode != JogMode.CONTINUOUS and (position is None or not math.isfinite(position)):
         raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "jog needs a finite position")
@@ -83,6 +84,8 @@ def _cartesian_route(frames: ArmFrames, start: Vector, mode: JogMode, frame: Jog
         shift, turn = _to_coordinate(frames, tool, axis, position)
     else:
         shift, turn = _displacement(frames, tool, frame, axis, position)
+    if norm(shift) > 1.01 * _twice_reach(frames) or norm(turn) > 1.01 * _TURNS:
+        raise TargetRejected(events.TARGET_UNREACHABLE, "jog leads out of the reach")
     if norm(shift) < _ALREADY_THERE and norm(turn) < _ALREADY_THERE:
         return None
     speed = abs(velocity)

@@ -10,6 +10,8 @@ from jaka_ros_driver.simulation.events import TargetRejected
 from jaka_ros_driver.simulation.legs import Pace
 from jaka_ros_driver.state import Vector
 
+SLOWEST = 1e-9
+"""m/s, rad/s, m/s2, rad/s2: what is less counts as 0."""
 DEFAULT_JOINT_ACCELERATION = math.pi
 """rad/s2, where a joint move names none (the SDK's short form, controller protocol 2). No vendor value exists."""
 DEFAULT_TCP_ACCELERATION = 0.5
@@ -30,11 +32,11 @@ def positive(what: str, value: Optional[float], default: float) -> float:
     """The value, or the default where there is none.
 
     Raises:
-        TargetRejected: Not finite, or not above 0 (0x0F0010).
+        TargetRejected: Not finite, or not at least SLOWEST (0x0F0010).
     """
     if value is None:
         return default
-    if not math.isfinite(value) or value <= 0.0:
+    if not math.isfinite(value) or value < SLOWEST:
         raise TargetRejected(events.BAD_SPEED, "%s must be finite and above 0" % what)
     return value
 

@@ -11,11 +11,11 @@ JERK_TIME = 0.05
 """s; with ruckig, acceleration builds up and fades over so long. No vendor value exists."""
 
 try:
-    _ruckig: Optional[Any] = importlib.import_module("ruckig")
+    RUCKIG: Optional[Any] = importlib.import_module("ruckig")
 except ImportError:
-    _ruckig = None
+    RUCKIG = None
 
-HAS_RUCKIG = _ruckig is not None
+HAS_RUCKIG = RUCKIG is not None
 
 _REST_SPEED = 1e-9
 _STEEPER = 1.25
@@ -133,7 +133,7 @@ class Profile:
             self._rest_at(target)
 
     def _plan_to(self, target: float) -> None:
-        if _ruckig is None:
+        if RUCKIG is None:
             return
         acceleration = self._max_acceleration
         for _ in range(_STEEPER_TRIES):
@@ -149,16 +149,16 @@ class Profile:
             acceleration *= _STEEPER
 
     def _plan_brake(self) -> None:
-        if _ruckig is None:
+        if RUCKIG is None:
             return
         plan = self._request(self._max_acceleration)
-        plan.control_interface = _ruckig.ControlInterface.Velocity
+        plan.control_interface = RUCKIG.ControlInterface.Velocity
         plan.target_velocity = [0.0]
         self._trajectory, self._elapsed = self._solve(plan), 0.0
 
     def _request(self, acceleration: float) -> Any:
-        assert _ruckig is not None
-        plan = _ruckig.InputParameter(1)
+        assert RUCKIG is not None
+        plan = RUCKIG.InputParameter(1)
         plan.current_position = [self.position]
         plan.current_velocity = [self.velocity]
         plan.current_acceleration = [self.acceleration]
@@ -168,10 +168,18 @@ class Profile:
 
     def _solve(self, plan: Any) -> Any:
         """The trajectory, or None where ruckig finds none; the trapezoid then takes over."""
-        assert _ruckig is not None
-        trajectory = _ruckig.Trajectory(1)
-        result = _ruckig.Ruckig(1).calculate(plan, trajectory)
-        return trajectory if int(result.value) >= 0 else None
+        assert RUCKIG is not None
+        trajectory = RUCKIG.Trajectory(1)
+        return trajectory if ruckig_solves(RUCKIG.Ruckig(1), plan, trajectory) else None
+
+
+def ruckig_solves(solver: Any, plan: Any, trajectory: Any) -> bool:
+    """Let ruckig compute the trajectory of the plan; False where numbers of very different size defeat it."""
+    assert RUCKIG is not None
+    try:
+        return int(solver.calculate(plan, trajectory).value) >= 0
+    except (RUCKIG.RuckigError, ValueError):  # ValueError: a result that its own enumeration lacks
+        return False
 
 
 def speed_for_way(way: float, final_speed: float, acceleration: float, jerk_time: float) -> float:

@@ -39,7 +39,7 @@ class Route:
     break_event: Optional[PlantEvent] = None
 
     def __init__(self) -> None:
-        self._stretches: Tuple[Stretch, ...] = ()
+        self._stretches: List[Stretch] = []
         self._begins: List[float] = []
         self._entry_speeds: List[float] = []
         self._entry_jerk_time = -1.0
@@ -185,7 +185,8 @@ class CartesianRoute(Route):
         limits = Stretch(2.0 * half, corner.max_speed, 0.5 * min(last.max_acceleration, leg.max_acceleration),
                          min(last.max_braking, leg.max_braking))
         rounding = PathScan(self._frames, self._joints_of, lambda s: corner.at(s - half), entry_joints, limits,
-                            _CORNER_PIECES)
+                            half * (last.way / last.length + leg.way / leg.length),
+                            half * (last.angle / last.length + leg.angle / leg.length), _CORNER_PIECES)
         scan = self._scan(leg, self.end_joints)
         if rounding.broken or (scan.broken and scan.broken.way <= half):
             return False
@@ -208,12 +209,12 @@ class CartesianRoute(Route):
             del self._pieces[:passed]
             self._piece_index = 0
             rest = _cut(self._stretches, math.inf, way)
-            self._stretches = (rest[0]._replace(way=way), *rest)
+            self._stretches = [rest[0]._replace(way=way), *rest]
 
     def _scan(self, leg: Leg, start_joints: Vector) -> PathScan:
         pieces = max(2, math.ceil(leg.way / _PIECE_WAY), math.ceil(leg.angle / _PIECE_ANGLE))
         limits = Stretch(leg.length, leg.max_speed, leg.max_acceleration, leg.max_braking)
-        return PathScan(self._frames, self._joints_of, leg.at, start_joints, limits, pieces)
+        return PathScan(self._frames, self._joints_of, leg.at, start_joints, limits, leg.way, leg.angle, pieces)
 
     def _take_end(self, scan: PathScan) -> None:
         last = self._pieces[-1]

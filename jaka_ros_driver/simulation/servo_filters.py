@@ -13,22 +13,17 @@ The vendor gives names and parameters, no formulas: these are the simulation's o
 5  foresight     as 3 with mmf_kv 1 and mmf_ka 0: the mean, with the mean speed fed forward
 """
 import enum
-import importlib
 import math
 from collections import deque
-from typing import Any, Deque, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Deque, Dict, List, Sequence, Tuple
 
 from jaka_ros_driver.kinematics.rotations import Transform
 from jaka_ros_driver.simulation import events
 from jaka_ros_driver.simulation.arm_frames import ArmFrames, turned
 from jaka_ros_driver.simulation.events import TargetRejected
 from jaka_ros_driver.simulation.legs import rotation_between
+from jaka_ros_driver.simulation.profiles import RUCKIG, ruckig_solves
 from jaka_ros_driver.state import Vector
-
-try:
-    _ruckig: Optional[Any] = importlib.import_module("ruckig")
-except ImportError:
-    _ruckig = None
 
 MAX_BUFFER = 250
 
@@ -169,14 +164,14 @@ class Tracker:
         self._acceleration = [0.0] * len(self._position)
         self._speed_limit, self._acceleration_limit, jerk = limits
         self._plan: Any = None
-        if _ruckig is not None and jerk_limited:
+        if RUCKIG is not None and jerk_limited:
             size = len(self._position)
-            self._solver, self._trajectory = _ruckig.Ruckig(size), _ruckig.Trajectory(size)
-            self._plan = _ruckig.InputParameter(size)
+            self._solver, self._trajectory = RUCKIG.Ruckig(size), RUCKIG.Trajectory(size)
+            self._plan = RUCKIG.InputParameter(size)
             self._plan.max_velocity = [self._speed_limit] * size
             self._plan.max_acceleration = [self._acceleration_limit] * size
             self._plan.max_jerk = [jerk] * size
-            self._plan.synchronization = _ruckig.Synchronization.No
+            self._plan.synchronization = RUCKIG.Synchronization.No
 
     def step_from_zero(self, target: Sequence[float], dt: float) -> Vector:
         """As ``step``, with the coordinates counted from where they are now; returns the change."""
@@ -194,7 +189,7 @@ class Tracker:
         plan = self._plan
         plan.current_position, plan.current_velocity = self._position, self._velocity
         plan.current_acceleration, plan.target_position = self._acceleration, list(target)
-        if int(self._solver.calculate(plan, self._trajectory).value) < 0:
+        if not ruckig_solves(self._solver, plan, self._trajectory):
             return False
         time = min(dt, self._trajectory.duration)
         position, velocity, acceleration = self._trajectory.at_time(time)
