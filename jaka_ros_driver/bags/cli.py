@@ -44,7 +44,7 @@ def _help() -> str:
              "State logs of ROS 1, .bag and .mcap alike: the format of an input is seen from its content,",
              "that of an output from its name. An input is never changed, an output appears only when whole.", "",
              "commands:"]
-    lines += ["  %-12s%s" % (name, command.summary) for name, command in COMMANDS.items()]
+    lines += ["  %-16s%s" % (name, command.summary) for name, command in COMMANDS.items()]
     lines += ["", "'%s COMMAND --help' tells the options. Exit code: 0 done, 1 failed or partial, 2 usage." % PROGRAM]
     return "\n".join(lines)
 
