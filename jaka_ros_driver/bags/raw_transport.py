@@ -13,7 +13,7 @@ from ..errors import ConnectionLost, JakaError, ProtocolError
 from .definitions import Connection
 from .ros_graph import RemoteNode, SlaveServer, master_uri
 from .ros_names import NodeNames, host_address
-from .tcpros import Deliver, PublisherLink
+from .tcpros import Deliver, PublisherLink, resolve
 
 _FIRST_RETRY_S = 0.1
 _LAST_RETRY_S = 5.0
@@ -42,6 +42,7 @@ class _Publisher:
         self.link: Optional[PublisherLink] = None
         self.retry_at = 0.0
         self.delay_s = _FIRST_RETRY_S
+        self.noticed = ""
 
 
 class _Topic(NamedTuple):
@@ -243,7 +244,7 @@ class RawTransport:
                 node.close()
             if not isinstance(protocol, (list, tuple)) or len(protocol) < 3 or protocol[0] != "TCPROS":
                 raise ProtocolError("%s offers no TCPROS for %s" % (uri, topic))
-            self._command(self._connect, topic, uri, (str(protocol[1]), int(protocol[2])))
+            self._command(self._connect, topic, uri, resolve(str(protocol[1]), int(protocol[2])))
         except JakaError as error:
             self._command(self._ask_failed, topic, uri, error)
 
@@ -287,7 +288,8 @@ class RawTransport:
             self._retry_later(publisher, link.topic, error)
 
     def _retry_later(self, publisher: _Publisher, topic: str, error: JakaError) -> None:
-        if publisher.is_listed and publisher.delay_s > 4 * _FIRST_RETRY_S:
+        if publisher.is_listed and publisher.delay_s > 4 * _FIRST_RETRY_S and publisher.noticed != str(error):
+            publisher.noticed = str(error)
             self._notice("%s: %s; trying again" % (topic, error))
         publisher.retry_at = time.monotonic() + publisher.delay_s
         publisher.delay_s = min(2 * publisher.delay_s, _LAST_RETRY_S)

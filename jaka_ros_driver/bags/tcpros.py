@@ -77,6 +77,19 @@ def connection_of(topic: str, fields: Mapping[str, str]) -> Connection:
                       tuple((name, value) for name, value in fields.items() if name not in _KNOWN_FIELDS))
 
 
+def resolve(host: str, port: int) -> Tuple[str, int]:
+    """Host and port with the host as a number, which connecting to does not wait for; may take long itself.
+
+    Raises:
+        ConnectionLost: The host is unknown.
+    """
+    try:
+        target = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][4]
+    except OSError as error:
+        raise ConnectionLost("cannot reach %s:%d: %s" % (host, port, error)) from error
+    return str(target[0]), int(target[1])
+
+
 class PublisherLink:
     """One TCPROS link from one publisher on one topic; non-blocking, to be polled by its ``fileno``.
 
@@ -143,7 +156,11 @@ class PublisherLink:
         if code:
             raise ConnectionLost("cannot reach %s: %s" % (self.publisher, os.strerror(code)))
         self.is_connecting = False
-        if self._socket.send(self._request) != len(self._request):
+        try:
+            taken = self._socket.send(self._request)
+        except OSError as error:
+            raise ConnectionLost("link to %s broke: %s" % (self.publisher, error)) from error
+        if taken != len(self._request):
             raise ConnectionLost("%s takes no connection header" % self.publisher)
 
     def read(self, deliver: Deliver) -> None:

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from jaka_ros_driver.bags.tcpros import PublisherLink, connection_of, decode_header, encode_header
+from jaka_ros_driver.bags.tcpros import PublisherLink, connection_of, decode_header, encode_header, resolve
 from jaka_ros_driver.errors import ConnectionLost, ProtocolError
 
 HEADER = {"callerid": "/talker", "latching": "1", "md5sum": "abc", "message_definition": "string data\n# caf\u00e9",
@@ -167,5 +167,8 @@ def test_nobody_there_is_a_lost_connection():
 
 
 def test_an_unknown_host_is_a_lost_connection():
+    assert resolve("localhost", 5)[1] == 5
+    with pytest.raises(ConnectionLost, match="cannot reach"):
+        resolve("no-such-host.invalid", 1)
     with pytest.raises(ConnectionLost, match="cannot reach"):
         PublisherLink("/me", "/a", "http://x/", ("no-such-host.invalid", 1))
