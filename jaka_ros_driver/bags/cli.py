@@ -35,6 +35,7 @@ COMMANDS = {
     "export": Command("export_cli", "fields of messages as CSV, NPZ or Parquet"),
     "compare": Command("compare_cli", "does a log show what a golden one shows? with tolerances, HTML, JUnit"),
     "replay-commands": Command("replay_commands_cli", "make the service calls of a log again, against a live driver"),
+    "replay-wire": Command("replay_wire_cli", "play a recorded controller's bytes to the driver, and compare"),
     "completion": Command("completion_cli", "completion for bash or zsh"),
 }
 

@@ -51,6 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how far each joint may be from where the log began (default %g)" % _REACH_RAD)
     add("--wait", type=duration, default=20.0, metavar="TIME", help="wait so long for the driver (default 20s)")
     add("--progress", action="store_true", help="a line of JSON at each start and end of a call, for programs")
+    add("--begin-at-stdin", action="store_true",
+        help="a line on stdin tells when the log begins, in s of the monotonic clock, for programs")
     add("-q", "--quiet", action="store_true", help="say only what went wrong")
 
 
@@ -129,11 +131,15 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
         for pose in poses:
             _check_start(args, client, pose)
         teller = _Teller(len(planned), args.quiet, args.progress)
+        begin = time.monotonic()
+        if args.begin_at_stdin:
+            print(json.dumps({"event": "ready"}), flush=True)
+            begin = float(sys.stdin.readline() or begin)
         if args.progress:
-            print(json.dumps({"event": "begin", "monotonic_s": time.monotonic()}), flush=True)
+            print(json.dumps({"event": "begin", "monotonic_s": begin}), flush=True)
         player = CommandPlayer(planned, client.perform, teller, args.after_previous, cancelled)
         try:
-            player.run()
+            player.run(begin)
         except ReplayStopped as error:
             print("jaka_bag replay-commands: error: %s" % error, file=sys.stderr)
             for node in sorted({call.service.rsplit("/", 1)[0] for call in log.calls}):

@@ -8,6 +8,7 @@ from typing import Any, Dict, List, Optional
 
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import model_names
+from jaka_ros_driver.simulation import proxy
 from jaka_ros_driver.simulation.firmware import FIRMWARES
 from jaka_ros_driver.simulation.panel import ACTIONS
 from jaka_ros_driver.simulation.server import LOOPBACK, ask_panel
@@ -28,7 +29,9 @@ def main(argv: Optional[List[str]] = None) -> int:
         0 done, 1 failed, 2 wrong usage.
     """
     arguments = sys.argv[1:] if argv is None else argv
-    return _panel(arguments[1:]) if arguments[:1] == ["panel"] else _serve(arguments)
+    if arguments[:1] == ["panel"]:
+        return _panel(arguments[1:])
+    return proxy.main(arguments[1:]) if arguments[:1] == ["proxy"] else _serve(arguments)
 
 
 def _serve(arguments: List[str]) -> int:
@@ -70,7 +73,8 @@ def _raise_priority(realtime: bool) -> None:
 def _serving_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="jaka_sim", description="A simulated JAKA controller. Its first line of output is JSON with the numbers "
-        "of its ports. 'jaka_sim panel --help' tells about the operator's panel.")
+        "of its ports. 'jaka_sim panel --help' tells about the operator's panel, 'jaka_sim proxy --help' about "
+        "recording a real controller.")
     parser.add_argument("--model", default="zu7", metavar="NAME", help="one of %s" % ", ".join(model_names()))
     parser.add_argument("--dh-file", metavar="FILE", help="a model of your own instead, see docs/simulation.md")
     parser.add_argument("--host", default=LOOPBACK, metavar="ADDRESS", help="where to listen; default loopback only")

@@ -20,6 +20,8 @@ from jaka_ros_driver.state import Vector
 FLUSH_INTERVAL_S = 0.5
 _QUEUE_LIMIT = 200000
 _JOINTS_TOPIC = "/joints"
+_CLOCK = "clock"
+_OFFSET = "realtime_minus_monotonic_ns"
 _PORTS = ("command", "status", "poll", "panel")
 
 _WIRE_SCHEMA = {
@@ -90,6 +92,7 @@ class WireLog:
             raise WireLogError("cannot write %s: %s" % (path, error)) from error
         self._writer: Any = Writer(self._file, chunk_size=256 * 1024, compression=CompressionType.LZ4)
         self._writer.start(profile="", library="jaka_ros_driver simulated controller")
+        self._writer.add_metadata(_CLOCK, {_OFFSET: str(time.time_ns() - time.monotonic_ns())})
         self._channels = self._register()
         self._queue: queue.Queue[Optional[Tuple[str, int, Any]]] = queue.Queue(_QUEUE_LIMIT)
         self.lost = 0
@@ -180,6 +183,32 @@ def _text(time_ns: int, content: Any) -> bytes:
         connection, what, data = content
         fields = {"time_ns": time_ns, "what": what, "connection": connection, "data": data.decode("latin-1")}
     return json.dumps(fields).encode("ascii")
+
+
+def clock_offset_ns(path: str) -> int:
+    """What is to be added to the log's times to get the host's real time, ns since the epoch; 0 where it does not say.
+
+    Raises:
+        WireLogError: The package mcap is missing, or the file cannot be read.
+    """
+    try:
+        from mcap.exceptions import EndOfFile, McapError
+        from mcap.records import Message, Metadata
+        from mcap.stream_reader import StreamReader
+    except ImportError as error:
+        raise WireLogError("a wire log needs the Python package mcap: %s" % error) from error
+    try:
+        with open(path, "rb") as file:
+            for record in StreamReader(file).records:
+                if isinstance(record, Metadata) and record.name == _CLOCK:
+                    return int(record.metadata[_OFFSET])
+                if isinstance(record, Message):
+                    return 0
+    except EndOfFile:
+        return 0
+    except (OSError, McapError, ValueError, KeyError, struct.error) as error:
+        raise WireLogError("cannot read %s as a wire log: %s" % (path, error)) from error
+    return 0
 
 
 def read_log(path: str) -> List[Union[WireEvent, TrueJoints]]:

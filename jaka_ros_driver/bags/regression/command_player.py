@@ -57,13 +57,16 @@ class CommandPlayer:
         self._failure: Optional[str] = None
         self.lateness: List[float] = []
 
-    def run(self) -> None:
+    def run(self, begin: Optional[float] = None) -> None:
         """Make all calls; returns when the last has been answered.
+
+        Args:
+            begin: When the plan begins, monotonic s; None: now.
 
         Raises:
             ReplayStopped: A call was refused that succeeded in the log, or the replay was cancelled.
         """
-        begin = time.monotonic()
+        begin = time.monotonic() if begin is None else begin
         threads: Dict[int, threading.Thread] = {}
         for entry in self._planned:
             moment = self._wait_until_due(entry, begin)

@@ -42,12 +42,19 @@ def plan(calls: Sequence[Call], stretch: float = 1.0, start: float = 0.0) -> Lis
         # what ended before an earlier call began has ended by then: calls are made in their order
         ended = [k for k in open_calls if calls[k].end <= call.start]
         open_calls = [k for k in open_calls if calls[k].end > call.start]
-        after = tuple((k, stretch * min(call.start - calls[k].end, _SETTLE_S)) for k in ended)
+        after = tuple((k, stretch * _pause(calls[k], call)) for k in ended)
         during = tuple((k, stretch * (call.start - calls[k].start)) for k in open_calls)
         later = calls[number + 1].start if number + 1 < len(calls) else float("inf")
         result.append(Planned(call, number, stretch * (call.start - start), after, during, later < call.end))
         open_calls.append(number)
     return result
+
+
+def _pause(before: Call, call: Call) -> float:
+    """How long after the end of a call another one comes at least, s; a stream that is late catches up."""
+    if before.short_name in STREAM_SERVICES and call.short_name in STREAM_SERVICES:
+        return 0.0
+    return min(call.start - before.end, _SETTLE_S)
 
 
 def due(planned: Planned, started: Sequence[Optional[float]], ended: Sequence[Optional[float]], begin: float,

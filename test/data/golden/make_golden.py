@@ -100,14 +100,14 @@ def jog(pause_s: float, index: int, speed: float, **further: Any) -> Step:
 
 
 def _servo_stream() -> List[Step]:
-    """One second and a half of joint targets every 16 ms: joint 1 to and fro on a smooth curve, and back to rest."""
+    """One second and a half of joint targets every 32 ms: joint 1 to and fro on a smooth curve, and back to rest."""
     steps = [Step(0.5, "servo_move_enable", {"enable": True}, 0.1)]
-    count = 96
+    count = 48
     for number in range(1, count + 1):
         part = number / count
         smooth = 16.0 * part ** 2 * (1.0 - part) ** 2
         pose = [round(HOME[0] + 0.12 * smooth, 5)] + [round(value, 5) for value in HOME[1:]]
-        steps.append(Step(0.3 if number == 1 else 0.016, "servo_j", {"pose": pose}, 0.002, overlaps=number > 1))
+        steps.append(Step(0.3 if number == 1 else 0.032, "servo_j", {"pose": pose}, 0.002, overlaps=number > 1))
     return [*steps, Step(0.5, "servo_move_enable", {"enable": False}, 0.1)]
 
 
