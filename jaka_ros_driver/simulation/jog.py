@@ -9,7 +9,7 @@ from jaka_ros_driver.simulation import events
 from jaka_ros_driver.simulation.arm_frames import ArmFrames, rotated, turned
 from jaka_ros_driver.simulation.events import TargetRejected
 from jaka_ros_driver.simulation.legs import Line, Pace, Vector3, norm, rotation_between
-from jaka_ros_driver.simulation.moves import SLOWEST
+from jaka_ros_driver.simulation.moves import FASTEST, SLOWEST
 from jaka_ros_driver.simulation.routes import CartesianRoute, JointRoute, Route
 from jaka_ros_driver.state import Vector
 
@@ -88,10 +88,8 @@ def _cartesian_route(frames: ArmFrames, start: Vector, mode: JogMode, frame: Jog
         raise TargetRejected(events.TARGET_UNREACHABLE, "jog leads out of the reach")
     if norm(shift) < _ALREADY_THERE and norm(turn) < _ALREADY_THERE:
         return None
-    speed = abs(velocity)
     top = frames.model.tcp_max_speed
-    if axis < 3 and top is not None:
-        speed = min(speed, top)
+    speed = min(abs(velocity), FASTEST if axis >= 3 or top is None else top)
     acceleration = TCP_ACCELERATION if axis < 3 else JOINT_ACCELERATION
     pace = Pace(speed, acceleration, speed, acceleration, frames.model.tcp_max_acceleration)
     end = turned(tool, turn, (tool[9] + shift[0], tool[10] + shift[1], tool[11] + shift[2]))

@@ -12,6 +12,10 @@ from jaka_ros_driver.state import Vector
 
 SLOWEST = 1e-9
 """m/s, rad/s, m/s2, rad/s2: what is less counts as 0."""
+FASTEST = 100.0
+"""m/s, rad/s: a Cartesian speed is cut to this; the arm's own limits are far below."""
+STRONGEST = 1e4
+"""rad/s2: likewise."""
 DEFAULT_JOINT_ACCELERATION = math.pi
 """rad/s2, where a joint move names none (the SDK's short form, controller protocol 2). No vendor value exists."""
 DEFAULT_TCP_ACCELERATION = 0.5
@@ -48,13 +52,13 @@ def tool_pace(model: ArmModel, speed: float, acceleration: Optional[float], rota
     Raises:
         TargetRejected: A number that is not finite or not above 0.
     """
-    top = math.inf if model.tcp_max_speed is None else model.tcp_max_speed
+    top = FASTEST if model.tcp_max_speed is None else model.tcp_max_speed
     strongest = model.tcp_max_acceleration
     return Pace(
         min(positive("speed", speed, 0.0), top),
         min(positive("acceleration", acceleration, DEFAULT_TCP_ACCELERATION), strongest),
-        positive("rotation speed", rotation_speed, DEFAULT_ROTATION_SPEED),
-        positive("rotation acceleration", rotation_acceleration, DEFAULT_ROTATION_ACCELERATION),
+        min(positive("rotation speed", rotation_speed, DEFAULT_ROTATION_SPEED), FASTEST),
+        min(positive("rotation acceleration", rotation_acceleration, DEFAULT_ROTATION_ACCELERATION), STRONGEST),
         strongest)
 
 

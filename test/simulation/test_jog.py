@@ -194,7 +194,9 @@ def test_rapid_rate_scales_a_jog(watch):
 @pytest.mark.parametrize(("arguments", "code"), [
     ((STEP, JOINT, 1, 0.3, 4.0), 0x010035),
     ((ABSOLUTE, JOINT, 2, 0.3, -3.2), 0x020036),
-    ((STEP, BASE, 0, 0.3, 3.0), events.SINGULARITY),
+    ((STEP, BASE, 0, 0.3, 1.0), events.SINGULARITY),
+    ((STEP, BASE, 0, 0.3, 9.0), events.TARGET_UNREACHABLE),
+    ((STEP, TOOL, 4, 0.3, 90.0), events.TARGET_UNREACHABLE),
     ((CONTINUOUS, JOINT, 6, 0.3), events.TARGET_OUTSIDE_LIMITS),
     ((CONTINUOUS, JOINT, -1, 0.3), events.TARGET_OUTSIDE_LIMITS),
     ((CONTINUOUS, JOINT, 0, 0.0), events.BAD_SPEED),
