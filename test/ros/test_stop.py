@@ -132,6 +132,18 @@ def test_a_move_that_is_under_way_at_shutdown_is_answered_and_the_arm_stopped(ro
     assert math.degrees(0.0) < arm.simulator.state()["joint_position"][0] < math.degrees(1.9)
 
 
+def test_the_guard_stops_a_jog_whose_driver_is_killed_and_the_next_driver_may_start(ros_node, simulator_of_its_own):
+    arm = Arm(simulator_of_its_own, "/killed_driver")
+    with DriverProcess("killed_driver", **on(arm.simulator)) as driver:
+        arm.wait_until_ready()
+        assert arm.call("jog", mvvelo=0.05, index=0).ret == 1
+        assert eventually(arm.simulator.is_moving)
+        driver.end(signal.SIGKILL)
+    assert eventually(lambda: not arm.simulator.is_moving())
+    with DriverProcess("next_driver", **on(arm.simulator)):
+        Arm(arm.simulator, "/next_driver").wait_until_ready()
+
+
 @pytest.fixture
 def simulator_of_its_own():
     with contextlib.closing(SimulatorProcess("--start", "enabled")) as process:
