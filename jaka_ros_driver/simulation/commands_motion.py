@@ -183,11 +183,12 @@ def _wait_complete(cabinet: Cabinet, _arguments: Arguments) -> Held:
 
 
 def _motion_planner(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
-    """Stored only: which profile is used depends on what is installed, not on this."""
+    """-1 off and 1 S-curve, both as far as ruckig is installed, 0 trapezoid; for the moves and jogs to come."""
     kind = arguments.integer("type")
     if kind not in (-1, 0, 1):
         raise Refused()
     cabinet.memory.settings["set_motion_planner", 0] = {"type": kind}
+    cabinet.plant.set_jerk_limited(kind != 0)
     return None
 
 
