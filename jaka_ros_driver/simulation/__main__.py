@@ -1,7 +1,6 @@
 """Command line: ``jaka_sim`` serves a simulated controller, ``jaka_sim panel ACTION key=value`` asks a running one."""
 import argparse
 import json
-import os
 import signal
 import sys
 from typing import Any, Dict, List, Optional
@@ -11,12 +10,9 @@ from jaka_ros_driver.kinematics.arm_models import model_names
 from jaka_ros_driver.simulation import proxy
 from jaka_ros_driver.simulation.firmware import FIRMWARES
 from jaka_ros_driver.simulation.panel import ACTIONS
+from jaka_ros_driver.simulation.priority import raise_priority
 from jaka_ros_driver.simulation.server import LOOPBACK, ask_panel
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
-
-_SWITCH_INTERVAL_S = 0.0005
-_PRIORITY = 10
-_NICENESS = -10
 
 
 def main(argv: Optional[List[str]] = None) -> int:
@@ -39,8 +35,7 @@ def _serve(arguments: List[str]) -> int:
     settings = vars(options)
     if settings["panel_port"] < 0:
         settings["panel_port"] = None
-    _raise_priority(settings.pop("realtime"))
-    sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    raise_priority(settings.pop("realtime"))
     if options.host not in (LOOPBACK, "localhost"):
         print("jaka_sim: warning: listening on %s: everybody who reaches this address can drive the simulated arm"
               % options.host, file=sys.stderr)
@@ -56,18 +51,6 @@ def _serve(arguments: List[str]) -> int:
         print("jaka_sim: error: %s" % error, file=sys.stderr)
         return 1
     return 0
-
-
-def _raise_priority(realtime: bool) -> None:
-    """The cycle keeps its time on a busy host; where that is not allowed, only an explicit wish is worth a word."""
-    try:
-        if realtime:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
-        else:
-            os.setpriority(os.PRIO_PROCESS, 0, _NICENESS)
-    except OSError as error:
-        if realtime:
-            print("jaka_sim: warning: no real-time priority: %s" % error, file=sys.stderr)
 
 
 def _serving_parser() -> argparse.ArgumentParser:

@@ -14,6 +14,7 @@ import time
 from typing import Any, Dict, List, Optional
 
 from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.simulation.priority import raise_priority
 from jaka_ros_driver.simulation.server_doors import Doors
 from jaka_ros_driver.simulation.wire_log import WireLog
 
@@ -217,6 +218,7 @@ def main(argv: Optional[List[str]] = None) -> int:
                           {port: options["%s_port" % port] for port in CONTROLLER_PORTS}, log)
             for number in (signal.SIGINT, signal.SIGTERM):
                 signal.signal(number, lambda _number, _frame: proxy.stop())
+            raise_priority(False)
             print(json.dumps({"%s_port" % port: number for port, number in proxy.port_numbers.items()}), flush=True)
             proxy.run()
         finally:

@@ -16,6 +16,7 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional
 
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.protocol.framing import ObjectStream
+from jaka_ros_driver.simulation.priority import raise_priority
 from jaka_ros_driver.simulation.server_doors import Doors
 from jaka_ros_driver.simulation.wire_log import clock_offset_ns, read_log
 from jaka_ros_driver.simulation.wire_script import PORTS, Piece, RecordedConnection, WireScript, wire_script
@@ -236,6 +237,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         player = WirePlayer(script, options.speed, numbers, _print)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda _number, _frame: player.stop())
+        raise_priority(False)
         print(json.dumps({"duration_s": script.duration, "start_ns": script.start_ns,
                           "realtime_minus_monotonic_ns": offset,
                           **{"%s_port" % port: number for port, number in player.port_numbers.items()}}), flush=True)
