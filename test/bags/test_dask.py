@@ -38,8 +38,7 @@ def cluster(tmp_path, root):
         yield address
     finally:
         for process in reversed(processes):
-            process.terminate()
-        for process in processes:
+            process.kill()
             process.wait(DEADLINE_S)
 
 

@@ -229,11 +229,12 @@ def test_a_wrong_chunk_crc_is_found(tmp_path):
 
 
 def test_a_file_without_permission_is_refused(tmp_path):
-    path = write(tmp_path / "log.bag", SAMPLES)
+    path, readable = write(tmp_path / "log.bag", SAMPLES), write(tmp_path / "readable.bag", SAMPLES)
     code = ("import os, sys; sys.path.insert(0, %r)\n"
             "from jaka_ros_driver.bags.cli import main\n"
+            "assert main(['info', %r]) == 0\n"  # imports all that it needs
             "os.getuid() == 0 and os.setuid(65534)\n"
-            "sys.exit(main(['info', %r]))" % (os.getcwd(), str(path)))
+            "sys.exit(main(['info', %r]))" % (os.getcwd(), str(readable), str(path)))
     path.chmod(0)
     os.chmod(str(tmp_path), 0o755)
     done = subprocess.run([sys.executable, "-c", code], stderr=subprocess.PIPE, stdout=subprocess.PIPE)

@@ -159,7 +159,7 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path):
     with pytest.raises(BagError, match="ends in .bag or .mcap"):
         create_log(tmp_path / "log.txt")
     with pytest.raises(BagError, match="is a folder"):
-        create_log(tmp_path / "log.mcap", profile="ros2")
+        create_log(tmp_path / "log.mcap", as_rosbag2=True)
 
 
 def test_more_connections_than_mcap_can_number_are_refused(tmp_path, monkeypatch):
