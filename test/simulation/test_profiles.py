@@ -99,6 +99,7 @@ def test_the_jerk_time_is_how_long_acceleration_builds_up(jerk_limited):
         assert profile.jerk_time == JERK_TIME
 
 
+@settings(deadline=None)
 @given(way=st.floats(1e-4, 10.0), final=st.floats(0.0, 2.0), acceleration=st.floats(0.05, 20.0),
        jerk=st.sampled_from([0.0, 0.05]))
 def test_speed_for_way_uses_just_that_way(way, final, acceleration, jerk):

@@ -71,7 +71,7 @@ def test_joint_limits_hold_on_a_step():
     assert max(speeds) == pytest.approx(1.0, abs=1e-6)
     assert max(map(abs, differences(speeds))) <= 4.0 * 1.001
     assert not HAS_RUCKIG or max(map(abs, differences(differences(speeds)))) <= 80.0 * 1.01
-    assert max(out) <= 0.8 + 1e-9
+    assert max(out) <= 0.8 + (1e-9 if HAS_RUCKIG else 1e-4)
 
 
 def test_cartesian_limits_hold_on_a_step():
