@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Callable, Dict, Iterator, List, Optional, Sequence, Tuple
 
 import rosgraph
+import rosmaster.master
 from geometry_msgs.msg import TwistStamped
 from import_graph import ROOT
 from std_msgs.msg import String
@@ -31,6 +32,18 @@ def wait_until(condition: Callable[[], bool], what: str, patience_s: float = PAT
     while not condition():
         assert time.monotonic() < deadline, "waited %g s in vain: %s" % (patience_s, what)
         threading.Event().wait(0.01)
+
+
+@contextlib.contextmanager
+def changed_environment(values: Dict[str, str]) -> Iterator[None]:
+    """This process's environment with other values, for a while."""
+    before = dict(os.environ)
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
 
 
 class Process:
@@ -80,14 +93,19 @@ class Process:
 class Graph:
     """A master, and programs that are started against it; all end with the context.
 
+    Args:
+        folder: Their working folder.
+        is_mortal: The master is a process of its own, which can be stopped and started; else it lives in this one,
+            which is faster.
+
     Attributes:
         uri: Of the master.
         environment: For programs.
-        folder: Their working folder.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, is_mortal: bool = False) -> None:
         self.folder = folder
+        self._is_mortal = is_mortal
         with contextlib.closing(socket.socket()) as probe:
             probe.bind(("127.0.0.1", 0))
             self.port = int(probe.getsockname()[1])
@@ -97,7 +115,8 @@ class Graph:
         for name in ("ROS_HOSTNAME", "ROS_NAMESPACE"):
             self.environment.pop(name, None)
         self._processes: List[Process] = []
-        self._master: Optional[Process] = None
+        self._process: Optional[Process] = None
+        self._master: Optional[rosmaster.master.Master] = None
 
     def __enter__(self) -> "Graph":
         self.start_master()
@@ -111,13 +130,22 @@ class Graph:
         self.stop_master()
 
     def start_master(self) -> None:
-        self._master = Process([SYSTEM_PYTHON, "-c", "import sys, rosmaster; rosmaster.rosmaster_main(sys.argv[1:])",
-                                "--core", "-p", str(self.port)], self.environment, self.folder)
+        if self._is_mortal:
+            script = "import sys, rosmaster; rosmaster.rosmaster_main(sys.argv[1:])"
+            self._process = Process([SYSTEM_PYTHON, "-c", script, "--core", "-p", str(self.port)], self.environment,
+                                    self.folder)
+        else:
+            with changed_environment({name: self.environment[name] for name in ("ROS_MASTER_URI", "ROS_IP")}):
+                self._master = rosmaster.master.Master(self.port)
+                self._master.start()
         wait_until(lambda: rosgraph.is_master_online(self.uri), "the master answers")
 
     def stop_master(self) -> None:
-        self._master.popen.kill()
-        self._master.wait()
+        if self._process is not None:
+            self._process.popen.kill()
+            self._process.wait()
+        if self._master is not None:
+            self._master.stop()
 
     def master(self) -> rosgraph.Master:
         return rosgraph.Master("/test", self.uri)
@@ -154,13 +182,8 @@ class Graph:
     @contextlib.contextmanager
     def publisher(self, node: str, notice: Callable[[str], None] = str) -> Iterator[RawPublisher]:
         """The package's own publisher in this process, for messages and faults of the test's choice."""
-        before = {name: os.environ.get(name) for name in ("ROS_MASTER_URI", "ROS_IP")}
-        os.environ.update({name: self.environment[name] for name in before})
-        try:
+        with changed_environment({name: self.environment[name] for name in ("ROS_MASTER_URI", "ROS_IP")}):
             publisher = RawPublisher(NodeNames(node), notice, lambda reason: None)
-        finally:
-            for name, value in before.items():
-                os.environ.pop(name, None) if value is None else os.environ.__setitem__(name, value)
         try:
             yield publisher
         finally:

@@ -5,15 +5,25 @@ import live_ros
 import pytest
 
 
-@pytest.fixture
-def graph(tmp_path, monkeypatch):
-    """A running master; the environment points at it."""
-    with live_ros.Graph(tmp_path) as running:
+def running_graph(tmp_path, monkeypatch, is_mortal):
+    with live_ros.Graph(tmp_path, is_mortal) as running:
         for name in ("ROS_MASTER_URI", "ROS_IP"):
             monkeypatch.setenv(name, running.environment[name])
         for name in ("ROS_HOSTNAME", "ROS_NAMESPACE"):
             monkeypatch.delenv(name, raising=False)
         yield running
+
+
+@pytest.fixture
+def graph(tmp_path, monkeypatch):
+    """A running master; the environment points at it."""
+    yield from running_graph(tmp_path, monkeypatch, False)
+
+
+@pytest.fixture
+def mortal_graph(tmp_path, monkeypatch):
+    """As ``graph``, with a master that can be stopped and started again."""
+    yield from running_graph(tmp_path, monkeypatch, True)
 
 
 @pytest.fixture(autouse=True)

@@ -67,7 +67,7 @@ def test_the_newest_latched_messages_before_a_time(tmp_path):
 
 
 def test_stopping_early_ends_the_reading_thread(tmp_path):
-    log = write(tmp_path / "log.bag", [("/a", i + 1, "x" * 100) for i in range(40000)], 10000)
+    log = write(tmp_path / "log.bag", [("/a", i + 1, "x" * 100) for i in range(20000)], 100000)
     source = LogSource([log])
     messages = source.play(None, None)
     assert next(iter(messages)).time == 1

@@ -1,9 +1,11 @@
 """When messages go out: order, deadlines, pause, step, clock; without ROS."""
+import gc
 import os
 import pty
+import sys
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaka_ros_driver.bags.keyboard import Keyboard
@@ -125,6 +127,7 @@ def test_lateness_of_nothing_is_zero():
     assert Lateness().quantile(0.99) == 0.0
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(-1e-3, 100.0), min_size=1))
 def test_quantiles_are_right_within_a_tenth_and_never_above_the_largest(values):
     account = Lateness()
@@ -148,8 +151,6 @@ def test_accounts_add_up():
 
 
 def test_punctuality_ends_with_its_context():
-    import gc
-    import sys
     interval = sys.getswitchinterval()
     with punctual():
         assert not gc.isenabled()

@@ -328,7 +328,8 @@ def test_existing_and_cut_off_files_are_never_overwritten_unasked(graph):
     assert (graph.folder / "log.mcap").read_bytes().startswith(b"\x89MCAP")
 
 
-def test_parameters_are_attached_and_the_master_may_come_back(graph):
+def test_parameters_are_attached_and_the_master_may_come_back(mortal_graph):
+    graph = mortal_graph
     graph.master().setParam("/robot/model", "zu7")
     recorder = graph.record("/a", "-O", "log")
     graph.subscribed("/a")

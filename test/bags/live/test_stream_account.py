@@ -2,7 +2,7 @@
 import json
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaka_ros_driver.bags.definitions import Connection
@@ -34,6 +34,7 @@ def test_skipped_numbers_are_missing(numbers, missing):
     assert account.missing == missing
 
 
+@settings(deadline=None)
 @given(st.sets(st.integers(1, 500), min_size=1))
 def test_missing_is_what_lies_between_and_did_not_come(numbers):
     account = stream()
