@@ -7,7 +7,7 @@ asked before it and is not yet on the wire is dropped.
 import logging
 import threading
 import time
-from typing import Any, Callable, List, Optional, Union
+from typing import Any, Callable, List, Optional, Tuple, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_links import ArmLinks, LinkHealth
@@ -17,13 +17,14 @@ from jaka_ros_driver.client.motion_waiter import MotionWaiter, standing_cause
 from jaka_ros_driver.client.servo_stream import ServoStream
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.status_monitor import StatusMonitor
-from jaka_ros_driver.client.transport import Pending
+from jaka_ros_driver.client.transport import CommandLink, Pending
 from jaka_ros_driver.errors import (
     CommandRejected,
     ConnectionLost,
     InvalidCommand,
     JakaError,
     MotionInterrupted,
+    ProtocolError,
     StopCause,
 )
 from jaka_ros_driver.kinematics import limits
@@ -51,13 +52,14 @@ class ArmClient:
             settings: Address and time limits.
             model: Whose limits every command is held against.
             on_moving: Told, before anything is sent, when this driver begins to move the arm, and when it has ended.
+                A motion that a lost link left unstopped has not.
         """
         self.settings = settings
         self.model = model
         self.status = StatusMonitor(settings.silence_timeout)
         self.status.add_listener(self._observe)
         self._links = ArmLinks(settings, self.status, self._command_lost, self._status_lost, self._check_sight)
-        self._ownership = Ownership(on_moving)
+        self._ownership = Ownership(lambda is_owned: on_moving(is_owned or self._links.must_stop_first))
         self._dispatch = threading.Lock()
         self._jog_calls = threading.Lock()
         self._servo_calls = threading.Lock()
@@ -77,11 +79,14 @@ class ArmClient:
     def close(self) -> None:
         """Stop what this driver moves, end every pending call, disconnect."""
         self._is_closing = True
+        with self._dispatch:
+            self._drop_unsent(StopCause.SHUTDOWN)
         if self._ownership.owner is not None:
             try:
                 self._stop(StopCause.SHUTDOWN)
             except JakaError as error:
                 _LOG.error("the arm could not be stopped at shut-down: %s", error)
+                self._links.must_stop_first = True
         self._end_motion(MotionInterrupted(StopCause.SHUTDOWN))
         self._jog_watchdog.close()
         self._links.close()
@@ -241,16 +246,18 @@ class ArmClient:
             raise InvalidCommand("refused, the arm cannot move: %s" % cause)
         if state.is_hand_guided:
             raise InvalidCommand("refused: hand guiding owns the arm's motion; switch it off first")
+        if not self._links.is_up:
+            raise ConnectionLost("no link to the controller: " + self.link_health.last_error)
         return state
 
     def _begin_motion(self, command: c.Command, owner: MotionOwner, stops: int, state: RobotState,
                       timeout: float) -> MotionWaiter:
-        """Send a motion that its owner has claimed; it is given back where the controller does not take it."""
+        """Send a motion that its owner has claimed; it is given back where the controller does not take it.
+
+        Where the link goes down before the reply, the arm may be moving: the owner keeps it for ``_command_lost``.
+        """
+        link, pending = self._send_claimed(command, owner, stops)
         try:
-            with self._dispatch:
-                self._require_no_stop_since(stops)
-                link = self._links.command
-                pending = link.begin([command])[0]
             link.finish(pending)
             waiter = MotionWaiter(command, timeout, time.monotonic(), state,
                                   lambda ended: self._motion_ended(ended, owner))
@@ -258,10 +265,25 @@ class ArmClient:
                 self._require_no_stop_since(stops)
                 self._waiter = waiter
             return waiter
-        except JakaError:
-            if self._waiter is None:
-                self._motion_over(owner)
+        except (CommandRejected, MotionInterrupted, ProtocolError) as error:
+            if isinstance(error, ProtocolError):
+                self._post_stop(StopCause.FAULT)
+            self._give_back(owner)
             raise
+
+    def _send_claimed(self, command: c.Command, owner: MotionOwner, stops: int) -> Tuple[CommandLink, Pending]:
+        try:
+            with self._dispatch:
+                self._require_no_stop_since(stops)
+                link = self._links.command
+                return link, link.begin([command])[0]
+        except JakaError:
+            self._give_back(owner)
+            raise
+
+    def _give_back(self, owner: MotionOwner) -> None:
+        if self._waiter is None:
+            self._motion_over(owner)
 
     def _require_no_stop_since(self, stops: int) -> None:
         if self._stops != stops:
@@ -271,9 +293,9 @@ class ArmClient:
         if self._waiter is not waiter:
             return
         self._waiter = None
-        self._motion_over(owner)
         if waiter.is_over_time:
             self._post_stop(StopCause.TIMEOUT)
+        self._motion_over(owner)
 
     def _motion_over(self, owner: MotionOwner) -> None:
         if owner is MotionOwner.JOG:
@@ -287,35 +309,51 @@ class ArmClient:
 
     def _stop(self, cause: StopCause) -> None:
         with self._dispatch:
-            self._stops += 1
-            self._last_stop = cause
-            stream, self._stream = self._stream, None
-            if stream is not None:
-                stream.stop()
-            halts: List[c.Command] = []
-            if self.is_servo_active or self._ownership.owner is MotionOwner.SERVO:
-                halts.append(c.SetServoMode(False))
-            jog = self._jog_watchdog.end()
-            if jog is not None:
-                halts.append(c.JogStop(jog.frame, jog.axis))
+            self._drop_unsent(cause)
+            jog = self._jog_watchdog.running
+            halts = self._take_halts()
             link = self._links.command
-            pendings = link.begin(halts + [c.Stop()])
+            pendings = link.begin(halts)
         for pending in pendings[:-1]:
             self._finish_quietly(link.finish, pending)
-        link.finish(pendings[-1])
+        try:
+            link.finish(pendings[-1])
+        except CommandRejected:
+            if jog is not None:
+                self._jog_watchdog.begin(jog, within=_RETRY_PERIOD)
+            raise
         self._end_motion(MotionInterrupted(cause))
         self._ownership.release(MotionOwner.SERVO)
 
     def _post_stop(self, cause: StopCause) -> None:
         """Send a stop from a thread that must not wait."""
         with self._dispatch:
-            self._stops += 1
-            self._last_stop = cause
+            self._drop_unsent(cause)
             try:
-                self._links.command.post(c.Stop(), lambda rejection: _LOG.error("%s", rejection))
+                link = self._links.command
+                for halt in self._take_halts():
+                    link.post(halt, lambda rejection: _LOG.error("%s", rejection))
             except JakaError as error:
                 _LOG.error("the arm could not be stopped: %s", error)
                 self._links.must_stop_first = True
+
+    def _drop_unsent(self, cause: StopCause) -> None:
+        """What was asked for before is not sent any more; the dispatch lock is held."""
+        self._stops += 1
+        self._last_stop = cause
+
+    def _take_halts(self) -> List[c.Command]:
+        """What ends the motion under way, in order; nothing sends any more of it. The dispatch lock is held."""
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.stop()
+        halts: List[c.Command] = []
+        if self.is_servo_active or self._ownership.owner is MotionOwner.SERVO:
+            halts.append(c.SetServoMode(False))
+        jog = self._jog_watchdog.end()
+        if jog is not None:
+            halts.append(c.JogStop(jog.frame, jog.axis))
+        return halts + [c.Stop()]
 
     @staticmethod
     def _finish_quietly(finish: Callable[[Pending], Any], pending: Pending) -> None:
@@ -332,18 +370,15 @@ class ArmClient:
             _LOG.error("the jog could not be stopped, trying again: %s", error)
 
     def _stop_jog(self, jog: c.Jog) -> None:
-        """Stop this jog; where that fails, the watchdog tries again until it succeeds or the link is down."""
+        """Stop this jog; where the controller does not, the watchdog tries again until it does or the link is down."""
         try:
             with self._dispatch:
                 link = self._links.command
                 pendings = link.begin([c.JogStop(jog.frame, jog.axis), c.Stop()])
             self._finish_quietly(link.finish, pendings[0])
             link.finish(pendings[1])
-        except CommandRejected:
+        except (CommandRejected, ProtocolError):
             self._jog_watchdog.begin(jog, within=_RETRY_PERIOD)
-            raise
-        except JakaError:
-            self._links.must_stop_first = True
             raise
 
     def _enter_servo_mode(self) -> None:
@@ -354,11 +389,8 @@ class ArmClient:
         if not state.is_in_position:
             raise InvalidCommand("refused: the arm is moving; servo mode can be entered at rest only")
         self._ownership.claim(MotionOwner.SERVO)
+        link, pending = self._send_claimed(c.SetServoMode(True), MotionOwner.SERVO, stops)
         try:
-            with self._dispatch:
-                self._require_no_stop_since(stops)
-                link = self._links.command
-                pending = link.begin([c.SetServoMode(True)])[0]
             link.finish(pending)
             self._await_servo_mode(True)
             stream = ServoStream(self.model, self.settings, lambda frame: self._send_frame(stream, frame),
@@ -385,8 +417,10 @@ class ArmClient:
         try:
             self._links.command.request(c.SetServoMode(False))
             self._await_servo_mode(False)
-        finally:
+        except (CommandRejected, MotionInterrupted, ProtocolError):
             self._ownership.release(MotionOwner.SERVO)
+            raise
+        self._ownership.release(MotionOwner.SERVO)
 
     def _await_servo_mode(self, active: bool) -> None:
         deadline = time.monotonic() + _SERVO_TIMEOUT
@@ -415,7 +449,6 @@ class ArmClient:
             _LOG.warning("%s", rejection)
         except JakaError as error:
             _LOG.error("servo mode could not be left: %s", error)
-            self._links.must_stop_first = True
 
     def _observe(self, state: RobotState, is_new: bool) -> None:
         waiter = self._waiter
@@ -438,16 +471,15 @@ class ArmClient:
 
     def _check_sight(self) -> None:
         """Called regularly: a feed of which nothing can be read is as good as none."""
+        self._ownership.tell()
         if self._ownership.owner is not None and self.status.fresh_state(self.settings.silence_timeout) is None:
             self._status_lost("no readable status frame for %.1f s" % self.settings.silence_timeout)
 
     def _drop_motion(self, reason: str) -> None:
         with self._dispatch:
-            self._stops += 1
-            self._last_stop = StopCause.LINK_LOST
-            stream, self._stream = self._stream, None
-        if stream is not None:
-            stream.stop()
-        self._jog_watchdog.end()
+            self._drop_unsent(StopCause.LINK_LOST)
+            self._take_halts()
         self._end_motion(MotionInterrupted(StopCause.LINK_LOST, reason))
-        self._ownership.release(MotionOwner.SERVO)
+        owner = self._ownership.owner
+        if owner is not None:
+            self._ownership.release(owner)

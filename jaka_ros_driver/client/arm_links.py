@@ -13,7 +13,7 @@ from jaka_ros_driver.errors import CommandRejected, ConnectionLost, JakaError, P
 
 _LOG = logging.getLogger(__name__)
 
-_HEARTBEAT_PERIOD = 0.4
+_HEARTBEAT_PERIOD = 0.25
 _HEARTBEAT_TIMEOUT = 0.6
 
 
@@ -114,6 +114,8 @@ class ArmLinks:
     def _connect_status(self) -> None:
         self._status.connect(self._settings.host, self._settings.status_port, self._settings.connect_timeout,
                              self._status_keeper.closed)
+        if self._is_closing.is_set():
+            self._status.close("driver shut down")
 
     def _connect_command(self) -> None:
         if self._link is not None:

@@ -27,6 +27,7 @@ _MOVING, _IDLE, _FAREWELL = b"m", b"i", b"q"
 _STOP_TRIES_FOR = 10.0
 _TRY_PERIOD = 0.05
 _EXIT_TIMEOUT = 2.0
+_RESTART_PERIOD = 0.5
 
 
 class Guard:
@@ -53,13 +54,17 @@ class Guard:
         self._say(self._word)
 
     def close(self) -> None:
-        """Leave in good order."""
+        """Leave in good order; where the arm was left moving, without a farewell: then the guard stops it, alone."""
         self._is_closing.set()
         self._thread.join()
-        self._say(_FAREWELL)
+        is_moving = self._word == _MOVING
+        if not is_moving:
+            self._say(_FAREWELL)
         pipe = self._process.stdin
         if pipe is not None:
             pipe.close()
+        if is_moving:
+            return
         try:
             self._process.wait(_EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:
@@ -68,22 +73,26 @@ class Guard:
 
     def _start_process(self) -> "subprocess.Popen[bytes]":
         """In a session of its own, so that what ends the driver's process group does not end the guard first."""
-        return subprocess.Popen(
+        process = subprocess.Popen(
             [sys.executable, "-m", __name__, "--host", self._host, "--port", str(self._port)],
             stdin=subprocess.PIPE, start_new_session=True, bufsize=0)
+        if process.stdin is not None:
+            os.set_blocking(process.stdin.fileno(), False)
+        self._started_at = time.monotonic()
+        return process
 
     def _say(self, word: bytes) -> None:
         with self._lock:
             pipe = self._process.stdin
             try:
-                if pipe is not None and not pipe.closed:
-                    pipe.write(word)
+                if pipe is not None and not pipe.closed and pipe.write(word) is None:
+                    self._process.kill()  # it does not read: frozen, and no guard
             except OSError:
                 pass
 
     def _beat(self) -> None:
         while not self._is_closing.wait(BEAT_PERIOD):
-            if not self.is_alive:
+            if not self.is_alive and time.monotonic() > self._started_at + _RESTART_PERIOD:
                 with self._lock:
                     if self._process.stdin is not None:
                         self._process.stdin.close()

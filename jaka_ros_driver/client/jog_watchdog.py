@@ -34,6 +34,11 @@ class JogWatchdog:
             self._deadline = time.monotonic() + self._timeout
             return True
 
+    @property
+    def running(self) -> Optional[Jog]:
+        """The jog that is watched."""
+        return self._jog
+
     def end(self) -> Optional[Jog]:
         """Watch no longer; returns the jog that ran."""
         with self._changed:

@@ -41,6 +41,11 @@ class Ownership:
             self._owner = owner
             self._on_change(True)
 
+    def tell(self) -> None:
+        """Tell ``on_change`` once more: what it makes of it may depend on more than the owner."""
+        with self._lock:
+            self._on_change(self._owner is not None)
+
     def release(self, owner: MotionOwner) -> None:
         """Give the motion back; nothing happens where another has it."""
         with self._lock:

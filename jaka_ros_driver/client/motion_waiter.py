@@ -62,7 +62,8 @@ class MotionWaiter:
         self._known_event = state.error_code
         self._on_ended = on_ended
         self._lock = threading.Lock()
-        self._ended = threading.Event()
+        self._has_ended = False
+        self._told = threading.Event()
         self._outcome: Optional[MotionInterrupted] = None
         self._has_started = False
         self._rest_since: Optional[float] = None
@@ -75,7 +76,7 @@ class MotionWaiter:
     def observe(self, state: RobotState) -> None:
         """Take one state of the feed into account."""
         accepted_at = self._accepted_at
-        if self._ended.is_set() or state.received_at <= accepted_at:
+        if self._has_ended or state.received_at <= accepted_at:
             return
         cause = standing_cause(state)
         if cause is None and state.has_fault and state.error_code != self._known_event:
@@ -91,13 +92,19 @@ class MotionWaiter:
             self._rest_since = None
 
     def end(self, outcome: Optional[MotionInterrupted]) -> None:
-        """The motion is over: completed (None), or interrupted. Only the first word counts."""
+        """The motion is over: completed (None), or interrupted. Only the first word counts.
+
+        Who waits for it is told last, so that the next motion finds the arm free.
+        """
         with self._lock:
-            if self._ended.is_set():
+            if self._has_ended:
                 return
             self._outcome = outcome
-            self._ended.set()
-        self._on_ended(self)
+            self._has_ended = True
+        try:
+            self._on_ended(self)
+        finally:
+            self._told.set()
 
     def wait(self) -> None:
         """Block until the motion is completed.
@@ -105,7 +112,7 @@ class MotionWaiter:
         Raises:
             MotionInterrupted: It ended otherwise.
         """
-        self._ended.wait()
+        self._told.wait()
         if self._outcome is not None:
             raise self._outcome
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Callable, Deque, List, Optional
 
 from jaka_ros_driver.client.transport import Connection
-from jaka_ros_driver.errors import FramingError, StatusFrameError
+from jaka_ros_driver.errors import ConnectionLost, FramingError, StatusFrameError, StopCause
 from jaka_ros_driver.protocol.framing import FrameStream
 from jaka_ros_driver.protocol.status import parse_status
 from jaka_ros_driver.state import RobotState
@@ -58,6 +58,7 @@ class StatusMonitor:
         self._damaged = 0
         self._last_damage = ""
         self._last_arrival = 0.0
+        self._is_closed = False
 
     def connect(self, host: str, port: int, connect_timeout: float, on_closed: Callable[[str], None]) -> None:
         """Connect to the feed and begin to read.
@@ -73,7 +74,10 @@ class StatusMonitor:
         self._connection.start()
 
     def close(self, reason: str) -> None:
-        """End the connection, if there is one."""
+        """End the connection, if there is one, for good: whoever waits for a state is told so."""
+        with self._changed:
+            self._is_closed = True
+            self._changed.notify_all()
         if self._connection is not None:
             self._connection.close(reason)
             self._connection.join()
@@ -100,6 +104,9 @@ class StatusMonitor:
 
         Returns:
             That state, or None after ``timeout`` seconds.
+
+        Raises:
+            ConnectionLost: The driver shuts down.
         """
         start = self._clock()
         newer_than = start if after is None else after
@@ -110,6 +117,8 @@ class StatusMonitor:
                     newer_than = state.received_at
                     if predicate(state):
                         return state
+                if self._is_closed:
+                    raise ConnectionLost(StopCause.SHUTDOWN.value)
                 remaining = start + timeout - self._clock()
                 if remaining <= 0.0:
                     return None

@@ -86,6 +86,14 @@ class Connection:
             self._thread.join()
 
     def _read(self) -> None:
+        try:
+            self._read_until_closed()
+        finally:  # also where a listener failed: a link that nobody reads must not look like one that is up
+            self.close("%s: the driver failed to read it" % self.name)
+            self._socket.close()
+            self._on_closed(self._reason or "")
+
+    def _read_until_closed(self) -> None:
         last = time.monotonic()
         while self._reason is None:
             try:
@@ -104,8 +112,6 @@ class Connection:
                 self._on_bytes(data, len(data) == _RECEIVE_BYTES)
             if self._on_idle is not None:
                 self._on_idle()
-        self._socket.close()
-        self._on_closed(self._reason or "")
 
 
 class Pending:

@@ -85,7 +85,7 @@ def decode(command: c.Command, reply: Mapping[str, Any]) -> Any:
         return None
     try:
         return decoder(reply)
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
         raise ProtocolError("reply to %s does not hold its result: %.200r (%s)" % (name, dict(reply), error)) from error
 
 

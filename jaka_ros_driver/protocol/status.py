@@ -1,5 +1,4 @@
 """Status frames of the feed: their text with a true ``len``, and their fields as a RobotState."""
-import math
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 from jaka_ros_driver.errors import StatusFrameError
@@ -9,6 +8,7 @@ from jaka_ros_driver.units import all_deg_to_rad, all_mm_to_m, mm_to_m
 
 _MAX_ANGLE_DEG = 1e4
 _MAX_LENGTH_MM = 1e6
+_MAX_NUMBER = 1e300
 _NUMBERS = frozenset((int, float, bool))
 
 _DIGITAL_INPUTS = ((IoBank.CABINET, "din"), (IoBank.TOOL, "tio_din"))
@@ -92,7 +92,7 @@ def _fail(key: str, value: Any, expected: str) -> StatusFrameError:
 
 
 def _is_finite_number(value: Any) -> bool:
-    return type(value) in _NUMBERS and math.isfinite(value)
+    return type(value) in _NUMBERS and abs(value) < _MAX_NUMBER
 
 
 def _numbers(fields: Mapping[str, Any], key: str, count: int, limit: float) -> Optional[List[float]]:

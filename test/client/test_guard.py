@@ -110,6 +110,17 @@ def test_a_driver_that_leaves_in_good_order_takes_its_guard_along(driver):
     assert len(one.times_of("stop_program")) == 1
 
 
+def test_an_arm_that_could_not_be_stopped_at_shutdown_is_stopped_by_the_guard(driver):
+    one, process = driver("jog")
+    one.panel("refuse", port="command", duration_ms=2000)
+    one.panel("close", port="command")
+    process.stdin.write("\n")
+    process.stdin.flush()
+    assert eventually(lambda: not one.is_moving())
+    assert eventually(lambda: guard_count(one) == 0)
+    assert one.times_of("stop_program")
+
+
 def test_a_guard_that_dies_is_replaced(driver):
     one, process = driver("jog")
     (pid, _), = [guard for guard in guards() if str(one.controller.command_port).encode() in guard[1]]

@@ -10,7 +10,10 @@ from arm_bench import eventually
 from raw_client import RawClient
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, ReplyTimeout, StopCause
+from jaka_ros_driver.kinematics.arm_models import load_model
 
 HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
 SLOW_MOVE = c.JointMove((3.0,) + HOME[1:], 0.2, 4.0)
@@ -84,6 +87,66 @@ def test_a_link_lost_in_a_jog_or_stream_stops_the_arm_at_its_return(bench, start
     assert eventually(lambda: arm.is_ready and not one.is_moving())
     assert not one.controller.state()["is_servo_active"]
     assert len(one.times_of("stop_program")) == 1
+
+
+def test_a_stream_is_ended_and_servo_mode_left_when_the_status_port_goes_down(bench):
+    one = bench()
+    arm = one.connect()
+    arm.set_servo_mode(True)
+    one.panel("refuse", port="status", duration_ms=500)
+    one.panel("close", port="status")
+    assert eventually(lambda: arm.motion_owner is None and not one.controller.state()["is_servo_active"])
+    with pytest.raises(ConnectionLost, match="no link|no fresh"):
+        arm.move(SLOW_MOVE)
+    leaves = [at for at, request in one.received() if request == {"cmdName": "servo_move", "relFlag": 0}]
+    stop, = one.times_of("stop_program")
+    assert len(leaves) == 1 and max(one.times_of("servo_j")) <= leaves[0] <= stop
+
+
+@pytest.mark.parametrize("command, act", [
+    ("jog", lambda arm: arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.2))),
+    ("joint_move", lambda arm: arm.move(SLOW_MOVE)),
+    ("servo_move", lambda arm: arm.set_servo_mode(True))])
+def test_a_motion_whose_reply_is_lost_is_stopped(bench, command, act):
+    one = bench()
+    arm = one.connect(reply_timeout=0.5)
+    one.panel("fault", kind="drop", port="command", command=command)
+    with pytest.raises((ReplyTimeout, ConnectionLost)):
+        act(arm)
+    assert eventually(lambda: arm.is_ready and arm.motion_owner is None)
+    assert eventually(lambda: not one.is_moving() and not one.controller.state()["is_servo_active"])
+    assert one.times_of(command)[0] < one.times_of("stop_program")[0]
+
+
+def test_a_motion_left_unstopped_by_a_lost_link_is_told_as_moving_until_it_is_stopped(bench):
+    one = bench()
+    told = []
+    one.arm = arm = ArmClient(ClientSettings("127.0.0.1", one.controller.command_port, one.controller.status_port),
+                              load_model("zu7"), told.append)
+    arm.start()
+    assert eventually(lambda: arm.is_ready)
+    arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.2))
+    one.panel("refuse", port="command", duration_ms=1000)
+    one.panel("close", port="command")
+    assert eventually(lambda: arm.motion_owner is None)
+    assert told[-1] and one.is_moving()
+    assert eventually(lambda: arm.is_ready and not told[-1])
+    assert one.times_of("stop_program")
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_reader_that_fails_makes_its_link_anew(bench):
+    one = bench()
+    arm = one.connect()
+    failures = [KeyError("a defect")]
+
+    def fail(_state, _is_new):
+        if failures:
+            raise failures.pop()
+    arm.status.add_listener(fail)
+    assert eventually(lambda: not failures)
+    frames = arm.status.health().frames
+    assert eventually(lambda: arm.is_ready and arm.status.health().frames > frames + 10)
 
 
 def test_another_client_on_the_port_is_noticed_and_the_arm_is_stopped(bench, call):

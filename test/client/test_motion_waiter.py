@@ -1,5 +1,6 @@
 """When an accepted motion counts as completed, and when as interrupted, by the states that follow."""
 import dataclasses
+import threading
 
 import pytest
 
@@ -119,6 +120,20 @@ def test_where_the_tool_pose_is_not_reported_rest_is_the_end():
 
 def test_a_jog_ends_when_the_arm_rests():
     assert Story(Jog(JogFrame.JOINT, 0, 0.1), float("inf")).moving(0.01).at(3.0).outcome == "completed"
+
+
+def test_who_waits_is_told_last():
+    order = []
+    told = threading.Thread(target=lambda: (waiter.wait(), order.append("told")))
+
+    def on_ended(_):
+        told.join(0.05)
+        order.append("ended")
+    waiter = MotionWaiter(MOVE, 100.0, 0.0, RESTING, on_ended)
+    told.start()
+    waiter.end(None)
+    told.join()
+    assert order == ["ended", "told"]
 
 
 def test_the_first_word_on_the_end_counts():

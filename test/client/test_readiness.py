@@ -7,7 +7,7 @@ from arm_bench import eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client import readiness
-from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
+from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, MotionInterrupted, StopCause
 
 HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
 QUICK = {"power_delay": 0.1, "enable_delay": 0.1}
@@ -39,6 +39,15 @@ def test_power_that_does_not_come_is_told(bench):
     with pytest.raises(MotionInterrupted, match="power on within") as caught:
         readiness.set_power(arm, True)
     assert caught.value.cause is StopCause.TIMEOUT
+
+
+def test_who_waits_for_power_at_shutdown_is_told(bench, call):
+    one = bench(start="off", power_delay=60.0)
+    arm = one.connect()
+    power = call(readiness.set_power, arm, True)
+    assert eventually(lambda: arm.status._changed._waiters)
+    arm.close()
+    assert isinstance(power.join(), ConnectionLost) and str(power.error) == "driver shut down"
 
 
 def test_disabling_stops_the_arm_first(bench):

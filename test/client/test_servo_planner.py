@@ -2,7 +2,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from jaka_ros_driver.client.servo_planner import MAX_JOINT_SPEED, JointServo, PoseServo
@@ -50,7 +50,7 @@ def test_a_jump_is_driven_within_speed_and_reached_exactly(joint, jump):
     assert last == pytest.approx(shifted(jump, joint), abs=1e-9)
 
 
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.tuples(st.integers(1, 5), st.lists(st.floats(-0.1, 0.1), min_size=6, max_size=6)), max_size=40))
 def test_whatever_targets_come_no_step_breaks_the_limits(stream):
     servo, last, before = joint_servo(), HOME, (0.0,) * 6

@@ -59,7 +59,8 @@ def test_without_an_essential_field_there_is_no_state(key):
         parse_status({k: v for k, v in FULL.items() if k != key}, 0.0)
 
 
-WRONG = [None, "x", [], {}, [1, 2], "NaN", float("nan"), float("inf"), 1e300]
+WRONG = [None, "x", [], {}, [1, 2], "NaN", float("nan"), float("inf"), 1e300,
+         pytest.param(10 ** 400, id="10**400")]
 
 
 @pytest.mark.parametrize("key", ["joint_actual_position", "actual_position", "inpos", "powered_on", "enabled",
