@@ -91,6 +91,9 @@ class _Handler(xmlrpc.server.SimpleXMLRPCRequestHandler):
     rpc_paths = ()
     timeout = 60.0
 
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Say nothing of peers that are silent or go away."""
+
 
 class _Server(socketserver.ThreadingMixIn, xmlrpc.server.SimpleXMLRPCServer):
     daemon_threads = True

@@ -22,6 +22,7 @@ from typing import Dict, List, Sequence, Tuple
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
 
 import live_ros  # noqa: E402
+import live_samples  # noqa: E402
 import numpy as np  # noqa: E402
 from mcap.exceptions import EndOfFile  # noqa: E402
 from mcap.reader import NonSeekingReader  # noqa: E402
@@ -38,7 +39,7 @@ BODY = struct.pack("<I", 5) + b"world" + b"\1" * 48
 def generate(topics: int, rate: float, seconds: float, subscribers: int) -> None:
     """Publish state-size messages on /t0, /t1 ... by absolute deadlines; a process of its own."""
     publisher = RawPublisher(NodeNames("/generator"), print, lambda reason: os._exit(0))
-    outlets = [publisher.advertise("/t%d" % i, live_ros.twist_connection("/t%d" % i), False) for i in range(topics)]
+    outlets = [publisher.advertise("/t%d" % i, live_samples.twist_connection("/t%d" % i), False) for i in range(topics)]
     live_ros.with_subscribers(publisher, *outlets, count=subscribers)
     print("go", flush=True)
     with punctual():
@@ -96,7 +97,7 @@ def bench_record(graph: live_ros.Graph, topics: int, rate: float, seconds: float
     print("  %-24s %12s %8s %8s %10s" % ("", "us CPU / msg", "ratio", "lost", "MB"))
     for name, file in files.items():
         path = graph.folder / file
-        got = sum(len(found) for found in live_ros.content(path).values())
+        got = sum(len(found) for found in live_samples.content(path).values())
         print("  %-24s %12.1f %8.2f %8d %10.2f" % (name, used[name] / total * 1e6, used[name] / base, total - got,
                                                   path.stat().st_size / 1e6))
         path.unlink()
@@ -107,7 +108,7 @@ def interval_errors(source: Path, played: Path, rate: float) -> "np.ndarray":
     logs: List[Dict[str, List[int]]] = []
     for path in (source, played):
         by_topic: Dict[str, List[int]] = {}
-        for topic, at in live_ros.times(path):
+        for topic, at in live_samples.times(path):
             by_topic.setdefault(topic, []).append(at)
         logs.append(by_topic)
     errors = []
@@ -131,7 +132,7 @@ def play_once(graph: live_ros.Graph, who: str, arguments: Sequence[str]) -> Tupl
         threading.Event().wait(0.05)
     player.wait()
     meter.stop()
-    return used, sum(len(found) for found in live_ros.content(graph.folder / "meter.mcap").values())
+    return used, sum(len(found) for found in live_samples.content(graph.folder / "meter.mcap").values())
 
 
 def make_log(graph: live_ros.Graph, seconds: float) -> int:
@@ -220,7 +221,7 @@ def bench_full_disk(graph: live_ros.Graph) -> None:
             generator.wait()
             left = sorted(path.name for path in disk.iterdir())
             whole = [path for path in disk.iterdir() if path.suffix in (".bag", ".mcap")]
-            readable = sum(len(found) for path in whole for found in live_ros.content(path).values())
+            readable = sum(len(found) for path in whole for found in live_samples.content(path).values())
             print("  %-22s exit code %4d, leaves %s, %d messages readable" % (name, code, ", ".join(left), readable))
         finally:
             subprocess.run(["umount", str(disk)], check=True)

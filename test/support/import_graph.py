@@ -41,12 +41,20 @@ def outside_imports(module: str) -> FrozenSet[str]:
     return roots_behind(at_import(parse(source)), source.parent)
 
 
+@lru_cache(maxsize=None)
+def behind_support(module: str) -> FrozenSet[str]:
+    """As ``outside_imports``, for a module beside this one; empty for any other."""
+    source = Path(__file__).with_name(module + ".py")
+    return roots_behind(at_import(parse(source)), source.parent) if source.is_file() else frozenset()
+
+
 def roots_behind(tree: ast.AST, folder: Path) -> FrozenSet[str]:
     found = set()
     for name in imported_names(tree, folder):
         parts = name.split(".")
         if parts[0] != PACKAGE:
             found.add(parts[0])
+            found |= behind_support(parts[0])
             continue
         for length in range(2, len(parts) + 1):
             found |= outside_imports(".".join(parts[:length]))

@@ -4,34 +4,21 @@ import os
 import re
 import signal
 import socket
-import struct
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
-from typing import Callable, Dict, Iterator, List, Optional, Sequence, Tuple
+from typing import Callable, Dict, Iterator, List, Optional, Sequence
 
 import rosgraph
 import rosmaster.master
-from geometry_msgs.msg import TwistStamped
 from import_graph import ROOT
-from std_msgs.msg import String
+from live_samples import PATIENCE_S, wait_until
 
-from jaka_ros_driver.bags.definitions import Connection
-from jaka_ros_driver.bags.readers import messages, open_log
 from jaka_ros_driver.bags.ros_names import NodeNames
-from jaka_ros_driver.bags.tcpros_publisher import Outlet, RawPublisher, frame_of
+from jaka_ros_driver.bags.tcpros_publisher import Outlet, RawPublisher
 
-PATIENCE_S = 60.0
 SYSTEM_PYTHON = "/usr/bin/python3"
-
-
-def wait_until(condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
-    deadline = time.monotonic() + patience_s
-    while not condition():
-        assert time.monotonic() < deadline, "waited %g s in vain: %s" % (patience_s, what)
-        threading.Event().wait(0.01)
 
 
 @contextlib.contextmanager
@@ -190,25 +177,6 @@ class Graph:
             publisher.close(5.0)
 
 
-def twist_connection(topic: str) -> Connection:
-    return Connection(topic, "geometry_msgs/TwistStamped", TwistStamped._md5sum, TwistStamped._full_text)
-
-
-def string_connection(topic: str) -> Connection:
-    return Connection(topic, "std_msgs/String", String._md5sum, String._full_text)
-
-
-def twist_frame(sequence: int, stamp_ns: int = 0) -> bytes:
-    """A TwistStamped whose content tells its number."""
-    head = struct.pack("<III", sequence, *divmod(stamp_ns, 1000000000)) + struct.pack("<I", 5) + b"world"
-    return frame_of(head + struct.pack("<6d", *[float(sequence)] * 6))
-
-
-def string_frame(text: str) -> bytes:
-    raw = text.encode()
-    return frame_of(struct.pack("<I", len(raw)) + raw)
-
-
 def with_subscribers(publisher: RawPublisher, *outlets: Outlet, count: int = 1) -> None:
     """Wait until each outlet has so many subscribers."""
     def have() -> bool:
@@ -225,18 +193,3 @@ def all_read(publisher: RawPublisher) -> None:
         rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
         return sum(int(row[4].split(":")[1], 16) for row in rows if int(row[1].split(":")[1], 16) in ports)
     wait_until(lambda: unread() == 0, "subscribers read")
-
-
-def content(path: Path) -> Dict[str, List[bytes]]:
-    """Messages of a log by topic, in the order of time."""
-    result: Dict[str, List[bytes]] = {}
-    with open_log(path) as reader:
-        for message in messages(reader):
-            result.setdefault(message.connection.topic, []).append(message.data)
-    return result
-
-
-def times(path: Path) -> List[Tuple[str, int]]:
-    """Topic and log time, ns, of all messages of a log, in the order of time."""
-    with open_log(path) as reader:
-        return [(message.connection.topic, message.log_time) for message in messages(reader)]

@@ -3,7 +3,7 @@ import struct
 import threading
 
 import pytest
-from live_ros import string_connection, string_frame
+from live_samples import string_connection, string_frame
 
 from jaka_ros_driver.bags.bag_writer import BagWriter
 from jaka_ros_driver.bags.definitions import Connection

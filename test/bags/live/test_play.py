@@ -9,8 +9,9 @@ import termios
 import threading
 
 import live_ros
+import live_samples
 import pytest
-from live_ros import content, string_connection, string_frame, times, twist_connection, twist_frame
+from live_samples import content, string_connection, string_frame, times, twist_connection, twist_frame
 
 from jaka_ros_driver.bags.bag_writer import BagWriter
 from jaka_ros_driver.bags.cli import main
@@ -148,7 +149,7 @@ def test_a_subscriber_that_stands_still_is_named_and_loses_nothing(graph):
         listener.popen.send_signal(signal.SIGSTOP)
         sender = threading.Thread(target=lambda: [publisher.publish(outlet, frame) for frame in frames])
         sender.start()
-        live_ros.wait_until(lambda: notices, "it is said who holds the others up")
+        live_samples.wait_until(lambda: notices, "it is said who holds the others up")
         listener.popen.send_signal(signal.SIGCONT)
         sender.join()
     assert notices == ["/listener does not read /a: waiting for it"]
@@ -195,11 +196,11 @@ def test_latched_messages_before_the_start_are_sent_and_late_subscribers_get_the
     write_log(graph.folder / "log.bag", entries)
     player = play(graph, "-s", "0.2", "-k", "log.bag")
     player.wait_for_line("playing 2 topics")
-    live_ros.wait_until(lambda: "the topics stay" in player.output, "all is played")
+    live_samples.wait_until(lambda: "the topics stay" in player.output, "all is played")
     with Listener("/fixed", "/a") as listener:
-        live_ros.wait_until(lambda: listener.texts("/fixed") == ["new"], "the latched message comes")
+        live_samples.wait_until(lambda: listener.texts("/fixed") == ["new"], "the latched message comes")
         assert listener.connections["/fixed"].latching is True
-        live_ros.wait_until(lambda: "/a" in listener.connections, "the other topic is there, and silent")
+        live_samples.wait_until(lambda: "/a" in listener.connections, "the other topic is there, and silent")
         assert listener.texts("/a") == []
     assert player.stop() == 0
     assert report_of(graph)["topics"]["/fixed"]["sent"] == 0
@@ -252,7 +253,7 @@ def test_loop_goes_on_until_it_is_stopped(graph):
     write_log(graph.folder / "log.bag", [("/a", i, string_frame("%d" % i)) for i in range(3)])
     with Listener("/a") as listener:
         player = play(graph, "-l", "--wait-for-subscribers", "log.bag")
-        live_ros.wait_until(lambda: len(listener.heard) >= 9, "three rounds")
+        live_samples.wait_until(lambda: len(listener.heard) >= 9, "three rounds")
         assert player.stop(signal.SIGTERM) == 0
         texts = listener.texts("/a")
     assert texts[:9] == ["0", "1", "2"] * 3
@@ -289,7 +290,7 @@ def test_space_pauses_and_goes_on_s_steps_and_the_terminal_is_restored(graph):
         assert listener.texts("/a") == []
         for step in range(1, 4):
             terminal.press("s")
-            live_ros.wait_until(lambda step=step: len(listener.heard) == step, "step %d" % step)
+            live_samples.wait_until(lambda step=step: len(listener.heard) == step, "step %d" % step)
         assert listener.texts("/a") == ["0", "1", "2"]
         terminal.press(" ")
         assert player.wait() == 0, player.output
@@ -303,12 +304,12 @@ def test_a_pause_in_mid_play_holds_the_rest_back(graph):
     terminal = Terminal()
     with Listener("/a") as listener:
         player = play(graph, "--wait-for-subscribers", "log.bag", **terminal.options())
-        live_ros.wait_until(lambda: len(listener.heard) > 5, "it plays")
+        live_samples.wait_until(lambda: len(listener.heard) > 5, "it plays")
         terminal.press(" ")
         player.wait_for_line("paused")
         held = len(listener.heard)
         terminal.press("s")
-        live_ros.wait_until(lambda: len(listener.heard) > held, "a step")
+        live_samples.wait_until(lambda: len(listener.heard) > held, "a step")
         assert len(listener.heard) < 300
         assert player.stop(signal.SIGINT) == 0
     assert "SIGINT" in player.output

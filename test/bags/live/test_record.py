@@ -6,12 +6,15 @@ import struct
 import threading
 
 import live_ros
+import live_samples
 import pytest
-from live_ros import content, string_connection, string_frame, twist_connection, twist_frame, with_subscribers
+from live_ros import with_subscribers
+from live_samples import content, string_connection, string_frame, twist_connection, twist_frame
 from mcap.reader import make_reader
 
 from jaka_ros_driver.bags.cli import main
 from jaka_ros_driver.bags.definitions import Connection
+from jaka_ros_driver.bags.tcpros_publisher import frame_of
 
 RATE_SCRIPT = """
 import sys, rospy
@@ -202,7 +205,8 @@ def test_state_log_takes_the_driver_of_the_namespace_and_nothing_else(graph):
         foreign = [right.advertise(topic, twist_connection(topic), False)
                    for topic in ("/right/jaka_driver/tool_position", "/tf", "/diagnostics")]
         with_subscribers(left, *outlets)
-        live_ros.wait_until(lambda: right.admit() or all(o.links for o in foreign[1:]), "it looks at the other driver")
+        live_samples.wait_until(lambda: right.admit() or all(o.links for o in foreign[1:]),
+                                "it looks at the other driver")
         for publisher, chosen, number in ((left, outlets, 1), (right, foreign, 2)):
             publisher.admit()
             for outlet in chosen:
@@ -287,12 +291,12 @@ def test_simulated_time_stamps_messages_with_the_clock(graph):
         with_subscribers(publisher, clock, a)
         publisher.publish(a, string_frame("before"))
         for second in (100, 200):
-            publisher.publish(clock, live_ros.frame_of(struct.pack("<II", second, 500)))
+            publisher.publish(clock, frame_of(struct.pack("<II", second, 500)))
             live_ros.all_read(publisher)
             publisher.publish(a, string_frame("at %d" % second))
             live_ros.all_read(publisher)
         assert recorder.stop() == 0
-    assert live_ros.times(graph.folder / "log.mcap") == [
+    assert live_samples.times(graph.folder / "log.mcap") == [
         ("/a", 100000000500), ("/a", 100000000500), ("/a", 200000000500)]
     assert "1 messages came before the first /clock" in recorder.output
 

@@ -1,11 +1,13 @@
 """From messages to files without a network: buffer, limit, simulated time, snapshots, failures."""
 import struct
 import threading
+import time
 from collections import namedtuple
+from pathlib import Path
 
-import live_ros
+import live_samples
 import pytest
-from live_ros import string_connection, twist_connection, twist_frame
+from live_samples import string_connection, twist_connection, twist_frame
 
 from jaka_ros_driver.bags.errors import BagError, WriteFailed
 from jaka_ros_driver.bags.log_files import Attachment, DiskFull, FileSettings, LogFiles
@@ -112,14 +114,14 @@ def test_a_limit_takes_so_many_of_each_topic(tmp_path):
 
 
 def test_a_snapshot_holds_the_newest_time_and_starts_anew(tmp_path):
-    now = live_ros.time.time_ns()
+    now = time.time_ns()
     bench = Bench(tmp_path, snapshot_s=100.0)
     bench.recorder.start()
     stream = bench.recorder.open_stream(string_connection("/b"), "http://n/")
     for age, payload in ((500, b"old"), (50, b"new"), (0, b"newest")):
         bench.recorder.take(stream, now - age * S, payload)
     bench.recorder.trigger_snapshot()
-    live_ros.wait_until(lambda: bench.said, "it is written")
+    live_samples.wait_until(lambda: bench.said, "it is written")
     assert [entry[4] for entry in bench.log()] == [b"new", b"newest"]
     bench.recorder.finish()
 
@@ -138,13 +140,13 @@ def test_a_refused_write_ends_the_recording_whole_and_is_raised(tmp_path, monkey
     bench.recorder.start()
     stream = bench.recorder.open_stream(string_connection("/b"), "http://n/")
     bench.recorder.take(stream, S, b"before")
-    live_ros.wait_until(lambda: stream.written == 1, "it is taken over")
+    live_samples.wait_until(lambda: stream.written == 1, "it is taken over")
 
     def refuse(*arguments):
         raise WriteFailed("log", OSError(5, "Input/output error"))
     with monkeypatch.context() as patch:
         patch.setattr(owner, method, refuse)
-        live_ros.wait_until(lambda: bench.stopped, "it stops")
+        live_samples.wait_until(lambda: bench.stopped, "it stops")
     bench.recorder.take(stream, 2 * S, b"after")
     with pytest.raises(WriteFailed, match="Input/output error"):
         bench.recorder.finish()
@@ -157,7 +159,7 @@ def test_a_bug_in_the_writer_does_not_end_the_recording_unnoticed(tmp_path, monk
     bench = Bench(tmp_path)
     bench.recorder.start()
     monkeypatch.setattr(LogFiles, "tick", lambda self: 1 // 0)
-    live_ros.wait_until(lambda: bench.stopped, "it stops")
+    live_samples.wait_until(lambda: bench.stopped, "it stops")
     with pytest.raises(ZeroDivisionError):
         bench.recorder.finish()
 
@@ -174,9 +176,9 @@ def test_a_disk_that_fills_ends_a_recording_with_everything_taken_in_the_file(tm
     stream = bench.recorder.open_stream(string_connection("/b"), "http://n/")
     for payload in (b"x" * 100, b"y" * 100):
         bench.recorder.take(stream, S, payload)
-    live_ros.wait_until(lambda: stream.written == 2, "they are taken over")
+    live_samples.wait_until(lambda: stream.written == 2, "they are taken over")
     free[0] = 6000
-    live_ros.wait_until(lambda: bench.stopped, "it stops")
+    live_samples.wait_until(lambda: bench.stopped, "it stops")
     with pytest.raises(DiskFull, match="is full"):
         bench.recorder.finish()
     assert len(bench.log()) == 2
@@ -190,6 +192,6 @@ def test_a_file_that_cannot_be_made_is_an_error_at_the_start(tmp_path):
 
 
 def test_files_are_numbered_where_they_are_split():
-    settings = FileSettings(live_ros.Path("a/log"), "bag", is_split=True)
+    settings = FileSettings(Path("a/log"), "bag", is_split=True)
     assert [str(settings.path(n)) for n in (0, 11)] == ["a/log_0.bag", "a/log_11.bag"]
-    assert str(FileSettings(live_ros.Path("v1.2/my.log")).path(0)) == "v1.2/my.log.mcap"
+    assert str(FileSettings(Path("v1.2/my.log")).path(0)) == "v1.2/my.log.mcap"

@@ -1,0 +1,61 @@
+"""Messages whose content tells their number, what is in a log, and waiting; without ROS."""
+import struct
+import threading
+import time
+from pathlib import Path
+from typing import Callable, Dict, List, Tuple
+
+from jaka_ros_driver.bags.definitions import Connection, definition_md5
+from jaka_ros_driver.bags.readers import messages, open_log
+from jaka_ros_driver.bags.tcpros_publisher import frame_of
+
+PATIENCE_S = 60.0
+SEPARATOR = "=" * 80 + "\n"
+TWIST_STAMPED = (
+    "std_msgs/Header header\ngeometry_msgs/Twist twist\n"
+    + SEPARATOR + "MSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n"
+    + SEPARATOR + "MSG: geometry_msgs/Twist\ngeometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n"
+    + SEPARATOR + "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n")
+STRING = "string data\n"
+
+
+def wait_until(condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
+    deadline = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < deadline, "waited %g s in vain: %s" % (patience_s, what)
+        threading.Event().wait(0.01)
+
+
+def twist_connection(topic: str) -> Connection:
+    return Connection(topic, "geometry_msgs/TwistStamped",
+                      definition_md5("geometry_msgs/TwistStamped", TWIST_STAMPED), TWIST_STAMPED)
+
+
+def string_connection(topic: str) -> Connection:
+    return Connection(topic, "std_msgs/String", definition_md5("std_msgs/String", STRING), STRING)
+
+
+def twist_frame(sequence: int, stamp_ns: int = 0) -> bytes:
+    """A TwistStamped whose content tells its number."""
+    head = struct.pack("<III", sequence, *divmod(stamp_ns, 1000000000)) + struct.pack("<I", 5) + b"world"
+    return frame_of(head + struct.pack("<6d", *[float(sequence)] * 6))
+
+
+def string_frame(text: str) -> bytes:
+    raw = text.encode()
+    return frame_of(struct.pack("<I", len(raw)) + raw)
+
+
+def content(path: Path) -> Dict[str, List[bytes]]:
+    """Messages of a log by topic, in the order of time."""
+    result: Dict[str, List[bytes]] = {}
+    with open_log(path) as reader:
+        for message in messages(reader):
+            result.setdefault(message.connection.topic, []).append(message.data)
+    return result
+
+
+def times(path: Path) -> List[Tuple[str, int]]:
+    """Topic and log time, ns, of all messages of a log, in the order of time."""
+    with open_log(path) as reader:
+        return [(message.connection.topic, message.log_time) for message in messages(reader)]
