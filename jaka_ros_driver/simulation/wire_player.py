@@ -25,6 +25,7 @@ LOOPBACK = "127.0.0.1"
 _READ_BYTES = 65536
 _EARLY_S = 0.05
 """A port opens so long before its next recorded connection, so that a client that keeps trying finds it in time."""
+_GRACE_S = 2.0
 _IDLE_S = 0.5
 _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 
@@ -32,17 +33,22 @@ _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 class _Client:
     """One accepted connection and what is still to be sent."""
 
-    def __init__(self, link: socket.socket, recorded: RecordedConnection, shift: float) -> None:
+    def __init__(self, link: socket.socket, recorded: RecordedConnection, shift: float, grace: float) -> None:
         self.link = link
         self.recorded = recorded
         self.shift = shift
+        self._grace = grace
         self.stream = ObjectStream()
         self.due: Deque[Piece] = deque(recorded.pieces)
         self.unsent = b""
+        self.requests = 0
 
     def end_at(self) -> Optional[float]:
-        """When the recorded connection ended, on the player's clock, s."""
-        return None if self.recorded.ended is None else self.recorded.ended + self.shift
+        """When the connection is to be ended, s: a client that is slower than the recorded one gets a little longer."""
+        if self.recorded.ended is None:
+            return None
+        grace = self._grace if self.requests < self.recorded.requests else 0.0
+        return self.recorded.ended + self.shift + grace
 
 
 class Progress(NamedTuple):
@@ -130,7 +136,7 @@ class WirePlayer:
             self._notice(Progress("begin", {"monotonic_s": self._begin, "start_ns": self._script.start_ns}))
         link.setblocking(False)
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        client = _Client(link, recorded, max(0.0, self._now() - recorded.opened))
+        client = _Client(link, recorded, max(0.0, self._now() - recorded.opened), _GRACE_S * self._speed)
         self._clients[link] = client
         self._selector.register(link, selectors.EVENT_READ, client)
 
@@ -149,6 +155,7 @@ class WirePlayer:
                     self._answer(client, str(item.get("cmdName", "")))
 
     def _answer(self, client: _Client, name: str) -> None:
+        client.requests += 1
         reply = self._script.replies.next(name)
         if reply is not None:
             at = self._now() + reply.after

@@ -36,6 +36,7 @@ class RecordedConnection(NamedTuple):
         pieces: What the client was sent; none for the command port, which answers instead.
         ended: When it ended; None where the log ends first.
         how: "close", "reset" or "half open".
+        requests: How many the client made on it.
     """
 
     port: str
@@ -43,6 +44,7 @@ class RecordedConnection(NamedTuple):
     pieces: Tuple[Piece, ...]
     ended: Optional[float]
     how: str
+    requests: int
 
 
 class Reply(NamedTuple):
@@ -152,11 +154,12 @@ def wire_script(log: Sequence[Union[WireEvent, TrueJoints]]) -> WireScript:
         pieces = {what: tuple(Piece((event.time_ns - start_ns) / _NS_PER_S, event.data) for event in some
                               if event.what == what) for what in ("in", "out")}
         end = next((event for event in some if event.what in _ENDS), None)
+        paired = _paired(pieces["in"], pieces["out"]) if port == "command" else []
+        found += paired
         connections[port].append(RecordedConnection(
             port, (some[0].time_ns - start_ns) / _NS_PER_S, pieces["out"] if port in STREAMED else (),
-            None if end is None else (end.time_ns - start_ns) / _NS_PER_S, "close" if end is None else end.what))
-        if port == "command":
-            found += _paired(pieces["in"], pieces["out"])
+            None if end is None else (end.time_ns - start_ns) / _NS_PER_S, "close" if end is None else end.what,
+            len(paired)))
     for _, name, reply in sorted(found, key=lambda entry: entry[0]):
         replies.add(name, reply)
     duration = max((event.time_ns - start_ns) / _NS_PER_S for event in events)
@@ -168,14 +171,16 @@ def _name(value: Dict[str, Any]) -> str:
 
 
 def _paired(requests: Sequence[Piece], replies: Sequence[Piece]) -> List[Tuple[float, str, Reply]]:
-    """(time of the request, name, reply): the n-th reply of a name belongs to the n-th request of that name."""
-    waiting: Dict[str, Deque[float]] = {}
-    for at, _, value in cut_objects(requests):
-        waiting.setdefault(_name(value), deque()).append(at)
+    """(time of the request, name, reply): the n-th reply of a name belongs to the n-th request of that name.
+
+    A reply that tells no name (a request that the controller did not understand) belongs to the oldest open request.
+    """
+    waiting = [(at, _name(value)) for at, _, value in cut_objects(requests)]
     result = []
     for at, raw, value in cut_objects(replies):
-        asked = waiting.get(_name(value))
-        if asked:
-            moment = asked.popleft()
-            result.append((moment, _name(value), Reply(max(0.0, at - moment), raw)))
+        name = _name(value)
+        mine = next((asked for asked in waiting if asked[1] == name or not name), None)
+        if mine is not None:
+            waiting.remove(mine)
+            result.append((mine[0], mine[1], Reply(max(0.0, at - mine[0]), raw)))
     return result

@@ -1,12 +1,12 @@
 """A golden log happens again: simulated controllers, driver, recorder and calls together; then the comparison."""
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Dict, Optional, Sequence, Tuple
+from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 from ..compare.comparison import compare_runs
 from ..compare.loading import load_run
 from ..compare.report_text import as_text, headline
-from ..compare.run import Run
+from ..compare.run import Call, Run
 from ..compare.tolerances import Tolerances
 from ..compare.verdict import Comparison
 from ..compare_cli import write_reports
@@ -42,10 +42,23 @@ class Replay:
     report: Path
 
 
+def _driver_timed(calls: Sequence[Call]) -> List[str]:
+    return sorted({call.short_name for call in calls if call.short_name in DRIVER_TIMED_SERVICES})
+
+
+def takes_time_scale(golden: PathLike) -> bool:
+    """Whether a log can be replayed at another speed: nothing in it depends on the driver's own clock.
+
+    Raises:
+        BagError: It cannot be read.
+    """
+    return not _driver_timed(load_run(golden).calls)
+
+
 def _check_time_scale(script: Script, time_scale: float) -> None:
     if not 0.1 <= time_scale <= MAX_TIME_SCALE:
         raise BagError("time scale is %g; it must be 0.1 to %g" % (time_scale, MAX_TIME_SCALE))
-    timed = sorted({call.short_name for call in script.calls if call.short_name in DRIVER_TIMED_SERVICES})
+    timed = _driver_timed(script.calls)
     if timed and time_scale != 1.0:
         raise BagError("%s calls %s, whose course depends on the driver's own clock: its time scale is 1"
                        % (script.log, ", ".join(timed)))

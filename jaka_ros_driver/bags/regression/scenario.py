@@ -100,6 +100,10 @@ def _arm(where: str, value: Any) -> Arm:
     if namespace and not namespace.startswith("/"):
         raise ScenarioError("%s.namespace: %r does not begin with /" % (where, namespace))
     words = _typed(where + ".simulation", given.get("simulation", list(DEFAULT_SIMULATION)), list, "a list")
+    for word in words:
+        if isinstance(word, bool) or not isinstance(word, (str, int, float)):
+            raise ScenarioError("%s.simulation: %r is no word of a command line; YAML takes on, off, yes and no for "
+                                "true and false: put them in quotes" % (where, word))
     parameters = _checked(where + ".parameters", given.get("parameters", {}), tuple(given.get("parameters", {}) or ()))
     return Arm(namespace, _typed(where + ".model", given.get("model", "zu7"), str, "a text"),
                tuple(str(word) for word in words), tuple(parameters.items()))
