@@ -181,11 +181,19 @@ class WirePlayer:
                 self._doors.open(port)
             else:
                 self._doors.shut(port)
-        if now >= self._script.duration and not self._is_over:
+        if not self._is_over and self._is_done(now):
             self._is_over = True
             replies = self._script.replies
             self._notice(Progress("end", {"answered": replies.answered, "repeated": replies.repeated,
                                           "unanswered": sorted(set(replies.unanswered))}))
+
+    def _is_done(self, now: float) -> bool:
+        """All has been played; a driver that is slower than the recorded one gets a little longer."""
+        if now < self._script.duration:
+            return False
+        waits = any(self._coming.values()) or any(client.due or client.requests < client.recorded.requests
+                                                  for client in self._clients.values())
+        return not waits or now >= self._script.duration + 2.0 * _GRACE_S * self._speed
 
     def _send(self, client: _Client) -> None:
         try:
