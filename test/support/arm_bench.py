@@ -5,12 +5,12 @@ What the client did is judged by the controller's own log of bytes and true join
 import threading
 import time
 
+from wire_verdict import WireVerdict
+
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
-from jaka_ros_driver.simulation.wire_log import TrueJoints, WireEvent, read_log
 
 WAIT = 20.0
 
@@ -57,35 +57,25 @@ class Bench:
             self.arm = None
         self.controller.close()
 
-    # ---- verdicts, after close ----
+    # ---- verdicts: they end the bench ----
 
     def log(self):
         self.close()
         if self._log is None:
-            self._log = read_log(self.log_file)
+            self._log = WireVerdict(self.log_file)
         return self._log
 
     def received(self):
-        """(time s, request) of all that came in on the command port."""
-        streams, requests = {}, []
-        for event in self.log():
-            if isinstance(event, WireEvent) and event.port == "command" and event.what == "in":
-                stream = streams.setdefault(event.connection, ObjectStream())
-                requests += [(event.time_ns * 1e-9, request) for request in stream.feed(event.data)]
-        return requests
+        return self.log().received()
 
     def times_of(self, name):
-        return [at for at, request in self.received() if request["cmdName"] == name]
+        return self.log().times_of(name)
 
     def joints(self):
-        return [(item.time_ns * 1e-9, item.joint_position) for item in self.log() if isinstance(item, TrueJoints)]
+        return self.log().joints()
 
     def rest_after(self, moment):
-        """When the arm came to rest for good after this moment, s."""
-        path = [(at, joints) for at, joints in self.joints() if at >= moment]
-        end = path[-1][1]
-        return next(at for at, joints in path if all(
-            max(abs(a - b) for a, b in zip(later, end)) < 1e-6 for _, later in path if _ >= at))
+        return self.log().rest_after(moment)
 
 
 class Call:

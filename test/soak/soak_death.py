@@ -1,0 +1,72 @@
+"""How fast the arm stops when the driver's process ends, dies or freezes: every way x every motion, many times.
+
+Moments on the wire and of the arm are those of the simulated controller's log. Run it in the devel space; the argument
+is the number of repeats (20). Not part of the test suite: it takes a quarter of an hour.
+"""
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
+
+from arm_bench import eventually  # noqa: E402
+from live_driver import LiveDriver, begin  # noqa: E402
+from soak_bench import master, summary  # noqa: E402
+
+MOTIONS = ("move", "jog", "servo")
+ENDS = {"SIGINT": signal.SIGINT, "SIGTERM": signal.SIGTERM}
+DEATHS = {"SIGKILL": signal.SIGKILL, "SIGSEGV": signal.SIGSEGV, "SIGSTOP": signal.SIGSTOP}
+
+
+def deaths_of(live, number, motion, repeats):
+    """(moment of the signal, moment at which the arm was seen at rest) of each repeat."""
+    moments = []
+    for repeat in range(repeats):
+        if repeat and number != signal.SIGSTOP:
+            live.start()
+        live.arm.wait_until_seen()
+        live.arm.listen("robot_states", 1)
+        pending = begin(live, motion)
+        time.sleep(0.2)
+        since = live.send(number)
+        assert eventually(lambda: not live.simulator.is_moving() and not live.simulator.state()["is_servo_active"]), (
+            "the arm was not stopped")
+        moments.append((since, time.monotonic()))
+        if number == signal.SIGSTOP:
+            live.send(signal.SIGCONT)
+        else:
+            live.process.communicate(timeout=20.0)
+            assert eventually(lambda: not live.guards()), "a guard is left"
+        if pending is not None:
+            pending._thread.join(20.0)
+    return moments
+
+
+def measure(how, number, motion, repeats, folder):
+    with LiveDriver(folder) as live:
+        live.arm.wait_until_ready()
+        moments = deaths_of(live, number, motion, repeats)
+        verdict = live.verdict()
+    opened = [event.time_ns * 1e-9 for event in verdict.wire("command", "open")]
+    stops = [min(verdict.times_of("stop_program", after=since)) for since, _ in moments]
+    figures = [("stop on the wire", [stop - since for stop, (since, _) in zip(stops, moments)]),
+               ("arm at rest", [verdict.rest_after(since, until) - since for since, until in moments])]
+    if number in DEATHS.values():
+        figures.insert(0, ("guard on the port", [min(at for at in opened if at > since) - since
+                                                 for since, _ in moments]))
+    for what, values in figures:
+        print("%-8s %-6s %-18s %s" % (how, motion, what, summary(values)), flush=True)
+
+
+def main():
+    repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    with master(), tempfile.TemporaryDirectory() as folder:
+        for how, number in {**ENDS, **DEATHS}.items():
+            for motion in MOTIONS:
+                measure(how, number, motion, repeats, folder)
+
+
+if __name__ == "__main__":
+    main()

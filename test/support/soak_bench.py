@@ -1,0 +1,44 @@
+"""A roscore for a program that is no test, and how figures are shown."""
+import contextlib
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import roslaunch
+import rospy
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "ros"))
+
+
+@contextlib.contextmanager
+def master():
+    """This process is a ROS node of a roscore of its own."""
+    import conftest
+    with tempfile.TemporaryDirectory() as home:
+        port = conftest.free_port()
+        os.environ.update(ROS_MASTER_URI="http://127.0.0.1:%d" % port, ROS_IP="127.0.0.1", ROS_HOME=home,
+                          ROS_LOG_DIR=home, TMPDIR=home)
+        os.environ.pop("ROS_NAMESPACE", None)
+        core = roslaunch.parent.ROSLaunchParent(conftest.RUN_ID, [], is_core=True, port=port)
+        core.start()
+        print("load average at start: %s" % " ".join("%.2f" % load for load in os.getloadavg()), flush=True)
+        try:
+            rospy.init_node("soak", anonymous=True, disable_signals=True)
+            yield
+            print("load average at end: %s" % " ".join("%.2f" % load for load in os.getloadavg()), flush=True)
+        finally:
+            rospy.signal_shutdown("done")
+            core.shutdown()
+
+
+def percentile(values, share):
+    """The value below which that share of them lies."""
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
+def summary(seconds):
+    """Median, 95th percentile and largest of durations in s, in ms."""
+    return "n %3d  p50 %7.1f ms  p95 %7.1f ms  max %7.1f ms" % (
+        len(seconds), 1e3 * percentile(seconds, 0.5), 1e3 * percentile(seconds, 0.95), 1e3 * max(seconds))

@@ -1,0 +1,50 @@
+"""What a simulated controller's own log tells: which requests came in when, and where the arm really was.
+
+Times are the host's monotonic clock, s, the same as ``time.monotonic()`` of every process on it.
+"""
+from jaka_ros_driver.errors import FramingError
+from jaka_ros_driver.protocol.framing import ObjectStream
+from jaka_ros_driver.simulation.wire_log import TrueJoints, WireEvent, read_log
+
+REST = 1e-6
+"""rad: an arm that moves less is at rest."""
+
+
+class WireVerdict:
+    """The log of one simulated controller, that has ended."""
+
+    def __init__(self, log_file):
+        self.events = read_log(str(log_file))
+
+    def received(self):
+        """(time, request) of all that came in on the command port."""
+        streams, requests = {}, []
+        for event in self.wire("command", "in"):
+            stream = streams.setdefault(event.connection, ObjectStream())
+            requests += [(event.time_ns * 1e-9, request) for request in stream.feed(event.data)
+                         if not isinstance(request, FramingError)]
+        return requests
+
+    def wire(self, port, *what):
+        """Pieces of bytes, and beginnings and ends of connections, of a port."""
+        return [event for event in self.events
+                if isinstance(event, WireEvent) and event.port == port and event.what in what]
+
+    def times_of(self, name, after=0.0, **fields):
+        """When requests of this name, with these fields, came in after a moment."""
+        return [at for at, request in self.received() if request["cmdName"] == name and at >= after
+                and all(request.get(key) == value for key, value in fields.items())]
+
+    def joints(self):
+        """(time, joint position in rad) of every cycle."""
+        return [(item.time_ns * 1e-9, item.joint_position) for item in self.events if isinstance(item, TrueJoints)]
+
+    def rest_after(self, moment, until=float("inf")):
+        """When, after this moment, the arm came to rest; it rests until the other one, for good without."""
+        path = [(at, joints) for at, joints in self.joints() if moment <= at <= until]
+        end, since = path[-1][1], path[-1][0]
+        for at, joints in reversed(path):
+            if max(abs(a - b) for a, b in zip(joints, end)) > REST:
+                break
+            since = at
+        return since
