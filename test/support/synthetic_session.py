@@ -86,6 +86,7 @@ class Session:
         states: motion, power, servo, collision; shape (n, 4).
         calls: As the log will tell them.
         keep: Which samples of each topic are written, bool, shape (n,).
+        sequence_step: By how much header.seq of each topic grows from message to message.
     """
 
     def __init__(self, time: np.ndarray, joints: np.ndarray, states: np.ndarray, calls: List[Call],
@@ -102,6 +103,7 @@ class Session:
         self.log_time = {name: np.maximum.accumulate(self.stamp + random.uniform(2e-4, 6e-4, len(time)))
                          for name in TOPICS}
         self.keep = {name: np.ones(len(time), bool) for name in TOPICS}
+        self.sequence_step = dict.fromkeys(TOPICS, 1)
         self.node = "/jaka_driver"
         self.frame = "base_link"
 
@@ -195,11 +197,11 @@ def _ns(seconds: np.ndarray) -> np.ndarray:
     return EPOCH_NS + np.round(seconds * 1e9).astype(np.int64)
 
 
-def _headed(stamp: np.ndarray, frame: str, body: np.ndarray) -> np.ndarray:
+def _headed(stamp: np.ndarray, frame: str, step: int, body: np.ndarray) -> np.ndarray:
     """Bytes of messages with a header, shape (n, size); ``body`` is uint8 (n, rest)."""
     head = np.empty(len(stamp), np.dtype([("seq", "<u4"), ("secs", "<u4"), ("nsecs", "<u4"), ("size", "<u4")]))
     stamp_ns = _ns(stamp)
-    head["seq"] = np.arange(len(stamp)) + 1
+    head["seq"] = step * np.arange(len(stamp)) + 1
     head["secs"], head["nsecs"] = stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000
     head["size"] = len(frame)
     return np.concatenate([head.view(np.uint8).reshape(len(stamp), -1),
@@ -222,10 +224,10 @@ def _rows(session: Session, name: str) -> np.ndarray:
         return _bytes(session.states[keep], "<i2")
     if name == "tool_position":
         pose = np.hstack([session.position[keep], session.rotation_vector[keep]])
-        return _headed(session.stamp[keep], session.frame, _bytes(pose, "<f8"))
+        return _headed(session.stamp[keep], session.frame, session.sequence_step[name], _bytes(pose, "<f8"))
     names = struct.pack("<I", 6) + b"".join(_string("joint_%d" % (i + 1)) for i in range(6)) + struct.pack("<I", 6)
     body = np.concatenate([_fixed(names, count), _bytes(session.joints[keep], "<f8"), _fixed(bytes(8), count)], axis=1)
-    return _headed(session.stamp[keep], "", body)
+    return _headed(session.stamp[keep], "", session.sequence_step[name], body)
 
 
 def _call_bytes(session: Session, call: Call, number: int) -> bytes:
@@ -264,6 +266,8 @@ def write_log(path: Path, *sessions: Session) -> Path:
     for session in sessions:
         for name, (datatype, text) in _TYPES.items():
             if name == "service_calls" and not session.calls:
+                continue
+            if name in session.keep and not session.keep[name].any():
                 continue
             blocks.append(_block(session, name, len(connections)))
             connections.append(Connection("%s/%s" % (session.node, name), datatype, definition_md5(datatype, text),
