@@ -216,7 +216,7 @@ class _Console:
         for path in recorder.finished_paths:
             self.say("wrote %s" % path)
         if recorder.untimed:
-            self.always("%d messages came before the first %s" % (recorder.untimed, "/clock"))
+            self.always("%d messages came before the first /clock" % recorder.untimed)
         for topic, account in drops.items():
             line = "%s: %d messages, %s" % (topic, account.received, account.describe())
             if account.is_lossy:
@@ -234,7 +234,6 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         BagError: The recording could not be started.
     """
-    console = _Console(args.quiet)
     _take_zstd_level(args)
     args.topics, remappings = split_remappings(args.topics)
     try:
@@ -244,7 +243,11 @@ def run(args: argparse.Namespace) -> int:
     except _Usage as error:
         print("jaka_bag record: error: %s" % error, file=sys.stderr)
         return 2
+    return _record(args, names, selection, settings)
 
+
+def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelection, settings: FileSettings) -> int:
+    console = _Console(args.quiet)
     facts = {"program": "jaka_bag record", "host": platform.node(), "node": names.node, "master": master_uri(),
              "transport": args.transport, "arguments": json.dumps(sys.argv[1:]),
              "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
@@ -256,33 +259,31 @@ def run(args: argparse.Namespace) -> int:
             chosen = dataclasses.replace(settings, stem=_snapshot_stem(settings))
         return LogFiles(chosen, facts, attachments, lambda: recorder.streams(), console.say)
 
-    use_clock = False
-    recording_duration = None if args.split else args.duration
-    accept = is_of_namespace(names.namespace) if args.state_log else accept_all
-    recording: Recording
-    master = RemoteNode(master_uri(), names.node)
+    def connect() -> Transport:
+        console.say("recording to %s, node %s" % (
+            settings.path(0) if args.snapshot is None else "memory, the newest %g s" % args.snapshot, names.node))
+        if args.transport == "rospy":
+            return RospyTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
+                                  args.tcpnodelay)
+        return RawTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
+                            args.tcpnodelay, args.stamp == "kernel")
+
     recorder = Recorder(open_files, args.buffsize, console.always, lambda reason: recording.end(reason), False,
                         args.limit, args.snapshot)
-    recording = Recording(recorder, selection, accept, console.always, recording_duration)
+    recording = Recording(recorder, selection, is_of_namespace(names.namespace) if args.state_log else accept_all,
+                          console.always, None if args.split else args.duration)
     failure: Optional[Exception] = None
     with _signals(recording, recorder, args.snapshot is not None):
+        master = RemoteNode(master_uri(), names.node)
         if not wait_for_master(master, recording.stop, console.always):
             return 1
-        use_clock = recorder.is_simulated_time = bool(read_parameter(master, "/use_sim_time"))
-        facts["log_time"] = "/clock" if use_clock else args.stamp if args.transport == "raw" else "receive"
+        recorder.is_simulated_time = bool(read_parameter(master, "/use_sim_time"))
+        receipt = args.stamp if args.transport == "raw" else "receive"
+        facts["log_time"] = "/clock" if recorder.is_simulated_time else receipt
         attachments.append(Attachment("rosparam.yaml", parameter_dump(master), "application/yaml"))
         master.close()
-
-        def connect() -> Transport:
-            console.say("recording to %s, node %s" % (settings.path(0), names.node))
-            if args.transport == "rospy":
-                return RospyTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
-                                      args.tcpnodelay)
-            return RawTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
-                                args.tcpnodelay, args.stamp == "kernel")
-
         try:
-            recording.run(connect, use_clock)
+            recording.run(connect, recorder.is_simulated_time)
         except JakaError as error:
             failure = error
     drops = drops_by_topic(recorder.streams())
