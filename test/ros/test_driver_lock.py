@@ -1,9 +1,10 @@
 """One controller, one driver: the lock names its holder, and goes with the process that holds it."""
+import os
 import subprocess
 import sys
 
 import pytest
-from arm_bench import eventually
+from ros_bench import eventually
 
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven, DriverLock
 
@@ -52,7 +53,6 @@ def test_it_goes_with_a_process_that_is_killed(tmp_path):
 
 
 def test_a_lock_file_of_another_user_locks_as_well(tmp_path, monkeypatch):
-    import os
     DriverLock("10.5.5.100", 10001, "node /theirs", str(tmp_path)).release()
     real_open = os.open
 

@@ -5,9 +5,8 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 import roslaunch
 import rospy
-from arm_bench import eventually
 from import_graph import ROOT
-from ros_bench import Arm, collecting
+from ros_bench import Arm, collecting, eventually
 from tf2_msgs.msg import TFMessage
 
 from jaka_ros_driver.kinematics.arm_models import load_model

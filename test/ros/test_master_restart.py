@@ -6,8 +6,7 @@ import subprocess
 
 import pytest
 import rosgraph
-from arm_bench import WAIT, eventually
-from ros_bench import HOME, DriverProcess, SimulatorProcess, on
+from ros_bench import HOME, WAIT, DriverProcess, SimulatorProcess, eventually, on
 
 from jaka_ros_driver.ros.services import SERVICES
 

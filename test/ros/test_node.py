@@ -7,10 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 import rospy
-from arm_bench import eventually
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from import_graph import ROOT
-from ros_bench import HOME, Arm, DriverProcess, SimulatorProcess, collecting, on
+from ros_bench import HOME, Arm, DriverProcess, SimulatorProcess, collecting, eventually, on
 from sensor_msgs.msg import JointState
 
 from jaka_ros_driver.kinematics.arm_models import load_model
@@ -123,10 +122,17 @@ def test_the_driver_runs_with_real_time_priority_where_that_is_permitted(ros_nod
     with contextlib.closing(SimulatorProcess()) as simulator, \
             DriverProcess("urgent", realtime_priority=3, **on(simulator)) as driver:
         Arm(simulator, "/urgent").wait_until_seen()
-        tasks = [int(task) for task in os.listdir("/proc/%d/task" % driver.process.pid)]
-        policies = {os.sched_getscheduler(task) for task in tasks}
+        policies = policies_of(driver.process.pid)
         _, said = driver.end()
     assert (os.SCHED_FIFO in policies) == allowed and ("not permitted" in said) != allowed
+
+
+def policies_of(pid):
+    found = set()
+    for task in os.listdir("/proc/%d/task" % pid):
+        with contextlib.suppress(ProcessLookupError):
+            found.add(os.sched_getscheduler(int(task)))
+    return found
 
 
 def test_a_defect_in_a_service_is_a_service_error_with_evidence_and_the_next_call_is_served(ros_node, monkeypatch):

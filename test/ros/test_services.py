@@ -3,11 +3,9 @@ import math
 
 import pytest
 import rosservice as rosservice_library
-from arm_bench import eventually
 from import_graph import ROOT
-from ros_bench import HOME, collecting, rosservice
+from ros_bench import HOME, eventually, evidence_of, rosservice
 
-from jaka_msgs.msg import ServiceCall
 from jaka_msgs.srv import Move, MoveRequest, MoveResponse
 from jaka_ros_driver.kinematics.arm_models import reference_values
 from jaka_ros_driver.ros.services import SERVICES
@@ -174,11 +172,11 @@ def test_the_reference_values_of_real_controllers(arm, row):
 
 
 def test_every_call_leaves_its_evidence(arm):
-    with collecting(arm.name + "/service_calls", ServiceCall) as evidence:
+    with evidence_of(arm) as evidence:
         arm.call("joint_move", pose=HOME, **FAST)
         arm.call("joint_move", pose=HOME[:5], **FAST)
-        assert eventually(lambda: len(evidence) >= 2)
-    good, bad = (message for _, message in evidence[:2])
+        assert eventually(lambda: len(evidence()) == 2)
+    good, bad = evidence()
     assert good.success and good.error == "" and not bad.success and "5 values" in bad.error
     for message in (good, bad):
         assert message.service == arm.name + "/joint_move" and message.service_type == "jaka_msgs/Move"

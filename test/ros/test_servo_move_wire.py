@@ -11,10 +11,8 @@ import pytest
 import rosgraph
 import rosgraph.network
 import rospy
-from arm_bench import eventually
-from ros_bench import HOME, collecting
+from ros_bench import HOME, eventually, evidence_of
 
-from jaka_msgs.msg import ServiceCall
 from jaka_msgs.srv import ServoMove, ServoMoveResponse
 from jaka_ros_driver.ros.servo_move_wire import ServoMoveWithSpeed, ServoMoveWithSpeedRequest
 
@@ -102,13 +100,13 @@ def test_a_python_client_of_either_definition(arm, dynamic_service, service):
     (ServoMoveWithSpeed._md5sum, floats(*HOME) + floats(1.0, 2.0)), ("*", floats(*HOME)),
     ("*", floats(*HOME) + floats(1.0))], ids=["ours", "theirs", "theirs with speed", "any", "any, with speed"])
 def test_a_client_by_its_bytes(arm, md5sum, body):
-    with collecting(arm.name + "/service_calls", ServiceCall) as evidence:
+    with evidence_of(arm) as evidence:
         header, responses = raw_call(arm.name + "/servo_j", md5sum, body, persistent=True, count=3)
-        assert eventually(lambda: len(evidence) == 3)
+        assert eventually(lambda: len(evidence()) == 3)
     assert all(response.ret == 0 and REFUSAL in response.message for response in responses)
     known = ServoMove._md5sum if md5sum == "*" else md5sum
     assert header["md5sum"] == known and header["type"] == "jaka_msgs/ServoMove"
-    for _, call in evidence:
+    for call in evidence():
         assert call.md5sum == known and call.caller == "/raw_client"
         assert md5sum == "*" or bytes(call.request) == body
 

@@ -8,11 +8,8 @@ import time
 import pytest
 import rosgraph
 import rospy
-from arm_bench import eventually
-from ros_bench import HOME, Arm, DriverProcess, InBackground, SimulatorProcess, collecting, on
+from ros_bench import HOME, Arm, DriverProcess, InBackground, SimulatorProcess, eventually, evidence_of, on
 from std_srvs.srv import Empty
-
-from jaka_msgs.msg import ServiceCall
 
 AWAY = [2.0] + HOME[1:]
 SLOW_LINE = {"pose": [420.0, 300.0, 370.0, 2.2214, -2.2214, 0.0], "mvvelo": 20.0, "mvacc": 100.0}
@@ -106,16 +103,17 @@ def test_a_peer_that_connects_and_says_nothing_keeps_nobody_out(arm):
             peer.close()
 
 
-def test_a_stop_that_cannot_be_delivered_is_a_service_error(start_arm):
-    arm = start_arm()
-    arm.wait_until_seen()
-    with collecting(arm.name + "/service_calls", ServiceCall) as evidence:
-        arm.simulator.close()
-        with pytest.raises(rospy.ServiceException, match="link|connect"):
-            eventually(lambda: arm.call("stop_move") and False)
-        assert eventually(lambda: evidence and not evidence[-1][1].success)
-    assert evidence[-1][1].service == "/jaka_driver/stop_move" and evidence[-1][1].error
-    assert bytes(evidence[-1][1].response) == b""
+def test_a_stop_that_cannot_be_delivered_is_a_service_error(ros_node, simulator_of_its_own):
+    arm = Arm(simulator_of_its_own, "/cut_off_driver")
+    with DriverProcess("cut_off_driver", **on(arm.simulator)):
+        arm.wait_until_seen()
+        with evidence_of(arm) as evidence:
+            arm.simulator.close()
+            with pytest.raises(rospy.ServiceException, match="link|connect"):
+                eventually(lambda: arm.call("stop_move") and False)
+            assert eventually(lambda: evidence() and not evidence()[-1].success)
+    failed = evidence()[-1]
+    assert failed.service == "/cut_off_driver/stop_move" and failed.error and bytes(failed.response) == b""
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
@@ -134,7 +132,7 @@ def test_a_move_that_is_under_way_at_shutdown_is_answered_and_the_arm_stopped(ro
 
 def test_the_guard_stops_a_jog_whose_driver_is_killed_and_the_next_driver_may_start(ros_node, simulator_of_its_own):
     arm = Arm(simulator_of_its_own, "/killed_driver")
-    with DriverProcess("killed_driver", **on(arm.simulator)) as driver:
+    with DriverProcess("killed_driver", **on(arm.simulator, guard=True)) as driver:
         arm.wait_until_ready()
         assert arm.call("jog", mvvelo=0.05, index=0).ret == 1
         assert eventually(arm.simulator.is_moving)

@@ -4,8 +4,7 @@ import contextlib
 import pytest
 import rosgraph
 import rospy
-from arm_bench import eventually
-from ros_bench import HOME, Arm, DriverProcess, SimulatorProcess, listen, on
+from ros_bench import HOME, Arm, DriverProcess, SimulatorProcess, eventually, listen, on
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 

@@ -3,8 +3,7 @@ import math
 
 import pytest
 import rosservice as rosservice_library
-from arm_bench import eventually
-from ros_bench import HOME, InBackground, listen
+from ros_bench import HOME, InBackground, eventually, listen
 
 from jaka_ros_driver.kinematics.rotations import (
     matrix_from_rotation_vector,

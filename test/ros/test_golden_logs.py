@@ -1,0 +1,44 @@
+"""Every golden log happens again: the driver of this checkout against simulated controllers."""
+import pytest
+import yaml
+from import_graph import ROOT
+
+from jaka_ros_driver.bags.log_index import read_index
+from jaka_ros_driver.bags.pytest_plugin import jaka_replay  # noqa: F401 - a fixture
+from jaka_ros_driver.bags.regression.replay import replay, takes_time_scale
+from jaka_ros_driver.errors import JakaError
+
+FOLDER = ROOT / "test" / "data" / "golden"
+NAMES = sorted(path.stem for path in FOLDER.glob("*.mcap"))
+SESSIONS = {"boot", "joint_moves", "linear_moves", "jog_watchdog", "servo_stream", "stop_in_mid_move", "collision",
+            "emergency_stop", "reconnect", "io_sequence", "two_arms"}
+
+
+def test_the_library_is_whole_small_and_says_where_it_comes_from():
+    assert set(NAMES) == SESSIONS
+    for name in NAMES:
+        text = yaml.safe_load((FOLDER / (name + ".yaml")).read_text(encoding="utf-8"))
+        assert len(text["about"]) > 40 and text["licence"].startswith("CC0")
+        assert (FOLDER / (name + ".mcap")).stat().st_size < 500000
+        assert sum(read_index(FOLDER / (name + ".mcap")).counts) > 1000
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_happens_again(name, jaka_replay):  # noqa: F811
+    result = jaka_replay(FOLDER / (name + ".mcap"))
+    assert result.same, result.summary
+
+
+@pytest.mark.parametrize("name, time_scale", [("joint_moves", 10.0), ("collision", 4.0)])
+def test_it_happens_again_in_less_time(name, time_scale, jaka_replay):  # noqa: F811
+    result = jaka_replay(FOLDER / (name + ".mcap"), time_scale=time_scale)
+    assert result.same, result.summary
+
+
+def test_what_depends_on_the_drivers_own_clock_keeps_its_speed(tmp_path):
+    jog = FOLDER / "jog_watchdog.mcap"
+    assert not takes_time_scale(jog) and takes_time_scale(FOLDER / "joint_moves.mcap")
+    with pytest.raises(JakaError, match="jog, whose course depends on the driver's own clock"):
+        replay(jog, tmp_path, time_scale=2.0)
+    with pytest.raises(JakaError, match="it must be 0.1 to 10"):
+        replay(FOLDER / "joint_moves.mcap", tmp_path, time_scale=11.0)
