@@ -141,7 +141,8 @@ def outcome(arm, service):
 def matrix(root):
     rows = {}
     yield rows
-    lines = ["# Every service under every condition", "", "| condition | service | | the caller is told |", "|---|---|---|---|"]
+    lines = ["# Every service under every condition", "", "| condition | service | | the caller is told |",
+             "|---|---|---|---|"]
     for (condition, service), (done, told) in rows.items():
         words = told.split("\n")[0]
         lines.append("| %s | %s | %s | %s |" % (condition, service, "done" if done else "not done", words))
