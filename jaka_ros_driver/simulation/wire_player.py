@@ -114,13 +114,18 @@ class WirePlayer:
     def _wait_s(self) -> float:
         if self._begin is None:
             return _IDLE_S
-        moments = [client.due[0].at + client.shift for client in self._clients.values() if client.due]
-        moments += [end for end in (client.end_at() for client in self._clients.values()) if end is not None]
-        moments += [coming[0].opened - _EARLY_S for port, coming in self._coming.items() if coming]
-        moments.append(self._script.duration)
         now = self._now()
-        later = [moment for moment in moments if moment > now]
-        return min([_IDLE_S] + [(moment - now) / self._speed for moment in later])
+        moments = [client.due[0].at + self._shift(client) for client in self._clients.values() if client.due]
+        moments += [end for end in (client.end_at() for client in self._clients.values()) if end is not None]
+        further = [coming[0].opened - _EARLY_S for coming in self._coming.values() if coming]
+        further.append(self._script.duration)
+        moments += [moment for moment in further if moment > now]
+        return min([_IDLE_S] + [max(moment - now, 0.0) / self._speed for moment in moments])
+
+    @staticmethod
+    def _shift(client: _Client) -> float:
+        """Replies have their times from the live request, streams from the recorded connection."""
+        return 0.0 if client.recorded.port == "command" else client.shift
 
     def _accept(self, listener: Any, port: str) -> None:
         try:
@@ -166,8 +171,7 @@ class WirePlayer:
     def _play(self) -> None:
         now = self._now()
         for client in list(self._clients.values()):
-            shift = 0.0 if client.recorded.port == "command" else client.shift
-            while client.due and client.due[0].at + shift <= now:
+            while client.due and client.due[0].at + self._shift(client) <= now:
                 client.unsent += client.due.popleft().data
                 self._send(client)
             end = client.end_at()

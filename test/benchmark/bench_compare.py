@@ -1,0 +1,66 @@
+"""How long jaka_bag compare takes for two state logs of 30 minutes (675,000 messages each), start-up included.
+
+The reference is `jaka_bag export` of one of them to NPZ: reading and decoding the same bytes once.
+"""
+import argparse
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import List, Tuple
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support")]
+
+from synthetic_session import Conditions, moves, simulate, write_log  # noqa: E402
+
+JAKA_BAG = [sys.executable, str(ROOT / "tools" / "jaka_bag")]
+
+
+def timed(command: List[str], rounds: int) -> Tuple[float, float]:
+    """Best wall and CPU time of a program, s."""
+    walls, cpus = [], []
+    for _ in range(rounds):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        begin = time.perf_counter()
+        done = subprocess.run(command, stdout=subprocess.PIPE, check=False)
+        walls.append(time.perf_counter() - begin)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        cpus.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+        if done.returncode not in (0, 1):
+            raise SystemExit("%s: exit code %d" % (" ".join(command), done.returncode))
+    return min(walls), min(cpus)
+
+
+def main() -> int:
+    """Make both logs, compare them, print a table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--minutes", type=float, default=30.0, help="length of each log, default 30")
+    parser.add_argument("--rounds", type=int, default=5, help="the best counts, default 5")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="bench_compare_") as place:
+        folder = Path(place)
+        program = moves(int(options.minutes * 60 / 2.5), 0.6)
+        logs = []
+        for name, conditions in (("golden", Conditions()), ("same", Conditions(seed=5, start_s=1.037)),
+                                 ("different", Conditions(seed=6, start_s=1.4, pace=1.02))):
+            session = simulate(program, conditions)
+            for keep in session.keep.values():
+                keep[session.time > options.minutes * 60] = False
+            session.calls = [call for call in session.calls if call.start + call.duration < options.minutes * 60 - 1]
+            logs.append(str(write_log(folder / (name + ".mcap"), session)))
+        rows = [("compare, same", JAKA_BAG + ["compare", "-q", logs[0], logs[1]]),
+                ("compare, different", JAKA_BAG + ["compare", "-q", logs[0], logs[2]]),
+                ("compare, page too", JAKA_BAG + ["compare", "-q", logs[0], logs[1], "--force", "--html",
+                                                  str(folder / "report.html")]),
+                ("export one to NPZ", JAKA_BAG + ["export", logs[0], "-o", str(folder / "one.npz"), "--force"])]
+        print("%-22s %8s %8s" % ("", "wall s", "CPU s"))
+        for name, command in rows:
+            print("%-22s %8.2f %8.2f" % (name, *timed(command, options.rounds)), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

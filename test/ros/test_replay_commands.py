@@ -1,0 +1,91 @@
+"""jaka_bag replay-commands against a live driver: start pose, speed limit, refusal, interruption."""
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from arm_bench import eventually
+from import_graph import ROOT
+from ros_bench import HOME, evidence_of
+
+GOLDEN = str(ROOT / "test" / "data" / "golden" / "joint_moves.mcap")
+WAIT = 200
+AWAY = [0.3, *HOME[1:]]
+START = [0.0, 1.5707963, -1.5707963, 1.5707963, 1.5707963, 0.0]
+
+
+def command(*arguments):
+    return [sys.executable, "-m", "jaka_ros_driver.bags.cli", "replay-commands", *arguments]
+
+
+def environment():
+    return dict(os.environ, PYTHONPATH=os.pathsep.join(path for path in sys.path if path))
+
+
+def replay(*arguments):
+    return subprocess.run(command(*arguments), capture_output=True, text=True, timeout=WAIT, env=environment())
+
+
+def stand_at(arm, joints):
+    assert arm.call("joint_move", pose=joints, mvvelo=1.5, mvacc=6.0).ret == 1
+
+
+def joints_of(arm):
+    return list(arm.listen("joint_position", 1)[0].position)
+
+
+def test_the_arm_must_stand_where_the_log_began(arm):
+    stand_at(arm, AWAY)
+    with evidence_of(arm) as evidence:
+        done = replay(GOLDEN)
+        assert done.returncode == 1
+        assert "joint 1 stands 0.3000 rad from where the log began" in done.stderr
+        assert not evidence()
+    assert joints_of(arm) == pytest.approx(AWAY, abs=1e-3)
+
+
+def test_it_goes_to_the_start_and_makes_every_call_again(arm):
+    stand_at(arm, AWAY)
+    with evidence_of(arm) as evidence:
+        done = replay(GOLDEN, "--go-to-start", "--after-previous")
+        assert done.returncode == 0, done.stderr
+        assert eventually(lambda: len(evidence()) == 5)
+        assert "4 calls made" in done.stdout and done.stdout.count("succeeded") == 4
+        assert [message.success for message in evidence()] == [True] * 5
+    assert joints_of(arm) == pytest.approx(START, abs=1e-3)
+
+
+def test_the_speed_limit_slows_every_move(arm):
+    stand_at(arm, START)
+    with evidence_of(arm) as evidence:
+        done = replay(GOLDEN, "--speed-limit", "80", "--after-previous")
+        assert done.returncode == 0, done.stderr
+        assert eventually(lambda: len(evidence()) == 4)
+        speeds = [float(message.request_text.split("mvvelo: ")[1].split()[0]) for message in evidence()]
+    assert speeds == pytest.approx([0.48, 0.48, 0.72, 0.48])
+
+
+def test_it_ends_at_the_first_refusal_that_the_log_does_not_have(arm):
+    stand_at(arm, START)
+    assert arm.call("enable", data=False).success
+    try:
+        with evidence_of(arm) as evidence:
+            done = replay(GOLDEN)
+            assert done.returncode == 1
+            assert "was refused, unlike in the log" in done.stderr
+            assert eventually(lambda: [message.service.rsplit("/")[-1] for message in evidence()]
+                              == ["joint_move", "stop_move"])
+    finally:
+        assert arm.call("enable", data=True).success
+
+
+def test_an_interrupted_replay_stops_the_arm(arm):
+    stand_at(arm, START)
+    process = subprocess.Popen(command(GOLDEN), stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment())
+    assert eventually(arm.simulator.is_moving)
+    process.send_signal(signal.SIGINT)
+    errors = process.communicate(timeout=WAIT)[1].decode()
+    assert process.returncode == 1 and "interrupted" in errors or "was refused" in errors
+    assert eventually(lambda: not arm.simulator.is_moving())
+    assert max(abs(a - b) for a, b in zip(joints_of(arm), START)) > 0.001
