@@ -44,7 +44,7 @@ def _records_of(block: Block, number: Array, seconds: Array, nanoseconds: Array,
     heads["seconds"] = seconds
     heads["nanoseconds"] = nanoseconds
     heads["data_size"] = block.length
-    windows(data, _HEAD_SIZE)[offset] = heads.view(np.uint8).reshape(-1, _HEAD_SIZE)
+    windows(data, _HEAD_SIZE)[offset] = heads.view("V%d" % _HEAD_SIZE)
     copy_pieces(block.data, block.start, data, offset + _HEAD_SIZE, block.length)
     return data, offset
 

@@ -122,5 +122,5 @@ def cdr_block(block: Block, converters: Dict[int, CdrConverter]) -> Block:
     data = np.empty(int(length.sum()), np.uint8)
     for which, made in parts:
         if made.shape[1]:
-            windows(data, made.shape[1])[start[which]] = made
+            windows(data, made.shape[1])[start[which]] = made.view("V%d" % made.shape[1])[:, 0]
     return Block(data, start, length, block.connection, block.log_time, block.publish_time, block.sequence)

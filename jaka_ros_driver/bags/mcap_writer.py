@@ -64,7 +64,7 @@ def _records_of(block: Block, channel: Array) -> Tuple[Array, Array]:
     heads["sequence"] = block.sequence
     heads["log_time"] = block.log_time
     heads["publish_time"] = block.publish_time
-    windows(data, _HEAD_SIZE)[offset] = heads.view(np.uint8).reshape(-1, _HEAD_SIZE)
+    windows(data, _HEAD_SIZE)[offset] = heads.view("V%d" % _HEAD_SIZE)
     copy_pieces(block.data, block.start, data, offset + _HEAD_SIZE, block.length)
     return data, offset
 

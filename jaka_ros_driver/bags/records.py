@@ -1,6 +1,7 @@
 """Chunk contents to blocks: many records at once where they are regular, one by one and exact where not."""
+import functools
 import struct
-from typing import Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -79,20 +80,32 @@ def _regular_bag(data: Array, offset: Array) -> Optional[Block]:
     """The messages at the index's offsets, where all have the same layout of header; None else."""
     if not len(offset) or int(offset[-1]) + _BAG_HEAD > len(data):
         return None
-    heads = windows(data, _BAG_HEAD)[offset]
-    layout = _bag_layout(heads[0].tobytes())
+    taken = windows(data, _BAG_HEAD)[offset]
+    layout = _bag_layout(taken[0].tobytes())
     if layout is None:
         return None
-    connection_at, time_at = layout
-    fixed = np.ones(_BAG_HEAD, bool)
-    for at, size in ((connection_at, 4), (time_at, 8), (_BAG_HEAD - 4, 4)):
-        fixed[at:at + size] = False
-    if (heads[:, fixed] != heads[0, fixed]).any():
+    heads = taken.view(_head_type(*layout))
+    if any((heads[name] != heads[name][0]).any() for name in (heads.dtype.names or ())[4:]):
         return None
-    number = np.ascontiguousarray(heads[:, connection_at:connection_at + 4]).view("<u4")[:, 0].astype(np.int64)
-    time = np.ascontiguousarray(heads[:, time_at:time_at + 8]).view("<u4").astype(np.int64)
-    length = np.ascontiguousarray(heads[:, -4:]).view("<u4")[:, 0].astype(np.int64)
-    return Block(data, offset + _BAG_HEAD, length, number, time[:, 0] * bag_format.NS_PER_S + time[:, 1])
+    time = heads["seconds"].astype(np.int64) * bag_format.NS_PER_S + heads["nanoseconds"]
+    return Block(data, offset + _BAG_HEAD, heads["length"].astype(np.int64), heads["connection"].astype(np.int64),
+                 time)
+
+
+@functools.lru_cache(maxsize=8)
+def _head_type(connection_at: int, time_at: int) -> "np.dtype[Any]":
+    """A record's head as fields: four that vary, and all other bytes in words, which must be those of every record."""
+    places = [("connection", "<u4", connection_at), ("seconds", "<u4", time_at), ("nanoseconds", "<u4", time_at + 4),
+              ("length", "<u4", _BAG_HEAD - 4)]
+    varying = sorted((at, at + 4) for _, _, at in places)
+    begins = [0] + [end for _, end in varying]
+    for begin, end in zip(begins, [at for at, _ in varying]):
+        while begin < end:
+            size = next(size for size in (8, 4, 2, 1) if begin + size <= end)
+            places.append(("fixed%d" % begin, "<u%d" % size, begin))
+            begin += size
+    names, formats, offsets = zip(*places)
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": _BAG_HEAD})
 
 
 def scan_bag(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> Parsed:
@@ -156,7 +169,7 @@ def _regular_mcap(data: Array, offset: Array) -> Optional[Block]:
     """The messages at the index's offsets; None where one of them is not a message."""
     if not len(offset) or int(offset[0]) < 0 or int(offset[-1]) + _MCAP_HEAD > len(data):
         return None
-    heads = windows(data, _MCAP_HEAD)[offset].view(_MCAP_TYPE)[:, 0]
+    heads = windows(data, _MCAP_HEAD)[offset].view(_MCAP_TYPE)
     length = heads["size"].view(np.int64) - (_MCAP_HEAD - mcap_format.RECORD_HEAD.size)
     if (heads["op"] != mcap_format.MESSAGE).any() or int(length.min()) < 0 or int(length.max()) > len(data):
         return None
