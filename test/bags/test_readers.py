@@ -237,7 +237,7 @@ def test_a_file_without_permission_is_refused(tmp_path):
             "sys.exit(main(['info', %r]))" % (os.getcwd(), str(readable), str(path)))
     path.chmod(0)
     os.chmod(str(tmp_path), 0o755)
-    done = subprocess.run([sys.executable, "-c", code], stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True)
     assert done.returncode == 1
     lines = done.stderr.decode().splitlines()
     assert len(lines) == 1 and "Permission denied" in lines[0]

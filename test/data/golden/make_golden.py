@@ -145,7 +145,7 @@ SESSIONS: Dict[str, Session] = {
         "arms": [{"simulation": ["--start", "enabled", "--power-delay", "1", "--enable-delay", "1"]}],
         "events": [{"after_call": 0, "delay_s": 0.7, "action": "press_emergency_stop"},
                    {"after_call": 0, "delay_s": 2.0, "action": "release_emergency_stop"}]}),
-    "reconnect": Session("The controller closes all connections and refuses new ones for two seconds; moves around it.", (
+    "reconnect": Session("The controller closes all connections, refuses new ones for two seconds; moves around it.", (
         joints(1.0, (0.4, 0.0, 0.0, 0.2, 0.0, 0.0)), joints(5.0, (0.0,) * 6)), {
         "events": [{"after_call": 0, "delay_s": 2.5, "action": "refuse", "duration_ms": 2000},
                    {"after_call": 0, "delay_s": 2.55, "action": "close"}]}),
