@@ -157,8 +157,8 @@ class Stage:
     def _start_driver(self, number: int, arm: Arm, driver: Sequence[str]) -> None:
         ports = self._ports[arm.namespace]
         # the guard takes a driver that gets no time on a busy host for a dead one, and stops the arm
-        private = {"guard": False, "ip": "127.0.0.1", "command_port": ports["command_port"], "status_port": ports["status_port"],
-                   "model": arm.model, **dict(arm.parameters)}
+        private = {"guard": False, "ip": "127.0.0.1", "command_port": ports["command_port"],
+                   "status_port": ports["status_port"], "model": arm.model, **dict(arm.parameters)}
         self._start("driver%d" % number, *driver, "__ns:=%s" % (arm.namespace or "/"), "__name:=jaka_driver",
                     *["_%s:=%s" % (name, json.dumps(value)) for name, value in private.items()])
 
