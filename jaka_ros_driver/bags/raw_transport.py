@@ -3,8 +3,10 @@
 The loop belongs to the thread that calls ``poll``; registrations and slave API calls reach it through a queue.
 """
 import collections
+import contextlib
 import os
 import select
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
@@ -78,6 +80,8 @@ class RawTransport:
         self._links: Dict[int, Tuple[PublisherLink, _Publisher]] = {}
         self._commands: Deque[Tuple[Callable[..., None], Tuple[Any, ...]]] = collections.deque()
         self._epoll = select.epoll()
+        self._wake_lock = threading.RLock()
+        self._is_closed = False
         self._wake_out, self._wake_in = os.pipe()
         os.set_blocking(self._wake_in, False)
         os.set_blocking(self._wake_out, False)
@@ -126,11 +130,11 @@ class RawTransport:
         self.master.call("unregisterSubscriber", topic, self._slave.uri)
 
     def wake(self) -> None:
-        """Make a waiting ``poll`` return."""
-        try:
-            os.write(self._wake_in, b"w")
-        except BlockingIOError:
-            pass  # a full pipe wakes as well
+        """Make a waiting ``poll`` return; after ``close`` it does nothing. A signal handler may call it."""
+        with self._wake_lock:
+            if not self._is_closed:
+                with contextlib.suppress(BlockingIOError):  # a full pipe wakes as well
+                    os.write(self._wake_in, b"w")
 
     def _command(self, function: Callable[..., None], *arguments: Any) -> None:
         self._commands.append((function, arguments))
@@ -183,8 +187,10 @@ class RawTransport:
             link.close()
         self._links.clear()
         self._epoll.close()
-        os.close(self._wake_in)
-        os.close(self._wake_out)
+        with self._wake_lock:  # threads that still answer others must not write to what this number means next
+            self._is_closed = True
+            os.close(self._wake_in)
+            os.close(self._wake_out)
         self.master.close()
 
     def _on_wake(self, fd: int) -> None:

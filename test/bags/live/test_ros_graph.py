@@ -6,7 +6,9 @@ import xmlrpc.client
 
 import pytest
 
+from jaka_ros_driver.bags.raw_transport import RawTransport
 from jaka_ros_driver.bags.ros_graph import RemoteNode, SlaveServer
+from jaka_ros_driver.bags.ros_names import NodeNames
 from jaka_ros_driver.errors import ConnectionLost, ProtocolError
 
 
@@ -53,6 +55,21 @@ def test_a_topic_is_where_its_owner_says(server, peer):
     assert peer.call("requestTopic", "/a", [["TCPROS"]]) == ["TCPROS", "host", 5]
     with pytest.raises(ProtocolError, match="not published here"):
         peer.call("requestTopic", "/a", [["UDPROS", "x"]])
+
+
+def test_a_transport_that_is_closed_writes_to_nothing(monkeypatch, server, tmp_path):
+    """Its wake-up pipe's number may long be that of the log file."""
+    monkeypatch.setenv("ROS_MASTER_URI", server.uri)
+    monkeypatch.setenv("ROS_IP", "127.0.0.1")
+    transport = RawTransport(NodeNames("/me"), lambda *message: None, lambda *link: None, str, str)
+    transport.wake()
+    transport.poll(1.0)
+    transport.close()
+    files = [open(str(tmp_path / str(i)), "wb") for i in range(20)]  # take the free numbers
+    transport.wake()
+    for file in files:
+        file.close()
+        assert (tmp_path / file.name).stat().st_size == 0
 
 
 def test_an_unknown_method_is_a_protocol_error(peer):
