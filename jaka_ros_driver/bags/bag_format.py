@@ -2,7 +2,7 @@
 import struct
 from typing import Dict, Iterable, NamedTuple, Optional, Tuple, Union
 
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagFormatError
 
 MAGIC = b"#ROSBAG V2.0\n"

@@ -4,10 +4,10 @@ import struct
 from typing import Dict, List, NamedTuple, Tuple
 
 from . import bag_format as fmt
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagFormatError
 from .log_index import ChunkRef, LogIndex, open_for_reading, read_at
-from .output_file import PathLike
+from .paths import PathLike
 
 _U32 = struct.Struct("<I")
 _CUT_OFF = "the recording was cut off, there is no index (jaka_bag recover makes a whole file of it)"

@@ -7,9 +7,9 @@ from . import bag_format as fmt
 from .blocks import Array, Block, copy_pieces, distinct, windows
 from .chunk_writer import ChunkWriter
 from .compression import BAG_CODECS, check_codec, compressor
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagError
-from .output_file import PathLike
+from .paths import PathLike
 
 _HEAD_TYPE = np.dtype([("header_size", "<u4"), ("size1", "<u4"), ("name1", "S5"), ("connection", "<u4"),
                        ("size2", "<u4"), ("name2", "S3"), ("op", "u1"), ("size3", "<u4"), ("name3", "S5"),

@@ -4,7 +4,7 @@ from typing import Dict, List, NamedTuple, Optional, Tuple
 import numpy as np
 
 from .blocks import Array, Block, distinct, windows
-from .definitions import Connection
+from .connection import Connection
 from .layout import Group, Layout, LayoutFinder
 from .rosbags_adapter import Ros2Type
 

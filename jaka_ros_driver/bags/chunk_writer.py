@@ -1,4 +1,5 @@
 """What the writers of both formats share: output in whole records, single messages collected into chunks."""
+import os
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, List, Optional, Sequence, Type, TypeVar, Union
@@ -6,9 +7,10 @@ from typing import Any, BinaryIO, List, Optional, Sequence, Type, TypeVar, Union
 import numpy as np
 
 from .blocks import Array, Block
-from .definitions import Connection
+from .connection import Connection
 from .errors import WriteFailed
-from .output_file import OutputFile, PathLike
+from .output_file import OutputFile
+from .paths import PathLike
 
 Self = TypeVar("Self", bound="ChunkWriter")
 
@@ -36,7 +38,7 @@ class ChunkWriter:
     def __init__(self, target: Union[PathLike, BinaryIO], chunk_size: int, overwrite: bool, suffix: str,
                  keep_leftover: bool) -> None:
         self._output: Union[OutputFile, BinaryIO]
-        if isinstance(target, (str, Path)):
+        if isinstance(target, (str, os.PathLike)):
             self._output = OutputFile(target, overwrite, suffix, keep_leftover)
             self.name = str(target)
         else:

@@ -4,12 +4,12 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 
 from .blocks import Array, Block, distinct
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagError, DefinitionError
 from .layout import Group, LayoutFinder, Leaf
 from .log_index import ChunkRef
 from .log_reader import LogReader
-from .output_file import PathLike
+from .paths import PathLike
 from .pipeline import WORKERS, in_order
 from .readers import open_log
 from .selection import Picker, Selection

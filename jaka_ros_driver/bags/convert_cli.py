@@ -30,7 +30,6 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag convert``."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = _EPILOG
     parser.add_argument("source", metavar="SRC", help=".bag or .mcap, or a folder: all of them in it")
     parser.add_argument("-o", "--output", metavar="DST",

@@ -5,7 +5,8 @@ import numpy as np
 
 from .blocks import Array, Block, concatenate, distinct, pieces_of
 from .chunk_writer import ChunkWriter
-from .definitions import Connection, definition_md5
+from .connection import Connection
+from .definitions import definition_md5
 from .errors import BagFormatError, DefinitionError
 from .log_index import ChunkRef
 from .log_reader import LogReader
@@ -39,8 +40,7 @@ def with_md5(connection: Connection) -> Connection:
     if connection.md5sum or connection.encoding != "ros1":
         return connection
     try:
-        from dataclasses import replace
-        return replace(connection, md5sum=definition_md5(connection.datatype, connection.definition))
+        return connection._replace(md5sum=definition_md5(connection.datatype, connection.definition))
     except DefinitionError:
         return connection
 

@@ -1,8 +1,8 @@
-"""ROS 1 message definitions: text to fields, the md5 of a type, and what a log knows about a connection."""
+"""ROS 1 message definitions: text to fields, and the md5 of a type."""
 import hashlib
-from dataclasses import dataclass
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
+from .connection import Connection as Connection
 from .errors import DefinitionError
 
 PRIMITIVE_SIZES = {
@@ -12,34 +12,6 @@ PRIMITIVE_SIZES = {
 """Size on the ROS 1 wire, byte; ``string`` is the one built-in type without a fixed size."""
 
 _HEADER_NAMES = ("Header", "std_msgs/Header", "roslib/Header")
-
-
-@dataclass(frozen=True)
-class Connection:
-    """One publisher's stream on one topic, as a log stores it.
-
-    Attributes:
-        topic: Topic name.
-        datatype: ``package/Type``.
-        md5sum: md5 of the type as the publisher announced it, lower-case hex; empty where the log has none.
-        definition: Full text of the definition with those of all types in it (bytes that are not UTF-8
-            are kept as surrogates).
-        callerid: Name of the publishing node; None where the log has none.
-        latching: Whether the publisher latched; None where the log does not say.
-        extra: Further fields of the connection header, (name, value), in the log's order.
-        encoding: Encoding of the messages (``ros1``, ``cdr``, ...).
-        schema_encoding: Encoding of ``definition`` (``ros1msg``, ``ros2msg``, ...).
-    """
-
-    topic: str
-    datatype: str
-    md5sum: str = ""
-    definition: str = ""
-    callerid: Optional[str] = None
-    latching: Optional[bool] = None
-    extra: Tuple[Tuple[str, str], ...] = ()
-    encoding: str = "ros1"
-    schema_encoding: str = "ros1msg"
 
 
 class Field(NamedTuple):

@@ -20,7 +20,6 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag export``."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = _EPILOG
     parser.add_argument("source", metavar="SRC", help=".bag or .mcap")
     parser.add_argument("-o", "--output", metavar="DST", required=True, help=".csv, .npz or .parquet")

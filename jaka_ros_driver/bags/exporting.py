@@ -15,7 +15,8 @@ from .columns import NS_PER_S, ColumnReader, leaf_values
 from .errors import BagError, MissingDependency
 from .layout import Layout, Leaf
 from .log_reader import LogReader
-from .output_file import OutputFile, PathLike
+from .output_file import OutputFile
+from .paths import PathLike
 from .readers import in_time_order, whole_source
 from .selection import Selection
 

@@ -1,13 +1,14 @@
 """``jaka_bag info``: what is in a log, from its index alone; imports no numpy unless --freq asks for it."""
-import argparse
-import json
 import os
 import sys
 import time
-from typing import Any, Dict, List, Optional
+from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence, Tuple
 
 from .errors import BagFormatError
 from .log_index import LogIndex, read_index
+
+if TYPE_CHECKING:
+    import argparse
 
 _DROPS = "jaka_bag.drops"
 """Metadata record in which the recorder leaves its account, topic to JSON."""
@@ -15,7 +16,7 @@ _LOSSES = (("missing", "missing by header.seq"), ("undelivered", "sent but not r
            ("overflowed", "thrown away at a full buffer"), ("unwritten", "not written"))
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: "argparse.ArgumentParser") -> None:
     """Declare the options of ``jaka_bag info``."""
     parser.add_argument("files", nargs="+", metavar="FILE", help=".bag or .mcap, recognised by content")
     parser.add_argument("--freq", action="store_true",
@@ -40,6 +41,11 @@ def _topics(index: LogIndex) -> List[Dict[str, Any]]:
     return [topics[name] for name in sorted(topics)]
 
 
+def _codecs(codecs: Iterable[Tuple[str, int, int, int]]) -> List[Dict[str, Any]]:
+    return [{"codec": codec, "chunks": chunks, "stored": stored, "uncompressed": full}
+            for codec, chunks, stored, full in codecs]
+
+
 def document_of(index: LogIndex) -> Dict[str, Any]:
     """The facts of a log's index as JSON data; times and durations in s, ``*_ns`` in ns."""
     start, end = index.start_time, index.end_time
@@ -49,8 +55,7 @@ def document_of(index: LogIndex) -> Dict[str, Any]:
         "library": index.library, "size": index.size, "start_ns": start, "end_ns": end,
         "duration": None if start is None or end is None else (end - start) / 1e9,
         "messages": sum(index.counts), "chunks": len(index.chunks),
-        "compression": [{"codec": codec, "chunks": chunks, "stored": stored, "uncompressed": full}
-                        for codec, chunks, stored, full in index.codecs],
+        "compression": _codecs(index.codecs),
         "types": [{"type": datatype, "md5sum": md5sum} for datatype, md5sum in sorted(types)],
         "topics": _topics(index),
         "attachments": [{"name": a.name, "media_type": a.media_type, "size": a.data_size} for a in index.attachments],
@@ -126,6 +131,8 @@ def _text(document: Dict[str, Any]) -> str:
 
 def _add_recorder_account(index: LogIndex, document: Dict[str, Any]) -> None:
     """What the recorder knew to be lost, by topic."""
+    import json
+
     from .log_index import open_for_reading, read_at
     from .mcap_format import parse_metadata
 
@@ -148,38 +155,51 @@ def _losses(account: Dict[str, Any]) -> str:
     return "LOST, says the recorder: " + ", ".join(parts) if parts else ""
 
 
-def run(args: argparse.Namespace) -> int:
+def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
+    index = read_index(path)
+    document = document_of(index)
+    if index.format == "bag":
+        from .bag_index import read_codecs
+        document["compression"] = _codecs(read_codecs(path, index))
+    if _DROPS in (entry.name for entry in index.metadata):
+        _add_recorder_account(index, document)
+    if freq or seq:
+        from .timing import add_sequence_gaps, add_timing
+        if freq:
+            add_timing(path, document)
+        if seq:
+            add_sequence_gaps(path, document)
+    return document
+
+
+def run_files(files: Sequence[str], freq: bool = False, seq: bool = False) -> int:
+    """Print the facts for people; the exit code.
+
+    Raises:
+        BagError: A file cannot be read.
+    """
+    print("\n---\n".join(_text(_document(path, freq, seq)) for path in files))
+    return 0
+
+
+def run(args: "argparse.Namespace") -> int:
     """Print the facts; the exit code.
 
     Raises:
         BagError: A file cannot be read.
     """
-    documents = []
-    for path in args.files:
-        index = read_index(path)
-        document = document_of(index)
-        if not index.codecs and index.format == "bag":
-            from .bag_index import read_codecs
-            document["compression"] = [{"codec": codec, "chunks": chunks, "stored": stored, "uncompressed": full}
-                                       for codec, chunks, stored, full in read_codecs(path, index)]
-        if _DROPS in (entry.name for entry in index.metadata):
-            _add_recorder_account(index, document)
-        if args.freq or args.seq:
-            from .timing import add_sequence_gaps, add_timing
-            if args.freq:
-                add_timing(path, document)
-            if args.seq:
-                add_sequence_gaps(path, document)
-        documents.append(document)
+    if not (args.key or args.json):
+        return run_files(args.files, args.freq, args.seq)
+    documents = [_document(path, args.freq, args.seq) for path in args.files]
+    if args.key and args.key not in documents[0]:
+        print("jaka_bag: error: no key %r; there are: %s" % (args.key, ", ".join(documents[0])), file=sys.stderr)
+        return 2
+    import json
+
     if args.key:
-        if args.key not in documents[0]:
-            print("jaka_bag: error: no key %r; there are: %s" % (args.key, ", ".join(documents[0])), file=sys.stderr)
-            return 2
         for document in documents:
             value = document[args.key]
             print(value if isinstance(value, (str, int, float)) else json.dumps(value))
-    elif args.json:
-        print(json.dumps(documents[0] if len(documents) == 1 else documents, indent=1))
     else:
-        print("\n---\n".join(map(_text, documents)))
+        print(json.dumps(documents[0] if len(documents) == 1 else documents, indent=1))
     return 0

@@ -5,7 +5,8 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 import numpy as np
 
 from .blocks import Array, Block, distinct, rows
-from .definitions import PRIMITIVE_SIZES, Connection, MessageType, parse_definition
+from .connection import Connection
+from .definitions import PRIMITIVE_SIZES, MessageType, parse_definition
 from .errors import DefinitionError
 
 _U32 = struct.Struct("<I")

@@ -1,11 +1,13 @@
 """What a log says about itself at its end: connections, chunks, totals; read without numpy and without messages."""
 import os
-from typing import Dict, List, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, Dict, List, NamedTuple, Optional, Tuple
 
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagError, BagFormatError
-from .mcap_format import AttachmentIndex, MetadataIndex
-from .output_file import PathLike
+from .paths import PathLike
+
+if TYPE_CHECKING:  # a .bag is read without it
+    from .mcap_format import AttachmentIndex, MetadataIndex
 
 BAG_MAGIC = b"#ROSBAG V"
 MCAP_MAGIC = b"\x89MCAP"
@@ -64,8 +66,8 @@ class LogIndex(NamedTuple):
     end_time: Optional[int]
     profile: str = ""
     library: str = ""
-    attachments: Tuple[AttachmentIndex, ...] = ()
-    metadata: Tuple[MetadataIndex, ...] = ()
+    attachments: Tuple["AttachmentIndex", ...] = ()
+    metadata: Tuple["MetadataIndex", ...] = ()
     codecs: Tuple[Tuple[str, int, int, int], ...] = ()
 
 

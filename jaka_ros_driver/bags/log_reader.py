@@ -7,11 +7,11 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple, Type
 import numpy as np
 
 from .blocks import Array, Block
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagFormatError
 from .log_index import ChunkRef, LogIndex, index_of, open_for_reading, read_at
 from .mcap_format import RECORD_HEAD, AttachmentIndex, Cursor, MetadataIndex, parse_metadata
-from .output_file import PathLike
+from .paths import PathLike
 
 _LOOKUP_LIMIT = 1 << 20
 

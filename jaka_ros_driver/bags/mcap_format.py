@@ -2,7 +2,7 @@
 import struct
 from typing import Dict, List, NamedTuple, Tuple, Union
 
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagFormatError
 
 MAGIC = b"\x89MCAP0\r\n"

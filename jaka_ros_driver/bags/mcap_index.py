@@ -5,10 +5,10 @@ import zlib
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
 from . import mcap_format as fmt
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagFormatError
 from .log_index import ChunkRef, LogIndex, read_at
-from .output_file import PathLike
+from .paths import PathLike
 
 _CUT_OFF = "the file is cut off, its summary is missing (jaka_bag recover keeps the rest)"
 _DAMAGED = "the summary is damaged (jaka_bag recover makes a whole file of it)"

@@ -4,11 +4,11 @@ from typing import Dict, List, Optional
 import numpy as np
 
 from . import mcap_format as fmt
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagFormatError
 from .log_index import ChunkRef, LogIndex, read_at
 from .mcap_reader import read_chunk
-from .output_file import PathLike
+from .paths import PathLike
 from .records import Parsed, scan_mcap
 
 _WINDOW = 1 << 20

@@ -9,9 +9,9 @@ from . import mcap_format as fmt
 from .blocks import Array, Block, copy_pieces, distinct, windows
 from .chunk_writer import ChunkWriter
 from .compression import MCAP_CODECS, check_codec, compressor
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagError
-from .output_file import PathLike
+from .paths import PathLike
 
 LIBRARY = "jaka_ros_driver"
 _HEAD_SIZE = fmt.MESSAGE_HEAD.size

@@ -5,12 +5,12 @@ from typing import Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
+from .connection import Connection
 from .conversion import Outcome, same_file, size_of
 from .copying import LossNotes, OnProgress, add_channels, copy_blocks, copy_extras
-from .definitions import Connection
 from .errors import BagError
 from .log_reader import LogReader
-from .output_file import PathLike
+from .paths import PathLike
 from .readers import Source, in_time_order, open_log
 from .selection import Picker, Selection
 from .writers import create_log

@@ -7,8 +7,7 @@ from types import TracebackType
 from typing import BinaryIO, Optional, Type, Union
 
 from .errors import BagError, OutputExists
-
-PathLike = Union[str, Path]
+from .paths import PathLike as PathLike
 
 
 def check_output(path: PathLike, overwrite: bool = False) -> None:

@@ -9,6 +9,9 @@ from .log_source import Timed
 
 _NS_PER_S = 1000000000
 _PAUSE_POLL_S = 0.05
+_LEAST_SPIN_S = 60e-6
+_SPIN_SHARE = 0.1
+"""Of a short wait only so much is spent polling: a thread that computes all the time is made to wait by others."""
 _PAUSED = "paused: space goes on, s steps"
 
 
@@ -20,7 +23,7 @@ class Pace:
         rate: Log seconds in each second.
         is_immediate: Send without waiting.
         is_paused: Begin in pause.
-        spin_s: The last part of each wait is spent polling the clock, s; more punctual, and costs CPU.
+        spin_s: At most so much of the end of each wait is spent polling the clock, s; punctual, and costs CPU.
         skip_empty_s: Gaps of the log longer than this are skipped, s of log time; None keeps them.
         clock_period_s: The clock is told this often besides at each message, s; None: there is no clock.
     """
@@ -128,6 +131,8 @@ class Player:
 
     def _wait_for(self, log_time: int) -> None:
         """Wait until a message is due, or a step lets it go."""
+        whole = self._deadline(log_time) - time.monotonic()
+        spin = min(self._pace.spin_s, max(_LEAST_SPIN_S, whole * _SPIN_SHARE))
         while True:
             if self.is_paused:
                 while self.is_paused and not self._steps:
@@ -138,7 +143,7 @@ class Player:
                     self._anchor(log_time)
             if self._pace.is_immediate:
                 return
-            left = self._deadline(log_time) - time.monotonic() - self._pace.spin_s
+            left = self._deadline(log_time) - time.monotonic() - spin
             if left <= 0:
                 break
             self._tick(min(self._log_now(), log_time))

@@ -29,7 +29,6 @@ def _field(text: str) -> Tuple[str, str]:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag plot``."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = _EPILOG
     parser.add_argument("source", metavar="SRC", help=".bag or .mcap")
     parser.add_argument("-o", "--output", metavar="DST", help=".svg or .png; default: SRC as .svg")

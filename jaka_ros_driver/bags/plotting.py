@@ -9,7 +9,8 @@ from ..state import MotionState
 from .blocks import Array
 from .columns import Columns
 from .errors import BagError, MissingDependency
-from .output_file import OutputFile, PathLike
+from .output_file import OutputFile
+from .paths import PathLike
 
 FORMATS = (".svg", ".png")
 _MAX_POINTS = 4000

@@ -9,7 +9,7 @@ from .blocks import Array, Block, concatenate, pieces_of
 from .log_index import ChunkRef, detect_format, open_for_reading
 from .log_reader import LogReader, Message
 from .mcap_reader import McapReader
-from .output_file import PathLike
+from .paths import PathLike
 from .selection import Picker, Selection
 
 _PIECE = 1 << 20

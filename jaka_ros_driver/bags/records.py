@@ -8,7 +8,7 @@ import numpy as np
 from . import bag_format, mcap_format
 from .blocks import Array, Block, windows
 from .compression import Buffer
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagFormatError
 
 _BAG_HEAD = 46

@@ -9,15 +9,15 @@ import numpy as np
 from .bag_salvage import BagSalvager
 from .blocks import Array, Block, distinct, pieces_of
 from .chunk_writer import ChunkWriter
+from .connection import Connection
 from .conversion import same_file, size_of
 from .copying import OnProgress, with_md5
-from .definitions import Connection
 from .errors import BagError, BagFormatError
 from .log_index import detect_format, open_for_reading, read_at
 from .mcap_format import AttachmentIndex, parse_metadata
 from .mcap_salvage import McapSalvager
 from .mcap_writer import McapWriter
-from .output_file import PathLike
+from .paths import PathLike
 from .pipeline import in_order
 from .salvage import Loss, Salvager
 from .writers import create_log

@@ -9,10 +9,10 @@ import numpy as np
 
 from .blocks import Array, Block
 from .cdr import CdrConverter, cdr_block
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagError, OutputExists, WriteFailed
 from .mcap_writer import EncodedChunk, McapWriter
-from .output_file import PathLike
+from .paths import PathLike
 
 _VERSION = 8  # of metadata.yaml; the newest that the readers of both supported rosbags generations know
 _UNLIMITED = {"sec": 2147483647, "nsec": 4294967295}

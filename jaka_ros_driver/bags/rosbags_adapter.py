@@ -1,7 +1,7 @@
 """The only door to rosbags, whose interface changes between versions: CDR, ROS 2 definitions and type hashes."""
 from typing import Any, Tuple
 
-from .definitions import Connection
+from .connection import Connection
 from .errors import DefinitionError, MissingDependency
 
 _BREAK = "=" * 80

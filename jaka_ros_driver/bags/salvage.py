@@ -2,7 +2,7 @@
 from typing import Dict, Iterator, List, NamedTuple, Optional
 
 from .blocks import Block
-from .definitions import Connection
+from .connection import Connection
 
 
 class Loss(NamedTuple):

@@ -5,7 +5,7 @@ from typing import List, NamedTuple, Optional, Pattern, Sequence
 import numpy as np
 
 from .blocks import Array, Block
-from .definitions import Connection
+from .connection import Connection
 from .errors import BagError
 from .log_index import ChunkRef
 

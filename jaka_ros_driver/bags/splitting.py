@@ -9,7 +9,8 @@ from .blocks import Array, Block, concatenate, pieces_of
 from .chunk_writer import ChunkWriter
 from .copying import LossNotes, OnProgress, add_channels
 from .errors import BagError
-from .output_file import PathLike, check_output
+from .output_file import check_output
+from .paths import PathLike
 from .readers import in_time_order, open_log, whole_source
 from .selection import Selection
 from .writers import create_log

@@ -7,7 +7,7 @@ from .blocks import Array
 from .columns import ColumnReader
 from .errors import DefinitionError
 from .log_reader import LogReader
-from .output_file import PathLike
+from .paths import PathLike
 from .pipeline import in_order
 from .readers import open_log
 from .selection import Selection

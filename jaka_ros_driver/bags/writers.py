@@ -6,7 +6,7 @@ from .bag_writer import BagWriter
 from .chunk_writer import ChunkWriter
 from .errors import BagError
 from .mcap_writer import McapWriter
-from .output_file import PathLike
+from .paths import PathLike
 
 SUFFIXES = (".bag", ".mcap")
 

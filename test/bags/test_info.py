@@ -99,8 +99,7 @@ def test_info_imports_neither_numpy_nor_a_codec(tmp_path, root):
 
 
 def test_names_that_are_not_utf8_are_printed_escaped(tmp_path, root):
-    from dataclasses import replace
-    odd = replace(STATES, topic=b"/caf\xe9".decode("utf-8", "surrogateescape"))
+    odd = STATES._replace(topic=b"/caf\xe9".decode("utf-8", "surrogateescape"))
     path = write(tmp_path / "odd.bag", [Sample(odd, START_NS, struct.pack("<4h", 0, 0, 0, 0))])
     assert read_index(path).connections == [odd]
     done = subprocess.run([sys.executable, "-m", "jaka_ros_driver.bags.cli", "info", str(path)], cwd=str(root),

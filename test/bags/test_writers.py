@@ -107,7 +107,7 @@ def test_an_output_can_be_an_open_file(suffix, tmp_path):
 def test_an_equal_connection_is_declared_once(tmp_path, suffix):
     with create_log(tmp_path / ("log" + suffix)) as writer:
         first = writer.add_channel(STATES)
-        assert writer.add_channel(Connection(**vars(STATES))) == first
+        assert writer.add_channel(Connection(*STATES)) == first
         assert writer.add_channel(MODEL) != first
     with open_log(tmp_path / ("log" + suffix)) as reader:
         assert reader.connections == [STATES, MODEL] and reader.message_count == 0
