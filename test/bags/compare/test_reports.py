@@ -17,7 +17,7 @@ from jaka_ros_driver.bags.compare.report_html import as_html
 from jaka_ros_driver.bags.compare.report_text import as_data, as_text
 from jaka_ros_driver.bags.compare.tolerances import Tolerances
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium") or shutil.which("google-chrome")
 VOID = {"meta", "br", "hr", "img", "input", "link"}
 
 
