@@ -45,7 +45,7 @@ def test_started_before_the_controller_it_connects_when_that_comes(ros_node, fre
 
 
 def test_auto_enable_acts_once_and_never_again(ros_node):
-    with contextlib.closing(SimulatorProcess()) as simulator, DriverProcess("enabling", **on(simulator)):
+    with contextlib.closing(SimulatorProcess()) as simulator, DriverProcess("enabling", **on(simulator, guard=False)):
         arm = Arm(simulator, "/enabling")
         arm.wait_until_ready()
         simulator.panel("press_emergency_stop")
@@ -63,7 +63,7 @@ def test_nothing_is_energised_when_auto_enable_is_off_or_the_arm_is_not_healthy(
     with contextlib.closing(SimulatorProcess()) as simulator:
         if spoil:
             simulator.panel(spoil)
-        with DriverProcess("careful", auto_enable=spoil is not None, **on(simulator)):
+        with DriverProcess("careful", auto_enable=spoil is not None, **on(simulator, guard=False)):
             arm = Arm(simulator, "/careful")
             arm.wait_until_seen()
             arm.listen("robot_states", 125)
@@ -73,18 +73,18 @@ def test_nothing_is_energised_when_auto_enable_is_off_or_the_arm_is_not_healthy(
 def test_the_description_is_set_unless_somebody_else_has_set_one(ros_node):
     with contextlib.closing(SimulatorProcess()) as simulator:
         rospy.set_param("/robot_description", "<robot name='of a cell'/>")
-        with DriverProcess("describing", **on(simulator)):
+        with DriverProcess("describing", **on(simulator, guard=False)):
             Arm(simulator, "/describing").wait_until_seen()
             assert rospy.get_param("/robot_description") == "<robot name='of a cell'/>"
         rospy.delete_param("/robot_description")
-        with DriverProcess("describing", **on(simulator)):
+        with DriverProcess("describing", **on(simulator, guard=False)):
             Arm(simulator, "/describing").wait_until_seen()
             assert '<robot name="zu7">' in rospy.get_param("/robot_description")
 
 
 def test_servo_targets_come_by_topic_as_well(ros_node):
     with contextlib.closing(SimulatorProcess("--start", "enabled")) as simulator, \
-            DriverProcess("streamed", **on(simulator)):
+            DriverProcess("streamed", **on(simulator, guard=False)):
         arm = Arm(simulator, "/streamed")
         arm.wait_until_ready()
         arm.go_home()
@@ -105,7 +105,7 @@ def test_the_urdf_is_printed():
 
 def test_a_wrong_model_is_told_in_diagnostics_and_in_the_log(ros_node):
     with contextlib.closing(SimulatorProcess("--start", "enabled")) as simulator, \
-            DriverProcess("mistaken", model="zu12", **on(simulator)) as driver, \
+            DriverProcess("mistaken", model="zu12", **on(simulator, guard=False)) as driver, \
             collecting("/diagnostics", DiagnosticArray) as reports:
         def verdict():
             return [status for _, array in reports for status in array.status
@@ -120,7 +120,7 @@ def test_the_driver_runs_with_real_time_priority_where_that_is_permitted(ros_nod
     allowed = subprocess.run([sys.executable, "-c", "import os; os.sched_setscheduler(0, os.SCHED_FIFO, "
                               "os.sched_param(3))"], stderr=subprocess.DEVNULL).returncode == 0
     with contextlib.closing(SimulatorProcess()) as simulator, \
-            DriverProcess("urgent", realtime_priority=3, **on(simulator)) as driver:
+            DriverProcess("urgent", realtime_priority=3, **on(simulator, guard=False)) as driver:
         Arm(simulator, "/urgent").wait_until_seen()
         policies = policies_of(driver.process.pid)
         _, said = driver.end()

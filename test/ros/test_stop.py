@@ -105,7 +105,7 @@ def test_a_peer_that_connects_and_says_nothing_keeps_nobody_out(arm):
 
 def test_a_stop_that_cannot_be_delivered_is_a_service_error(ros_node, simulator_of_its_own):
     arm = Arm(simulator_of_its_own, "/cut_off_driver")
-    with DriverProcess("cut_off_driver", **on(arm.simulator)):
+    with DriverProcess("cut_off_driver", **on(arm.simulator, guard=False)):
         arm.wait_until_seen()
         with evidence_of(arm) as evidence:
             arm.simulator.close()
@@ -119,7 +119,7 @@ def test_a_stop_that_cannot_be_delivered_is_a_service_error(ros_node, simulator_
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
 def test_a_move_that_is_under_way_at_shutdown_is_answered_and_the_arm_stopped(ros_node, simulator_of_its_own, how):
     arm = Arm(simulator_of_its_own, "/leaving_driver")
-    with DriverProcess("leaving_driver", **on(arm.simulator)) as driver:
+    with DriverProcess("leaving_driver", **on(arm.simulator, guard=False)) as driver:
         arm.wait_until_ready()
         call = begin(arm, "joint_move", pose=AWAY, mvvelo=0.05, mvacc=1.0)
         code, said = driver.end(how)
@@ -138,7 +138,7 @@ def test_the_guard_stops_a_jog_whose_driver_is_killed_and_the_next_driver_may_st
         assert eventually(arm.simulator.is_moving)
         driver.end(signal.SIGKILL)
     assert eventually(lambda: not arm.simulator.is_moving())
-    with DriverProcess("next_driver", **on(arm.simulator)):
+    with DriverProcess("next_driver", **on(arm.simulator, guard=False)):
         Arm(arm.simulator, "/next_driver").wait_until_ready()
 
 

@@ -203,10 +203,10 @@ class DriverProcess:
             self.process.communicate(timeout=WAIT)
 
 
-def on(simulator, guard=False):
+def on(simulator, guard=True):
     """The parameters with which a driver finds this simulated controller.
 
-    Without the guard process: on a busy host a driver that gets no time for 0.25 s is as good as a dead one.
+    Tests of something else do without the guard: a driver that a busy host gives no time for 0.25 s is as good as dead.
     """
     return {"ip": "127.0.0.1", "command_port": simulator.command_port, "status_port": simulator.status_port,
             "guard": guard}
