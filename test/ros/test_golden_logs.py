@@ -1,11 +1,15 @@
 """Every golden log happens again: the driver of this checkout against simulated controllers."""
+import dataclasses
+
 import pytest
 import yaml
 from import_graph import ROOT
 
+from jaka_ros_driver.bags.compare.verdict import Stage
 from jaka_ros_driver.bags.log_index import read_index
 from jaka_ros_driver.bags.pytest_plugin import jaka_replay  # noqa: F401 - a fixture
 from jaka_ros_driver.bags.regression.replay import replay, takes_time_scale
+from jaka_ros_driver.bags.regression.scenario import scenario_of
 from jaka_ros_driver.errors import JakaError
 
 FOLDER = ROOT / "test" / "data" / "golden"
@@ -42,3 +46,20 @@ def test_what_depends_on_the_drivers_own_clock_keeps_its_speed(tmp_path):
         replay(jog, tmp_path, time_scale=2.0)
     with pytest.raises(JakaError, match="it must be 0.1 to 10"):
         replay(FOLDER / "joint_moves.mcap", tmp_path, time_scale=11.0)
+
+
+def changed(name, **arm):
+    """The scenario of a golden log with something wrong at its first arm."""
+    scenario = scenario_of(FOLDER / (name + ".mcap"))
+    return dataclasses.replace(scenario, arms=(dataclasses.replace(scenario.arms[0], **arm),) + scenario.arms[1:])
+
+
+@pytest.mark.parametrize("name, arm, stages", [
+    ("joint_moves", {"simulation": ("--start", "enabled", "--time-scale", "0.97")}, {Stage.PACE}),
+    ("joint_moves", {"parameters": (("interface", "vendor"),)}, {Stage.POSITION, Stage.ORIENTATION}),
+    ("joint_moves", {"model": "zu12"}, {Stage.POSITION}),
+    ("io_sequence", {"simulation": ("--start", "off"), "parameters": (("auto_enable", False),)}, {Stage.STATES}),
+], ids=["3 % slower", "maker's units", "another arm", "not powered"])
+def test_a_driver_or_an_arm_that_does_something_else_is_found(name, arm, stages, tmp_path):
+    result = replay(FOLDER / (name + ".mcap"), tmp_path, scenario=changed(name, **arm))
+    assert stages <= {check.stage for check in result.comparison.differences}, result.summary
