@@ -1,8 +1,8 @@
 """A small process beside the driver that stops the arm when the driver dies or freezes in the middle of a motion.
 
 The driver writes a byte every 20 ms into the guard's standard input: whether it moves the arm now, or that it leaves
-in good order. When the pipe closes without a farewell, or no byte comes for 0.25 s, and the driver was moving the arm,
-the guard takes the command port over (the newest client wins, controller protocol 1) and stops the arm.
+in good order. When the pipe closes without a farewell, or no byte comes for 0.25 s (1 s where the host is so busy
+that the driver gets no time), and the driver was moving the arm, the guard takes the command port over (the newest client wins, controller protocol 1) and stops the arm.
 
 What it cannot do: it needs this computer, its network and the controller. Against the loss of those only the
 controller's own safety functions help.
@@ -23,6 +23,8 @@ from jaka_ros_driver.errors import JakaError
 
 BEAT_PERIOD = 0.02
 SILENCE_TIMEOUT = 0.25
+STARVED_TIMEOUT = 1.0
+"""s; on a busy host a live driver that gets no time is waited for so long."""
 _MOVING, _IDLE, _FAREWELL = b"m", b"i", b"q"
 _STOP_TRIES_FOR = 10.0
 _TRY_PERIOD = 0.05
@@ -100,11 +102,13 @@ class Guard:
             self._say(self._word)
 
 
-def watch(pipe: int, host: str, port: int) -> None:
-    """The guard's whole life: read the driver's words until it leaves or dies."""
+def watch(pipe: int, host: str, port: int, driver: int) -> None:
+    """The guard's whole life: read the words of the driver, a process id, until it leaves or dies."""
     is_moving = False
     while True:
         readable, _, _ = select.select([pipe], [], [], SILENCE_TIMEOUT)
+        if not readable and waits_for_processor(driver):
+            readable, _, _ = select.select([pipe], [], [], STARVED_TIMEOUT - SILENCE_TIMEOUT)
         words = os.read(pipe, 4096) if readable else None
         if words is not None and _FAREWELL in words:
             return
@@ -116,6 +120,22 @@ def watch(pipe: int, host: str, port: int) -> None:
             is_moving = False
         if words == b"":
             return
+
+
+def waits_for_processor(process: int) -> bool:
+    """A thread of the process could run and gets no time: silent, but neither stopped nor hung. False where unknown."""
+    try:
+        threads = os.listdir("/proc/%d/task" % process)
+    except OSError:
+        return False
+    for thread in threads:
+        try:
+            with open("/proc/%d/task/%s/stat" % (process, thread)) as file:
+                if file.read().rpartition(")")[2].split()[0] == "R":
+                    return True
+        except (OSError, IndexError):
+            continue
+    return False
 
 
 def stop_arm(host: str, port: int, why: str) -> bool:
@@ -151,7 +171,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser.add_argument("--host", required=True, help="address of the controller")
     parser.add_argument("--port", required=True, type=int, help="its command port")
     args = parser.parse_args(argv)
-    watch(sys.stdin.fileno(), args.host, args.port)
+    watch(sys.stdin.fileno(), args.host, args.port, os.getppid())
     return 0
 
 

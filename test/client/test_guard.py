@@ -8,6 +8,8 @@ import time
 import pytest
 from arm_bench import WAIT, eventually
 
+from jaka_ros_driver.client.guard import waits_for_processor
+
 DRIVER = """
 import math, sys, threading
 from jaka_ros_driver import commands as c
@@ -140,3 +142,18 @@ def test_a_frozen_driver_that_thaws_does_not_resume(driver):
     time.sleep(1.0)
     assert not one.is_moving()
     assert [request["jog_mode"] for _, request in one.received() if request["cmdName"] == "jog"].count(1) == 1
+
+
+def test_a_starved_process_is_told_from_a_stopped_and_a_sleeping_one():
+    busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    asleep = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+    try:
+        assert eventually(lambda: waits_for_processor(busy.pid))
+        assert eventually(lambda: not waits_for_processor(asleep.pid))
+        busy.send_signal(signal.SIGSTOP)
+        assert eventually(lambda: not waits_for_processor(busy.pid))
+    finally:
+        for process in (busy, asleep):
+            process.kill()
+            process.wait()
+    assert not waits_for_processor(busy.pid)
