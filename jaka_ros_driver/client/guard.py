@@ -2,7 +2,8 @@
 
 The driver writes a byte every 20 ms into the guard's standard input: whether it moves the arm now, or that it leaves
 in good order. When the pipe closes without a farewell, or no byte comes for 0.25 s (1 s where the host is so busy
-that the driver gets no time), and the driver was moving the arm, the guard takes the command port over (the newest client wins, controller protocol 1) and stops the arm.
+that the driver gets no time), and the driver was moving the arm, the guard takes the command port over (the newest
+client wins, controller protocol 1) and stops the arm.
 
 What it cannot do: it needs this computer, its network and the controller. Against the loss of those only the
 controller's own safety functions help.
