@@ -1,9 +1,45 @@
 """Log records of the package, which knows nothing of ROS, to rosout, the screen and the node's log file."""
 import logging
+import queue
+import threading
+from typing import Callable
 
 import rospy
 
 _PACKAGE = "jaka_ros_driver"
+_ROSPY_LOGGER = "rosout"
+_QUEUE_LIMIT = 1000
+
+
+class Background(logging.Handler):
+    """Gives records to another handler in a thread of its own; what does not fit into its queue is left out.
+
+    Who logs then never waits for a terminal or a pipe that nobody reads, nor for a master that does not answer: a
+    thread that stops the arm logs as well.
+    """
+
+    def __init__(self, handler: logging.Handler) -> None:
+        super().__init__(handler.level)
+        self._handler = handler
+        self._records: queue.Queue[logging.LogRecord] = queue.Queue(_QUEUE_LIMIT)
+        threading.Thread(target=self._run, name="log", daemon=True).start()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        record.msg, record.args = record.getMessage(), None
+        try:
+            self._records.put_nowait(record)
+        except queue.Full:
+            return
+
+    def drain(self, timeout: float) -> bool:
+        """Wait until all records are out, s at most; False when some are still there."""
+        with self._records.all_tasks_done:
+            return self._records.all_tasks_done.wait_for(lambda: not self._records.unfinished_tasks, timeout)
+
+    def _run(self) -> None:
+        while True:
+            self._handler.handle(self._records.get())
+            self._records.task_done()
 
 
 class RosLogHandler(logging.Handler):
@@ -21,9 +57,17 @@ class RosLogHandler(logging.Handler):
             rospy.logdebug(text)
 
 
-def log_to_ros() -> None:
-    """From now on; call after init_node."""
+def log_to_ros() -> Callable[[float], bool]:
+    """From now on; call after init_node. The screen and rosout each get their records in a thread of their own.
+
+    Returns:
+        A function that waits until all records are out, s at most; False when some are still there.
+    """
+    rospy_logger = logging.getLogger(_ROSPY_LOGGER)
+    backgrounds = [Background(handler) for handler in rospy_logger.handlers]
+    rospy_logger.handlers = list(backgrounds)
     logger = logging.getLogger(_PACKAGE)
     logger.setLevel(logging.INFO)
     logger.propagate = False
     logger.addHandler(RosLogHandler())
+    return lambda timeout: all([background.drain(timeout) for background in backgrounds])

@@ -33,6 +33,7 @@ _LOG = logging.getLogger(__name__)
 
 _SWITCH_INTERVAL_S = 0.0005
 _ANSWER_TIMEOUT_S = 0.3
+_DRAIN_TIMEOUT_S = 0.5
 _DESCRIPTION = "robot_description"
 
 
@@ -123,18 +124,22 @@ def main(argv: Optional[List[str]] = None) -> int:
         return _print_urdf(options)
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     rospy.init_node("jaka_driver")
-    log_to_ros()
+    drain_log = log_to_ros()
     try:
         config = config_from(rospy.get_param("~", {}))
         _set_scheduler(config.realtime_priority)
         driver = Driver(config, config.arm_model())
     except (JakaError, OSError) as error:
         rospy.logfatal("%s cannot start: %s", rospy.get_name(), error)
+        drain_log(_DRAIN_TIMEOUT_S)
         rospy.signal_shutdown("could not start")
         return 1
     rospy.on_shutdown(driver.close)
+    rospy.on_shutdown(lambda: drain_log(_DRAIN_TIMEOUT_S))
     driver.start()
     rospy.spin()
+    if not drain_log(_DRAIN_TIMEOUT_S):
+        os._exit(0)  # a terminal that does not read any more would keep the process for ever
     return 0
 
 

@@ -10,9 +10,8 @@ import time
 import pytest
 import rosgraph
 import rospy
-from arm_bench import WAIT, eventually
 from live_driver import LiveDriver, begin
-from ros_bench import TYPES, Arm, SimulatorProcess
+from ros_bench import HOME, TYPES, WAIT, Arm, SimulatorProcess, eventually
 
 IN_TIME = 3.0
 """s; on a quiet host it is a tenth of that."""
@@ -55,7 +54,7 @@ def test_a_driver_whose_launch_file_ends_stops_the_arm_first(ros_node, launched_
     log = str(tmp_path / "wire.mcap")
     with contextlib.closing(SimulatorProcess("--start", "enabled", "--log", log)) as simulator:
         live = LiveDriver.__new__(LiveDriver)
-        live.simulator, live.log_file, live._drivers = simulator, log, []
+        live.simulator, live.log_file, live._drivers, live.motions = simulator, log, [], 0
         live.arm = Arm(simulator)
         arguments = ["sim:=false", "command_port:=%d" % simulator.command_port,
                      "status_port:=%d" % simulator.status_port]
@@ -130,6 +129,22 @@ class ArmOfAnotherMaster(Arm):
         proxy = rospy.ServiceProxy("%s/%s" % (self.name, service), TYPES[service])
         proxy._get_service_uri = lambda request: self._uris[service]
         return proxy(**fields)
+
+
+def test_a_terminal_that_stops_reading_stops_nothing_else(live):
+    """Nobody reads the program's output here: after some hundred refusals the pipe is full."""
+    for _ in range(700):
+        assert live.arm.call("joint_move", pose=HOME, mvvelo=-1.0, mvacc=1.0).ret == 0
+    pending = begin(live, "move")
+    live.simulator.panel("close")
+    assert "link" in pending.join().message
+    live.arm.wait_until_seen()
+    begin(live, "jog")
+    live.arm.call("stop_move")
+    assert eventually(lambda: not live.simulator.is_moving())
+    live.send(signal.SIGTERM)
+    assert live.process.wait(WAIT) == 0
+    assert live.verdict().times_of("stop_program")
 
 
 def test_without_a_master_the_arm_can_be_stopped_and_the_driver_ended(ros_node, free_ports, tmp_path):

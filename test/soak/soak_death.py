@@ -11,8 +11,8 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
 
-from arm_bench import eventually  # noqa: E402
 from live_driver import LiveDriver, begin  # noqa: E402
+from ros_bench import eventually  # noqa: E402
 from soak_bench import master, summary  # noqa: E402
 
 MOTIONS = ("move", "jog", "servo")

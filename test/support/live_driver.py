@@ -5,8 +5,7 @@ import signal
 import time
 
 import rospy
-from arm_bench import WAIT, eventually
-from ros_bench import HOME, Arm, DriverProcess, InBackground, SimulatorProcess, on
+from ros_bench import HOME, WAIT, Arm, DriverProcess, InBackground, SimulatorProcess, eventually, on
 from wire_verdict import WireVerdict
 
 SPEED = 0.2
@@ -16,18 +15,19 @@ SPEED = 0.2
 class LiveDriver:
     """One driver node and its simulated controller; ``verdict`` ends both."""
 
-    def __init__(self, folder, name="mortal", simulator=(), **parameters):
+    def __init__(self, folder, name="mortal", simulator=(), guard=True, **parameters):
         self.log_file = os.path.join(str(folder), "wire-%s-%d.mcap" % (name, time.monotonic_ns()))
-        self._name, self._parameters = name, parameters
+        self._name, self._parameters, self._guard = name, parameters, guard
         self.simulator = SimulatorProcess("--start", "enabled", "--log", self.log_file, *simulator)
         self.arm = Arm(self.simulator, "/" + name)
         self._drivers = []
+        self.motions = 0
         self.start()
 
     def start(self):
         """A driver, the first one or one after another has died."""
         self.arm = Arm(self.simulator, self.arm.name)
-        self._drivers.append(DriverProcess(self._name, **on(self.simulator), **self._parameters))
+        self._drivers.append(DriverProcess(self._name, **on(self.simulator, self._guard), **self._parameters))
 
     @property
     def process(self):
@@ -87,29 +87,31 @@ def processes_with(*words):
     return found
 
 
-# ---- motions, each long enough to be cut short: they return what waits for their end, None where nothing does ----
+# ---- motions, each long enough to be cut short: they return what waits for their end, None where nothing does.
+# Each has a speed of its own, so that the log tells two of them from one that was sent twice. ----
 
-def begin_move(arm):
-    return InBackground(arm.call, "joint_move", pose=[3.0] + HOME[1:], mvvelo=SPEED, mvacc=4.0)
+def begin_move(arm, speed=SPEED):
+    return InBackground(arm.call, "joint_move", pose=[3.0] + HOME[1:], mvvelo=speed, mvacc=4.0)
 
 
-def begin_line(arm):
-    return InBackground(arm.call, "linear_move", pose=[420.0, 300.0, 370.0, 2.2214, -2.2214, 0.0], mvvelo=20.0,
+def begin_line(arm, speed=SPEED):
+    return InBackground(arm.call, "linear_move", pose=[420.0, 300.0, 370.0, 2.2214, -2.2214, 0.0], mvvelo=100.0 * speed,
                         mvacc=100.0)
 
 
-def begin_jog(arm):
-    assert arm.call("jog", mvvelo=SPEED, coord_mode=0, index=0).ret == 1
+def begin_jog(arm, speed=SPEED):
+    reply = arm.call("jog", mvvelo=speed, coord_mode=0, index=0)
+    return None if reply.ret == 1 else InBackground(lambda: reply)
 
 
-def begin_servo(arm):
+def begin_servo(arm, speed=SPEED):
     """A stream of targets that goes on until one is refused, or the driver is gone."""
     reply = arm.call("servo_move_enable", enable=True)
-    assert reply.ret == 1, reply
-    return InBackground(stream, arm)
+    return InBackground(stream, arm, speed) if reply.ret == 1 else InBackground(lambda: reply)
 
 
-def stream(arm, period=0.008, speed=SPEED):
+def stream(arm, speed, period=0.008):
+    """The reply that refused a target, None where there was none."""
     first = arm.listen("joint_position", 1)[0].position[0]
     due = time.monotonic()
     for step in range(1, int(2.5 / speed / period)):
@@ -128,8 +130,17 @@ MOTIONS = {"move": begin_move, "line": begin_line, "jog": begin_jog, "servo": be
 
 
 def begin(live, motion):
-    """Begin one of MOTIONS on a rested arm, and see it move."""
-    live.arm.go_home()
-    pending = MOTIONS[motion](live.arm)
-    assert eventually(live.simulator.is_moving, WAIT), "no motion: %s" % (pending.result if pending else "")
-    return pending
+    """Begin one of MOTIONS on a rested arm, and see it move; tried again where a busy host stands against it."""
+    said = []
+    for _ in range(5):
+        live.motions += 1
+        reply = live.arm.call("joint_move", pose=HOME, mvvelo=3.0 - live.motions * 1e-3, mvacc=12.0)
+        if reply.ret == 1:
+            pending = MOTIONS[motion](live.arm, SPEED + live.motions * 1e-3)
+            if eventually(lambda pending=pending: live.simulator.is_moving() or pending and pending.is_over, WAIT) and (
+                    pending is None or not pending.is_over):
+                return pending
+            reply = pending.result
+        said.append(reply)
+        time.sleep(0.5)
+    raise AssertionError("no motion: %s" % said)

@@ -1,0 +1,68 @@
+"""A hundred cuts of the links of a running driver, of every kind, and a thousand reconnects: times, and what it holds.
+
+Times are those of an observer outside: when the driver said that a link was lost, when calls and topics worked again.
+What was sent is judged by the simulated controller's log. Run it in the devel space; the arguments are the number of
+cuts (100), of reconnects (1000) and the seed (1). Not part of the test suite: it takes a quarter of an hour.
+"""
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
+
+from link_cuts import CUTS, LinkWatch, size_of  # noqa: E402
+from live_driver import LiveDriver  # noqa: E402
+from soak_bench import master, summary  # noqa: E402
+
+SHOWN = 10
+
+
+def cut_at_random(cuts, seed, folder):
+    with LiveDriver(folder, name="linked") as live:
+        live.arm.wait_until_ready()
+        watch = LinkWatch(live, seed)
+        order = [sorted(CUTS)[index % len(CUTS)] for index in range(cuts)]
+        watch.chance.shuffle(order)
+        for name in order:
+            watch.cut(name)
+        watch.assert_topics_were_sane()
+        watch.close()
+        code, said = live.end_driver()
+        assert code == 0 and "Traceback" not in said, said
+        requests = watch.judge(live.verdict())
+    print("%d cuts, %d requests on the wire: nothing replayed, nothing energised, nothing resumed, no stale sample"
+          % (len(watch.outcomes), len(requests)))
+    for name in sorted(CUTS):
+        mine = [outcome for outcome in watch.outcomes if outcome.cut == name]
+        if mine:
+            print("%-26s noticed %s" % (name, summary([outcome.noticed for outcome in mine])))
+            print("%-26s usable  %s" % ("", summary([outcome.usable for outcome in mine])))
+    for is_silent in (False, True):
+        mine = [outcome for outcome in watch.outcomes if CUTS[outcome.cut].is_silent is is_silent]
+        print("%-26s noticed %s" % ("all silent" if is_silent else "all others", summary([o.noticed for o in mine])))
+    print("%-26s usable  %s" % ("all", summary([o.usable for o in watch.outcomes])), flush=True)
+
+
+def reconnect(cycles, folder):
+    with LiveDriver(folder, name="linked") as live:
+        live.arm.wait_until_ready()
+        watch = LinkWatch(live, 0)
+        sizes = []
+        for cycle in range(cycles):
+            watch.reconnect()
+            if cycle % max(1, cycles // SHOWN) == 0 or cycle == cycles - 1:
+                sizes.append(size_of(live.process.pid))
+                print("after %4d reconnects: %3d threads, %3d descriptors, %d kB resident" % ((cycle,) + sizes[-1]),
+                      flush=True)
+        watch.close()
+
+
+def main():
+    cuts, cycles, seed = (int(word) for word in (sys.argv[1:] + ["100", "1000", "1"][len(sys.argv) - 1:]))
+    with master(), tempfile.TemporaryDirectory() as folder:
+        cut_at_random(cuts, seed, folder)
+        reconnect(cycles, folder)
+
+
+if __name__ == "__main__":
+    main()

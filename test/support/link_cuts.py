@@ -1,0 +1,178 @@
+"""Cuts of the links of a running driver, each noticed, survived and judged; times as an observer outside has them."""
+import math
+import random
+import time
+from pathlib import Path
+from typing import Any, Callable, Dict, List, NamedTuple
+
+import rospy
+from live_driver import MOTIONS, begin
+from raw_client import RawClient
+from ros_bench import HOME, InBackground, eventually
+from rosgraph_msgs.msg import Log
+from sensor_msgs.msg import JointState
+
+ENERGISING = ("power_on", "enable_robot")
+MOTION_COMMANDS = ("joint_move", "moveL")
+
+
+def _another_client(simulator):
+    with RawClient(simulator.command_port):
+        time.sleep(0.1)
+
+
+class Cut(NamedTuple):
+    """How a link is cut; ``down`` is how long the controller cannot be reached afterwards, s."""
+
+    strike: Callable[[Any], Any]
+    down: float = 0.0
+    is_silent: bool = False
+
+
+CUTS: Dict[str, Cut] = {
+    "FIN": Cut(lambda sim: sim.panel("close")),
+    "FIN of the command port": Cut(lambda sim: sim.panel("close", port="command")),
+    "FIN of the status port": Cut(lambda sim: sim.panel("close", port="status")),
+    "RST": Cut(lambda sim: sim.panel("reset")),
+    "half open": Cut(lambda sim: sim.panel("half_open"), is_silent=True),
+    "command port half open": Cut(lambda sim: sim.panel("half_open", port="command"), is_silent=True),
+    "status port half open": Cut(lambda sim: sim.panel("half_open", port="status"), is_silent=True),
+    "silent for a while": Cut(lambda sim: sim.panel("stall", duration_ms=1500), 1.5, is_silent=True),
+    "half a frame": Cut(lambda sim: sim.panel("fault", kind="cut", port="status", bytes=1000)),
+    "half a reply": Cut(lambda sim: sim.panel("fault", kind="cut", port="command", bytes=10)),
+    "reply lost": Cut(lambda sim: sim.panel("fault", kind="drop", port="command"), is_silent=True),
+    "reboot": Cut(lambda sim: sim.panel("reboot", down=1.0), 1.0),
+    "power failure": Cut(lambda sim: sim.panel("reboot", down=1.5, silent=1), 1.5, is_silent=True),
+    "refused": Cut(lambda sim: (sim.panel("refuse", duration_ms=1000), sim.panel("close")), 1.0),
+    "another client": Cut(_another_client),
+}
+ACTIVITIES = (None, *MOTIONS)
+
+
+class CutOutcome(NamedTuple):
+    """One cut. Times in s: from the cut until it was noticed, and from the controller's return until all works."""
+
+    cut: str
+    activity: str
+    noticed: float
+    usable: float
+
+
+class LinkWatch:
+    """Cuts the links of a LiveDriver and watches how it takes it."""
+
+    def __init__(self, live, seed):
+        self.live = live
+        self.chance = random.Random(seed)
+        self.outcomes: List[CutOutcome] = []
+        self.written: List[float] = []
+        self.energised = 0
+        self._lost: List[float] = []
+        self._samples: List[tuple] = []
+        self._subscribers = [
+            rospy.Subscriber("/rosout", Log, self._take_log, queue_size=1000),
+            rospy.Subscriber(live.arm.name + "/joint_position", JointState, self._take_sample, queue_size=1000)]
+
+    def _take_log(self, message):
+        if message.name == self.live.arm.name and "port lost: " in message.msg:
+            self._lost.append(time.monotonic())
+
+    def _take_sample(self, message):
+        self._samples.append((time.monotonic(), rospy.get_time() - message.header.stamp.to_sec(), message.position))
+
+    def cut(self, name):
+        """One cut of this kind, in the middle of something or of nothing."""
+        live, cut = self.live, CUTS[name]
+        activity = self.chance.choice(ACTIVITIES)
+        pending = None
+        if activity is not None:
+            pending = begin(live, activity)
+        time.sleep(self.chance.uniform(0.0, 0.3))
+        self.written.append(len(self.written) / 64.0)
+        writing = InBackground(live.arm.call, "set_io", signal="analog", type=0, index=0, value=self.written[-1])
+        struck = time.monotonic()
+        cut.strike(live.simulator)
+        back = struck + cut.down
+        assert eventually(lambda: any(at >= struck for at in self._lost)), "%s was not noticed" % name
+        noticed = min(at for at in self._lost if at >= struck)
+        assert eventually(self._works), "not usable after " + name
+        usable = time.monotonic()
+        writing._thread.join(20.0)
+        assert writing.is_over, "a call hangs after " + name
+        self._assert_nothing_moves(name, pending)
+        silent_from = noticed + 0.3
+        if cut.down > 0.0 and name != "silent for a while":
+            shown = [at for at, _, _ in self._samples if silent_from < at < back]
+            assert not shown, "published while the link was down"
+        self.outcomes.append(CutOutcome(name, activity or "at rest", noticed - struck, max(0.0, usable - back)))
+        self.recover()
+
+    def _works(self):
+        """Reading and moving: both links, the state is fresh and the controller answers."""
+        if not self.live.arm.call("get_fk", joint=HOME).cartesian_pose:
+            return False
+        seen = len(self._samples)
+        return eventually(lambda: len(self._samples) > seen, 0.2)
+
+    def _assert_nothing_moves(self, name, pending):
+        simulator = self.live.simulator
+        assert eventually(lambda: not simulator.is_moving() and not simulator.state()["is_servo_active"]), (
+            "the arm moves on after " + name)
+        if pending is not None:
+            reply = pending.join()
+            assert reply is None or reply.ret == 0, reply
+        assert not simulator.is_moving(), "something resumed after " + name
+
+    def recover(self):
+        """As a person would: the driver itself energises nothing."""
+        arm = self.live.arm
+        self.live.simulator.panel("clear_faults")
+        assert eventually(self._works)
+        if not self.live.simulator.state()["is_enabled"]:
+            self.energised += 1
+            arm.call("clear_err")
+            assert eventually(lambda: arm.call("power", data=True).success)
+            assert eventually(lambda: arm.call("enable", data=True).success)
+        assert eventually(lambda: arm.listen("robot_states", 1)[0].power_state == 1)
+
+    def reconnect(self):
+        """One cut, at rest, and all works again; from one thread only, so that the driver keeps its connections."""
+        self.live.simulator.panel(self.chance.choice(("close", "reset")),
+                                  port=self.chance.choice(("command", "status", "all")))
+        assert eventually(self._works)
+
+    def assert_topics_were_sane(self):
+        """Every sample was finite and, when it came, fresh."""
+        assert self._samples
+        assert all(math.isfinite(q) and abs(q) < 6.3 for _, _, position in self._samples for q in position)
+        assert max(age for _, age, _ in self._samples) < 1.5, "a stale sample was published"
+
+    def judge(self, verdict):
+        """By the log: nothing was sent twice, nothing energised that was not asked for."""
+        received = verdict.received()
+        values = [request["value"] for _, request in received if request["cmdName"] == "set_analog_output"]
+        assert len(values) == len(set(values)), "a command was sent twice"
+        assert set(values) <= set(self.written)
+        for name in ENERGISING:
+            assert len(verdict.times_of(name)) <= self.energised, "energised by itself"
+        motions = [str(request) for _, request in received
+                   if request["cmdName"] in MOTION_COMMANDS or request.get("jog_mode") == 1]
+        assert len(motions) == len(set(motions)), "a motion was sent twice"
+
+    def close(self):
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+
+class Size(NamedTuple):
+    """What a process holds: threads, file descriptors, resident memory in kB."""
+
+    threads: int
+    descriptors: int
+    resident_kb: int
+
+
+def size_of(pid):
+    """Of this process."""
+    status = dict(line.split(":", 1) for line in Path("/proc/%d/status" % pid).read_text().splitlines())
+    return Size(int(status["Threads"]), len(list(Path("/proc/%d/fd" % pid).iterdir())), int(status["VmRSS"].split()[0]))
