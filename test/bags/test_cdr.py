@@ -5,7 +5,20 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from log_samples import BREAK, HEADER, JOINTS, START_NS, STATES, Sample, connection, header, joints, state_log, text, write
+from log_samples import (
+    BREAK,
+    HEADER,
+    JOINTS,
+    START_NS,
+    STATES,
+    Sample,
+    connection,
+    header,
+    joints,
+    state_log,
+    text,
+    write,
+)
 
 from jaka_ros_driver.bags.cdr import CdrConverter, cdr_block, learn_map
 from jaka_ros_driver.bags.definitions import Connection, parse_definition
