@@ -62,6 +62,9 @@ def _job(args: argparse.Namespace, source: Path, target: Path, workers: int) -> 
 
 
 def _jobs(args: argparse.Namespace, folder: Path) -> List[Job]:
+    if (folder / "metadata.yaml").is_file():
+        raise BagError("%s is a rosbag2 folder: ROS 2 messages are not made ROS 1 messages here (rosbags-convert does "
+                       "that); its .mcap file can be filtered, merged and split" % folder)
     wanted = ".bag" if args.to == "mcap" or args.profile == "ros2" else ".mcap"
     base = Path(args.output) if args.output else folder
     jobs = []

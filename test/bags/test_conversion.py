@@ -243,6 +243,9 @@ def kill_own_process(job):
 def test_a_folder_without_logs_is_an_error(tmp_path, capsys):
     assert main(["convert", str(tmp_path)]) == 1
     assert "holds no .bag file" in capsys.readouterr().err
+    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
+    assert main(["convert", str(tmp_path)]) == 1
+    assert "rosbag2 folder" in capsys.readouterr().err
 
 
 def test_progress_is_told(tmp_path):

@@ -2,6 +2,7 @@ import os
 import struct
 import subprocess
 import sys
+import zlib
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from log_samples import (
 )
 from mcap.writer import CompressionType, Writer
 
-from jaka_ros_driver.bags import bag_format, readers
+from jaka_ros_driver.bags import bag_format, mcap_format, readers
 from jaka_ros_driver.bags.definitions import Connection
 from jaka_ros_driver.bags.errors import BagError, BagFormatError
 from jaka_ros_driver.bags.log_index import read_index
@@ -167,6 +168,18 @@ def test_mcaps_of_others_are_read(tmp_path, options):
     assert read(path) == in_order(SAMPLES)
     bare = foreign(tmp_path / "bare.mcap", index_types=IndexType.NONE, **options)
     assert read(bare) == in_order(SAMPLES)
+
+
+def test_channel_0_is_a_channel(tmp_path):
+    path = tmp_path / "zero.mcap"
+    head = mcap_format.MAGIC + mcap_format.header_record("ros1", "")
+    body = mcap_format.schema_record(1, STATES) + mcap_format.channel_record(0, 1, STATES)
+    body += mcap_format.MESSAGE_HEAD.pack(mcap_format.MESSAGE, 30, 0, 0, 9, 9) + bytes(8)
+    chunk = mcap_format.chunk_head(9, 9, len(body), zlib.crc32(body), "none", len(body)) + body
+    end = mcap_format.record(mcap_format.DATA_END, bytes(4))
+    footer = mcap_format.record(mcap_format.FOOTER, bytes(20)) + mcap_format.MAGIC
+    path.write_bytes(head + chunk + end + footer)
+    assert read(path) == [Sample(STATES, 9, bytes(8))]
 
 
 def test_memory_of_reading_does_not_grow_with_the_log(tmp_path):
