@@ -7,6 +7,7 @@ Prints a line for each run and a tally; exit code 1 when a run differed. The rep
 import argparse
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -31,6 +32,8 @@ def main() -> int:
     parser.add_argument("--load", type=int, default=2, help="busy processes beside, default 2")
     options = parser.parse_args()
     chosen = options.names or names
+    for number in (signal.SIGINT, signal.SIGTERM):  # also where a shell has it ignored: no program is to stay behind
+        signal.signal(number, signal.default_int_handler)
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(options.load)]
     tally = {"same": 0, "different": 0, "failed": 0}
     place = Path(tempfile.mkdtemp(prefix="soak_golden_"))
