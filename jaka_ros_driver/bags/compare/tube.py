@@ -3,14 +3,14 @@ import numpy as np
 
 from ..blocks import Array
 
-_MOST_SEGMENTS = 4000
+_MOST_SEGMENTS = 2000
 
 
 def interpolated(time: Array, value: Array, at: Array) -> Array:
     """The curve at some times, shape (len(at), columns); held at its ends."""
     right = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
     part = (at - time[right - 1]) / np.maximum(time[right] - time[right - 1], 1e-9)
-    part = np.clip(part, 0.0, 1.0)[:, None]
+    part = np.minimum(np.maximum(part, 0.0), 1.0)[:, None]
     result: Array = value[right - 1] + part * (value[right] - value[right - 1])
     return result
 
@@ -40,20 +40,23 @@ def distances(time: Array, value: Array, at: Array, seen: Array, direct: Array, 
         return result
     first = np.clip(np.searchsorted(time, at[which] - jitter_s, "right") - 1, 0, len(time) - 2)
     last = np.clip(np.searchsorted(time, at[which] + jitter_s) - 1, 0, len(time) - 2)
-    last = np.minimum(last, first + _MOST_SEGMENTS)
+    middle = np.clip(np.searchsorted(time, at[which]) - 1, 0, len(time) - 2)
+    reach = min(int(np.maximum(middle - first, last - middle).max()), _MOST_SEGMENTS)
     point = seen[which]
     best = direct[which]
     active = np.arange(len(which))
-    for offset in range(int((last - first).max()) + 1):
-        active = active[(first[active] + offset <= last[active]) & (best[active] > enough)]
+    # from the middle outwards: most stamps are off by little, and are done after a few steps
+    for offset in sorted(range(-reach, reach + 1), key=abs):
+        active = active[best[active] > enough]
         if not len(active):
             break
-        segment = first[active] + offset
+        segment = middle[active] + offset
+        inside = (segment >= first[active]) & (segment <= last[active])
+        some, segment = (active, segment) if inside.all() else (active[inside], segment[inside])
         start, along = value[segment], value[segment + 1] - value[segment]
-        length = (along * along).sum(axis=1)
-        off = point[active] - start
-        part = np.clip((off * along).sum(axis=1) / np.maximum(length, 1e-300), 0.0, 1.0)[:, None]
-        left = off - part * along
-        best[active] = np.minimum(best[active], np.sqrt((left * left).sum(axis=1)))
+        off = point[some] - start
+        length = np.einsum("ij,ij->i", along, along)
+        part = np.einsum("ij,ij->i", off, along) / np.maximum(length, 1e-300)
+        best[some] = np.minimum(best[some], lengths(off - np.minimum(np.maximum(part, 0.0), 1.0)[:, None] * along))
     result[which] = best
     return result
