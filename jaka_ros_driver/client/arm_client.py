@@ -59,15 +59,18 @@ class ArmClient:
         self.status = StatusMonitor(settings.silence_timeout)
         self.status.add_listener(self._observe)
         self._links = ArmLinks(settings, self.status, self._command_lost, self._status_lost, self._check_sight)
-        self._ownership = Ownership(lambda is_owned: on_moving(is_owned or self._links.must_stop_first))
+        self._ownership = Ownership(lambda is_owned: on_moving(
+            is_owned or self._links.must_stop_first or self._posted_stop is not None))
         self._dispatch = threading.Lock()
         self._jog_calls = threading.Lock()
         self._servo_calls = threading.Lock()
         self._stops = 0
         self._last_stop = StopCause.STOPPED
         self._is_closing = False
+        self._posted_stop: Optional[Tuple[CommandLink, Pending]] = None
         self._waiter: Optional[MotionWaiter] = None
         self._stream: Optional[ServoStream] = None
+        self._servo_end = ""
         self._jog_watchdog = JogWatchdog(settings.jog_timeout, self._jog_expired)
 
     # ---- life ----
@@ -222,7 +225,8 @@ class ArmClient:
         """
         stream = self._stream
         if stream is None:
-            raise InvalidCommand("refused: not in servo mode; servo_move_enable first")
+            raise InvalidCommand("refused: not in servo mode; servo_move_enable first" + (
+                " (it ended: %s)" % self._servo_end if self._servo_end else ""))
         limits.check(command, self.model, self.status.state)
         stream.set_target(command)
 
@@ -326,16 +330,24 @@ class ArmClient:
         self._ownership.release(MotionOwner.SERVO)
 
     def _post_stop(self, cause: StopCause) -> None:
-        """Send a stop from a thread that must not wait."""
+        """Send a stop from a thread that must not wait; ``_check_posted_stop`` sees to its reply."""
         with self._dispatch:
             self._drop_unsent(cause)
             try:
                 link = self._links.command
-                for halt in self._take_halts():
-                    link.post(halt, lambda rejection: _LOG.error("%s", rejection))
+                self._posted_stop = link, link.begin(self._take_halts())[-1]
             except JakaError as error:
                 _LOG.error("the arm could not be stopped: %s", error)
                 self._links.must_stop_first = True
+
+    def _check_posted_stop(self) -> None:
+        posted = self._posted_stop
+        if posted is not None and posted[1].reply is not None:
+            self._posted_stop = None
+            try:
+                posted[0].finish(posted[1])
+            except JakaError as error:
+                _LOG.error("the arm could not be stopped: %s", error)
 
     def _drop_unsent(self, cause: StopCause) -> None:
         """What was asked for before is not sent any more; the dispatch lock is held."""
@@ -395,10 +407,11 @@ class ArmClient:
             self._await_servo_mode(True)
             stream = ServoStream(self.model, self.settings, lambda frame: self._send_frame(stream, frame),
                                  lambda: self.status.fresh_state(self.settings.stale_after),
-                                 lambda reason: self._servo_ended(stream))
+                                 lambda reason: self._servo_ended(stream, reason))
             with self._dispatch:
                 self._require_no_stop_since(stops)
                 self._stream = stream
+                self._servo_end = ""
             stream.start(self.fresh_state())
         except JakaError:
             self._stream = None
@@ -438,11 +451,12 @@ class ArmClient:
             self._links.command.post(frame, stream.rejected)
             return True
 
-    def _servo_ended(self, stream: ServoStream) -> None:
+    def _servo_ended(self, stream: ServoStream, reason: str) -> None:
         with self._dispatch:
             if self._stream is not stream:
                 return
             self._stream = None
+        self._servo_end = reason
         try:
             self._leave_servo_mode()
         except CommandRejected as rejection:
@@ -455,11 +469,19 @@ class ArmClient:
         if waiter is not None:
             waiter.observe(state)
         stream = self._stream
-        if stream is not None and standing_cause(state) is not None:
-            stream.rejected(CommandRejected("servo", "none", str(standing_cause(state))))
+        if stream is not None:
+            cause, deviation = standing_cause(state), stream.deviation(state)
+            if cause is not None:
+                stream.rejected(CommandRejected("servo", "none", str(cause)))
+            elif deviation:
+                self._servo_end = deviation
+                _LOG.error("%s: stopping it", deviation)
+                self._post_stop(StopCause.FAULT)
+                self._ownership.release(MotionOwner.SERVO)
 
     def _command_lost(self, reason: str) -> None:
-        if self._ownership.owner is not None:
+        posted, self._posted_stop = self._posted_stop, None
+        if self._ownership.owner is not None or (posted is not None and posted[1].reply is None):
             self._links.must_stop_first = True
         self._drop_motion(reason)
 
@@ -471,6 +493,7 @@ class ArmClient:
 
     def _check_sight(self) -> None:
         """Called regularly: a feed of which nothing can be read is as good as none."""
+        self._check_posted_stop()
         self._ownership.tell()
         if self._ownership.owner is not None and self.status.fresh_state(self.settings.silence_timeout) is None:
             self._status_lost("no readable status frame for %.1f s" % self.settings.silence_timeout)

@@ -4,7 +4,7 @@ The controller ignores a step that needs more than 180 deg/s on a joint (control
 halts as it likes when frames stop; so the steps are limited here, and a hold frame fills every cycle without a target.
 """
 import math
-from typing import Sequence, Tuple
+from typing import Optional, Sequence, Tuple
 
 from jaka_ros_driver.commands import Pose, ServoJoint, ServoPose
 from jaka_ros_driver.errors import InvalidCommand
@@ -19,7 +19,7 @@ from jaka_ros_driver.kinematics.rotations import (
     rpy_from_matrix,
     transform,
 )
-from jaka_ros_driver.state import Vector
+from jaka_ros_driver.state import RobotState, Vector
 
 MAX_JOINT_SPEED = math.pi
 """rad/s, the controller's own ceiling for a servo step."""
@@ -27,6 +27,8 @@ _JOINT_ACCELERATION = 4.0 * math.pi
 _LINEAR_ACCELERATION = 8.0
 _ANGULAR_ACCELERATION = 4.0 * math.pi
 _ORIGIN = (0.0, 0.0, 0.0)
+_LEVER = 0.3
+"""m; how far from the tool's centre a turn is looked at."""
 _WIRE_ROUNDING = 1e-6
 """rad or m: targets come as float32, and one at the very limit is still allowed."""
 
@@ -101,6 +103,16 @@ class JointServo:
                 % (jumps.index(farthest) + 1, farthest, self._max_jump))
         self._target = goal
 
+    @property
+    def point(self) -> Tuple[float, ...]:
+        """What the last frame told, as ``measured_point`` has it."""
+        return self._position
+
+    @staticmethod
+    def measured_point(state: RobotState) -> Optional[Tuple[float, ...]]:
+        """Where the arm is, in coordinates that a distance means something in; None where it is not told."""
+        return state.joint_position
+
     def next_frame(self) -> ServoJoint:
         """The frame of this cycle."""
         self._position = tuple(
@@ -140,6 +152,18 @@ class PoseServo:
                 "%.4f rad" % (jump, turn, self._max_linear_jump, self._max_angular_jump))
         self._target_position, self._target_rotation = position, rotation
 
+    @property
+    def point(self) -> Tuple[float, ...]:
+        """What the last frame told, as ``measured_point`` has it."""
+        return _points_of(transform(self._rotation[:9], self._position))
+
+    @staticmethod
+    def measured_point(state: RobotState) -> Optional[Tuple[float, ...]]:
+        """Where the tool is, m (9,): its centre, and two points beside it that turn with it."""
+        if state.tcp_position is None or state.tcp_rpy is None:
+            return None
+        return _points_of(transform(matrix_from_rpy(state.tcp_rpy), state.tcp_position))
+
     def next_frame(self) -> ServoPose:
         """The frame of this cycle."""
         step = self._linear.step([t - p for t, p in zip(self._target_position, self._position)])
@@ -147,6 +171,12 @@ class PoseServo:
         turn = self._angular.step(_turn_between(self._rotation, self._target_rotation))
         self._rotation = compose(transform(matrix_from_rotation_vector(turn), _ORIGIN), self._rotation)
         return ServoPose(Pose(self._position, rpy_from_matrix(self._rotation)))
+
+
+def _points_of(base_t_tool: Transform) -> Tuple[float, ...]:
+    position = base_t_tool[9:]
+    return tuple(position) + tuple(position[row] + _LEVER * base_t_tool[3 * row + column]
+                                   for column in (0, 2) for row in range(3))
 
 
 def _rotation(rpy: Sequence[float]) -> Transform:

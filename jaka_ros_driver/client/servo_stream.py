@@ -5,6 +5,7 @@ import time
 from typing import Callable, Optional, Union
 
 from jaka_ros_driver.client.servo_planner import JointServo, PoseServo
+from jaka_ros_driver.client.servo_trace import ServoTrace
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Pose, ServoJoint, ServoPose
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, JakaError
@@ -16,6 +17,10 @@ _LOG = logging.getLogger(__name__)
 PERIOD = 0.008
 """s, the controller's interpolation cycle (controller protocol 5.6.5)."""
 _TCP_SPEED_UNKNOWN = 1.0
+_MAX_JOINT_DEVIATION = 0.04
+"""rad; more than the step of one cycle at 180 deg/s, behind which a controller ignores frames."""
+_MAX_LINEAR_DEVIATION = 0.03
+"""m, of the tool or of a point beside it."""
 
 Frame = Union[ServoJoint, ServoPose]
 
@@ -46,6 +51,7 @@ class ServoStream:
         self._lock = threading.Lock()
         self._servo: Union[JointServo, PoseServo, None] = None
         self._last_target_at = 0.0
+        self._trace = ServoTrace()
         self._stop = threading.Event()
         self._failure = ""
         self.late_cycles = 0
@@ -80,13 +86,13 @@ class ServoStream:
                 if not isinstance(joint_servo, JointServo):
                     joint_servo = self._joint_servo(self._fresh_state())
                 joint_servo.set_target(command.joint_position, command.relative)
-                self._servo = joint_servo
+                self._follow(joint_servo)
             else:
                 pose_servo = self._servo
                 if not isinstance(pose_servo, PoseServo):
                     pose_servo = self._pose_servo(self._fresh_state())
                 pose_servo.set_target(command.target, command.relative)
-                self._servo = pose_servo
+                self._follow(pose_servo)
             self._last_target_at = time.monotonic()
 
     def hold_joints(self) -> None:
@@ -97,7 +103,18 @@ class ServoStream:
         """
         with self._lock:
             if not isinstance(self._servo, JointServo):
-                self._servo = self._joint_servo(self._fresh_state())
+                self._follow(self._joint_servo(self._fresh_state()))
+
+    def deviation(self, state: RobotState) -> str:
+        """How far the arm is from everything that it was sent lately, in words; "" where it is near something."""
+        with self._lock:
+            servo = self._servo
+            point = None if servo is None else servo.measured_point(state)
+            excess = 0.0 if point is None else self._trace.excess(point)
+        is_joint = isinstance(servo, JointServo)
+        if excess <= (_MAX_JOINT_DEVIATION if is_joint else _MAX_LINEAR_DEVIATION):
+            return ""
+        return "the arm is %.3f %s from where it was sent" % (excess, "rad" if is_joint else "m")
 
     def rejected(self, rejection: CommandRejected) -> None:
         """The controller refused a frame: the stream ends."""
@@ -111,6 +128,7 @@ class ServoStream:
                 servo = self._servo
                 assert servo is not None
                 frame = servo.next_frame()
+                self._trace.sent(servo.point, time.monotonic())
                 silent = time.monotonic() - self._last_target_at
             try:
                 if not self._send(frame):
@@ -133,6 +151,10 @@ class ServoStream:
             self._stop.set()
             _LOG.warning("%s", reason)
             self._on_ended(reason)
+
+    def _follow(self, servo: Union[JointServo, PoseServo]) -> None:
+        if servo is not self._servo:
+            self._servo, self._trace = servo, ServoTrace()
 
     def _fresh_state(self) -> RobotState:
         state = self._measured()

@@ -103,6 +103,22 @@ def test_a_stream_is_ended_and_servo_mode_left_when_the_status_port_goes_down(be
     assert len(leaves) == 1 and max(one.times_of("servo_j")) <= leaves[0] <= stop
 
 
+@pytest.mark.parametrize("start", ["jog", "servo", "move"])
+def test_a_stop_that_a_silent_link_swallowed_is_the_first_word_on_the_next(bench, call, start):
+    one = bench()
+    arm = one.connect()
+    if start == "servo":
+        arm.set_servo_mode(True)
+    else:
+        call(arm.jog, c.Jog(c.JogFrame.JOINT, 0, 0.2)) if start == "jog" else call(arm.move, SLOW_MOVE)
+        assert eventually(one.is_moving)
+    one.panel("half_open")
+    assert eventually(lambda: arm.motion_owner is None)
+    assert eventually(lambda: arm.is_ready)
+    assert eventually(lambda: not one.is_moving() and not one.controller.state()["is_servo_active"])
+    assert len(one.times_of("stop_program")) == 1
+
+
 @pytest.mark.parametrize("command, act", [
     ("jog", lambda arm: arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.2))),
     ("joint_move", lambda arm: arm.move(SLOW_MOVE)),
@@ -126,6 +142,7 @@ def test_a_motion_left_unstopped_by_a_lost_link_is_told_as_moving_until_it_is_st
     arm.start()
     assert eventually(lambda: arm.is_ready)
     arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.2))
+    assert eventually(one.is_moving)
     one.panel("refuse", port="command", duration_ms=1000)
     one.panel("close", port="command")
     assert eventually(lambda: arm.motion_owner is None)

@@ -1,0 +1,46 @@
+"""Where the arm may be while it is streamed: near something that it was sent a moment ago.
+
+A controller whose frames come late may go on by itself, and then ignore frames that lie too far behind it for one
+cycle (controller protocol 5.6.5): nothing in the stream would ever bring it back. Only the status feed tells.
+"""
+from collections import deque
+from typing import Deque, List, NamedTuple, Sequence
+
+_WINDOW = 1.0
+"""s; longer than a controller's queue and filters lag behind."""
+_BUCKET = 0.1
+
+
+class _Extent(NamedTuple):
+    since: float
+    low: List[float]
+    high: List[float]
+
+
+class ServoTrace:
+    """The extent of what was sent within the last second, coordinate by coordinate; pure, it is told the time."""
+
+    def __init__(self) -> None:
+        self._extents: Deque[_Extent] = deque()
+
+    def sent(self, point: Sequence[float], now: float) -> None:
+        """This point was sent at this time, s."""
+        if not self._extents or now - self._extents[-1].since > _BUCKET:
+            self._extents.append(_Extent(now, list(point), list(point)))
+            while now - self._extents[0].since > _WINDOW + _BUCKET:
+                self._extents.popleft()
+            return
+        _, low, high = self._extents[-1]
+        for index, value in enumerate(point):
+            if value < low[index]:
+                low[index] = value
+            elif value > high[index]:
+                high[index] = value
+
+    def excess(self, point: Sequence[float]) -> float:
+        """How far the point lies outside that extent, in its farthest coordinate; 0 inside, and before the first."""
+        if not self._extents:
+            return 0.0
+        extents = list(self._extents)
+        return max(0.0, max(max(min(e.low[i] for e in extents) - value, value - max(e.high[i] for e in extents))
+                            for i, value in enumerate(point)))

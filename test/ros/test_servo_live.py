@@ -1,0 +1,168 @@
+"""Streams of servo targets into the running node, on a controller that goes on by itself when frames stop.
+
+One session; what the tests say of it stands in the controller's log.
+"""
+import math
+import signal
+import time
+from types import SimpleNamespace
+
+import pytest
+import rospy
+from geometry_msgs.msg import PoseStamped
+from live_driver import LiveDriver, stream
+from ros_bench import HOME, InBackground, eventually, rosservice
+
+CYCLE = 0.008
+SERVO_TIMEOUT = 1.0
+SPEED = 0.2
+FAST = 1.0
+STALL = 0.12
+
+
+@pytest.fixture(scope="module")
+def session(ros_node, tmp_path_factory):
+    with LiveDriver(tmp_path_factory.mktemp("servo"), name="streaming", guard=False, servo_timeout=SERVO_TIMEOUT,
+                    simulator=("--starvation", "repeat")) as live:
+        live.arm.wait_until_ready()
+        told = SimpleNamespace()
+        called_at_rates(live, told)
+        called_once_each(live, told)
+        streamed_as_poses(live, told)
+        stalled(live, told)
+        told.verdict = live.verdict()
+    return told
+
+
+def enter(live):
+    live.arm.go_home()
+    assert live.arm.call("servo_move_enable", enable=True).ret == 1
+
+
+def called_at_rates(live, told):
+    """Half a second at 125 Hz and half a second at 250 Hz, then silence until servo mode is left."""
+    enter(live)
+    told.stream_began = time.monotonic()
+    target, told.refusals = 0.0, []
+    for period in (CYCLE, CYCLE / 2):
+        due = time.monotonic()
+        for _ in range(int(0.5 / period)):
+            target += SPEED * period
+            reply = live.arm.call("servo_j", pose=[target] + HOME[1:])
+            if reply.ret != 1:
+                told.refusals.append(reply)
+            due = max(due + period, time.monotonic())
+            time.sleep(due - time.monotonic() if due > time.monotonic() else 0.0)
+    told.stream_ended, told.last_target = time.monotonic(), target
+    assert eventually(lambda: not live.simulator.state()["is_servo_active"])
+    told.silence_ended = time.monotonic()
+    told.after_silence = live.arm.call("servo_j", pose=[target] + HOME[1:])
+
+
+def called_once_each(live, told):
+    enter(live)
+    told.once = rosservice("/streaming/servo_j", "{pose: [0.02, 1.5, -1.5, 1.5, 1.5, 0.0]}")
+    live.arm.call("servo_move_enable", enable=False)
+
+
+def streamed_as_poses(live, told):
+    """By topic, 3 cm along y; the same orientation."""
+    enter(live)
+    told.poses_began = time.monotonic()
+    told.tool_before = live.simulator.state()["tcp_pose"]
+    start = live.arm.call("get_fk", joint=HOME).cartesian_pose
+    publisher = rospy.Publisher("/streaming/servo_p_command", PoseStamped, queue_size=1, tcp_nodelay=True)
+    assert eventually(lambda: publisher.get_num_connections() > 0)
+    message = PoseStamped()
+    message.header.frame_id = "base_link"
+    message.pose.position.x, message.pose.position.z = start[0] / 1000.0, start[2] / 1000.0
+    rx, ry, rz = (angle / 2.0 for angle in start[3:])
+    q = message.pose.orientation
+    q.w = math.cos(rx) * math.cos(ry) * math.cos(rz) + math.sin(rx) * math.sin(ry) * math.sin(rz)
+    q.x = math.sin(rx) * math.cos(ry) * math.cos(rz) - math.cos(rx) * math.sin(ry) * math.sin(rz)
+    q.y = math.cos(rx) * math.sin(ry) * math.cos(rz) + math.sin(rx) * math.cos(ry) * math.sin(rz)
+    q.z = math.cos(rx) * math.cos(ry) * math.sin(rz) - math.sin(rx) * math.sin(ry) * math.cos(rz)
+    for step in range(1, 101):
+        message.pose.position.y = start[1] / 1000.0 + 0.0003 * step
+        publisher.publish(message)
+        time.sleep(CYCLE)
+    told.moved_mm = eventually(lambda: abs(live.simulator.state()["tcp_pose"][1] - start[1] - 30.0) < 0.05)
+    told.tool_after = live.simulator.state()["tcp_pose"]
+    publisher.unregister()
+    told.poses_ended = time.monotonic()
+    live.arm.call("servo_move_enable", enable=False)
+
+
+def stalled(live, told):
+    """The driver gets no time for a while in the middle of a fast stream."""
+    enter(live)
+    streaming = InBackground(stream, live.arm, FAST)
+    assert eventually(lambda: live.simulator.state()["joint_position"][0] > 10.0)
+    told.frozen = live.send(signal.SIGSTOP)
+    time.sleep(STALL)
+    told.thawed = live.send(signal.SIGCONT)
+    told.end_of_stalled_stream = streaming.join()
+    assert eventually(lambda: not live.simulator.is_moving())
+
+
+def first_joint(session, since, until):
+    return [(at, joints[0]) for at, joints in session.verdict.joints() if since <= at <= until]
+
+
+def frames(session, name, since, until):
+    return [(at, request) for at, request in session.verdict.received()
+            if request["cmdName"] == name and since <= at <= until]
+
+
+def test_every_call_at_125_and_at_250_hz_is_accepted(session):
+    assert session.refusals == []
+
+
+def test_a_frame_goes_out_every_cycle_also_between_the_calls_and_none_in_a_burst(session):
+    times = [at for at, _ in frames(session, "servo_j", session.stream_began, session.stream_ended)]
+    gaps = sorted(b - a for a, b in zip(times, times[1:]))
+    assert gaps[len(gaps) // 2] == pytest.approx(CYCLE, rel=0.3)
+    duration = session.stream_ended - session.stream_began
+    assert len(times) <= duration / CYCLE + 3, "late cycles were caught up"
+
+
+def test_no_frame_asks_for_more_than_the_speed_limit(session):
+    sent = [math.radians(request["jointPosition"][0])
+            for _, request in frames(session, "servo_j", session.stream_began, session.silence_ended)]
+    assert max(abs(b - a) for a, b in zip(sent, sent[1:])) <= math.pi * CYCLE * 1.001
+    assert sent[-1] == pytest.approx(session.last_target, abs=1e-6)
+
+
+def test_a_stream_that_stops_is_held_within_millimetres_and_then_left(session):
+    """The tool is 0.42 m from the axis: 5 mrad are 2 mm."""
+    path = first_joint(session, session.stream_began, session.silence_ended)
+    assert max(joint for _, joint in path) - session.last_target < 0.005
+    assert path[-1][1] == pytest.approx(session.last_target, abs=1e-5)
+    left, = session.verdict.times_of("servo_move", after=session.stream_ended, relFlag=0)[:1]
+    assert left - session.stream_ended >= SERVO_TIMEOUT - 0.05
+    held = [at for at, _ in frames(session, "servo_j", session.stream_ended, left)]
+    assert len(held) > 0.5 * SERVO_TIMEOUT / CYCLE, "not held by frames"
+    assert session.after_silence.ret == 0 and "no servo target for 1.0 s" in session.after_silence.message
+
+
+def test_a_single_call_of_the_program_is_accepted(session):
+    assert session.once == {"ret": 1, "message": "accepted"}
+
+
+def test_poses_by_topic_are_followed(session):
+    assert session.moved_mm
+    assert session.tool_after[:1] + session.tool_after[2:3] == pytest.approx(
+        session.tool_before[:1] + session.tool_before[2:3], abs=0.05)
+    assert len(frames(session, "servo_p", session.poses_began, session.poses_ended)) > 50
+
+
+def test_an_arm_that_runs_away_while_the_driver_had_no_time_is_stopped(session):
+    """It repeats its last step while frames are missing, and then ignores those that lie behind it."""
+    path = dict(first_joint(session, session.frozen, math.inf))
+    at_thaw = max(joint for at, joint in path.items() if at <= session.thawed)
+    stop = session.verdict.times_of("stop_program", after=session.thawed)[0]
+    assert at_thaw - path[min(path)] > 0.05, "it did not run away"
+    assert max(path.values()) < math.radians(200.0), "it ran on"
+    assert session.verdict.rest_after(session.thawed) - stop < 1.0
+    assert session.end_of_stalled_stream.ret == 0
+    assert "from where it was sent" in session.end_of_stalled_stream.message
