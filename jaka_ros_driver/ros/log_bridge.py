@@ -70,13 +70,9 @@ def log_to_ros() -> Callable[[float], bool]:
     logger.setLevel(logging.INFO)
     logger.propagate = False
     logger.addHandler(RosLogHandler())
-<<<<<<< ours
 
     def drain_all(timeout: float) -> bool:
         drained = [background.drain(timeout) for background in backgrounds]
         return all(drained)
 
     return drain_all
-=======
-    return lambda timeout: all(background.drain(timeout) for background in backgrounds)
->>>>>>> theirs
