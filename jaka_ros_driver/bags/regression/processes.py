@@ -194,5 +194,12 @@ class Programs:
 
     def __exit__(self, kind: Optional[Type[BaseException]], value: Optional[BaseException],
                  trace: Optional[TracebackType]) -> None:
+        interrupted: Optional[KeyboardInterrupt] = None
         for program in reversed(self._running):
-            program.end()
+            try:
+                program.end(signal.SIGINT if interrupted is None else signal.SIGKILL)
+            except KeyboardInterrupt as error:  # impatience ends the rest at once; nothing stays behind
+                interrupted = error
+                program.end(signal.SIGKILL)
+        if interrupted is not None:
+            raise interrupted
