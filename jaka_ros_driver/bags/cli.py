@@ -125,7 +125,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         where = "%s: " % error.filename if error.filename else ""
         print("%s: error: %s%s" % (PROGRAM, where, error.strerror or error), file=sys.stderr)
     except KeyboardInterrupt:
-        print("%s: interrupted, nothing was written" % PROGRAM, file=sys.stderr)
+        print("%s: interrupted, no half file is left" % PROGRAM, file=sys.stderr)
     return 1
 
 

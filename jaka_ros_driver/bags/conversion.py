@@ -1,6 +1,8 @@
 """Converts one file as one job that can be handed to another process or machine."""
 import importlib
+import multiprocessing
 import os
+import signal
 import time
 from pathlib import Path
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
@@ -117,19 +119,55 @@ def try_convert(job: Job) -> Outcome:
         return Outcome(job.source, job.target, error="%s: %s" % (error.filename or job.source, error.strerror))
 
 
+class _Worker:
+    """What a worker process does with signals: the parent gets Ctrl-C and ends its workers by SIGTERM."""
+
+    is_at_work = False
+
+    @classmethod
+    def prepare(cls) -> None:
+        """Run in each worker when it starts."""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, cls._on_end)
+
+    @classmethod
+    def _on_end(cls, number: int, frame: Any) -> None:
+        if cls.is_at_work:
+            raise KeyboardInterrupt  # the half output is removed on the way
+        os._exit(1)
+
+    @classmethod
+    def work(cls, job: Job) -> Outcome:
+        """Do one job."""
+        cls.is_at_work = True
+        try:
+            return try_convert(job)
+        except KeyboardInterrupt:
+            os._exit(1)  # jobs that wait are not begun
+        finally:
+            cls.is_at_work = False
+
+
 def convert_many(jobs: List[Job], processes: int, on_outcome: Callable[[Outcome], None]) -> None:
     """Convert files side by side in processes; outcomes come as they are ready."""
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from concurrent.futures.process import BrokenProcessPool
 
-    with ProcessPoolExecutor(processes) as pool:
-        futures = {pool.submit(try_convert, job): job for job in jobs}
-        for future in as_completed(futures):
-            job = futures[future]
-            try:
-                on_outcome(future.result())
-            except BrokenProcessPool:
-                on_outcome(Outcome(job.source, job.target, error="%s: its process was killed" % job.source))
+    with ProcessPoolExecutor(processes, initializer=_Worker.prepare) as pool:
+        futures = {pool.submit(_Worker.work, job): job for job in jobs}
+        try:
+            for future in as_completed(futures):
+                job = futures[future]
+                try:
+                    on_outcome(future.result())
+                except BrokenProcessPool:
+                    on_outcome(Outcome(job.source, job.target, error="%s: its process was killed" % job.source))
+        except KeyboardInterrupt:
+            for future in futures:
+                future.cancel()
+            for process in multiprocessing.active_children():
+                process.terminate()
+            raise
 
 
 def convert_on_dask(jobs: List[Job], address: str, on_outcome: Callable[[Outcome], None]) -> None:

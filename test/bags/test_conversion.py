@@ -270,8 +270,29 @@ def test_an_interrupted_conversion_leaves_nothing(tmp_path):
         done = subprocess.run([sys.executable, "-c", code % (os.getcwd(), name, str(source), str(tmp_path / "o.mcap"))],
                               stderr=subprocess.PIPE)
         assert done.returncode == 1
-        assert done.stderr.decode() == "jaka_bag: interrupted, nothing was written\n"
+        assert done.stderr.decode() == "jaka_bag: interrupted, no half file is left\n"
         assert os.listdir(str(tmp_path)) == ["log.bag"]
+
+
+def test_an_interrupted_folder_leaves_whole_files_only(tmp_path):
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for i in range(6):
+        write(folder / ("%d.bag" % i), SAMPLES)
+    code = ("import os, signal, sys; sys.path.insert(0, %r)\n"
+            "from jaka_ros_driver.bags import copying\n"
+            "from jaka_ros_driver.bags.cli import main\n"
+            "real = copying.LossNotes.look\n"
+            "def look(self, block):\n"
+            "    os.killpg(os.getpgid(0), signal.SIGINT)\n"
+            "    signal.pause()\n"
+            "copying.LossNotes.look = look\n"
+            "sys.exit(main(['convert', %r, '--jobs', '2']))")
+    done = subprocess.run([sys.executable, "-c", code % (os.getcwd(), str(folder))], stderr=subprocess.PIPE,
+                          start_new_session=True, timeout=120)
+    assert done.returncode == 1
+    assert done.stderr.decode() == "jaka_bag: interrupted, no half file is left\n"
+    assert sorted(os.listdir(str(folder))) == ["%d.bag" % i for i in range(6)]
 
 
 def test_a_definition_with_a_header_in_it_keeps_its_text(tmp_path):
