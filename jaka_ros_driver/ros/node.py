@@ -2,8 +2,10 @@
 import argparse
 import logging
 import os
+import signal
 import sys
 import threading
+import time
 from typing import List, Optional
 
 import rospy
@@ -34,6 +36,7 @@ _LOG = logging.getLogger(__name__)
 _SWITCH_INTERVAL_S = 0.0005
 _ANSWER_TIMEOUT_S = 0.3
 _DRAIN_TIMEOUT_S = 0.5
+_SIGNAL_POLL_S = 0.02
 _DESCRIPTION = "robot_description"
 
 
@@ -123,8 +126,10 @@ def main(argv: Optional[List[str]] = None) -> int:
     if options.urdf is not None:
         return _print_urdf(options)
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
-    rospy.init_node("jaka_driver")
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # there is nothing to stop yet
+    rospy.init_node("jaka_driver", disable_signals=True)
     drain_log = log_to_ros()
+    signals = _noted_signals()
     try:
         config = config_from(rospy.get_param("~", {}))
         _set_scheduler(config.realtime_priority)
@@ -137,10 +142,24 @@ def main(argv: Optional[List[str]] = None) -> int:
     rospy.on_shutdown(driver.close)
     rospy.on_shutdown(lambda: drain_log(_DRAIN_TIMEOUT_S))
     driver.start()
-    rospy.spin()
+    while not signals and not rospy.is_shutdown():
+        time.sleep(_SIGNAL_POLL_S)
+    rospy.signal_shutdown("signal %s" % signals)
     if not drain_log(_DRAIN_TIMEOUT_S):
         os._exit(0)  # a terminal that does not read any more would keep the process for ever
     return 0
+
+
+def _noted_signals() -> List[int]:
+    """The SIGINT and SIGTERM that come from now on.
+
+    They are noted only: a handler that ended the driver itself, as rospy's does, could wait for a lock that the code
+    it interrupts holds.
+    """
+    noted: List[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _: noted.append(received))
+    return noted
 
 
 def _print_urdf(options: argparse.Namespace) -> int:

@@ -1,7 +1,4 @@
-"""Streams of servo targets into the running node, on a controller that goes on by itself when frames stop.
-
-One session; what the tests say of it stands in the controller's log.
-"""
+"""Streams of servo targets into the running node; what the tests say of a session stands in the controller's log."""
 import math
 import signal
 import time
@@ -22,13 +19,24 @@ STALL = 0.12
 
 @pytest.fixture(scope="module")
 def session(ros_node, tmp_path_factory):
-    with LiveDriver(tmp_path_factory.mktemp("servo"), name="streaming", guard=False, servo_timeout=SERVO_TIMEOUT,
-                    simulator=("--starvation", "repeat")) as live:
+    with LiveDriver(tmp_path_factory.mktemp("servo"), name="streaming", guard=False,
+                    servo_timeout=SERVO_TIMEOUT) as live:
         live.arm.wait_until_ready()
         told = SimpleNamespace()
         called_at_rates(live, told)
         called_once_each(live, told)
         streamed_as_poses(live, told)
+        told.verdict = live.verdict()
+    return told
+
+
+@pytest.fixture(scope="module")
+def stalled_session(ros_node, tmp_path_factory):
+    """On a controller that goes on by itself when frames stop."""
+    with LiveDriver(tmp_path_factory.mktemp("stalled"), name="stalled", guard=False,
+                    simulator=("--starvation", "repeat")) as live:
+        live.arm.wait_until_ready()
+        told = SimpleNamespace()
         stalled(live, told)
         told.verdict = live.verdict()
     return told
@@ -156,13 +164,13 @@ def test_poses_by_topic_are_followed(session):
     assert len(frames(session, "servo_p", session.poses_began, session.poses_ended)) > 50
 
 
-def test_an_arm_that_runs_away_while_the_driver_had_no_time_is_stopped(session):
+def test_an_arm_that_runs_away_while_the_driver_had_no_time_is_stopped(stalled_session):
     """It repeats its last step while frames are missing, and then ignores those that lie behind it."""
-    path = dict(first_joint(session, session.frozen, math.inf))
-    at_thaw = max(joint for at, joint in path.items() if at <= session.thawed)
-    stop = session.verdict.times_of("stop_program", after=session.thawed)[0]
+    path = dict(first_joint(stalled_session, stalled_session.frozen, math.inf))
+    at_thaw = max(joint for at, joint in path.items() if at <= stalled_session.thawed)
+    stop = stalled_session.verdict.times_of("stop_program", after=stalled_session.thawed)[0]
     assert at_thaw - path[min(path)] > 0.05, "it did not run away"
     assert max(path.values()) < math.radians(200.0), "it ran on"
-    assert session.verdict.rest_after(session.thawed) - stop < 1.0
-    assert session.end_of_stalled_stream.ret == 0
-    assert "from where it was sent" in session.end_of_stalled_stream.message
+    assert stalled_session.verdict.rest_after(stalled_session.thawed) - stop < 1.0
+    assert stalled_session.end_of_stalled_stream.ret == 0
+    assert "from where it was sent" in stalled_session.end_of_stalled_stream.message
