@@ -7,6 +7,7 @@ The rounds are interleaved, the best of each counts; CPU is user and system time
 On a busy machine the ratio of CPU times says more than that of wall times.
 """
 import argparse
+import json
 import os
 import random
 import shutil
@@ -93,17 +94,30 @@ class Entry(NamedTuple):
     goal: Optional[float] = None
 
 
-def run(command: Sequence[str]) -> Cost:
-    """Run a program to its end; its own clock readings, no polling."""
-    import time
+LAUNCHER = """
+import json, os, sys, time
+answer = os.dup(1)
+os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+begin = time.perf_counter()
+pid = os.spawnvp(os.P_NOWAIT, sys.argv[1], sys.argv[1:])
+_, status, usage = os.wait4(pid, 0)
+wall = time.perf_counter() - begin
+code = os.WEXITSTATUS(status) if os.WIFEXITED(status) else -os.WTERMSIG(status)
+os.write(answer, json.dumps([wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024, code]).encode())
+"""  # a small process of its own: a program's peak of memory begins with that of its parent
+
+
+def run(command: Sequence[object], accept: Sequence[int] = (0,)) -> Optional[Cost]:
+    """Run a program to its end; its own clock readings, no polling. None, and what it said is shown, where it fails."""
     environment = dict(os.environ, PYTHONPATH="%s:%s" % (ROOT, os.environ.get("PYTHONPATH", "")))
-    begin = time.perf_counter()
-    process = subprocess.Popen(list(map(str, command)), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                               env=environment)
-    _, status, usage = os.wait4(process.pid, 0)
-    wall = time.perf_counter() - begin
-    process.returncode = os.WEXITSTATUS(status) if os.WIFEXITED(status) else -os.WTERMSIG(status)
-    return Cost(wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024, process.returncode)
+    done = subprocess.run([sys.executable, "-I", "-S", "-c", LAUNCHER, *map(str, command)], check=True,
+                          capture_output=True, env=environment)
+    cost = Cost(*json.loads(done.stdout))
+    if cost.code not in accept:
+        print("  exit code %d: %s\n%s" % (cost.code, " ".join(map(str, command))[:200],
+                                         done.stderr.decode("utf-8", "replace")[-2000:]))
+        return None
+    return cost
 
 
 def remove(paths: Sequence[Path]) -> None:
@@ -120,9 +134,8 @@ def compare(title: str, entries: List[Entry], rounds: int, size: int, count: int
     for _ in range(rounds):
         for entry in entries:
             remove(entry.outputs)
-            cost = run(entry.command)
-            if cost.code not in accept:
-                print("  %s failed with exit code %d" % (entry.name, cost.code))
+            cost = run(entry.command, accept)
+            if cost is None:
                 continue
             kept = best.get(entry.name, cost)
             best[entry.name] = Cost(*map(min, zip(cost, kept)))

@@ -3,6 +3,8 @@ import contextlib
 import io
 import socket
 import struct
+import subprocess
+from pathlib import Path
 
 import genmsg.gentools
 import genmsg.msg_loader
@@ -11,6 +13,7 @@ import pytest
 import rosgraph
 import rosgraph.network
 import rospy
+from import_graph import ROOT
 from ros_bench import HOME, eventually, evidence_of
 
 from jaka_msgs.srv import ServoMove, ServoMoveResponse
@@ -18,6 +21,7 @@ from jaka_ros_driver.ros.servo_move_wire import ServoMoveWithSpeed, ServoMoveWit
 
 WITH_SPEED = "float32[] pose\nfloat32[] speed\n---\nint16 ret\nstring message\n"
 REFUSAL = "not in servo mode"
+GENCPP = Path("/usr/lib/gencpp/gen_cpp.py")
 
 
 def md5_of(text):
@@ -123,4 +127,47 @@ def test_the_second_definition_moves_the_arm(arm, dynamic_service):
     proxy = rospy.ServiceProxy(arm.name + "/servo_j", dynamic_service)
     assert proxy(pose=[0.03] + HOME[1:], speed=[]).ret == 1
     assert eventually(lambda: arm.simulator.state()["joint_position"][0] > 1.7)
+    assert arm.call("servo_move_enable", enable=False).ret == 1
+
+
+@pytest.fixture(scope="module", params=["ours", "theirs"])
+def cpp_client(request, tmp_path_factory):
+    """A roscpp program that was built with one of the definitions."""
+    folder = tmp_path_factory.mktemp("cpp")
+    definition = ROOT / "jaka_msgs" / "srv" / "ServoMove.srv"
+    flags = []
+    if request.param == "theirs":
+        definition = folder / "ServoMove.srv"
+        definition.write_text(WITH_SPEED)
+        flags = ["-DWITH_SPEED"]
+    headers = folder / "include" / "jaka_msgs"
+    headers.mkdir(parents=True)
+    program = folder / "call_servo_move"
+    for command in (["/usr/bin/python3", str(GENCPP), str(definition), "-p", "jaka_msgs", "-o", str(headers),
+                     "-e", "/usr/share/gencpp"],
+                    ["g++", "-std=c++17", *flags, "-I", str(headers.parent), "-o", str(program),
+                     str(Path(__file__).parent / "cpp" / "call_servo_move.cpp"),
+                     "-lroscpp", "-lrosconsole", "-lroscpp_serialization", "-lrostime", "-lcpp_common"]):
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=240)
+        assert done.returncode == 0, done.stdout
+    return program
+
+
+@pytest.mark.parametrize("service", ["servo_j", "servo_p"])
+def test_a_cpp_client_of_either_definition(arm, cpp_client, service):
+    with evidence_of(arm) as evidence:
+        done = subprocess.run([str(cpp_client), "%s/%s" % (arm.name, service), *map(str, HOME)],
+                              stdout=subprocess.PIPE, text=True, timeout=60)
+        assert eventually(lambda: len(evidence()) == 4)
+    assert done.returncode == 0
+    assert [line.startswith("0 ") and REFUSAL in line for line in done.stdout.splitlines()] == [True] * 4, done.stdout
+
+
+def test_a_cpp_client_moves_the_arm(arm, cpp_client):
+    arm.go_home()
+    assert arm.call("servo_move_enable", enable=True).ret == 1
+    done = subprocess.run([str(cpp_client), arm.name + "/servo_j", "0.02", *map(str, HOME[1:])],
+                          stdout=subprocess.PIPE, text=True, timeout=60)
+    assert [line.split()[0] for line in done.stdout.splitlines()] == ["1"] * 4, done.stdout
+    assert eventually(lambda: arm.simulator.state()["joint_position"][0] > 1.1)
     assert arm.call("servo_move_enable", enable=False).ret == 1
