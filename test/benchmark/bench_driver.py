@@ -19,10 +19,10 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support"), str(ROOT / "test" / "
 os.environ["ROS_IP"] = "127.0.0.1"
 
 import conftest  # noqa: E402
-import roslaunch  # noqa: E402
 import rospy  # noqa: E402
 from arm_bench import eventually  # noqa: E402
 from geometry_msgs.msg import TwistStamped  # noqa: E402
+from launching import launched_parent  # noqa: E402
 from ros_bench import HOME, TYPES, InBackground, SimulatorProcess  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 
@@ -206,41 +206,43 @@ def judge_by_the_log(log_file, seen, stops, pending):
               "max " + ms(max(pending)))
 
 
+def measure(duration, folder):
+    print("load average at start: %s" % " ".join("%.2f" % load for load in os.getloadavg()))
+    rospy.init_node("bench_driver", anonymous=True, disable_signals=True)
+    bare = subprocess.Popen([sys.executable, "-c", BARE_PUBLISHER])
+    bare_cpu = measure_topics("bare rospy publisher", [bare.pid], duration / 2)
+    bare.terminate()
+    bare.wait()
+    log_file = folder + "/wire.mcap"
+    with contextlib.closing(SimulatorProcess("--start", "enabled", "--log", log_file)) as simulator:
+        with conftest.driven(simulator) as arm:
+            arm.wait_until_ready()
+            driver = pids_of("__name:=jaka_driver")
+            guard = pids_of("jaka_ros_driver.client.guard\0--host")
+            threads = threading.active_count()
+            cpu = measure_topics("driver", driver, duration)
+            print_row("driver: CPU beside the bare publisher's", "%.2f x" % (cpu / bare_cpu))
+            guard_cpu = cpu_seconds(guard)
+            seen = measure_latency(arm)
+            print_row("guard: CPU", "%.2f %% of a core" % (100 * (cpu_seconds(guard) - guard_cpu) / 8.0))
+            stops, pending = measure_stops(arm)
+            measure_servo(arm)
+            measure_services(arm)
+            assert threading.active_count() < threads + 20
+    judge_by_the_log(log_file, seen, stops, pending)
+    print("load average at end: %s" % " ".join("%.2f" % load for load in os.getloadavg()))
+
+
 def main():
     duration = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
     folder = tempfile.mkdtemp()
     port = conftest.free_port()
     os.environ.update(ROS_MASTER_URI="http://127.0.0.1:%d" % port, ROS_HOME=folder, ROS_LOG_DIR=folder)
-    core = roslaunch.parent.ROSLaunchParent(conftest.RUN_ID, [], is_core=True, port=port)
-    core.start()
-    print("load average at start: %s" % " ".join("%.2f" % load for load in os.getloadavg()))
-    try:
-        rospy.init_node("bench_driver", anonymous=True, disable_signals=True)
-        bare = subprocess.Popen([sys.executable, "-c", BARE_PUBLISHER])
-        bare_cpu = measure_topics("bare rospy publisher", [bare.pid], duration / 2)
-        bare.terminate()
-        bare.wait()
-        log_file = folder + "/wire.mcap"
-        with contextlib.closing(SimulatorProcess("--start", "enabled", "--log", log_file)) as simulator:
-            with conftest.driven(simulator) as arm:
-                arm.wait_until_ready()
-                driver = pids_of("__name:=jaka_driver")
-                guard = pids_of("jaka_ros_driver.client.guard\0--host")
-                threads = threading.active_count()
-                cpu = measure_topics("driver", driver, duration)
-                print_row("driver: CPU beside the bare publisher's", "%.2f x" % (cpu / bare_cpu))
-                guard_cpu = cpu_seconds(guard)
-                seen = measure_latency(arm)
-                print_row("guard: CPU", "%.2f %% of a core" % (100 * (cpu_seconds(guard) - guard_cpu) / 8.0))
-                stops, pending = measure_stops(arm)
-                measure_servo(arm)
-                measure_services(arm)
-                assert threading.active_count() < threads + 20
-        judge_by_the_log(log_file, seen, stops, pending)
-        print("load average at end: %s" % " ".join("%.2f" % load for load in os.getloadavg()))
-    finally:
-        rospy.signal_shutdown("done")
-        core.shutdown()
+    with launched_parent(is_core=True, port=port):
+        try:
+            measure(duration, folder)
+        finally:
+            rospy.signal_shutdown("done")
 
 
 if __name__ == "__main__":

@@ -9,9 +9,8 @@ import pytest
 import rosgraph
 import roslaunch
 import rospy
+from launching import launched_parent
 from ros_bench import Arm, SimulatorProcess
-
-RUN_ID = "jaka-tests"
 
 
 def free_port() -> int:
@@ -35,13 +34,9 @@ def ros_master(tmp_path_factory) -> Iterator[str]:
         environment.setenv("ROS_LOG_DIR", str(home / "log"))
         environment.delenv("ROS_HOSTNAME", raising=False)
         environment.delenv("ROS_NAMESPACE", raising=False)
-        core = roslaunch.parent.ROSLaunchParent(RUN_ID, [], is_core=True, port=port, num_workers=3)
-        core.start()
-        try:
+        with launched_parent(is_core=True, port=port, num_workers=3):
             assert rosgraph.is_master_online(uri)
             yield uri
-        finally:
-            core.shutdown()
 
 
 @pytest.fixture(scope="session")
@@ -64,12 +59,8 @@ def launched(name: str, arguments: Sequence[str] = ()) -> Iterator[roslaunch.par
     """A launch file of this package, running; also for fixtures of a wider scope, which need ros_master themselves."""
     path = str(Path(import_graph.ROOT, "launch", name))
     files: Sequence[Tuple[str, Sequence[str]]] = [(path, arguments)]
-    parent = roslaunch.parent.ROSLaunchParent(RUN_ID, files, is_core=False)
-    parent.start()
-    try:
+    with launched_parent(files, is_core=False) as parent:
         yield parent
-    finally:
-        parent.shutdown()
 
 
 @contextlib.contextmanager

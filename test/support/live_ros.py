@@ -13,6 +13,7 @@ from typing import Callable, Dict, Iterator, List, Optional, Sequence
 import rosgraph
 import rosmaster.master
 from import_graph import ROOT
+from launching import end_server
 from live_samples import PATIENCE_S, wait_until
 
 from jaka_ros_driver.bags.ros_names import NodeNames
@@ -132,6 +133,7 @@ class Graph:
             self._process.popen.kill()
             self._process.wait()
         if self._master is not None:
+            end_server(self._master.master_node)
             self._master.stop()
 
     def master(self) -> rosgraph.Master:

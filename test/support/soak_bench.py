@@ -5,8 +5,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-import roslaunch
 import rospy
+from launching import launched_parent
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "ros"))
 
@@ -20,16 +20,14 @@ def master():
         os.environ.update(ROS_MASTER_URI="http://127.0.0.1:%d" % port, ROS_IP="127.0.0.1", ROS_HOME=home,
                           ROS_LOG_DIR=home, TMPDIR=home)
         os.environ.pop("ROS_NAMESPACE", None)
-        core = roslaunch.parent.ROSLaunchParent(conftest.RUN_ID, [], is_core=True, port=port)
-        core.start()
-        print("load average at start: %s" % " ".join("%.2f" % load for load in os.getloadavg()), flush=True)
-        try:
+        with launched_parent(is_core=True, port=port):
+            print("load average at start: %s" % " ".join("%.2f" % load for load in os.getloadavg()), flush=True)
             rospy.init_node("soak", anonymous=True, disable_signals=True)
-            yield
-            print("load average at end: %s" % " ".join("%.2f" % load for load in os.getloadavg()), flush=True)
-        finally:
-            rospy.signal_shutdown("done")
-            core.shutdown()
+            try:
+                yield
+                print("load average at end: %s" % " ".join("%.2f" % load for load in os.getloadavg()), flush=True)
+            finally:
+                rospy.signal_shutdown("done")
 
 
 def percentile(values, share):
