@@ -154,8 +154,8 @@ def convert_many(jobs: List[Job], processes: int, on_outcome: Callable[[Outcome]
     from concurrent.futures.process import BrokenProcessPool
 
     with ProcessPoolExecutor(processes, initializer=_Worker.prepare) as pool:
-        futures = {pool.submit(_Worker.work, job): job for job in jobs}
         try:
+            futures = {pool.submit(_Worker.work, job): job for job in jobs}
             for future in as_completed(futures):
                 job = futures[future]
                 try:
@@ -163,8 +163,7 @@ def convert_many(jobs: List[Job], processes: int, on_outcome: Callable[[Outcome]
                 except BrokenProcessPool:
                     on_outcome(Outcome(job.source, job.target, error="%s: its process was killed" % job.source))
         except KeyboardInterrupt:
-            for future in futures:
-                future.cancel()
+            # Without its processes the pool gives up the jobs that wait; it does not bear them to be cancelled then.
             for process in multiprocessing.active_children():
                 process.terminate()
             raise
