@@ -4,6 +4,7 @@ from typing import Dict, List, Optional, TypeVar
 
 from ..errors import BagError
 from ..output_file import PathLike
+from ..pipeline import in_order
 from .alignment import align, arms_of
 from .call_checks import call_checks
 from .cut_motions import Cut, cut_motions, fit_ends
@@ -95,7 +96,7 @@ def compare_logs(golden: PathLike, candidate: PathLike, tolerances: Optional[Tol
     """
     limits = tolerances or Tolerances()
     try:
-        runs = [load_run(golden, limits), load_run(candidate, limits, time_scale)]
+        runs = list(in_order(lambda log: load_run(log[0], limits, log[1]), ((golden, 1.0), (candidate, time_scale))))
     except CannotCompare:
         raise
     except BagError as error:

@@ -95,6 +95,13 @@ def _text(value: bytes) -> str:
     return bytes(value).decode("utf-8", "replace")
 
 
+def _texts(column: Array) -> Tuple[str, ...]:
+    """The different ones, sorted."""
+    if len(column) and (column == column[0]).all():
+        return (_text(column[0]),)
+    return tuple(sorted({_text(value) for value in np.unique(column)}))
+
+
 def _raw(value: Array) -> bytes:
     return np.asarray(value, np.uint8).tobytes()
 
@@ -181,7 +188,7 @@ class _Loader:
         elif datatype == POSE_TYPE:
             value = np.stack([columns.fields[name] for name in _POSE_FIELDS], axis=1)
             track = _track(topic, _POSE_FIELDS, self._clock, columns, value)
-            frames = tuple(sorted({_text(f) for f in np.unique(columns.fields["header.frame_id"])}))
+            frames = _texts(columns.fields["header.frame_id"])
             self._poses[topic] = PoseTrack(topic, track.time, track.value[:, :3], track.value[:, 3:], frames)
         elif datatype in STATE_TYPES:
             names = [name for name, column in columns.fields.items()

@@ -110,6 +110,11 @@ class _Samples(NamedTuple):
     golden_value: Array
     golden_here: Array
 
+    def columns(self, some: slice) -> "_Samples":
+        """The same samples with some of their columns."""
+        return self._replace(value=self.value[:, some], golden_value=self.golden_value[:, some],
+                             golden_here=self.golden_here[:, some])
+
 
 def _samples(ours_time: Array, ours: Array, theirs_time: Array, theirs: Array, topic: str,
              frame: _Frame) -> Optional[_Samples]:
@@ -204,11 +209,9 @@ def _joint_checks(ours: Track, theirs: Optional[Track], frame: _Frame) -> List[C
     direct = np.abs(samples.value - samples.golden_here)
     for column, name in enumerate(ours.names):
         limit = limits.per_joint.get(name, limits.position_rad)
-        one = slice(column, column + 1)
-        off = distances(samples.golden_time, samples.golden_value[:, one], samples.time, samples.value[:, one],
-                        direct[:, column], frame.jitter_s, _LOOK_CLOSER * limit)
-        part = samples._replace(value=samples.value[:, one], golden_value=samples.golden_value[:, one],
-                                golden_here=samples.golden_here[:, one])
+        part = samples.columns(slice(column, column + 1))
+        off = distances(part.golden_time, part.golden_value, part.time, part.value, direct[:, column],
+                        frame.jitter_s, _LOOK_CLOSER * limit)
         checks.append(_verdict(Stage.JOINTS, ours.topic, name, off, allowed[:, column], limit, "rad",
                                limits.outside_percent, part, [name], frame))
     return checks
@@ -226,19 +229,18 @@ def _pose_checks(ours: PoseTrack, theirs: Optional[PoseTrack], frame: _Frame) ->
     checks += _nan_checks(Stage.POSITION, ours.topic, (ours.time, np.hstack([ours.position, ours.rotation_vector])),
                           (theirs.time, np.hstack([theirs.position, theirs.rotation_vector])), frame)
     cuts = frame.cuts.get(arm_of(ours.topic, frame.arms), [])
-    samples = _samples(ours.time, ours.position, theirs.time, theirs.position, ours.topic, frame)
-    if samples is None:
+    golden, candidate = (np.hstack([track.position, continuous(quaternions(track.rotation_vector))])
+                         for track in (ours, theirs))
+    both = _samples(ours.time, golden, theirs.time, candidate, ours.topic, frame)
+    if both is None:
         return checks + [_nothing_common(Stage.POSITION, ours.topic)]
+    samples, turned = both.columns(slice(0, 3)), both.columns(slice(3, 7))
     limit = mm_to_m(limits.position_mm)
     off = distances(samples.golden_time, samples.golden_value, samples.time, samples.value,
                     lengths(samples.value - samples.golden_here), frame.jitter_s, _LOOK_CLOSER * limit)
     allowed = allowances(cuts, samples.golden_time, samples.golden_value, samples.time, frame.cut_s())
     checks.append(_verdict(Stage.POSITION, ours.topic, "position", off, np.sqrt((allowed * allowed).sum(axis=1)),
                            limit, "mm", limits.outside_percent, samples, ("x", "y", "z"), frame, m_to_mm(1.0)))
-    golden_q, candidate_q = (continuous(quaternions(track.rotation_vector)) for track in (ours, theirs))
-    turned = _samples(ours.time, golden_q, theirs.time, candidate_q, ours.topic, frame)
-    if turned is None:
-        return checks + [_nothing_common(Stage.ORIENTATION, ours.topic)]
     opposite = np.einsum("ij,ij->i", turned.golden_here, turned.value) < 0
     if opposite.any():
         turned = turned._replace(value=np.where(opposite[:, None], -turned.value, turned.value))
