@@ -27,7 +27,7 @@ def run(root, tmp_path):
 
 
 def test_the_other_shell(root, launch, ros_node, free_ports, run, tmp_path):
-    setup, move, forward, stop, rate, record, info, convert = commands_of_the_other_shell(root)
+    setup, move, forward, stop, rate, record, info, convert, compare = commands_of_the_other_shell(root)
     assert run(setup)[0] == 0
     launch("demo.launch", *("%s:=%d" % pair for pair in zip(("command_port", "status_port"), free_ports(2))))
 
@@ -42,10 +42,10 @@ def test_the_other_shell(root, launch, ros_node, free_ports, run, tmp_path):
     code, said = run(rate)
     assert code == 124 and "average rate: 1" in said, said
 
-    for line in (record, info, convert):
+    for line in (record, info, convert, compare):
         code, said = run(line)
         assert code == 0, said
-    assert (tmp_path / "run.bag").stat().st_size > 0 and (tmp_path / "run.mcap").stat().st_size > 0
+    assert all((tmp_path / ("run" + suffix)).stat().st_size > 0 for suffix in (".bag", ".mcap", ".html"))
     code, said = run(info.replace("run.bag", "run.mcap"))
     assert code == 0 and "/jaka_driver/joint_position" in said, said
 

@@ -198,7 +198,10 @@ class DriverProcess:
         return self
 
     def __exit__(self, *_):
-        if self.process.poll() is None:
+        """Politely, if it can be: a driver that is killed stays registered with the master."""
+        try:
+            self.end()
+        except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.communicate(timeout=WAIT)
 
