@@ -21,6 +21,12 @@ def _another_client(simulator):
         time.sleep(0.1)
 
 
+def _lose_a_reply(simulator):
+    """One that is waited for: nobody waits for those of a servo stream."""
+    one = {"command": "is_in_servomove"} if simulator.state()["is_servo_active"] else {}
+    simulator.panel("fault", kind="drop", port="command", **one)
+
+
 class Cut(NamedTuple):
     """How a link is cut; ``down`` is how long the controller cannot be reached afterwards, s."""
 
@@ -40,7 +46,7 @@ CUTS: Dict[str, Cut] = {
     "silent for a while": Cut(lambda sim: sim.panel("stall", duration_ms=1500), 1.5, is_silent=True),
     "half a frame": Cut(lambda sim: sim.panel("fault", kind="cut", port="status", bytes=1000)),
     "half a reply": Cut(lambda sim: sim.panel("fault", kind="cut", port="command", bytes=10)),
-    "reply lost": Cut(lambda sim: sim.panel("fault", kind="drop", port="command"), is_silent=True),
+    "reply lost": Cut(_lose_a_reply, is_silent=True),
     "reboot": Cut(lambda sim: sim.panel("reboot", down=1.0), 1.0),
     "power failure": Cut(lambda sim: sim.panel("reboot", down=1.5, silent=1), 1.5, is_silent=True),
     "refused": Cut(lambda sim: (sim.panel("refuse", duration_ms=1000), sim.panel("close")), 1.0),
