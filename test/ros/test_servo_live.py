@@ -24,19 +24,19 @@ def session(ros_node, tmp_path_factory):
         live.arm.wait_until_ready()
         told = SimpleNamespace()
         called_at_rates(live, told)
-        called_once_each(live, told)
         streamed_as_poses(live, told)
         told.verdict = live.verdict()
     return told
 
 
 @pytest.fixture(scope="module")
-def stalled_session(ros_node, tmp_path_factory):
-    """On a controller that goes on by itself when frames stop."""
-    with LiveDriver(tmp_path_factory.mktemp("stalled"), name="stalled", guard=False,
+def patient_session(ros_node, tmp_path_factory):
+    """It waits long for the next target, on a controller that goes on by itself when frames stop."""
+    with LiveDriver(tmp_path_factory.mktemp("patient"), name="patient", guard=False,
                     simulator=("--starvation", "repeat")) as live:
         live.arm.wait_until_ready()
         told = SimpleNamespace()
+        called_by_the_program(live, told)
         stalled(live, told)
         told.verdict = live.verdict()
     return told
@@ -67,9 +67,9 @@ def called_at_rates(live, told):
     told.after_silence = live.arm.call("servo_j", pose=[target] + HOME[1:])
 
 
-def called_once_each(live, told):
+def called_by_the_program(live, told):
     enter(live)
-    told.once = rosservice("/streaming/servo_j", "{pose: [0.02, 1.5, -1.5, 1.5, 1.5, 0.0]}")
+    told.once = rosservice("/patient/servo_j", "{pose: [0.02, 1.5, -1.5, 1.5, 1.5, 0.0]}")
     live.arm.call("servo_move_enable", enable=False)
 
 
@@ -153,8 +153,8 @@ def test_a_stream_that_stops_is_held_within_millimetres_and_then_left(session):
     assert session.after_silence.ret == 0 and "no servo target for 1.0 s" in session.after_silence.message
 
 
-def test_a_single_call_of_the_program_is_accepted(session):
-    assert session.once == {"ret": 1, "message": "accepted"}
+def test_a_single_call_of_the_program_is_accepted(patient_session):
+    assert patient_session.once == {"ret": 1, "message": "accepted"}
 
 
 def test_poses_by_topic_are_followed(session):
@@ -164,13 +164,13 @@ def test_poses_by_topic_are_followed(session):
     assert len(frames(session, "servo_p", session.poses_began, session.poses_ended)) > 50
 
 
-def test_an_arm_that_runs_away_while_the_driver_had_no_time_is_stopped(stalled_session):
+def test_an_arm_that_runs_away_while_the_driver_had_no_time_is_stopped(patient_session):
     """It repeats its last step while frames are missing, and then ignores those that lie behind it."""
-    path = dict(first_joint(stalled_session, stalled_session.frozen, math.inf))
-    at_thaw = max(joint for at, joint in path.items() if at <= stalled_session.thawed)
-    stop = stalled_session.verdict.times_of("stop_program", after=stalled_session.thawed)[0]
+    path = dict(first_joint(patient_session, patient_session.frozen, math.inf))
+    at_thaw = max(joint for at, joint in path.items() if at <= patient_session.thawed)
+    stop = patient_session.verdict.times_of("stop_program", after=patient_session.thawed)[0]
     assert at_thaw - path[min(path)] > 0.05, "it did not run away"
     assert max(path.values()) < math.radians(200.0), "it ran on"
-    assert stalled_session.verdict.rest_after(stalled_session.thawed) - stop < 1.0
-    assert stalled_session.end_of_stalled_stream.ret == 0
-    assert "from where it was sent" in stalled_session.end_of_stalled_stream.message
+    assert patient_session.verdict.rest_after(patient_session.thawed) - stop < 1.0
+    assert patient_session.end_of_stalled_stream.ret == 0
+    assert "from where it was sent" in patient_session.end_of_stalled_stream.message

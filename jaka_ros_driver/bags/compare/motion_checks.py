@@ -10,7 +10,7 @@ from .cut_motions import Cut, allowances
 from .rotation_angles import continuous, quaternions
 from .run import PoseTrack, Run, Track, arm_of
 from .tolerances import FieldTolerance, Tolerances
-from .tube import distances, interpolated, lengths
+from .tube import distances, interpolated, lateness, lengths
 from .verdict import Check, Outcome, Residual, ResidualKey, Stage, equal, judged, not_compared
 
 _LOOK_CLOSER = 0.3
@@ -102,10 +102,14 @@ def motion_checks(golden: Run, candidate: Run, alignment: Alignment, cuts: Dict[
 
 
 class _Samples(NamedTuple):
-    """Samples of the candidate at golden times, but for those where the golden log has none, or that are no numbers."""
+    """Samples of the candidate at golden times, but for those where the golden log has none, or that are no numbers.
+
+    ``jitter`` is how far the stamp of each may be off, s.
+    """
 
     time: Array
     value: Array
+    jitter: Array
     golden_time: Array
     golden_value: Array
     golden_here: Array
@@ -130,13 +134,14 @@ def _samples(ours_time: Array, ours: Array, theirs_time: Array, theirs: Array, t
     steps = np.diff(ours_time)
     inside = (at >= ours_time[0]) & (at <= ours_time[-1])
     gap = frame.tolerances.streams.gap_s
+    jitter = frame.jitter_s + lateness(theirs_time, gap) + np.interp(at, ours_time, lateness(ours_time, gap))
     for i in np.flatnonzero(steps > gap).tolist():
         inside &= (at < ours_time[i] + frame.jitter_s) | (at > ours_time[i + 1] - frame.jitter_s)
     if not inside.any():
         return None
     if not inside.all():
-        at, theirs = at[inside], theirs[inside]
-    return _Samples(at, theirs, ours_time, ours, interpolated(ours_time, ours, at))
+        at, theirs, jitter = at[inside], theirs[inside], jitter[inside]
+    return _Samples(at, theirs, jitter, ours_time, ours, interpolated(ours_time, ours, at))
 
 
 def _verdict(stage: Stage, topic: str, field: str, off: Array, allowed: Array, limit: float, unit: str,
@@ -211,7 +216,7 @@ def _joint_checks(ours: Track, theirs: Optional[Track], frame: _Frame) -> List[C
         limit = limits.per_joint.get(name, limits.position_rad)
         part = samples.columns(slice(column, column + 1))
         off = distances(part.golden_time, part.golden_value, part.time, part.value, direct[:, column],
-                        frame.jitter_s, _LOOK_CLOSER * limit)
+                        part.jitter, _LOOK_CLOSER * limit)
         checks.append(_verdict(Stage.JOINTS, ours.topic, name, off, allowed[:, column], limit, "rad",
                                limits.outside_percent, part, [name], frame))
     return checks
@@ -237,7 +242,7 @@ def _pose_checks(ours: PoseTrack, theirs: Optional[PoseTrack], frame: _Frame) ->
     samples, turned = both.columns(slice(0, 3)), both.columns(slice(3, 7))
     limit = mm_to_m(limits.position_mm)
     off = distances(samples.golden_time, samples.golden_value, samples.time, samples.value,
-                    lengths(samples.value - samples.golden_here), frame.jitter_s, _LOOK_CLOSER * limit)
+                    lengths(samples.value - samples.golden_here), samples.jitter, _LOOK_CLOSER * limit)
     allowed = allowances(cuts, samples.golden_time, samples.golden_value, samples.time, frame.cut_s())
     checks.append(_verdict(Stage.POSITION, ours.topic, "position", off, np.sqrt((allowed * allowed).sum(axis=1)),
                            limit, "mm", limits.outside_percent, samples, ("x", "y", "z"), frame, m_to_mm(1.0)))
@@ -245,7 +250,7 @@ def _pose_checks(ours: PoseTrack, theirs: Optional[PoseTrack], frame: _Frame) ->
     if opposite.any():
         turned = turned._replace(value=np.where(opposite[:, None], -turned.value, turned.value))
     chord = distances(turned.golden_time, turned.golden_value, turned.time, turned.value,
-                      lengths(turned.value - turned.golden_here), frame.jitter_s,
+                      lengths(turned.value - turned.golden_here), turned.jitter,
                       0.5 * _LOOK_CLOSER * limits.orientation_rad)
     # unit quaternions that are an angle a apart are 2 sin(a/4) apart as points
     angle = 4.0 * np.arcsin(np.minimum(0.5 * chord, np.sin(np.pi / 4.0)))
@@ -271,7 +276,7 @@ def _field_checks(ours: Track, theirs: Optional[Track], name: str, rule: FieldTo
     for column in range(seen.shape[1]):
         one = slice(column, column + 1)
         off = distances(samples.golden_time, samples.golden_value[:, one], samples.time, seen[:, one],
-                        np.abs(seen - near)[:, column], frame.jitter_s, _LOOK_CLOSER * rule.absolute)
+                        np.abs(seen - near)[:, column], samples.jitter, _LOOK_CLOSER * rule.absolute)
         columns.append(np.maximum(off - rule.relative * np.abs(near[:, column]), 0.0))
     off = np.max(columns, axis=0) if columns else np.zeros(len(seen))
     checks.append(_verdict(Stage.FIELDS, ours.topic, name, off, np.zeros(len(off)), rule.absolute, "", 0.0,

@@ -4,6 +4,8 @@ import numpy as np
 from ..blocks import Array
 
 _MOST_SEGMENTS = 2000
+_SLOWEST_RHYTHM = 1.1
+"""A rhythm this much slower than the usual one is still steady."""
 
 
 def interpolated(time: Array, value: Array, at: Array) -> Array:
@@ -21,7 +23,26 @@ def lengths(vectors: Array) -> Array:
     return result
 
 
-def distances(time: Array, value: Array, at: Array, seen: Array, direct: Array, jitter_s: float,
+def lateness(time: Array, longest_s: float) -> Array:
+    """How late the stamp of each sample may be because its reader had no time, s, shape (n,).
+
+    A reader that was held up finds what came meanwhile all at once: after a silence stamps lie close together until
+    it has caught up. So much as they lie behind a steady rhythm they may be late.
+
+    Args:
+        time: Stamps, s, shape (n,), ascending.
+        longest_s: A longer silence is one of the sender.
+    """
+    if len(time) < 3:
+        return np.zeros(len(time))
+    steps = np.diff(time)
+    period = _SLOWEST_RHYTHM * float(np.median(steps))
+    behind = np.concatenate([[0.0], np.cumsum(np.where(steps > longest_s, period, steps) - period)])
+    late: Array = behind - np.minimum.accumulate(behind)
+    return late
+
+
+def distances(time: Array, value: Array, at: Array, seen: Array, direct: Array, jitter_s: Array,
               enough: float) -> Array:
     """Distance of each sample to the piece of the golden curve that is within the jitter of its stamp.
 
@@ -31,15 +52,15 @@ def distances(time: Array, value: Array, at: Array, seen: Array, direct: Array, 
         at: Golden times of the samples, s, shape (m,).
         seen: The samples, shape (m, columns).
         direct: Distance of each sample to the golden curve at its own time, shape (m,).
-        jitter_s: How far the stamp of a sample may be off, s.
+        jitter_s: How far the stamp of each sample may be off, s, shape (m,).
         enough: A sample whose distance at its own time is within this is not looked at further.
     """
     result: Array = direct.copy()
     which = np.flatnonzero(direct > enough)
-    if not len(which) or jitter_s <= 0:
+    if not len(which) or not jitter_s.any():
         return result
-    first = np.clip(np.searchsorted(time, at[which] - jitter_s, "right") - 1, 0, len(time) - 2)
-    last = np.clip(np.searchsorted(time, at[which] + jitter_s) - 1, 0, len(time) - 2)
+    first = np.clip(np.searchsorted(time, at[which] - jitter_s[which], "right") - 1, 0, len(time) - 2)
+    last = np.clip(np.searchsorted(time, at[which] + jitter_s[which]) - 1, 0, len(time) - 2)
     middle = np.clip(np.searchsorted(time, at[which]) - 1, 0, len(time) - 2)
     reach = min(int(np.maximum(middle - first, last - middle).max()), _MOST_SEGMENTS)
     point = seen[which]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jaka_ros_driver.bags.compare.rotation_angles import angles_between, continuous, quaternions
-from jaka_ros_driver.bags.compare.tube import distances, interpolated, lengths
+from jaka_ros_driver.bags.compare.tube import distances, interpolated, lateness, lengths
 from jaka_ros_driver.kinematics.rotations import matrix_from_rotation_vector, rotation_angle_between
 
 
@@ -36,7 +36,7 @@ def near(at, seen, jitter):
     curve = np.stack([np.sin(time), np.cos(time)], axis=1)
     at, seen = np.array([at]), np.array([seen])
     direct = lengths(seen - interpolated(time, curve, at))
-    return distances(time, curve, at, seen, direct, jitter, 0.0)[0]
+    return distances(time, curve, at, seen, direct, np.array([jitter]), 0.0)[0]
 
 
 @pytest.mark.parametrize("late", [-0.03, -0.005, 0.0, 0.011, 0.039])
@@ -53,3 +53,19 @@ def test_a_sample_later_than_the_jitter_is_off_by_what_is_left():
 def test_an_offset_across_the_path_is_seen_whatever_the_jitter():
     t = 4.2
     assert near(t, [1.01 * math.sin(t), 1.01 * math.cos(t)], 0.5) == pytest.approx(0.01, abs=1e-4)
+
+
+def test_a_reader_that_was_held_up_stamps_late_until_it_has_caught_up():
+    sent = np.arange(0.0, 4.0, 0.008)
+    stamp = np.maximum(sent, np.where((sent > 1.0) & (sent < 1.12), 1.12 + 1e-4 * (sent - 1.0), 0.0))
+    late = lateness(stamp, 0.5)
+    assert np.all(late > stamp - sent - 0.0125)
+    assert late[sent <= 1.0].max() < 0.001 and late[sent > 2.0].max() < 0.001
+    assert late.max() == pytest.approx((stamp - sent).max(), abs=0.002)
+
+
+def test_a_silence_of_the_sender_and_a_steady_rhythm_excuse_nothing():
+    time = np.concatenate([np.arange(0.0, 1.0, 0.008), np.arange(3.0, 4.0, 0.008)])
+    assert lateness(time, 0.5).max() < 1e-9
+    assert lateness(np.arange(0.0, 5.0, 0.016), 0.5).max() < 1e-9
+    assert lateness(np.array([0.0, 9.0]), 0.5).tolist() == [0.0, 0.0]
