@@ -43,9 +43,13 @@ def test_every_byte_with_its_time_and_the_joints(make_arm, tmp_path):
     assert times == sorted(times)
 
 
-def test_a_working_day_is_told_by_its_log(make_arm, tmp_path):
-    """Power, drives, moves, a stop in mid-move, a collision, a servo stream, the emergency stop: judged by the log."""
-    path = str(tmp_path / "day.mcap")
+def test_a_working_day_is_told_by_its_log(make_arm, root):
+    """Power, drives, moves, a stop in mid-move, a collision, a servo stream, the emergency stop: judged by the log.
+
+    It stays as build/working_day.mcap, to be looked at.
+    """
+    (root / "build").mkdir(exist_ok=True)
+    path = str(root / "build" / "working_day.mcap")
     arm = make_arm(log=path, start="off", time_scale=10.0)
     with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
         assert client.code("power_on") == "0"

@@ -2,7 +2,8 @@
 
 python3 test/soak/soak_golden_logs.py [--runs 50] [--load 2] [NAME ...]
 
-Prints a line for each run and a tally; exit code 1 when a run differed. The reports of runs that differed stay.
+Prints a line for each run, how near each kind of check came to its limit, and a tally; exit code 1 when a run differed.
+The reports of runs that differed stay.
 """
 import argparse
 import os
@@ -36,6 +37,7 @@ def main() -> int:
         signal.signal(number, signal.default_int_handler)
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(options.load)]
     tally = {"same": 0, "different": 0, "failed": 0}
+    worst = {}
     place = Path(tempfile.mkdtemp(prefix="soak_golden_"))
     try:
         for number in range(options.runs):
@@ -45,6 +47,10 @@ def main() -> int:
             try:
                 result = replay(FOLDER / (name + ".mcap"), folder)
                 outcome, words = ("same", "") if result.same else ("different", result.summary)
+                for check in result.comparison.checks:
+                    if check.measured is not None and check.limit:
+                        worst[check.stage] = max(worst.get(check.stage, (0.0,)),
+                                                 (check.measured / check.limit, check.measured, check.unit, name))
             except JakaError as error:
                 outcome, words = "failed", str(error)
             tally[outcome] += 1
@@ -58,6 +64,8 @@ def main() -> int:
         for process in busy:
             process.kill()
             process.wait()
+    for stage, (share, measured, unit, name) in sorted(worst.items(), key=lambda entry: -entry[1][0]):
+        print("%-14s at most %3.0f %% of the limit: %.4g %s in %s" % (stage.value, 100.0 * share, measured, unit, name))
     print("%d runs: %s; %d busy processes beside, %d processors" % (
         options.runs, ", ".join("%d %s" % (count, outcome) for outcome, count in tally.items()), options.load,
         os.cpu_count() or 1))
