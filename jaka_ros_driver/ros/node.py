@@ -1,5 +1,6 @@
 """The driver node: parameters, client, services, topics and diagnostics put together; the program jaka_driver."""
 import argparse
+import io
 import logging
 import os
 import signal
@@ -126,6 +127,8 @@ def main(argv: Optional[List[str]] = None) -> int:
     if options.urdf is not None:
         return _print_urdf(options)
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)  # a log that goes to a file is read while the driver runs
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # there is nothing to stop yet
     rospy.init_node("jaka_driver", disable_signals=True)
     drain_log = log_to_ros()

@@ -1,7 +1,8 @@
 """Plays a wire log to a driver: the recorded controller's bytes, at their times or faster, and its replies.
 
 ``python3 -m jaka_ros_driver.simulation.wire_player LOG.mcap`` prints a line of JSON with its ports, one when the first
-client has connected, and one when all has been played. A port is open while the recorded one was connected.
+client has connected, and one when all has been played. A port is open while the recorded one was connected. Time
+stands still where the driver is late with a request that moved the arm, for ``PATIENCE_S`` at most.
 """
 import argparse
 import json
@@ -26,6 +27,8 @@ _READ_BYTES = 65536
 _EARLY_S = 0.05
 """A port opens so long before its next recorded connection, so that a client that keeps trying finds it in time."""
 _GRACE_S = 2.0
+PATIENCE_S = 5.0
+"""Wall time; then the request is taken for one that this driver does not make."""
 _IDLE_S = 0.5
 _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 
@@ -81,6 +84,9 @@ class WirePlayer:
         self._clients: Dict[socket.socket, _Client] = {}
         self._coming = {port: deque(script.connections[port]) for port in PORTS}
         self._begin: Optional[float] = None
+        self._causes = list(script.causes)
+        self._held = 0.0
+        self._held_since: Optional[float] = None
         self._is_running = True
         self._is_over = False
         for port in PORTS:
@@ -109,7 +115,29 @@ class WirePlayer:
 
     def _now(self) -> float:
         """s of the recorded log since its first connection."""
-        return 0.0 if self._begin is None else (time.monotonic() - self._begin) * self._speed
+        if self._begin is None:
+            return 0.0
+        clock = time.monotonic()
+        now = (clock - self._begin) * self._speed - self._held
+        if not self._causes or now <= self._causes[0].at:
+            self._held_since = None
+            return now
+        if self._held_since is None:
+            self._held_since = clock
+        elif clock - self._held_since > PATIENCE_S:
+            self._causes.pop(0)
+            self._held_since = None
+            return self._now()
+        before = self._causes[0].at
+        self._held += now - before
+        return before
+
+    def _has_come(self, name: str) -> None:
+        """Time goes on where it waited for this request."""
+        for number, cause in enumerate(self._causes):
+            if cause.name == name:
+                del self._causes[number]
+                return
 
     def _wait_s(self) -> float:
         if self._begin is None:
@@ -161,6 +189,7 @@ class WirePlayer:
 
     def _answer(self, client: _Client, name: str) -> None:
         client.requests += 1
+        self._has_come(name)
         reply = self._script.replies.next(name)
         if reply is not None:
             at = self._now() + reply.after

@@ -1,7 +1,8 @@
 """A wire log as a script: what each connection was sent and when, and the reply to each request. No sockets.
 
 Status bytes go out at their times. The command port answers: the reply to the n-th request of a name is the n-th
-recorded one of that name, byte for byte, after the recorded time.
+recorded one of that name, byte for byte, after the recorded time. What the arm does after a request that moves it, or
+changes whether it can move, is not shown before that request has come.
 """
 import json
 from collections import deque
@@ -14,6 +15,10 @@ PORTS = ("command", "status", "poll")
 STREAMED = ("status", "poll")
 _NS_PER_S = 1e9
 _ENDS = ("close", "reset", "half open")
+_CAUSES = frozenset((
+    "power_on", "power_off", "enable_robot", "disable_robot", "clear_error", "joint_move", "moveL", "movc", "end_move",
+    "jog", "servo_move", "stop_program", "torque_control_enable"))
+"""Requests that the feed shows the effect of."""
 
 
 class WireScriptError(JakaError):
@@ -117,18 +122,27 @@ class Replies:
         return self._last[name]
 
 
+class Cause(NamedTuple):
+    """A recorded request that moved the arm or changed whether it can move; ``at`` in s since the first connection."""
+
+    at: float
+    name: str
+
+
 class WireScript(NamedTuple):
     """What a wire log says.
 
     Attributes:
         connections: By port, in the order of their acceptance.
         replies: Of the command port.
+        causes: In the order of their times.
         duration: To the last event, s.
         start_ns: Time of the first connection, on the log's clock.
     """
 
     connections: Dict[str, List[RecordedConnection]]
     replies: Replies
+    causes: Tuple[Cause, ...]
     duration: float
     start_ns: int
 
@@ -160,10 +174,12 @@ def wire_script(log: Sequence[Union[WireEvent, TrueJoints]]) -> WireScript:
             port, (some[0].time_ns - start_ns) / _NS_PER_S, pieces["out"] if port in STREAMED else (),
             None if end is None else (end.time_ns - start_ns) / _NS_PER_S, "close" if end is None else end.what,
             len(paired)))
-    for _, name, reply in sorted(found, key=lambda entry: entry[0]):
+    found.sort(key=lambda entry: entry[0])
+    for _, name, reply in found:
         replies.add(name, reply)
+    causes = tuple(Cause(at, name) for at, name, _ in found if name in _CAUSES)
     duration = max((event.time_ns - start_ns) / _NS_PER_S for event in events)
-    return WireScript(connections, replies, duration, start_ns)
+    return WireScript(connections, replies, causes, duration, start_ns)
 
 
 def _name(value: Dict[str, Any]) -> str:

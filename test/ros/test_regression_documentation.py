@@ -32,7 +32,8 @@ class Shell:
         (folder / "build").symlink_to(root / "build")
         self.folder = folder
         self.environment = dict(os.environ, ROS_MASTER_URI=uri)
-        self.environment.pop("PYTHONPATH", None)
+        for name in ("PYTHONPATH", "PYTHONUNBUFFERED"):
+            self.environment.pop(name, None)
         self.running = {}
 
     def _start(self, line, **options):

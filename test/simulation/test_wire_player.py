@@ -8,8 +8,9 @@ import sys
 import threading
 
 import pytest
-from raw_client import RawClient
+from raw_client import RawClient, RawFeed
 
+from jaka_ros_driver.simulation import wire_player
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 from jaka_ros_driver.simulation.wire_log import WireEvent, WireLog, clock_offset_ns, read_log
 from jaka_ros_driver.simulation.wire_player import WirePlayer
@@ -142,3 +143,31 @@ def test_without_a_controller_a_client_is_turned_away(tmp_path):
             socket.create_connection(("127.0.0.1", ports["command_port"]), WAIT) as link:
         link.settimeout(WAIT)
         assert link.recv(10) == b""
+
+
+@pytest.fixture
+def recorded_move(tmp_path):
+    """A move of joint 1, begun half a second after the start."""
+    path = tmp_path / "move.mcap"
+    with SimulatedController(log=str(path), start="enabled") as arm:
+        with RawFeed(arm.status_port) as feed, RawClient(arm.command_port) as client:
+            first = feed.frame()["joint_actual_position"]
+            threading.Event().wait(0.5)
+            assert client.code("joint_move", jointPosition=[20.0, *first[1:]], speed=60) == "0"
+            feed.until(lambda frame: frame["joint_actual_position"][0] > 19.9)
+    return path
+
+
+def test_the_arm_does_not_move_before_it_is_asked_to(recorded_move):
+    with playing(recorded_move) as (player, _):
+        with RawFeed(player.port_numbers["status"]) as feed, RawClient(player.port_numbers["command"]) as client:
+            with pytest.raises(socket.timeout):
+                feed.until(lambda frame: frame["joint_actual_position"][0] > 0.5, timeout=1.5)
+            assert client.code("joint_move", jointPosition=[20.0] + [0.0] * 5, speed=60) == "0"
+            feed.until(lambda frame: frame["joint_actual_position"][0] > 19.9)
+
+
+def test_a_request_that_does_not_come_is_not_waited_for_for_ever(recorded_move, monkeypatch):
+    monkeypatch.setattr(wire_player, "PATIENCE_S", 0.5)
+    with playing(recorded_move) as (player, _), RawFeed(player.port_numbers["status"]) as feed:
+        feed.until(lambda frame: frame["joint_actual_position"][0] > 19.9)
