@@ -33,7 +33,7 @@ class ClientSettings:
     command_port: int = COMMAND_PORT
     status_port: int = STATUS_PORT
     connect_timeout: float = 1.0
-    reply_timeout: float = 1.0
+    reply_timeout: float = 0.9
     silence_timeout: float = 0.8
     stale_after: float = 0.5
     feed_period: float = FEED_PERIOD
