@@ -88,6 +88,7 @@ def test_the_arm_is_stopped_when_the_driver_dies_or_freezes(driver, motion, deat
     assert eventually(lambda: not one.is_moving() and not one.controller.state()["is_servo_active"])
     if death == signal.SIGKILL:
         assert eventually(lambda: guard_count(one) == 0), "the guard outlives the driver"
+    time.sleep(0.3)  # leaving servo mode is the first of the guard's two words
     stop = one.times_of("stop_program")[0]
     assert stop - died_at < 1.0
     left = [at for at, request in one.received() if request["cmdName"] == "servo_move" and request["relFlag"] == 0]

@@ -65,6 +65,7 @@ def called_at_rates(live, told):
     assert eventually(lambda: not live.simulator.state()["is_servo_active"])
     told.silence_ended = time.monotonic()
     told.after_silence = live.arm.call("servo_j", pose=[target] + HOME[1:])
+    assert eventually(lambda: live.arm.listen("robot_states", 1)[0].servo_state == 0)
 
 
 def called_by_the_program(live, told):

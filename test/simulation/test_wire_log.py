@@ -1,5 +1,6 @@
 """The log of every byte, against what a client sent and received."""
 import json
+import shutil
 import sys
 
 import mcap.reader
@@ -29,6 +30,8 @@ def test_every_byte_with_its_time_and_the_joints(make_arm, tmp_path):
         frames = [feed.raw_frame() for _ in range(5)]
     wait_for(lambda: not arm.panel("wire")["wire"]["connections"], "the clients to be gone")
     arm.close()
+    (root / "build").mkdir(exist_ok=True)
+    shutil.copy(path, str(root / "build"))
     entries = read_log(path)
     events = [entry for entry in entries if isinstance(entry, WireEvent)]
     assert bytes_of(events, "command", "in") == b"".join(sent)
@@ -43,13 +46,12 @@ def test_every_byte_with_its_time_and_the_joints(make_arm, tmp_path):
     assert times == sorted(times)
 
 
-def test_a_working_day_is_told_by_its_log(make_arm, root):
+def test_a_working_day_is_told_by_its_log(make_arm, tmp_path, root):
     """Power, drives, moves, a stop in mid-move, a collision, a servo stream, the emergency stop: judged by the log.
 
     It stays as build/working_day.mcap, to be looked at.
     """
-    (root / "build").mkdir(exist_ok=True)
-    path = str(root / "build" / "working_day.mcap")
+    path = str(tmp_path / "working_day.mcap")
     arm = make_arm(log=path, start="off", time_scale=10.0)
     with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
         assert client.code("power_on") == "0"

@@ -86,7 +86,8 @@ class Arm:
         return [message for _, message in listen(topic if topic[0] == "/" else self.name + "/" + topic, count, timeout)]
 
     def go_home(self):
-        assert self.call("joint_move", pose=HOME, mvvelo=3.0, mvacc=12.0).ret == 1
+        answer = self.call("joint_move", pose=HOME, mvvelo=3.0, mvacc=12.0)
+        assert answer.ret == 1, answer.message
 
 
 def listen(topic, count, timeout=WAIT, topic_type=None):
