@@ -30,8 +30,6 @@ def test_every_byte_with_its_time_and_the_joints(make_arm, tmp_path):
         frames = [feed.raw_frame() for _ in range(5)]
     wait_for(lambda: not arm.panel("wire")["wire"]["connections"], "the clients to be gone")
     arm.close()
-    (root / "build").mkdir(exist_ok=True)
-    shutil.copy(path, str(root / "build"))
     entries = read_log(path)
     events = [entry for entry in entries if isinstance(entry, WireEvent)]
     assert bytes_of(events, "command", "in") == b"".join(sent)
@@ -79,6 +77,8 @@ def test_a_working_day_is_told_by_its_log(make_arm, tmp_path, root):
         arm.panel("press_emergency_stop")
         feed.until(lambda frame: frame["emergency_stop"])
     arm.close()
+    (root / "build").mkdir(exist_ok=True)
+    shutil.copy(path, str(root / "build"))
     entries = read_log(path)
     samples = [entry for entry in entries if isinstance(entry, TrueJoints)]
 
