@@ -47,6 +47,7 @@ class Profile:
         self._max_velocity = 0.0
         self._max_acceleration = 1.0
         self._trajectory: Any = None
+        self._jerk = 0.0
         self._elapsed = 0.0
 
     @property
@@ -144,7 +145,7 @@ class Profile:
             if trajectory is None:
                 return
             if trajectory.position_extrema[0].max <= target + 1e-12 + 1e-9 * abs(target):
-                self._trajectory, self._elapsed = trajectory, 0.0
+                self._trajectory, self._elapsed, self._jerk = trajectory, 0.0, plan.max_jerk[0]
                 return
             acceleration *= _STEEPER
 
@@ -154,7 +155,7 @@ class Profile:
         plan = self._request(self._max_acceleration)
         plan.control_interface = RUCKIG.ControlInterface.Velocity
         plan.target_velocity = [0.0]
-        self._trajectory, self._elapsed = self._solve(plan), 0.0
+        self._trajectory, self._elapsed, self._jerk = self._solve(plan), 0.0, plan.max_jerk[0]
 
     def _request(self, acceleration: float) -> Any:
         assert RUCKIG is not None
@@ -163,7 +164,9 @@ class Profile:
         plan.current_velocity = [self.velocity]
         plan.current_acceleration = [self.acceleration]
         plan.max_acceleration = [acceleration]
-        plan.max_jerk = [max(acceleration, abs(self.acceleration)) / self.jerk_time]
+        jerk = max(acceleration, abs(self.acceleration)) / self.jerk_time
+        # what has begun to fade goes on as fast: slower, the speed would pass the limit that it was to end at
+        plan.max_jerk = [max(jerk, self._jerk) if self.acceleration else jerk]
         return plan
 
     def _solve(self, plan: Any) -> Any:
