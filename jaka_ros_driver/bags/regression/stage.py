@@ -55,7 +55,7 @@ class Stage:
         self._environment: Dict[str, Optional[str]] = {}
         self._panels: Dict[str, Program] = {}
         self._ports: Dict[str, Dict[str, Any]] = {}
-        self._timers: List[threading.Timer] = []
+        self._operators: List[threading.Thread] = []
         self._failure: Optional[str] = None
 
     def _start(self, name: str, *arguments: str, **further: Any) -> Program:
@@ -199,17 +199,19 @@ class Stage:
 
     def _schedule(self, call: Optional[int], moment: float) -> None:
         """The operator does what follows this call, or the beginning."""
-        for event in self._scenario.events:
-            if event.after_call == call:
-                wait = max(0.0, moment + event.delay_s / self._time_scale - time.monotonic())
-                timer = threading.Timer(wait, self._operate, (event,))
-                timer.daemon = True
-                self._timers.append(timer)
-                timer.start()
+        events = sorted((event for event in self._scenario.events if event.after_call == call),
+                        key=lambda event: event.delay_s)
+        if events:
+            operator = threading.Thread(target=self._operate, args=(events, moment), daemon=True)
+            self._operators.append(operator)
+            operator.start()
 
-    def _operate(self, event: Event) -> None:
+    def _operate(self, events: Sequence[Event], moment: float) -> None:
+        """One after the other, also where the host is late with all of them."""
         try:
-            self._panels[event.arm].say(json.dumps(dict(event.request)))
+            for event in events:
+                time.sleep(max(0.0, moment + event.delay_s / self._time_scale - time.monotonic()))
+                self._panels[event.arm].say(json.dumps(dict(event.request)))
         except ProgramFailed as error:
             self._failure = str(error)
 
@@ -219,5 +221,5 @@ class Stage:
         while time.monotonic() < end and self._failure is None:
             self._programs.check()
             time.sleep(0.05)
-        for timer in self._timers:
-            timer.join(_START_S)
+        for operator in self._operators:
+            operator.join(_START_S)
