@@ -8,6 +8,7 @@ from .compare.tolerances import load_tolerances
 from .errors import BagError
 from .output_file import check_output
 from .quantities import positive_number
+from .regression.host_watch import HostWatch
 from .regression.replay import judge, record_wire
 from .regression.scenario import Arm, Scenario, scenario_of
 from .regression.stage import Script, script_of
@@ -62,12 +63,13 @@ def run(args: argparse.Namespace) -> int:
     arm = Arm(first.namespace, args.model or first.model, parameters=first.parameters)
     topics = tuple("%s/jaka_driver/%s" % (arm.namespace, topic) for topic in _TOPICS)
     script = script_of(golden) if golden is not None else Script(None, (), 0.0, topics)
-    candidate, told = record_wire(args.wire, script, folder, Scenario(arms=(arm,)), args.speed)
+    with HostWatch() as host:
+        candidate, told = record_wire(args.wire, script, folder, Scenario(arms=(arm,)), args.speed)
     print("recorded %s: %d requests answered as recorded, %d more often than recorded%s"
           % (candidate, told["answered"], told["repeated"],
              "; without an answer: %s" % ", ".join(told["unanswered"]) if told["unanswered"] else ""))
     if golden is None:
         return 0
-    result = judge(golden, candidate, folder, limits, args.speed)
+    result = judge(golden, candidate, folder, limits, args.speed, host)
     print(result.summary)
     return 0 if result.same else 1

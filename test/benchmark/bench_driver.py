@@ -22,6 +22,7 @@ import conftest  # noqa: E402
 import rospy  # noqa: E402
 from arm_bench import eventually  # noqa: E402
 from geometry_msgs.msg import TwistStamped  # noqa: E402
+from host_load import HostLoad  # noqa: E402
 from launching import launched_parent  # noqa: E402
 from ros_bench import HOME, TYPES, InBackground, SimulatorProcess  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
@@ -92,7 +93,7 @@ def measure_topics(name, pids, duration):
     assert eventually(lambda: all(len(times) > 250 for times in arrivals.values()))
     for times in arrivals.values():
         times.clear()
-    began, cpu = time.monotonic(), cpu_seconds(pids)
+    host, began, cpu = HostLoad(), time.monotonic(), cpu_seconds(pids)
     time.sleep(duration)
     cpu = (cpu_seconds(pids) - cpu) / (time.monotonic() - began)
     for subscriber in subscribers:
@@ -102,6 +103,7 @@ def measure_topics(name, pids, duration):
         print_row("%s: %s" % (name, topic), "%.2f Hz" % ((len(times) - 1) / (times[-1] - times[0])),
                   "jitter p99 " + ms(percentile([abs(gap - 0.008) for gap in gaps], 0.99)), "max gap " + ms(max(gaps)))
     print_row("%s: CPU" % name, "%.1f %% of a core" % (100 * cpu))
+    print_row("%s: host meanwhile" % name, str(host))
     return cpu
 
 
@@ -207,7 +209,8 @@ def judge_by_the_log(log_file, seen, stops, pending):
 
 
 def measure(duration, folder):
-    print("load average at start: %s" % " ".join("%.2f" % load for load in os.getloadavg()))
+    host = HostLoad()
+    print("at start: load average %.2f" % os.getloadavg()[0])
     rospy.init_node("bench_driver", anonymous=True, disable_signals=True)
     bare = subprocess.Popen([sys.executable, "-c", BARE_PUBLISHER])
     bare_cpu = measure_topics("bare rospy publisher", [bare.pid], duration / 2)
@@ -230,7 +233,7 @@ def measure(duration, folder):
             measure_services(arm)
             assert threading.active_count() < threads + 20
     judge_by_the_log(log_file, seen, stops, pending)
-    print("load average at end: %s" % " ".join("%.2f" % load for load in os.getloadavg()))
+    print("in all: %s" % host)
 
 
 def main():

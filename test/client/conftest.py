@@ -2,7 +2,7 @@
 import threading
 
 import pytest
-from arm_bench import Bench, Call, eventually
+from arm_bench import Bench, InBackground, eventually
 
 
 @pytest.fixture
@@ -22,4 +22,4 @@ def bench(tmp_path):
 
 @pytest.fixture
 def call():
-    return Call
+    return InBackground

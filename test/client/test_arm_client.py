@@ -100,7 +100,7 @@ def test_stop_is_served_while_a_move_blocks_even_when_every_reply_is_late(bench,
     assert eventually(one.is_moving)
     called = time.monotonic()
     arm.stop()
-    assert isinstance(move.join(), MotionInterrupted) and move.error.cause is StopCause.STOPPED
+    assert isinstance(move.failure(), MotionInterrupted) and move.error.cause is StopCause.STOPPED
     assert arm.motion_owner is None
     stop, = one.times_of("stop_program")
     assert stop - called < 0.25
@@ -125,7 +125,7 @@ def test_a_move_ends_with_the_name_of_what_stopped_the_arm(bench, call, fault, c
     move = call(arm.move, joint_move(3.0, speed=0.2))
     assert eventually(one.is_moving)
     one.panel(fault)
-    assert move.join().cause is cause
+    assert move.failure().cause is cause
     with pytest.raises(InvalidCommand, match=cause.value):
         arm.move(joint_move(0.0))
     assert {request["cmdName"] for _, request in one.received()}.isdisjoint({"power_on", "enable_robot", "clear_error"})
@@ -276,7 +276,7 @@ def test_closing_stops_the_arm_and_answers_the_pending_call(bench, call):
     called = time.monotonic()
     arm.close()
     assert time.monotonic() - called < 1.0
-    assert move.join().cause is StopCause.SHUTDOWN
+    assert move.failure().cause is StopCause.SHUTDOWN
     assert eventually(lambda: not one.is_moving())
     assert len(one.times_of("stop_program")) == 1
 
@@ -296,6 +296,6 @@ def test_a_move_that_takes_too_long_is_stopped(bench, call):
     one = bench()
     arm = one.connect(motion_timeout=0.5)
     move = call(arm.move, joint_move(3.0, speed=0.2))
-    assert move.join().cause is StopCause.TIMEOUT
+    assert move.failure().cause is StopCause.TIMEOUT
     assert eventually(lambda: not one.is_moving())
     assert len(one.times_of("stop_program")) == 1

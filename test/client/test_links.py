@@ -66,7 +66,7 @@ def test_a_link_lost_in_mid_move_ends_the_move_and_stops_the_arm(bench, call, po
     assert eventually(one.is_moving)
     lost_at = time.monotonic()
     one.panel("close", port=port)
-    assert move.join().cause is StopCause.LINK_LOST
+    assert move.failure().cause is StopCause.LINK_LOST
     assert move.ended_at - lost_at < 1.0
     assert eventually(lambda: not one.is_moving())
     assert eventually(lambda: arm.is_ready)
@@ -173,7 +173,7 @@ def test_another_client_on_the_port_is_noticed_and_the_arm_is_stopped(bench, cal
     assert eventually(one.is_moving)
 
     with RawClient(one.controller.command_port):
-        assert move.join().cause is StopCause.LINK_LOST
+        assert move.failure().cause is StopCause.LINK_LOST
     assert eventually(lambda: arm.is_ready and not one.is_moving())
 
 
@@ -183,7 +183,7 @@ def test_a_feed_of_damaged_frames_only_is_as_good_as_none(bench, call):
     move = call(arm.move, SLOW_MOVE)
     assert eventually(one.is_moving)
     one.panel("fault", kind="wrong_len", port="status", count=None)
-    assert move.join().cause is StopCause.LINK_LOST
+    assert move.failure().cause is StopCause.LINK_LOST
     assert eventually(lambda: not one.is_moving())
     with pytest.raises(ConnectionLost):
         arm.fresh_state()
@@ -275,7 +275,7 @@ def test_after_a_reboot_in_mid_move_nothing_resumes(bench, call):
     move = call(arm.move, SLOW_MOVE)
     assert eventually(one.is_moving)
     one.panel("reboot", down=0.5)
-    assert move.join().cause in (StopCause.LINK_LOST, StopCause.NOT_ENABLED)
+    assert move.failure().cause in (StopCause.LINK_LOST, StopCause.NOT_ENABLED)
     assert eventually(lambda: arm.is_ready)
     with pytest.raises(InvalidCommand, match="no power"):
         arm.move(SLOW_MOVE)

@@ -47,7 +47,7 @@ def test_who_waits_for_power_at_shutdown_is_told(bench, call):
     power = call(readiness.set_power, arm, True)
     assert eventually(lambda: arm.status._changed._waiters)
     arm.close()
-    assert isinstance(power.join(), ConnectionLost) and str(power.error) == "driver shut down"
+    assert isinstance(power.failure(), ConnectionLost) and str(power.error) == "driver shut down"
 
 
 def test_disabling_stops_the_arm_first(bench):

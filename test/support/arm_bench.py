@@ -78,10 +78,11 @@ class Bench:
         return self.log().rest_after(moment)
 
 
-class Call:
+class InBackground:
     """A call in a thread of its own, and how it ended."""
 
     def __init__(self, function, *args, **kwargs):
+        self.result = None
         self.error = None
         self.ended_at = None
         self._thread = threading.Thread(target=self._run, args=(function, args, kwargs), daemon=True)
@@ -89,12 +90,27 @@ class Call:
 
     def _run(self, function, args, kwargs):
         try:
-            function(*args, **kwargs)
+            self.result = function(*args, **kwargs)
         except Exception as error:
             self.error = error
         self.ended_at = time.monotonic()
 
-    def join(self):
-        self._thread.join(WAIT)
-        assert not self._thread.is_alive(), "the call did not return"
+    @property
+    def is_over(self):
+        return not self._thread.is_alive()
+
+    def wait(self, timeout=WAIT):
+        self._thread.join(timeout)
+        assert self.is_over, "the call did not return"
+
+    def failure(self):
+        """What the call raised; None where it returned."""
+        self.wait()
         return self.error
+
+    def join(self, timeout=WAIT):
+        """What the call returned; what it raised is raised here."""
+        self.wait(timeout)
+        if self.error is not None:
+            raise self.error
+        return self.result

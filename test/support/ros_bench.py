@@ -148,31 +148,11 @@ def rosservice(*words):
     return yaml.safe_load(done.stdout) or {}
 
 
-class InBackground:
-    """A call in a thread of its own, and its result."""
+class InBackground(arm_bench.InBackground):
+    """A call in a thread of its own; programs may be behind it."""
 
-    def __init__(self, function, *args, **kwargs):
-        self.result = None
-        self.error = None
-        self._thread = threading.Thread(target=self._run, args=(function, args, kwargs), daemon=True)
-        self._thread.start()
-
-    def _run(self, function, args, kwargs):
-        try:
-            self.result = function(*args, **kwargs)
-        except Exception as error:
-            self.error = error
-
-    @property
-    def is_over(self):
-        return not self._thread.is_alive()
-
-    def join(self):
-        self._thread.join(WAIT)
-        assert self.is_over, "the call did not return"
-        if self.error is not None:
-            raise self.error
-        return self.result
+    def join(self, timeout=WAIT):
+        return super().join(timeout)
 
 
 class DriverProcess:

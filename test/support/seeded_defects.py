@@ -30,9 +30,16 @@ def _rpy(session: Session) -> None:
                                         for v in session.rotation_vector])
 
 
-def _half_rate(session: Session) -> None:
-    keep = session.keep["robot_states"]
-    keep[:] = np.floor(np.arange(len(keep)) * 60 / 125) != np.floor((np.arange(len(keep)) - 1) * 60 / 125)
+def _states_at(rate_hz: int) -> Callable[[Session], object]:
+    def seed(session: Session) -> None:
+        number = np.arange(len(session.time))
+        session.keep["robot_states"] = np.floor(number * rate_hz / 125) != np.floor((number - 1) * rate_hz / 125)
+    return seed
+
+
+def _bursts(session: Session) -> None:
+    time = session.log_time["robot_states"]
+    session.log_time["robot_states"] = time[np.minimum(np.arange(len(time)) // 13 * 13 + 12, len(time) - 1)]
 
 
 def _stale_stamps(session: Session) -> None:
@@ -71,7 +78,9 @@ DEFECTS: Dict[str, Defect] = {
     "1 mm offset": Defect(_offset, Stage.POSITION),
     "two joints swapped": Defect(_swap, Stage.JOINTS, "joint_2"),
     "RPY for rotation vector": Defect(_rpy, Stage.ORIENTATION),
-    "state topic at 60 Hz": Defect(_half_rate, Stage.RATES),
+    "state topic at 60 Hz": Defect(_states_at(60), Stage.RATES),
+    "state topic at 110 Hz": Defect(_states_at(110), Stage.RATES),
+    "state topic in bursts of 0.1 s": Defect(_bursts, Stage.JITTER),
     "stale stamps": Defect(_stale_stamps, Stage.STAMPS, "latency"),
     "stamps that stand still": Defect(_frozen_stamps, Stage.STAMPS, "repeated"),
     "old samples stamped as new": Defect(_restamped, Stage.JOINTS, "joint_1"),

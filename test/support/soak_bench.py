@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 import rospy
+from host_load import HostLoad
 from launching import launched_parent
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "ros"))
@@ -21,11 +22,12 @@ def master():
                           ROS_LOG_DIR=home, TMPDIR=home)
         os.environ.pop("ROS_NAMESPACE", None)
         with launched_parent(is_core=True, port=port):
-            print("load average at start: %s" % " ".join("%.2f" % load for load in os.getloadavg()), flush=True)
+            host = HostLoad()
+            print("at start: load average %.2f" % os.getloadavg()[0], flush=True)
             rospy.init_node("soak", anonymous=True, disable_signals=True)
             try:
                 yield
-                print("load average at end: %s" % " ".join("%.2f" % load for load in os.getloadavg()), flush=True)
+                print("in all: %s" % host, flush=True)
             finally:
                 rospy.signal_shutdown("done")
 

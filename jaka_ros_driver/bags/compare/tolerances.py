@@ -32,12 +32,12 @@ def _choice(default: str, allowed: Tuple[str, ...], doc: str) -> str:
 class StreamTolerance:
     """What must hold of a topic whatever it carries."""
 
-    rate_percent: float = _number(25.0, "mean rate: off by this much, either way, of the golden rate")
-    jitter_ms: float = _number(150.0, "99th percentile of |interval - mean interval|: more than the golden one by this")
+    rate_percent: float = _number(10.0, "mean rate: off by this much, either way, of the golden rate")
+    jitter_ms: float = _number(75.0, "99th percentile of |interval - mean interval|: more than the golden one by this")
     gap_s: float = _number(0.5, "a silence longer than this is a gap: both logs must have the same ones")
     gap_length_s: float = _number(1.0, "length of a gap: off by this much")
-    lost_percent: float = _number(5.0, "messages that header.seq shows to be missing: more than the golden by this")
-    latency_ms: float = _number(150.0, "median of log time - header.stamp: off from the golden one by this")
+    lost_percent: float = _number(2.0, "messages that header.seq shows to be missing: more than the golden by this")
+    latency_ms: float = _number(75.0, "median of log time - header.stamp: off from the golden one by this")
     repeated_percent: float = _number(40.0, "messages that repeat the stamp before: more than the golden share by this")
     count_percent: float = _number(0.0, "count of a topic that is not periodic: off by this much")
 

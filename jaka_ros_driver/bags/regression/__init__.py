@@ -7,5 +7,6 @@ command_player     makes the calls, in threads where they overlap
 driver_client      the live driver through rospy: raw services, joints, states
 scenario           what a golden log needs besides itself: arms, simulated controllers, the operator's doings
 processes          programs started, watched and ended
+host_watch         how long the computer let programs wait meanwhile
 replay             simulated controllers, master, driver, recorder and calls together; then the comparison
 """

@@ -12,6 +12,7 @@ from ..compare.verdict import Comparison
 from ..compare_cli import write_reports
 from ..errors import BagError
 from ..output_file import PathLike
+from .host_watch import HostWatch
 from .processes import Programs
 from .scenario import Scenario, scenario_of
 from .stage import Script, Stage, script_of
@@ -112,17 +113,28 @@ def record_wire(wire_log: PathLike, script: Script, folder: Path, scenario: Scen
     return candidate, told
 
 
-def judge(golden: Run, candidate: Path, place: Path, limits: Tolerances, time_scale: float) -> Replay:
+def judge(golden: Run, candidate: Path, place: Path, limits: Tolerances, time_scale: float,
+          host: HostWatch) -> Replay:
     """Compare, and leave the reports beside the candidate.
+
+    Args:
+        golden: The golden log.
+        candidate: The log recorded.
+        place: The folder of the reports.
+        limits: How far it may be off.
+        time_scale: As of ``record_script``.
+        host: What was noticed of the computer meanwhile; told beside a difference, and no part of the verdict.
 
     Raises:
         BagError: The candidate cannot be read, or a report cannot be written.
     """
-    comparison = compare_runs(golden, load_run(candidate, limits, time_scale), limits, time_scale)
+    run = load_run(candidate, limits, time_scale)
+    comparison = compare_runs(golden, run, limits, time_scale)
     report = place / "report.html"
     write_reports(comparison, limits, str(report), str(place / "report.xml"), str(place / "report.json"), True)
-    summary = as_text(comparison) if not comparison.same else headline(comparison)
-    return Replay(comparison.same, "%s\nreport: %s" % (summary, report), comparison, candidate, report)
+    lines = [headline(comparison)] if comparison.same else [as_text(comparison), host.words(run.start_ns, time_scale)]
+    summary = "\n".join(line for line in lines + ["report: %s" % report] if line)
+    return Replay(comparison.same, summary, comparison, candidate, report)
 
 
 def replay(golden: PathLike, folder: PathLike, tolerances: Optional[Tolerances] = None, time_scale: float = 1.0,
@@ -146,5 +158,6 @@ def replay(golden: PathLike, folder: PathLike, tolerances: Optional[Tolerances] 
     known = scenario or scenario_of(golden)
     limits = tolerances or known.tolerances
     run = load_run(golden, limits)
-    candidate = record_script(script_of(run), place, known, time_scale, driver)
-    return judge(run, candidate, place, limits, time_scale)
+    with HostWatch() as host:
+        candidate = record_script(script_of(run), place, known, time_scale, driver)
+    return judge(run, candidate, place, limits, time_scale, host)
