@@ -9,13 +9,15 @@ What it cannot do: it needs this computer, its network and the controller. Again
 controller's own safety functions help.
 """
 import argparse
+import contextlib
 import os
+import queue
 import select
 import subprocess
 import sys
 import threading
 import time
-from typing import List, Optional
+from typing import Callable, List, Optional
 
 from jaka_ros_driver.client.arm_links import request_all
 from jaka_ros_driver.client.transport import CommandLink
@@ -31,6 +33,7 @@ _STOP_TRIES_FOR = 10.0
 _TRY_PERIOD = 0.05
 _EXIT_TIMEOUT = 2.0
 _RESTART_PERIOD = 0.5
+_SAY_TIMEOUT = 0.5
 
 
 class Guard:
@@ -103,7 +106,7 @@ class Guard:
             self._say(self._word)
 
 
-def watch(pipe: int, host: str, port: int, driver: int) -> None:
+def watch(pipe: int, host: str, port: int, driver: int, say: Callable[[str], None]) -> None:
     """The guard's whole life: read the words of the driver, a process id, until it leaves or dies."""
     is_moving = False
     while True:
@@ -117,7 +120,8 @@ def watch(pipe: int, host: str, port: int, driver: int) -> None:
             is_moving = words[-1:] == _MOVING
             continue
         if is_moving:
-            stop_arm(host, port, "the driver has died" if words == b"" else "the driver is silent")
+            say("the driver %s while the arm moves, stopping the arm" % ("has died" if words == b"" else "is silent"))
+            stop_arm(host, port, say)
             is_moving = False
         if words == b"":
             return
@@ -139,9 +143,8 @@ def waits_for_processor(process: int) -> bool:
     return False
 
 
-def stop_arm(host: str, port: int, why: str) -> bool:
+def stop_arm(host: str, port: int, say: Callable[[str], None]) -> bool:
     """Take the command port over and stop all motion; tries for 10 s. True when the controller accepted the stop."""
-    _say("guard: %s while the arm moves, stopping the arm" % why)
     give_up_at = time.monotonic() + _STOP_TRIES_FOR
     while time.monotonic() < give_up_at:
         try:
@@ -150,20 +153,40 @@ def stop_arm(host: str, port: int, why: str) -> bool:
                 request_all(link, [SetServoMode(False), Stop()])
             finally:
                 link.close("guard is done")
-            _say("guard: the controller accepted the stop")
+            say("the controller accepted the stop")
             return True
         except JakaError as error:
-            _say("guard: %s" % error)
+            say(str(error))
             time.sleep(_TRY_PERIOD)
-    _say("guard: the arm could not be stopped")
+    say("the arm could not be stopped")
     return False
 
 
-def _say(text: str) -> None:
-    try:
-        print(text, file=sys.stderr, flush=True)
-    except OSError:
-        pass
+class _Voice:
+    """Writes to standard error in a thread of its own.
+
+    Nobody may read there: a paused terminal, a full pipe, which may be what the driver itself hangs on. The guard
+    stops the arm all the same.
+    """
+
+    def __init__(self) -> None:
+        self._texts: "queue.SimpleQueue[Optional[str]]" = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._speak, name="voice", daemon=True)
+        self._thread.start()
+
+    def say(self, text: str) -> None:
+        """Returns at once."""
+        self._texts.put("guard: %s\n" % text)
+
+    def close(self) -> None:
+        """Wait until all is said, 0.5 s at most."""
+        self._texts.put(None)
+        self._thread.join(_SAY_TIMEOUT)
+
+    def _speak(self) -> None:
+        for text in iter(self._texts.get, None):
+            with contextlib.suppress(OSError):
+                os.write(sys.stderr.fileno(), text.encode("utf-8", "replace"))
 
 
 def main(argv: Optional[List[str]] = None) -> int:
@@ -172,7 +195,9 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser.add_argument("--host", required=True, help="address of the controller")
     parser.add_argument("--port", required=True, type=int, help="its command port")
     args = parser.parse_args(argv)
-    watch(sys.stdin.fileno(), args.host, args.port, os.getppid())
+    voice = _Voice()
+    watch(sys.stdin.fileno(), args.host, args.port, os.getppid(), voice.say)
+    voice.close()
     return 0
 
 

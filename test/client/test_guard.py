@@ -6,7 +6,7 @@ import sys
 import time
 
 import pytest
-from arm_bench import WAIT, eventually
+from arm_bench import WAIT, eventually, fill
 
 from jaka_ros_driver.client.guard import waits_for_processor
 
@@ -93,6 +93,16 @@ def test_the_arm_is_stopped_when_the_driver_dies_or_freezes(driver, motion, deat
     assert stop - died_at < 1.0
     left = [at for at, request in one.received() if request["cmdName"] == "servo_move" and request["relFlag"] == 0]
     assert left and left[0] <= stop
+
+
+def test_the_arm_is_stopped_though_nobody_reads_what_the_guard_says(driver):
+    one, process = driver("jog")
+    fill(process.stderr)
+    process.send_signal(signal.SIGSTOP)
+    assert eventually(lambda: not one.is_moving())
+    assert one.times_of("stop_program")
+    process.send_signal(signal.SIGKILL)
+    assert eventually(lambda: guard_count(one) == 0), "a guard that is not heard outlives its driver"
 
 
 def test_a_driver_that_dies_idle_is_none_of_the_guards_business(driver):

@@ -10,6 +10,7 @@ import time
 import pytest
 import rosgraph
 import rospy
+from arm_bench import fill
 from live_driver import LiveDriver, begin
 from ros_bench import HOME, TYPES, WAIT, Arm, SimulatorProcess, eventually
 
@@ -25,11 +26,17 @@ def live(ros_node, tmp_path):
         yield running
 
 
-def assert_stopped(verdict, since, motion):
-    """A stop came in after that moment; the arm came to rest with it, and nothing was sent after it."""
+def assert_stopped_in_time(verdict, since):
+    """A stop came in after that moment, and the arm came to rest with it; all such moments."""
     stops = verdict.times_of("stop_program", after=since)
     assert stops and stops[0] - since < IN_TIME
     assert verdict.rest_after(since) - stops[0] < 1.0
+    return stops
+
+
+def assert_stopped(verdict, since, motion):
+    """A stop came in after that moment; the arm came to rest with it, and nothing was sent after it."""
+    stops = assert_stopped_in_time(verdict, since)
     moves = [at for at, request in verdict.received() if at > stops[0] and (
         request["cmdName"] in ("joint_move", "moveL", "servo_j", "servo_p", "power_on", "enable_robot")
         or request["cmdName"] == "jog" and request["jog_mode"] != 0)]
@@ -98,6 +105,26 @@ def test_a_driver_that_freezes_loses_the_arm_to_the_guard_and_does_not_resume(li
         stops = verdict.times_of("stop_program", after=since)
         assert stops[0] - since < IN_TIME, motion
     assert len(verdict.times_of("jog", jog_mode=1)) == 1
+
+
+def test_nobody_reads_what_the_driver_prints_and_everything_works_all_the_same(live):
+    fill(live.process.stdout)
+    pending = begin(live, "move")
+    live.arm.call("stop_move")
+    assert pending.join().ret == 0
+    pending = begin(live, "move")
+    frozen = live.send(signal.SIGSTOP)
+    assert eventually(lambda: not live.simulator.is_moving())
+    live.send(signal.SIGCONT)
+    assert pending.join().ret == 0
+    live.arm.wait_until_ready()
+    begin(live, "jog")
+    ended = live.send(signal.SIGTERM)
+    assert live.process.wait(WAIT) == 0
+    assert eventually(lambda: live.guards() == [])
+    verdict = live.verdict()
+    for since in (frozen, ended):
+        assert_stopped_in_time(verdict, since)
 
 
 def test_a_driver_told_to_end_at_any_moment_of_its_start_ends(ros_node, tmp_path):

@@ -2,6 +2,8 @@
 
 What the client did is judged by the controller's own log of bytes and true joints.
 """
+import contextlib
+import os
 import threading
 import time
 
@@ -23,6 +25,17 @@ def eventually(condition, timeout=WAIT):
         if value or time.monotonic() > deadline:
             return value
         time.sleep(0.005)
+
+
+def fill(pipe):
+    """Fill a pipe that is not read, given by its reading end: whoever writes to it from now on waits."""
+    descriptor = os.open("/proc/self/fd/%d" % pipe.fileno(), os.O_WRONLY | os.O_NONBLOCK)
+    try:
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                os.write(descriptor, b".")
+    finally:
+        os.close(descriptor)
 
 
 class Bench:
