@@ -3,6 +3,7 @@
 The rooms, from the ground up; a room imports only from those above it in this list:
 
 errors, units       what can go wrong; mm and deg to SI
+voice               lines on standard error that nothing waits for
 state, commands     one sample of the arm; what an arm can be asked to do (SI units, frozen)
 kinematics          arm models, forward and inverse kinematics, the limits audit
 protocol            the controller's JSON protocol: bytes <-> state and commands, no I/O

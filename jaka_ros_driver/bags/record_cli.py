@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, Optional
 
 from ..errors import JakaError
+from ..voice import Voice
 from . import quantities
 from .errors import BagError
 from .log_files import Attachment, FileSettings, LogFiles
@@ -197,17 +198,24 @@ def _write_report(path: str, recorder: Recorder, recording: Recording, drops: Di
 
 
 class _Console:
-    """Lines for the user, on stderr; ``always`` also with ``--quiet``."""
+    """Lines for the user, on stderr; ``always`` also with ``--quiet``. Nothing that records waits for them."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
+        self._voice = Voice("jaka_bag record")
+
+    def __enter__(self) -> "_Console":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._voice.close()
 
     def say(self, line: str) -> None:
         if not self._quiet:
             self.always(line)
 
     def always(self, line: str) -> None:
-        print("jaka_bag record: %s" % line, file=sys.stderr, flush=True)
+        self._voice.say(line)
 
     def report(self, recorder: Recorder, recording: Recording, drops: Dict[str, TopicDrops]) -> None:
         """Files, counts, and all that was lost."""
@@ -243,11 +251,12 @@ def run(args: argparse.Namespace) -> int:
     except _Usage as error:
         print("jaka_bag record: error: %s" % error, file=sys.stderr)
         return 2
-    return _record(args, names, selection, settings)
+    with _Console(args.quiet) as console:
+        return _record(args, names, selection, settings, console)
 
 
-def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelection, settings: FileSettings) -> int:
-    console = _Console(args.quiet)
+def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelection, settings: FileSettings,
+            console: _Console) -> int:
     facts = {"program": "jaka_bag record", "host": platform.node(), "node": names.node, "master": master_uri(),
              "transport": args.transport, "arguments": json.dumps(sys.argv[1:]),
              "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
@@ -291,7 +300,7 @@ def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelectio
     if args.report:
         _write_report(args.report, recorder, recording, drops, failure)
     if failure is not None:
-        print("jaka_bag record: error: %s" % failure, file=sys.stderr)
+        console.always("error: %s" % failure)
     return 0 if failure is None else 1
 
 

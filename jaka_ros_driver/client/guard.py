@@ -9,9 +9,7 @@ What it cannot do: it needs this computer, its network and the controller. Again
 controller's own safety functions help.
 """
 import argparse
-import contextlib
 import os
-import queue
 import select
 import subprocess
 import sys
@@ -23,6 +21,7 @@ from jaka_ros_driver.client.arm_links import request_all
 from jaka_ros_driver.client.transport import CommandLink
 from jaka_ros_driver.commands import SetServoMode, Stop
 from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.voice import Voice
 
 BEAT_PERIOD = 0.02
 SILENCE_TIMEOUT = 0.25
@@ -162,42 +161,15 @@ def stop_arm(host: str, port: int, say: Callable[[str], None]) -> bool:
     return False
 
 
-class _Voice:
-    """Writes to standard error in a thread of its own.
-
-    Nobody may read there: a paused terminal, a full pipe, which may be what the driver itself hangs on. The guard
-    stops the arm all the same.
-    """
-
-    def __init__(self) -> None:
-        self._texts: "queue.SimpleQueue[Optional[str]]" = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._speak, name="voice", daemon=True)
-        self._thread.start()
-
-    def say(self, text: str) -> None:
-        """Returns at once."""
-        self._texts.put("guard: %s\n" % text)
-
-    def close(self) -> None:
-        """Wait until all is said, 0.5 s at most."""
-        self._texts.put(None)
-        self._thread.join(_SAY_TIMEOUT)
-
-    def _speak(self) -> None:
-        for text in iter(self._texts.get, None):
-            with contextlib.suppress(OSError):
-                os.write(sys.stderr.fileno(), text.encode("utf-8", "replace"))
-
-
 def main(argv: Optional[List[str]] = None) -> int:
     """The guard process; its words come on standard input."""
     parser = argparse.ArgumentParser(prog="jaka_guard", description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--host", required=True, help="address of the controller")
     parser.add_argument("--port", required=True, type=int, help="its command port")
     args = parser.parse_args(argv)
-    voice = _Voice()
+    voice = Voice("guard")
     watch(sys.stdin.fileno(), args.host, args.port, os.getppid(), voice.say)
-    voice.close()
+    voice.close(_SAY_TIMEOUT)
     return 0
 
 

@@ -17,6 +17,7 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.simulation.priority import raise_priority
 from jaka_ros_driver.simulation.server_doors import Doors
 from jaka_ros_driver.simulation.wire_log import WireLog
+from jaka_ros_driver.voice import Voice
 
 LOOPBACK = "127.0.0.1"
 CONTROLLER_PORTS = {"command": 10001, "status": 10000, "poll": 10004}
@@ -24,6 +25,7 @@ CONTROLLER_PORTS = {"command": 10001, "status": 10000, "poll": 10004}
 _READ_BYTES = 65536
 _CONNECT_S = 3.0
 _IDLE_S = 0.5
+_SAY_S = 0.5
 _MOST_BACKLOG = 4 << 20
 
 
@@ -62,6 +64,7 @@ class Proxy:
         self._controller = controller
         self._controller_ports = controller_ports
         self._log = log
+        self._voice = Voice("jaka_sim proxy")
         self._selector = selectors.DefaultSelector()
         self._doors = Doors(self._selector)
         self._sides: List[_Side] = []
@@ -97,6 +100,7 @@ class Proxy:
                     self._end(side)
             self._doors.close()
             self._selector.close()
+            self._voice.close(_SAY_S)
 
     def _accept(self, listener: Any, port: str) -> None:
         try:
@@ -107,7 +111,7 @@ class Proxy:
             controller = socket.create_connection((self._controller, self._controller_ports[port]), _CONNECT_S)
         except OSError as error:
             link.close()
-            print("jaka_sim proxy: the controller's %s port: %s" % (port, error), file=sys.stderr, flush=True)
+            self._voice.say("the controller's %s port: %s" % (port, error))
             return
         self._count += 1
         sides = [_Side(link, port, self._count, True), _Side(controller, port, self._count, False)]

@@ -1,6 +1,7 @@
 """A simulated controller is recorded, by itself or by the proxy; a client then gets the same from the player."""
 import contextlib
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -8,6 +9,7 @@ import sys
 import threading
 
 import pytest
+from arm_bench import fill
 from raw_client import RawClient, RawFeed
 
 from jaka_ros_driver.simulation import wire_player
@@ -96,12 +98,12 @@ def test_a_log_tells_real_time(tmp_path):
 
 
 @contextlib.contextmanager
-def proxy(path, arm):
+def proxy(path, arm, **options):
     process = subprocess.Popen(
         [sys.executable, "-m", "jaka_ros_driver.simulation", "proxy", "127.0.0.1", "--log", str(path),
          "--command-port", "0", "--status-port", "0", "--poll-port", "0",
          "--controller-command-port", str(arm.command_port), "--controller-status-port", str(arm.status_port),
-         "--controller-poll-port", str(arm.poll_port)], stdout=subprocess.PIPE)
+         "--controller-poll-port", str(arm.poll_port)], stdout=subprocess.PIPE, **options)
     try:
         yield json.loads(process.stdout.readline())
     finally:
@@ -143,6 +145,19 @@ def test_without_a_controller_a_client_is_turned_away(tmp_path):
             socket.create_connection(("127.0.0.1", ports["command_port"]), WAIT) as link:
         link.settimeout(WAIT)
         assert link.recv(10) == b""
+
+
+def test_nobody_reads_what_the_proxy_says_and_it_forwards_all_the_same(tmp_path):
+    reading, writing = os.pipe()
+    with open(reading, "rb") as said, SimulatedController(start="enabled") as arm, \
+            proxy(tmp_path / "proxy.mcap", arm, stderr=writing) as ports:
+        os.close(writing)
+        fill(said)
+        arm.panel("refuse", port="status", duration_ms=60000)
+        with socket.create_connection(("127.0.0.1", ports["status_port"]), WAIT) as link:
+            link.settimeout(WAIT)
+            assert link.recv(10) == b""
+        assert len(talk(ports["command_port"], REQUESTS)) == len(REQUESTS)
 
 
 @pytest.fixture

@@ -41,8 +41,8 @@ class Process:
         self.lines: List[str] = []
         self.command = list(command)
         self.popen = subprocess.Popen(self.command, env=environment, cwd=str(folder), stdout=subprocess.PIPE,
-                                      stderr=subprocess.STDOUT, universal_newlines=True, errors="replace",
-                                      **dict({"stdin": subprocess.DEVNULL}, **options))
+                                      universal_newlines=True, errors="replace",
+                                      **dict({"stdin": subprocess.DEVNULL, "stderr": subprocess.STDOUT}, **options))
         self._reader = threading.Thread(target=self._read)
         self._reader.start()
 

@@ -1,5 +1,6 @@
 """jaka_bag record on a real master: what is published is what is in the file, whoever publishes it and however."""
 import json
+import os
 import re
 import signal
 import struct
@@ -8,7 +9,8 @@ import threading
 import live_ros
 import live_samples
 import pytest
-from live_ros import with_subscribers
+from arm_bench import fill
+from live_ros import all_read, with_subscribers
 from live_samples import content, string_connection, string_frame, twist_connection, twist_frame
 from mcap.reader import make_reader
 
@@ -135,6 +137,28 @@ def test_types_that_conflict_are_both_recorded_and_said(graph):
     assert sorted(content(graph.folder / "log.bag")["/a"]) == sorted([twist_frame(1)[4:], string_frame("other")[4:]])
     assert "different types" in recorder.output
     assert "geometry_msgs/TwistStamped" in recorder.output
+
+
+def test_nobody_reads_what_the_recorder_says_and_it_records_all_the_same(graph):
+    reading, writing = os.pipe()
+    recorder = graph.jaka_bag("record", "/a", "-O", "log.bag", stderr=writing)
+    os.close(writing)
+    with open(reading, encoding="utf-8", errors="replace") as said:
+        assert "recording to" in said.readline()
+        fill(said)
+        with graph.publisher("/one") as one, graph.publisher("/two") as two:
+            first = one.advertise("/a", twist_connection("/a"), False)
+            with_subscribers(one, first)
+            second = two.advertise("/a", string_connection("/a"), False)  # the recorder has something to say to that
+            with_subscribers(two, second)
+            publish_numbers(one, first, range(1, 101))
+            two.publish(second, string_frame("other"))
+            all_read(one)
+            all_read(two)
+        recorder.popen.send_signal(signal.SIGINT)
+        assert "both are recorded" in said.read()
+    assert recorder.wait() == 0
+    assert len(content(graph.folder / "log.bag")["/a"]) == 101
 
 
 def test_skipped_sequence_numbers_are_counted_and_always_said(graph):
