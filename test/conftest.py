@@ -1,9 +1,10 @@
-"""Which test files are collected: those that need ROS only where ROS can be imported.
+"""What holds for all tests: which files are collected, those that need ROS only where ROS can be imported; signals.
 
 A plain Python without ROS (another version, another machine) runs the rest. A file needs ROS when it, or a module of
 the package that it imports, imports a ROS package. What was left out is said at the end.
 """
 import importlib.util
+import signal
 from pathlib import Path
 from typing import List
 
@@ -18,6 +19,12 @@ ROS_PACKAGES = (
 MISSING = frozenset(name for name in ROS_PACKAGES if importlib.util.find_spec(name) is None)
 NEED_ROS = (import_graph.ROOT / "test" / "ros", import_graph.ROOT / "test" / "packaging")
 left_out: List[str] = []
+
+
+def pytest_configure(config):
+    """A shell starts what it puts in the background with SIGINT ignored, which programs inherit; ours are sent it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_ignore_collect(collection_path, config):
