@@ -77,10 +77,15 @@ class Guard:
             self._process.wait()
 
     def _start_process(self) -> "subprocess.Popen[bytes]":
-        """In a session of its own, so that what ends the driver's process group does not end the guard first."""
-        process = subprocess.Popen(
-            [sys.executable, "-m", __name__, "--host", self._host, "--port", str(self._port)],
-            stdin=subprocess.PIPE, start_new_session=True, bufsize=0)
+        """In a session of its own, so that what ends the driver's process group does not end the guard first.
+
+        One that replaces another knows from the start whether the arm moves: the driver may be dead before its first
+        word.
+        """
+        command = [sys.executable, "-m", __name__, "--host", self._host, "--port", str(self._port)]
+        if self._word == _MOVING:
+            command.append("--moving")
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True, bufsize=0)
         if process.stdin is not None:
             os.set_blocking(process.stdin.fileno(), False)
         self._started_at = time.monotonic()
@@ -105,9 +110,8 @@ class Guard:
             self._say(self._word)
 
 
-def watch(pipe: int, host: str, port: int, driver: int, say: Callable[[str], None]) -> None:
+def watch(pipe: int, host: str, port: int, driver: int, is_moving: bool, say: Callable[[str], None]) -> None:
     """The guard's whole life: read the words of the driver, a process id, until it leaves or dies."""
-    is_moving = False
     while True:
         readable, _, _ = select.select([pipe], [], [], SILENCE_TIMEOUT)
         if not readable and waits_for_processor(driver):
@@ -166,9 +170,10 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser = argparse.ArgumentParser(prog="jaka_guard", description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--host", required=True, help="address of the controller")
     parser.add_argument("--port", required=True, type=int, help="its command port")
+    parser.add_argument("--moving", action="store_true", help="the driver moves the arm already")
     args = parser.parse_args(argv)
     voice = Voice("guard")
-    watch(sys.stdin.fileno(), args.host, args.port, os.getppid(), voice.say)
+    watch(sys.stdin.fileno(), args.host, args.port, os.getppid(), args.moving, voice.say)
     voice.close(_SAY_TIMEOUT)
     return 0
 

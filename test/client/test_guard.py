@@ -61,8 +61,8 @@ def driver(bench, root):
         process.communicate(timeout=WAIT)
 
 
-def guards():
-    """(pid, command line) of every live guard process."""
+def guards_of(one):
+    """Process ids of the live guards of this controller."""
     found = []
     for pid in filter(str.isdigit, os.listdir("/proc")):
         try:
@@ -70,13 +70,9 @@ def guards():
                 words = file.read().split(b"\0")
         except OSError:
             continue
-        if b"jaka_ros_driver.client.guard" in words:
-            found.append((int(pid), words))
+        if b"jaka_ros_driver.client.guard" in words and str(one.controller.command_port).encode() in words:
+            found.append(int(pid))
     return found
-
-
-def guard_count(one):
-    return sum(str(one.controller.command_port).encode() in words for _, words in guards())
 
 
 @pytest.mark.parametrize("motion", ["move", "jog", "servo"])
@@ -87,7 +83,7 @@ def test_the_arm_is_stopped_when_the_driver_dies_or_freezes(driver, motion, deat
     process.send_signal(death)
     assert eventually(lambda: not one.is_moving() and not one.controller.state()["is_servo_active"])
     if death == signal.SIGKILL:
-        assert eventually(lambda: guard_count(one) == 0), "the guard outlives the driver"
+        assert eventually(lambda: not guards_of(one)), "the guard outlives the driver"
     time.sleep(0.3)  # leaving servo mode is the first of the guard's two words
     stop = one.times_of("stop_program")[0]
     assert stop - died_at < 1.0
@@ -102,14 +98,14 @@ def test_the_arm_is_stopped_though_nobody_reads_what_the_guard_says(driver):
     assert eventually(lambda: not one.is_moving())
     assert one.times_of("stop_program")
     process.send_signal(signal.SIGKILL)
-    assert eventually(lambda: guard_count(one) == 0), "a guard that is not heard outlives its driver"
+    assert eventually(lambda: not guards_of(one)), "a guard that is not heard outlives its driver"
 
 
 def test_a_driver_that_dies_idle_is_none_of_the_guards_business(driver):
     one, process = driver("idle")
-    assert guard_count(one) == 1
+    assert len(guards_of(one)) == 1
     process.kill()
-    assert eventually(lambda: guard_count(one) == 0)
+    assert eventually(lambda: not guards_of(one))
     assert one.times_of("stop_program") == []
 
 
@@ -119,7 +115,7 @@ def test_a_driver_that_leaves_in_good_order_takes_its_guard_along(driver):
     process.stdin.flush()
     _, errors = process.communicate(timeout=WAIT)
     assert process.returncode == 0 and "guard" not in errors
-    assert guard_count(one) == 0
+    assert not guards_of(one)
     assert len(one.times_of("stop_program")) == 1
 
 
@@ -130,19 +126,30 @@ def test_an_arm_that_could_not_be_stopped_at_shutdown_is_stopped_by_the_guard(dr
     process.stdin.write("\n")
     process.stdin.flush()
     assert eventually(lambda: not one.is_moving())
-    assert eventually(lambda: guard_count(one) == 0)
+    assert eventually(lambda: not guards_of(one))
     assert one.times_of("stop_program")
 
 
 def test_a_guard_that_dies_is_replaced(driver):
     one, process = driver("jog")
-    (pid, _), = [guard for guard in guards() if str(one.controller.command_port).encode() in guard[1]]
+    pid, = guards_of(one)
     os.kill(pid, signal.SIGKILL)
-    assert eventually(lambda: [p for p, w in guards() if str(one.controller.command_port).encode() in w
-                               and p != pid])
+    assert eventually(lambda: set(guards_of(one)) - {pid})
     process.kill()
     assert eventually(lambda: not one.is_moving())
     assert one.times_of("stop_program")
+
+
+def test_a_guard_that_never_hears_a_word_of_its_driver_stops_what_the_driver_moved(driver):
+    one, process = driver("jog")
+    pid, = guards_of(one)
+    process.send_signal(signal.SIGSTOP)
+    os.kill(pid, signal.SIGKILL)
+    successor = [sys.executable, "-m", "jaka_ros_driver.client.guard", "--host", "127.0.0.1",
+                 "--port", str(one.controller.command_port), "--moving"]
+    assert one.is_moving()
+    subprocess.run(successor, stdin=subprocess.DEVNULL, check=True, timeout=WAIT)
+    assert eventually(lambda: not one.is_moving())
 
 
 def test_a_frozen_driver_that_thaws_does_not_resume(driver):
