@@ -40,7 +40,7 @@ def deaths_of(live, number, motion, repeats):
             live.process.communicate(timeout=20.0)
             assert eventually(lambda: not live.guards()), "a guard is left"
         if pending is not None:
-            pending._thread.join(20.0)
+            pending.wait()
     return moments
 
 

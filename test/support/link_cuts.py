@@ -103,8 +103,7 @@ class LinkWatch:
         noticed = min(at for at in self._lost if at >= struck)
         assert eventually(self._works), "not usable after " + name
         usable = time.monotonic()
-        writing._thread.join(20.0)
-        assert writing.is_over, "a call hangs after " + name
+        writing.wait()
         self._assert_nothing_moves(name, pending)
         silent_from = noticed + 0.3
         if cut.down > 0.0 and name != "silent for a while":
