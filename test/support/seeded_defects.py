@@ -79,7 +79,7 @@ DEFECTS: Dict[str, Defect] = {
     "two joints swapped": Defect(_swap, Stage.JOINTS, "joint_2"),
     "RPY for rotation vector": Defect(_rpy, Stage.ORIENTATION),
     "state topic at 60 Hz": Defect(_states_at(60), Stage.RATES),
-    "state topic at 110 Hz": Defect(_states_at(110), Stage.RATES),
+    "state topic at 90 Hz": Defect(_states_at(90), Stage.RATES),
     "state topic in bursts of 0.1 s": Defect(_bursts, Stage.JITTER),
     "stale stamps": Defect(_stale_stamps, Stage.STAMPS, "latency"),
     "stamps that stand still": Defect(_frozen_stamps, Stage.STAMPS, "repeated"),

@@ -32,7 +32,7 @@ def _choice(default: str, allowed: Tuple[str, ...], doc: str) -> str:
 class StreamTolerance:
     """What must hold of a topic whatever it carries."""
 
-    rate_percent: float = _number(10.0, "mean rate: off by this much, either way, of the golden rate")
+    rate_percent: float = _number(25.0, "mean rate: off by this much, either way, of the golden rate")
     jitter_ms: float = _number(75.0, "99th percentile of |interval - mean interval|: more than the golden one by this")
     gap_s: float = _number(0.5, "a silence longer than this is a gap: both logs must have the same ones")
     gap_length_s: float = _number(1.0, "length of a gap: off by this much")
