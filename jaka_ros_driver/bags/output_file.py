@@ -99,10 +99,10 @@ class OutputFile:
         """Close and remove the working file; nothing of the final name is touched."""
         if self._is_finished:
             return
-        self._is_finished = True
-        self.file.close()
         with contextlib.suppress(FileNotFoundError):
             os.unlink(str(self.working_path))
+        self._is_finished = True
+        self.file.close()
 
     def __enter__(self) -> "OutputFile":
         return self

@@ -262,6 +262,7 @@ def test_an_interrupted_conversion_leaves_nothing(tmp_path):
             "from jaka_ros_driver.bags.cli import main\n"
             "real = copying.LossNotes.look\n"
             "def look(self, block):\n"
+            "    copying.LossNotes.look = real\n"
             "    os.kill(os.getpid(), signal.%s)\n"
             "    return real(self, block)\n"
             "copying.LossNotes.look = look\n"

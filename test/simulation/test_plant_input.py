@@ -2,7 +2,7 @@
 import math
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from plant_watch import PlantWatch
 
@@ -86,6 +86,7 @@ def test_servo_points(target, relative, cycles, cartesian):
 
 @MANY
 @given(kind=st.sampled_from(ServoFilter), values=SIX)
+@example(kind=ServoFilter.JOINT_MEAN, values=(1.0, 1.0, 0.0, 2.0, 0.0, 0.0))
 def test_filter_parameters(kind, values):
     names = {ServoFilter.NONE: (), ServoFilter.JOINT_LOW_PASS: ("lpf_cf",),
              ServoFilter.JOINT_LIMITS: ("nlf_max_vr", "nlf_max_ar", "nlf_max_jr"),
@@ -100,6 +101,8 @@ def test_filter_parameters(kind, values):
         return
     watch.plant.enter_servo()
     for _ in range(10):
+        if not watch.plant.is_servo_active:  # the filter made the joints too fast, which ends the mode
+            break
         watch.plant.servo_joint((0.01, 0.0, 0.0, 0.0, 0.0, 0.0), relative=True)
         watch.step()
         assert all(map(math.isfinite, watch.plant.joint_position))
