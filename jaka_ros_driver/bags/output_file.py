@@ -96,13 +96,15 @@ class OutputFile:
         self.file.close()
 
     def abort(self) -> None:
-        """Close and remove the working file; nothing of the final name is touched."""
+        """Remove and close the working file; nothing of the final name is touched."""
         if self._is_finished:
             return
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(str(self.working_path))
-        self._is_finished = True
-        self.file.close()
+        try:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(str(self.working_path))
+        finally:
+            self._is_finished = True
+            self.file.close()
 
     def __enter__(self) -> "OutputFile":
         return self

@@ -20,12 +20,12 @@ os.environ["ROS_IP"] = "127.0.0.1"
 
 import conftest  # noqa: E402
 import rospy  # noqa: E402
-from arm_bench import eventually  # noqa: E402
+from arm_bench import eventually, processes_with  # noqa: E402
 from geometry_msgs.msg import TwistStamped  # noqa: E402
 from host_load import HostLoad  # noqa: E402
-from launching import launched_parent  # noqa: E402
 from ros_bench import HOME, TYPES, InBackground, SimulatorProcess  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
+from soak_bench import master, percentile  # noqa: E402
 
 from jaka_msgs.msg import RobotMsg  # noqa: E402
 from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream  # noqa: E402
@@ -53,27 +53,12 @@ while not rospy.is_shutdown():
 """
 
 
-def percentile(values, share):
-    ordered = sorted(values)
-    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
-
-
 def cpu_seconds(pids):
     ticks = 0
     for pid in pids:
         fields = Path("/proc/%d/stat" % pid).read_text().rsplit(")", 1)[1].split()
         ticks += int(fields[11]) + int(fields[12])
     return ticks / os.sysconf("SC_CLK_TCK")
-
-
-def pids_of(words, unlike="\0none\0"):
-    found = []
-    for pid in filter(str.isdigit, os.listdir("/proc")):
-        with contextlib.suppress(OSError):
-            line = Path("/proc/%s/cmdline" % pid).read_text()
-            if words in line and unlike not in line and int(pid) != os.getpid():
-                found.append(int(pid))
-    return found
 
 
 def print_row(what, *figures):
@@ -209,9 +194,6 @@ def judge_by_the_log(log_file, seen, stops, pending):
 
 
 def measure(duration, folder):
-    host = HostLoad()
-    print("at start: load average %.2f" % os.getloadavg()[0])
-    rospy.init_node("bench_driver", anonymous=True, disable_signals=True)
     bare = subprocess.Popen([sys.executable, "-c", BARE_PUBLISHER])
     bare_cpu = measure_topics("bare rospy publisher", [bare.pid], duration / 2)
     bare.terminate()
@@ -220,8 +202,8 @@ def measure(duration, folder):
     with contextlib.closing(SimulatorProcess("--start", "enabled", "--log", log_file)) as simulator:
         with conftest.driven(simulator) as arm:
             arm.wait_until_ready()
-            driver = pids_of("__name:=jaka_driver")
-            guard = pids_of("jaka_ros_driver.client.guard\0--host")
+            driver = processes_with("__name:=jaka_driver\0")
+            guard = processes_with("jaka_ros_driver.client.guard", "--port\0%d\0" % simulator.command_port)
             threads = threading.active_count()
             cpu = measure_topics("driver", driver, duration)
             print_row("driver: CPU beside the bare publisher's", "%.2f x" % (cpu / bare_cpu))
@@ -233,19 +215,12 @@ def measure(duration, folder):
             measure_services(arm)
             assert threading.active_count() < threads + 20
     judge_by_the_log(log_file, seen, stops, pending)
-    print("in all: %s" % host)
 
 
 def main():
     duration = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
-    folder = tempfile.mkdtemp()
-    port = conftest.free_port()
-    os.environ.update(ROS_MASTER_URI="http://127.0.0.1:%d" % port, ROS_HOME=folder, ROS_LOG_DIR=folder)
-    with launched_parent(is_core=True, port=port):
-        try:
-            measure(duration, folder)
-        finally:
-            rospy.signal_shutdown("done")
+    with master(), tempfile.TemporaryDirectory() as folder:
+        measure(duration, folder)
 
 
 if __name__ == "__main__":

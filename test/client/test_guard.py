@@ -6,7 +6,7 @@ import sys
 import time
 
 import pytest
-from arm_bench import WAIT, eventually, fill
+from arm_bench import WAIT, eventually, fill, processes_with
 
 from jaka_ros_driver.client.guard import waits_for_processor
 
@@ -63,16 +63,7 @@ def driver(bench, root):
 
 def guards_of(one):
     """Process ids of the live guards of this controller."""
-    found = []
-    for pid in filter(str.isdigit, os.listdir("/proc")):
-        try:
-            with open("/proc/%s/cmdline" % pid, "rb") as file:
-                words = file.read().split(b"\0")
-        except OSError:
-            continue
-        if b"jaka_ros_driver.client.guard" in words and str(one.controller.command_port).encode() in words:
-            found.append(int(pid))
-    return found
+    return processes_with("jaka_ros_driver.client.guard", "--port\0%d\0" % one.controller.command_port)
 
 
 @pytest.mark.parametrize("motion", ["move", "jog", "servo"])

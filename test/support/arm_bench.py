@@ -38,6 +38,17 @@ def fill(pipe):
         os.close(descriptor)
 
 
+def processes_with(*words):
+    """Process ids of those whose command line (words end with a NUL) has all of these."""
+    found = []
+    for pid in filter(str.isdigit, os.listdir("/proc")):
+        with contextlib.suppress(OSError), open("/proc/%s/cmdline" % pid, encoding="utf-8", errors="replace") as file:
+            line = file.read()
+            if all(word in line for word in words):
+                found.append(int(pid))
+    return found
+
+
 class Bench:
     """One simulated controller with its log, and the client that drives it."""
 

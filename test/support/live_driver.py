@@ -1,10 +1,10 @@
 """The driver's program on a simulated controller that keeps a log, both processes of their own; motions under way."""
-import contextlib
 import os
 import signal
 import time
 
 import rospy
+from arm_bench import processes_with
 from ros_bench import HOME, WAIT, Arm, DriverProcess, InBackground, SimulatorProcess, eventually, on
 from wire_verdict import WireVerdict
 
@@ -74,17 +74,6 @@ class LiveDriver:
     def __exit__(self, *_):
         if self.simulator is not None:
             self.close()
-
-
-def processes_with(*words):
-    """Process ids of those whose command line (words end with a NUL) has all of these."""
-    found = []
-    for pid in filter(str.isdigit, os.listdir("/proc")):
-        with contextlib.suppress(OSError), open("/proc/%s/cmdline" % pid, encoding="utf-8", errors="replace") as file:
-            line = file.read()
-            if all(word in line for word in words):
-                found.append(int(pid))
-    return found
 
 
 # ---- motions, each long enough to be cut short: they return what waits for their end, None where nothing does.

@@ -44,8 +44,9 @@ class HostWatch:
         before = time.monotonic()
         while not self._is_over.wait(EVERY_S):
             now = time.monotonic()
-            if now - before - EVERY_S > NOTABLE_S:
-                self.pauses.append(Pause(time.time_ns(), now - before - EVERY_S))
+            late = now - before - EVERY_S
+            if late > NOTABLE_S:
+                self.pauses.append(Pause(time.time_ns(), late))
             before = now
 
     def words(self, since_ns: int, time_scale: float = 1.0) -> str:
