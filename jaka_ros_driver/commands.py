@@ -3,10 +3,17 @@
 Orientation is always rpy: rotations about the fixed axes x, then y, then z (R = Rz Ry Rx), rad.
 """
 import enum
+import math
 from dataclasses import dataclass
-from typing import Tuple, Union
+from typing import Optional, Tuple, Union
 
 from jaka_ros_driver.state import IoBank, Vector
+
+TURN_LEVER = 0.1
+"""m; a linear move that is given no angular speed turns as fast as its linear speed moves a point so far off."""
+TURN_SPEED_CEILING = math.pi
+TURN_ACCELERATION_CEILING = 4.0 * math.pi
+"""rad/s and rad/s2; what the maker's SDK has every linear move turn with, so that no rule of ours is faster."""
 
 
 class JogFrame(enum.IntEnum):
@@ -36,12 +43,37 @@ class JointMove:
 
 @dataclass(frozen=True)
 class LinearMove:
-    """Straight line of the active tool in the active user frame. speed m/s, acceleration m/s2, tolerance m."""
+    """Straight line of the active tool in the active user frame, turning on the way; the slower of both decides.
+
+    Attributes:
+        target: Where it ends.
+        speed: Of the tool centre point, m/s.
+        acceleration: m/s2.
+        tolerance: m.
+        angular_speed: Of the tool's orientation, rad/s; None: it follows from ``speed``, see ``turn_speed``.
+        angular_acceleration: rad/s2; None: it follows from ``acceleration``.
+    """
 
     target: Pose
     speed: float
     acceleration: float
     tolerance: float = 0.0005
+    angular_speed: Optional[float] = None
+    angular_acceleration: Optional[float] = None
+
+    @property
+    def turn_speed(self) -> float:
+        """Angular speed, rad/s. A controller that is told none turns at its fastest, however slow the line is."""
+        if self.angular_speed is not None:
+            return self.angular_speed
+        return min(self.speed / TURN_LEVER, TURN_SPEED_CEILING)
+
+    @property
+    def turn_acceleration(self) -> float:
+        """Angular acceleration, rad/s2."""
+        if self.angular_acceleration is not None:
+            return self.angular_acceleration
+        return min(self.acceleration / TURN_LEVER, TURN_ACCELERATION_CEILING)
 
 
 @dataclass(frozen=True)
@@ -217,6 +249,13 @@ class InverseKinematics:
     reference: Vector
 
 
+@dataclass(frozen=True)
+class SetLinkLoss:
+    """What the controller does when the command link breaks: ``seconds`` later it stops the arm; 0: it goes on."""
+
+    seconds: float
+
+
 class Query(enum.Enum):
     """A question without arguments; the value is the type of its result, in words."""
 
@@ -227,6 +266,8 @@ class Query(enum.Enum):
     USER_FRAMES = "tuple of Pose, by user frame id"
     PAYLOAD = "SetPayload"
     COLLISION_LEVEL = "int, 0..5"
+    SIMULATOR_IDENTITY = "str, what the simulated controller was named; only that one knows the question"
+    HAND_GUIDING = "bool, True while hand guiding is on"
 
 
 @dataclass(frozen=True)
@@ -250,7 +291,7 @@ Motion = Union[JointMove, LinearMove]
 Command = Union[
     JointMove, LinearMove, Jog, JogStop, Stop, SetServoMode, ServoJoint, ServoPose, SetPower, SetEnabled,
     ClearError, SetToolFrame, SelectTool, SetUserFrame, SelectUserFrame, SetPayload, SetHandGuiding,
-    SetCollisionLevel, SetDigitalOutput, SetAnalogOutput, SetRapidRate, SetFeedPeriod, ForwardKinematics,
-    InverseKinematics, Query, GetDigitalOutput, GetAnalogOutput]
+    SetCollisionLevel, SetDigitalOutput, SetAnalogOutput, SetRapidRate, SetFeedPeriod, SetLinkLoss,
+    ForwardKinematics, InverseKinematics, Query, GetDigitalOutput, GetAnalogOutput]
 
 JOINTS: Tuple[str, ...] = tuple("joint_%d" % n for n in range(1, 7))

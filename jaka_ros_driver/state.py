@@ -113,6 +113,14 @@ class RobotState:
         return self.error_code != 0 and not 0x10F0000 <= self.error_code <= 0x10FFFFF
 
     @property
+    def has_warning(self) -> bool:
+        """True while the event code only warns that a joint is about to hit a soft limit, and the arm moves on.
+
+        Source: controller protocol 4.4, entries 0x0n0033 and 0x0n0034 of joint n + 1.
+        """
+        return self.error_code & 0xFFFF in (0x33, 0x34) and 0 <= self.error_code >> 16 <= 5
+
+    @property
     def motion_state(self) -> MotionState:
         """The motion state of the ROS interface; the worst condition that holds wins."""
         if self.emergency_stop:

@@ -1,182 +1,205 @@
-"""A small process beside the driver that stops the arm when the driver dies or freezes in the middle of a motion.
+"""The driver's end of the guard, which is a process of its own: guard_process.py says what that does.
 
-The driver writes a byte every 20 ms into the guard's standard input: whether it moves the arm now, or that it leaves
-in good order. When the pipe closes without a farewell, or no byte comes for 0.25 s (1 s where the host is so busy
-that the driver gets no time), and the driver was moving the arm, the guard takes the command port over (the newest
-client wins, controller protocol 1) and stops the arm.
-
-What it cannot do: it needs this computer, its network and the controller. Against the loss of those only the
-controller's own safety functions help.
+Driver and guard watch each other. A guard that has died, or does not answer, is replaced.
 """
-import argparse
+import logging
 import os
-import select
 import subprocess
 import sys
 import threading
 import time
-from typing import Callable, List, Optional
+from dataclasses import dataclass
+from typing import Callable, List, Optional, Tuple
 
-from jaka_ros_driver.client.arm_links import request_all
-from jaka_ros_driver.client.transport import CommandLink
-from jaka_ros_driver.commands import SetServoMode, Stop
-from jaka_ros_driver.errors import JakaError
-from jaka_ros_driver.voice import Voice
+from jaka_ros_driver.client import guard_process
+from jaka_ros_driver.client.driver_pipe import FAREWELL, IDLE, MOVING
+from jaka_ros_driver.client.guard_post import ANSWER_TIMEOUT, BEAT_PERIOD, START_TIMEOUT, GuardPost
 
-BEAT_PERIOD = 0.02
-SILENCE_TIMEOUT = 0.25
-STARVED_TIMEOUT = 1.0
-"""s; on a busy host a live driver that gets no time is waited for so long."""
-_MOVING, _IDLE, _FAREWELL = b"m", b"i", b"q"
-_STOP_TRIES_FOR = 10.0
-_TRY_PERIOD = 0.05
+_LOG = logging.getLogger(__name__)
+
+HELD_UP = 0.3
+"""s; after a longer gap between two beats the driver was held up itself: how long the guard was silent is not known."""
 _EXIT_TIMEOUT = 2.0
-_RESTART_PERIOD = 0.5
-_SAY_TIMEOUT = 0.5
+_RESTART_PERIODS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
+
+
+@dataclass(frozen=True)
+class GuardHealth:
+    """How the guard process does.
+
+    Attributes:
+        is_alive: It runs and answers; False until it has answered for the first time.
+        replacements: How often it had to be replaced since the start.
+        last_trouble: What went wrong last, empty for nothing.
+    """
+
+    is_alive: bool
+    replacements: int
+    last_trouble: str
 
 
 class Guard:
-    """The driver's end: starts the guard process, keeps telling it what it does, and sends it away."""
+    """Starts the guard process, keeps telling it what the driver does, replaces it, and sends it away.
 
-    def __init__(self, host: str, port: int) -> None:
-        self._host = host
-        self._port = port
+    It has no thread of its own: the driver's loop calls ``beat``. Any thread may call the rest.
+    """
+
+    def __init__(self, host: str, command_port: int, status_port: int,
+                 clock: Callable[[], float] = time.monotonic) -> None:
+        """Start the guard process.
+
+        Args:
+            host: Address of the controller.
+            command_port: Its command port, on which the arm is stopped.
+            status_port: Its status port, on which the guard sees whether it has stopped.
+            clock: The clock of ``beat``, s.
+
+        Raises:
+            OSError: It could not be started.
+        """
+        self._command = [sys.executable, "-m", guard_process.__name__, "--host", host, "--port", str(command_port),
+                         "--status-port", str(status_port), "--driver", str(os.getpid())]
         self._lock = threading.Lock()
-        self._word = _IDLE
-        self._process = self._start_process()
-        self._is_closing = threading.Event()
-        self._thread = threading.Thread(target=self._beat, name="guard heartbeat", daemon=True)
-        self._thread.start()
-
-    @property
-    def is_alive(self) -> bool:
-        """The guard process runs."""
-        return self._process.poll() is None
+        self._word = IDLE
+        self._beat_at = clock()
+        self._start_at = 0.0
+        self._failures = 0
+        self._replacements = 0
+        self._trouble = ""
+        self._is_closing = False
+        self._starter: Optional[threading.Thread] = None
+        self._dismissed: List[GuardPost] = []
+        self._post: Optional[GuardPost] = GuardPost(clock())
+        self._post.launch(self._command)
 
     def tell(self, is_moving: bool) -> None:
         """Tell at once, before the motion's first byte is on the wire."""
-        self._word = _MOVING if is_moving else _IDLE
-        self._say(self._word)
+        with self._lock:
+            self._word = MOVING if is_moving else IDLE
+            if self._post is not None:
+                self._post.say(self._word)
+
+    def beat(self, now: float) -> None:
+        """Show the guard that the driver lives, and see whether the guard does; never waits.
+
+        Call it every 20 ms; what comes sooner is passed over.
+        """
+        with self._lock:
+            gap = now - self._beat_at
+            if gap < BEAT_PERIOD or self._is_closing:
+                return
+            self._beat_at = now
+            news = self._attend(now, gap > HELD_UP)
+        for level, text in news:
+            _LOG.log(level, "guard process: %s", text)
+
+    def health(self) -> GuardHealth:
+        """How the guard process does."""
+        with self._lock:
+            post = self._post
+            return GuardHealth(post is not None and post.has_answered, self._replacements, self._trouble)
 
     def close(self) -> None:
         """Leave in good order; where the arm was left moving, without a farewell: then the guard stops it, alone."""
-        self._is_closing.set()
-        self._thread.join()
-        is_moving = self._word == _MOVING
-        if not is_moving:
-            self._say(_FAREWELL)
-        pipe = self._process.stdin
-        if pipe is not None:
-            pipe.close()
-        if is_moving:
-            return
-        try:
-            self._process.wait(_EXIT_TIMEOUT)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-
-    def _start_process(self) -> "subprocess.Popen[bytes]":
-        """In a session of its own, so that what ends the driver's process group does not end the guard first.
-
-        One that replaces another knows from the start whether the arm moves: the driver may be dead before its first
-        word.
-        """
-        command = [sys.executable, "-m", __name__, "--host", self._host, "--port", str(self._port)]
-        if self._word == _MOVING:
-            command.append("--moving")
-        process = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True, bufsize=0)
-        if process.stdin is not None:
-            os.set_blocking(process.stdin.fileno(), False)
-        self._started_at = time.monotonic()
-        return process
-
-    def _say(self, word: bytes) -> None:
         with self._lock:
-            pipe = self._process.stdin
-            try:
-                if pipe is not None and not pipe.closed and pipe.write(word) is None:
-                    self._process.kill()  # it does not read: frozen, and no guard
-            except OSError:
-                pass
+            self._is_closing = True
+            post, self._post = self._post, None
+        if self._starter is not None:
+            self._starter.join(_EXIT_TIMEOUT)
+        if self._word == MOVING:
+            self._leave_the_arm_to(post)
+        elif post is not None:
+            _send_away(post)
 
-    def _beat(self) -> None:
-        while not self._is_closing.wait(BEAT_PERIOD):
-            if not self.is_alive and time.monotonic() > self._started_at + _RESTART_PERIOD:
-                with self._lock:
-                    if self._process.stdin is not None:
-                        self._process.stdin.close()
-                    self._process = self._start_process()
-            self._say(self._word)
+    def _attend(self, now: float, was_held_up: bool) -> List[Tuple[int, str]]:
+        """Say the word and hear the answer; what is to be logged."""
+        post = self._post
+        if post is None:
+            return self._replace(now) if now >= self._start_at else []
+        post.say(self._word)
+        had_answered, was_stopping = post.has_answered, post.is_stopping
+        post.listen(now)
+        if was_held_up:
+            post.heard_at = now
+        silent = now - post.heard_at
+        if post.has_ended:
+            return self._dismiss(post, "has ended", now)
+        if silent > ANSWER_TIMEOUT and silent > post.silence_limit():
+            return self._dismiss(post, "does not answer for %.1f s" % silent, now)
+        if post.is_stopping and not was_stopping:
+            self._trouble = "found this driver silent while the arm moved, and stops the arm"
+            return [(logging.ERROR, self._trouble)]
+        if self._replacements and post.has_answered and not had_answered:
+            return [(logging.INFO, "watches again")]
+        return []
 
+    def _dismiss(self, post: GuardPost, trouble: str, now: float) -> List[Tuple[int, str]]:
+        """Have the guard replaced; one that did not live for long is not followed at once by the next."""
+        post.kill()
+        post.leave()
+        self._dismissed.append(post)
+        self._post = None
+        self._trouble = trouble
+        if now - post.began_at > START_TIMEOUT and post.has_answered:
+            self._failures = 0
+        self._start_at = now + _RESTART_PERIODS[min(self._failures, len(_RESTART_PERIODS) - 1)]
+        self._failures += 1
+        return [(logging.ERROR, trouble + ", and is replaced")] + (self._replace(now) if now >= self._start_at else [])
 
-def watch(pipe: int, host: str, port: int, driver: int, is_moving: bool, say: Callable[[str], None]) -> None:
-    """The guard's whole life: read the words of the driver, a process id, until it leaves or dies."""
-    while True:
-        readable, _, _ = select.select([pipe], [], [], SILENCE_TIMEOUT)
-        if not readable and waits_for_processor(driver):
-            readable, _, _ = select.select([pipe], [], [], STARVED_TIMEOUT - SILENCE_TIMEOUT)
-        words = os.read(pipe, 4096) if readable else None
-        if words is not None and _FAREWELL in words:
-            return
-        if words:
-            is_moving = words[-1:] == _MOVING
-            continue
-        if is_moving:
-            say("the driver %s while the arm moves, stopping the arm" % ("has died" if words == b"" else "is silent"))
-            stop_arm(host, port, say)
-            is_moving = False
-        if words == b"":
-            return
-
-
-def waits_for_processor(process: int) -> bool:
-    """A thread of the process could run and gets no time: silent, but neither stopped nor hung. False where unknown."""
-    try:
-        threads = os.listdir("/proc/%d/task" % process)
-    except OSError:
-        return False
-    for thread in threads:
+    def _replace(self, now: float) -> List[Tuple[int, str]]:
+        """Start another guard, in a thread: to start a process takes time, which the driver's loop does not have."""
+        post = None
         try:
-            with open("/proc/%d/task/%s/stat" % (process, thread)) as file:
-                if file.read().rpartition(")")[2].split()[0] == "R":
-                    return True
-        except (OSError, IndexError):
-            continue
-    return False
+            post = GuardPost(now)
+            post.say(self._word)
+            self._starter = threading.Thread(target=self._launch, args=(post, self._told_now(), self._dismissed),
+                                             name="guard starter", daemon=True)
+            self._starter.start()
+        except (OSError, RuntimeError) as error:  # no more files, no more threads
+            if post is not None:
+                post.leave()
+            self._start_at = now + _RESTART_PERIODS[-1]
+            self._trouble = "cannot be started: %s" % error
+            return [(logging.ERROR, self._trouble)]
+        self._post = post
+        self._dismissed = []
+        self._replacements += 1
+        return []
 
+    def _told_now(self) -> List[str]:
+        """The command line; it tells whether the arm moves: the driver may be dead before its first word."""
+        return self._command + (["--moving"] if self._word == MOVING else [])
 
-def stop_arm(host: str, port: int, say: Callable[[str], None]) -> bool:
-    """Take the command port over and stop all motion; tries for 10 s. True when the controller accepted the stop."""
-    give_up_at = time.monotonic() + _STOP_TRIES_FOR
-    while time.monotonic() < give_up_at:
+    @staticmethod
+    def _launch(post: GuardPost, command: List[str], dismissed: List[GuardPost]) -> None:
         try:
-            link = CommandLink(host, port, 1.0, 1.0, lambda reason: None)
+            post.launch(command)
+        except (OSError, ValueError, subprocess.SubprocessError) as error:
+            _LOG.error("guard process: cannot be started: %s", error)
+        for old in dismissed:
+            old.has_exited(_EXIT_TIMEOUT)
+
+    def _leave_the_arm_to(self, post: Optional[GuardPost]) -> None:
+        if post is None or not post.answers_now():
+            if post is not None:
+                post.kill()
+                post.leave()
             try:
-                request_all(link, [SetServoMode(False), Stop()])
-            finally:
-                link.close("guard is done")
-            say("the controller accepted the stop")
-            return True
-        except JakaError as error:
-            say(str(error))
-            time.sleep(_TRY_PERIOD)
-    say("the arm could not be stopped")
-    return False
+                post = GuardPost(0.0)
+                post.launch(self._told_now())
+            except OSError as error:
+                _LOG.error("guard process: cannot be started, nobody stops the arm: %s", error)
+                return
+        post.leave()
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """The guard process; its words come on standard input."""
-    parser = argparse.ArgumentParser(prog="jaka_guard", description=(__doc__ or "").split("\n", 1)[0])
-    parser.add_argument("--host", required=True, help="address of the controller")
-    parser.add_argument("--port", required=True, type=int, help="its command port")
-    parser.add_argument("--moving", action="store_true", help="the driver moves the arm already")
-    args = parser.parse_args(argv)
-    voice = Voice("guard")
-    watch(sys.stdin.fileno(), args.host, args.port, os.getppid(), args.moving, voice.say)
-    voice.close(_SAY_TIMEOUT)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def _send_away(post: GuardPost) -> None:
+    post.say(FAREWELL)
+    if post.has_exited(_EXIT_TIMEOUT):
+        post.leave()
+        return
+    post.listen(0.0)
+    if not post.is_stopping:  # it finishes its work before it goes
+        post.kill()
+        post.has_exited(_EXIT_TIMEOUT)
+    post.leave()

@@ -24,9 +24,14 @@ class ClientSettings:
         enable_timeout: Longest wait for the brakes to open or close.
         jog_timeout: A jog stops so long after the last jog call (interface document 1.1).
         servo_timeout: Servo mode is left so long after the last servo target.
-        servo_max_joint_jump: Largest distance of a servo target from the last one, rad.
+        servo_ahead: A servo target must be reached so long after it came: the stream ends with its client.
+        servo_max_joint_jump: Largest distance of a servo target from the frame sent last, rad.
         servo_max_linear_jump: The same for the position of a Cartesian target, m.
         servo_max_angular_jump: The same for its orientation, rad.
+        link_loss_stop: The controller is asked to stop the arm so long after it has lost this client in the middle of
+            a motion; 0 where it is not asked.
+        simulator: Identity of the simulated controller that was launched with this driver; any other controller is
+            left alone then. Empty: none.
     """
 
     host: str
@@ -42,6 +47,9 @@ class ClientSettings:
     enable_timeout: float = 30.0
     jog_timeout: float = 3.0
     servo_timeout: float = 10.0
+    servo_ahead: float = 0.1
     servo_max_joint_jump: float = 0.1
     servo_max_linear_jump: float = 0.05
     servo_max_angular_jump: float = 0.1
+    link_loss_stop: float = 0.3
+    simulator: str = ""

@@ -1,258 +1,257 @@
-"""TCP connections to the controller, each with its reader thread; the only sockets of the driver."""
+"""The two TCP connections to the controller, non-blocking, and one wait for both; the driver's only sockets."""
+import contextlib
+import errno
+import ipaddress
+import os
+import select
 import socket
 import threading
 import time
-from typing import Any, Callable, List, Mapping, Optional
+from collections import deque
+from typing import Deque, Dict, List, NamedTuple, Tuple, Union
 
-from jaka_ros_driver.commands import Command
-from jaka_ros_driver.errors import CommandRejected, ConnectionLost, FramingError, ProtocolError, ReplyTimeout
-from jaka_ros_driver.protocol import codec
-from jaka_ros_driver.protocol.exchange import Exchange
-from jaka_ros_driver.protocol.framing import ObjectStream, encode_object
+from jaka_ros_driver.client.core.actions import Port
 
 _RECEIVE_BYTES = 1 << 16
-_POLL_S = 0.1
-
-Rejected = Callable[[CommandRejected], None]
-
-
-class Connection:
-    """One TCP connection. A thread reads it and hands the bytes on; it ends once, with one reason."""
-
-    def __init__(self, host: str, port: int, connect_timeout: float, name: str,
-                 on_bytes: Callable[[bytes, bool], None], on_closed: Callable[[str], None],
-                 silence_timeout: Optional[float] = None, on_idle: Optional[Callable[[], None]] = None) -> None:
-        """Connect, and start reading.
-
-        Args:
-            host: Address of the peer.
-            port: Its port.
-            connect_timeout: s.
-            name: What the connection is for, in messages and as the thread's name.
-            on_bytes: Gets what arrives, in the reader thread; True with it where more has piled up behind it.
-            on_closed: Called once, in the reader thread, with the reason.
-            silence_timeout: The connection counts as lost after so long without a byte, s.
-            on_idle: Called in the reader thread at least every 0.1 s.
-
-        Raises:
-            ConnectionLost: The peer cannot be reached.
-        """
-        self.name = name
-        self._on_bytes = on_bytes
-        self._on_closed = on_closed
-        self._on_idle = on_idle
-        self._silence_timeout = silence_timeout
-        self._reason: Optional[str] = None
-        self._reason_lock = threading.Lock()
-        try:
-            self._socket = socket.create_connection((host, port), timeout=connect_timeout)
-        except OSError as error:
-            raise ConnectionLost("cannot connect to the %s of %s:%d: %s" % (name, host, port, error)) from error
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        self._socket.settimeout(_POLL_S)
-        self._thread = threading.Thread(target=self._read, name=name, daemon=True)
-
-    def start(self) -> None:
-        """Begin to read."""
-        self._thread.start()
-
-    def send(self, data: bytes) -> None:
-        """Hand the bytes to the network.
-
-        Raises:
-            ConnectionLost: The connection is closed, or the peer takes no bytes.
-        """
-        try:
-            self._socket.sendall(data)
-        except OSError as error:
-            self.close("%s: sending failed: %s" % (self.name, error))
-            raise ConnectionLost(self._reason) from error
-
-    def close(self, reason: str) -> None:
-        """End the connection; the first reason given is the one that counts."""
-        with self._reason_lock:
-            if self._reason is not None:
-                return
-            self._reason = reason
-        try:
-            self._socket.shutdown(socket.SHUT_RDWR)
-        except OSError:
-            pass
-
-    def join(self) -> None:
-        """Wait until the reader thread has ended."""
-        if threading.current_thread() is not self._thread:
-            self._thread.join()
-
-    def _read(self) -> None:
-        try:
-            self._read_until_closed()
-        finally:  # also where a listener failed: a link that nobody reads must not look like one that is up
-            self.close("%s: the driver failed to read it" % self.name)
-            self._socket.close()
-            self._on_closed(self._reason or "")
-
-    def _read_until_closed(self) -> None:
-        last = time.monotonic()
-        while self._reason is None:
-            try:
-                data = self._socket.recv(_RECEIVE_BYTES)
-            except socket.timeout:
-                silent = time.monotonic() - last
-                if self._silence_timeout is not None and silent > self._silence_timeout:
-                    self.close("%s: silent for %.1f s" % (self.name, silent))
-            except OSError as error:
-                self.close("%s: %s" % (self.name, error))
-            else:
-                if not data:
-                    self.close("%s: closed by the controller" % self.name)
-                    break
-                last = time.monotonic()
-                self._on_bytes(data, len(data) == _RECEIVE_BYTES)
-            if self._on_idle is not None:
-                self._on_idle()
+_READS_A_TURN = 8
+_MAX_UNSENT_BYTES = 1 << 20
 
 
-class Pending:
-    """A request that waits for its reply, or that only wants to hear of a refusal."""
+class Opened(NamedTuple):
+    """The port is connected."""
 
-    def __init__(self, command: Command, timeout: float, on_rejected: Optional[Rejected] = None) -> None:
-        self.command = command
-        self.timeout = timeout
-        self.on_rejected = on_rejected
-        self.event = threading.Event()
-        self.reply: Optional[Mapping[str, Any]] = None
+    port: Port
 
 
-class CommandLink:
-    """The command port: requests out, replies back, several may be on their way (controller protocol 3.2).
+class Failed(NamedTuple):
+    """The port could not be connected."""
 
-    A late reply ends the connection: what the controller did of that command is unknown, and later replies could
-    no longer be told apart.
+    port: Port
+    reason: str
+
+
+class Closed(NamedTuple):
+    """The connection has ended."""
+
+    port: Port
+    reason: str
+
+
+class Received(NamedTuple):
+    """Bytes have arrived."""
+
+    port: Port
+    data: bytes
+
+
+Event = Union[Opened, Failed, Closed, Received]
+
+
+class _Connection:
+    def __init__(self, port: Port, sock: socket.socket, deadline: float) -> None:
+        self.port = port
+        self.socket = sock
+        self.deadline = deadline
+        self.is_open = False
+        self.waits_for_room = False
+        self.unsent = bytearray()
+
+
+class Transport:
+    """At most one connection a port. ``wait`` and ``read`` are for one thread; the rest is called under its lock.
+
+    Nothing here blocks but ``wait``. A host name is resolved in a thread of its own: that may take long.
     """
 
-    def __init__(self, host: str, port: int, connect_timeout: float, reply_timeout: float,
-                 on_closed: Callable[[str], None]) -> None:
-        """Connect.
+    def __init__(self, host: str, ports: Dict[Port, int], connect_timeout: float) -> None:
+        """Prepare.
 
-        Raises:
-            ConnectionLost: The controller cannot be reached.
+        Args:
+            host: Name or address of the controller.
+            ports: TCP port numbers.
+            connect_timeout: Longest wait for a connection, s.
         """
-        self._reply_timeout = reply_timeout
-        self._on_closed = on_closed
-        self._stream = ObjectStream()
-        self._exchange: Exchange[Pending] = Exchange()
-        self._exchange_lock = threading.Lock()
-        self._send_lock = threading.Lock()
-        self._closed_reason = ""
-        self.damaged_replies = 0
-        self._connection = Connection(host, port, connect_timeout, "command port", self._received, self._closed,
-                                      on_idle=self._check_overdue)
-        self._connection.start()
+        self._host = host
+        self._ports = ports
+        self._connect_timeout = connect_timeout
+        self._epoll = select.epoll()  # made first: select() takes low descriptors only
+        self._wake_receive, self._wake_send = socket.socketpair()
+        self._wake_receive.setblocking(False)
+        self._wake_send.setblocking(False)
+        self._epoll.register(self._wake_receive.fileno(), select.EPOLLIN)
+        self._connections: Dict[Port, _Connection] = {}
+        self._by_descriptor: Dict[int, _Connection] = {}
+        self._events: Deque[Event] = deque()
+        self._resolved: Deque[Tuple[Port, int, Union[str, OSError]]] = deque()
+        self._tries: Dict[Port, int] = {}
 
-    @property
-    def is_open(self) -> bool:
-        """False once the connection has ended."""
-        return not self._closed_reason
+    def open(self, port: Port) -> None:
+        """Begin to connect; ``read`` tells how it went."""
+        self._tries[port] = self._tries.get(port, 0) + 1
+        try:
+            ipaddress.ip_address(self._host)
+        except ValueError:
+            threading.Thread(target=self._resolve, args=(port, self._tries[port]), name="resolver",
+                             daemon=True).start()
+        else:
+            self._connect(port, self._host)
 
-    def request(self, command: Command, reply_timeout: Optional[float] = None) -> Any:
-        """Send the command and wait for the controller's word on it.
+    def close(self, port: Port) -> None:
+        """Drop the connection, or the try to connect; nothing more is told of it."""
+        self._tries[port] = self._tries.get(port, 0) + 1
+        connection = self._connections.pop(port, None)
+        if connection is not None:
+            self._forget(connection)
+        self._events = deque(event for event in self._events if event.port is not port)
 
-        Returns:
-            The command's result, None where it has none.
+    def send(self, data: bytes) -> None:
+        """Put bytes on the command port; what the network does not take at once goes out as it can."""
+        connection = self._connections.get(Port.COMMAND)
+        if connection is None or not connection.is_open:
+            return
+        connection.unsent += data
+        if len(connection.unsent) == len(data):
+            self._flush(connection)
+        elif len(connection.unsent) > _MAX_UNSENT_BYTES:
+            self._end(connection, "%s: the controller does not read" % connection.port.value)
 
-        Raises:
-            InvalidCommand: A number in it is not finite; nothing was sent.
-            CommandRejected: The controller refused it.
-            ReplyTimeout: No reply in time; the connection is closed.
-            ConnectionLost: The connection ended before the reply.
-            ProtocolError: The reply does not hold the result.
-        """
-        return self.finish(self.begin([command], reply_timeout)[0])
+    def wake(self) -> None:
+        """End ``wait`` now; from any thread."""
+        with contextlib.suppress(OSError):
+            self._wake_send.send(b"\0")
 
-    def begin(self, commands: List[Command], reply_timeout: Optional[float] = None) -> List["Pending"]:
-        """Send the commands in one go, and return what to wait for with ``finish``, one for each.
+    def wait(self, seconds: float) -> None:
+        """Until something happens, s at most. epoll counts in ms only; select on its descriptor is exact."""
+        select.select([self._epoll], [], [], max(0.0, seconds))
 
-        Raises:
-            InvalidCommand: A number in them is not finite; nothing was sent.
-            ConnectionLost: The connection is closed.
-        """
-        timeout = self._reply_timeout if reply_timeout is None else reply_timeout
-        pendings = [Pending(command, timeout) for command in commands]
-        self._send(pendings)
-        return pendings
-
-    def finish(self, pending: "Pending") -> Any:
-        """Wait for the reply to a command sent with ``begin``; result and errors as ``request``."""
-        if not pending.event.wait(pending.timeout + _POLL_S):
-            name = codec.command_name(pending.command)
-            self._connection.close("no reply to %s within %.3g s" % (name, pending.timeout))
-            raise ReplyTimeout(name, pending.timeout)
-        if pending.reply is None:
-            raise ConnectionLost(self._closed_reason or "command port closed")
-        return codec.decode(pending.command, pending.reply)
-
-    def post(self, command: Command, on_rejected: Rejected) -> None:
-        """Send a command without waiting for its reply; a refusal is told in the reader thread.
-
-        Raises:
-            InvalidCommand: A number in it is not finite; nothing was sent.
-            ConnectionLost: The connection is closed.
-        """
-        self._send([Pending(command, self._reply_timeout, on_rejected)])
-
-    def close(self, reason: str) -> None:
-        """End the connection; who waits for a reply gets ConnectionLost."""
-        self._connection.close(reason)
-        self._connection.join()
-
-    def _send(self, pendings: List[Pending]) -> None:
-        texts = [encode_object(codec.encode(pending.command)) for pending in pendings]
-        with self._send_lock:
-            now = time.monotonic()
-            with self._exchange_lock:
-                if self._closed_reason:
-                    raise ConnectionLost(self._closed_reason)
-                for pending in pendings:
-                    self._exchange.sent(codec.command_name(pending.command), now, pending.timeout, pending)
-            for text in texts:
-                self._connection.send(text)
-
-    def _received(self, data: bytes, is_backlog: bool) -> None:
-        for item in self._stream.feed(data):
-            if isinstance(item, FramingError):
-                self.damaged_replies += 1
-                continue
-            with self._exchange_lock:
-                request = self._exchange.answered(item)
-            if request is not None and request.waiter is not None:
-                self._deliver(request.waiter, item)
-
-    @staticmethod
-    def _deliver(pending: Pending, reply: Mapping[str, Any]) -> None:
-        pending.reply = reply
-        pending.event.set()
-        if pending.on_rejected is not None:
-            try:
-                codec.raise_if_rejected(codec.command_name(pending.command), reply)
-            except CommandRejected as rejection:
-                pending.on_rejected(rejection)
-            except ProtocolError as error:
-                pending.on_rejected(CommandRejected(codec.command_name(pending.command), "none", str(error)))
-
-    def _check_overdue(self) -> None:
+    def read(self) -> List[Event]:
+        """What has happened, in order."""
+        for descriptor, mask in self._epoll.poll(0):
+            connection = self._by_descriptor.get(descriptor)
+            if connection is None:
+                with contextlib.suppress(OSError):
+                    self._wake_receive.recv(_RECEIVE_BYTES)
+            elif not connection.is_open:
+                self._connected(connection)
+            else:
+                if mask & select.EPOLLOUT:
+                    self._flush(connection)
+                if mask & ~select.EPOLLOUT:
+                    self._receive(connection)
+        while self._resolved:
+            self._take_address(*self._resolved.popleft())
         now = time.monotonic()
-        with self._exchange_lock:
-            late = self._exchange.overdue(now)
-        if late is not None:
-            self._connection.close("no reply to %s within %.3g s" % (late.name, now - late.sent_at))
+        for connection in [one for one in self._connections.values() if not one.is_open and now > one.deadline]:
+            self._fail(connection.port, "timed out")
+        events = list(self._events)
+        self._events.clear()
+        return events
 
-    def _closed(self, reason: str) -> None:
-        with self._exchange_lock:
-            self._closed_reason = reason or "command port closed"
-            lost = self._exchange.abandon()
-        for request in lost:
-            if request.waiter is not None:
-                request.waiter.event.set()
-        self._on_closed(self._closed_reason)
+    def shut(self) -> None:
+        """Close everything."""
+        for port in list(self._connections):
+            self.close(port)
+        self._epoll.close()
+        self._wake_receive.close()
+        self._wake_send.close()
+
+    # ---- inside ----
+
+    def _resolve(self, port: Port, number: int) -> None:
+        try:
+            found: Union[str, OSError] = str(socket.getaddrinfo(self._host, None, socket.AF_INET,
+                                                                socket.SOCK_STREAM)[0][4][0])
+        except OSError as error:
+            found = error
+        self._resolved.append((port, number, found))
+        self.wake()
+
+    def _take_address(self, port: Port, number: int, found: Union[str, OSError]) -> None:
+        if number != self._tries.get(port):
+            return
+        if isinstance(found, OSError):
+            self._fail(port, str(found))
+        else:
+            self._connect(port, found)
+
+    def _connect(self, port: Port, address: str) -> None:
+        family = socket.AF_INET6 if ":" in address else socket.AF_INET
+        try:
+            sock = socket.socket(family, socket.SOCK_STREAM)
+        except OSError as error:
+            self._fail(port, str(error))
+            return
+        sock.setblocking(False)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        connection = _Connection(port, sock, time.monotonic() + self._connect_timeout)
+        self._connections[port] = connection
+        self._by_descriptor[sock.fileno()] = connection
+        code = sock.connect_ex((address, self._ports[port]))
+        if code not in (0, errno.EINPROGRESS):
+            self._fail(port, os.strerror(code))
+            return
+        self._epoll.register(sock.fileno(), select.EPOLLOUT)
+
+    def _connected(self, connection: _Connection) -> None:
+        code = connection.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if code:
+            self._fail(connection.port, os.strerror(code))
+            return
+        connection.is_open = True
+        self._epoll.modify(connection.socket.fileno(), select.EPOLLIN)
+        self._events.append(Opened(connection.port))
+
+    def _receive(self, connection: _Connection) -> None:
+        for _ in range(_READS_A_TURN):
+            try:
+                data = connection.socket.recv(_RECEIVE_BYTES)
+            except BlockingIOError:
+                return
+            except OSError as error:
+                self._end(connection, "%s: %s" % (connection.port.value, error))
+                return
+            if not data:
+                self._end(connection, "%s: closed by the controller" % connection.port.value)
+                return
+            self._events.append(Received(connection.port, data))
+            if len(data) < _RECEIVE_BYTES:
+                return
+
+    def _flush(self, connection: _Connection) -> None:
+        try:
+            while connection.unsent:
+                del connection.unsent[:connection.socket.send(connection.unsent)]
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            self._end(connection, "%s: sending failed: %s" % (connection.port.value, error))
+            return
+        if bool(connection.unsent) is not connection.waits_for_room:
+            connection.waits_for_room = bool(connection.unsent)
+            self._epoll.modify(connection.socket.fileno(),
+                               select.EPOLLIN | (select.EPOLLOUT if connection.unsent else 0))
+
+    def _fail(self, port: Port, why: str) -> None:
+        connection = self._connections.pop(port, None)
+        if connection is not None:
+            self._forget(connection)
+        self._tell(Failed(port, "cannot connect to the %s of %s:%d: %s" % (
+            port.value, self._host, self._ports[port], why)))
+
+    def _end(self, connection: _Connection, reason: str) -> None:
+        if self._connections.get(connection.port) is connection:
+            del self._connections[connection.port]
+            self._forget(connection)
+            self._tell(Closed(connection.port, reason))
+
+    def _tell(self, event: Event) -> None:
+        self._events.append(event)
+        self.wake()
+
+    def _forget(self, connection: _Connection) -> None:
+        descriptor = connection.socket.fileno()
+        self._by_descriptor.pop(descriptor, None)
+        with contextlib.suppress(OSError):
+            self._epoll.unregister(descriptor)
+        connection.socket.close()

@@ -15,6 +15,22 @@ from jaka_ros_driver.state import IoBank, RobotState
 
 FLOAT32_SLACK = 2e-7
 """Relative; a bound such as 265 deg, given in rad as float32, may come out this much above itself."""
+POSITION_LIMIT = 10.0
+"""m, each axis of a target or a frame: the longest arm reaches 2 m, and no frame of its cell is farther than this."""
+ANGLE_LIMIT = 4.0 * math.pi
+"""rad, each angle of an orientation, and of joints in a question: two turns, more than any joint has to either side."""
+MASSES = (0.0, 100.0)
+"""kg; three times what the strongest arm of the series carries."""
+CENTROID_LIMIT = 2.0
+"""m, each axis: a load's centre of mass is not farther from the flange than the arm is long."""
+ANALOG_LIMIT = 1000.0
+"""V or mA, a hundredfold of what the terminals give; a bus behind them may count in other units."""
+TOLERANCES = (0.0, 1.0)
+"""m; a corner cut more than this is no path any more."""
+IO_INDICES = (0, 1023)
+"""No bank of a controller has more terminals."""
+SERVO_CYCLES = (1, 1000)
+"""A target that is to be reached in more than 8 s is no stream."""
 JOINT_SPEED_CEILING = math.pi
 """rad/s (180 deg/s): no joint motion is faster, whatever the model (controller protocol 5.2, 5.6.5)."""
 JOINT_ACCELERATION_CEILING = 4.0 * math.pi
@@ -30,6 +46,8 @@ USER_FRAME_IDS = (1, 10)
 """Ids that can be set (interface document 2); 0, the flange and the base, can only be selected."""
 FEED_PERIODS = (0.001, 10.0)
 """s; the wire carries whole ms (controller protocol 6.1)."""
+LINK_LOSS_TIMES = (0.0, 10.0)
+"""s; a controller told to wait longer before it stops an arm that nobody commands would protect nobody."""
 
 Checker = Callable[[Any, ArmModel, Optional[RobotState]], None]
 
@@ -79,17 +97,24 @@ def _is_finite(value: Any) -> bool:
         return False
 
 
-def _number(name: str, value: Any, low: float = -math.inf, high: float = math.inf, unit: str = "") -> None:
+def _finite(name: str, value: Any, unit: str) -> None:
     if not _is_finite(value):
-        raise InvalidCommand("%s is %r; it must be a finite number%s" % (name, value, " in " + unit if unit else ""))
-    slack = FLOAT32_SLACK * max(abs(bound) for bound in (low, high, 0.0) if math.isfinite(bound))
-    if not low - slack <= value <= high + slack:
-        raise InvalidCommand("%s is %.9g%s; valid: %s" % (name, value, _unit(unit), _range(low, high, unit)))
+        raise InvalidCommand("%s is %.60r; it must be a finite number%s"
+                             % (name, value, " in " + unit if unit else ""))
+
+
+def _number(name: str, value: Any, low: float, high: float, unit: str) -> None:
+    _finite(name, value, unit)
+    if low <= value <= high:
+        return
+    if not low - FLOAT32_SLACK * abs(low) <= value <= high + FLOAT32_SLACK * abs(high):
+        raise InvalidCommand("%s is %.9g%s; valid: %.9g to %.9g%s"
+                             % (name, value, _unit(unit), low, high, _unit(unit)))
 
 
 def _above_zero(name: str, value: Any, high: float, unit: str) -> None:
-    _number(name, value, -math.inf, high, unit)
-    if value <= 0.0:
+    _finite(name, value, unit)
+    if not 0.0 < value <= high * (1.0 + FLOAT32_SLACK):
         raise InvalidCommand("%s is %.9g%s; valid: above 0, at most %.9g%s"
                              % (name, value, _unit(unit), high, _unit(unit)))
 
@@ -98,16 +123,9 @@ def _unit(unit: str) -> str:
     return " " + unit if unit else ""
 
 
-def _range(low: float, high: float, unit: str) -> str:
-    if math.isinf(high):
-        return "at least %.9g%s" % (low, _unit(unit))
-    return "%.9g to %.9g%s" % (low, high, _unit(unit))
-
-
-def _integer(name: str, value: Any, low: int, high: Optional[int] = None) -> None:
-    if not isinstance(value, int) or isinstance(value, bool) or value < low or (high is not None and value > high):
-        raise InvalidCommand("%s is %r; valid: a whole number, %s" % (
-            name, value, "at least %d" % low if high is None else "%d to %d" % (low, high)))
+def _integer(name: str, value: Any, low: int, high: int) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+        raise InvalidCommand("%s is %.60r; valid: a whole number, %d to %d" % (name, value, low, high))
 
 
 def _flag(name: str, value: Any) -> None:
@@ -125,18 +143,20 @@ def _member(name: str, value: Any, kind: Any) -> None:
         raise InvalidCommand("%s is %r; valid: %s" % (name, value, ", ".join("%s (%d)" % (k.name, k) for k in kind)))
 
 
-def _vector(name: str, values: Any, length: int, unit: str) -> None:
+def _vector(name: str, values: Any, length: int, bound: float, unit: str) -> None:
+    """``length`` numbers, each between -bound and bound; an infinite bound is for those that are held to others."""
     if not isinstance(values, (tuple, list)) or len(values) != length:
-        raise InvalidCommand("%s is %r; it must be %d numbers in %s" % (name, values, length, unit))
+        raise InvalidCommand("%s is %.200r; it must be %d numbers in %s" % (name, values, length, unit))
     for n, value in enumerate(values):
-        _number("%s[%d]" % (name, n), value, unit=unit)
+        if not (isinstance(value, float) and -bound <= value <= bound and math.isfinite(value)):
+            _number("%s[%d]" % (name, n), value, -bound, bound, unit)
 
 
 def _pose(name: str, pose: Any) -> None:
     if not isinstance(pose, Pose):
         raise InvalidCommand("%s is %r; it must be a Pose" % (name, pose))
-    _vector(name + ".position", pose.position, 3, "m")
-    _vector(name + ".rpy", pose.rpy, 3, "rad")
+    _vector(name + ".position", pose.position, 3, POSITION_LIMIT, "m")
+    _vector(name + ".rpy", pose.rpy, 3, ANGLE_LIMIT, "rad")
 
 
 def _joint_target(name: str, values: Sequence[float], model: ArmModel) -> None:
@@ -150,7 +170,7 @@ def _enabled(command: str, state: Optional[RobotState]) -> None:
 
 
 def _joint_move(command: commands.JointMove, model: ArmModel, state: Optional[RobotState]) -> None:
-    _vector("joint_position", command.joint_position, JOINT_COUNT, "rad")
+    _vector("joint_position", command.joint_position, JOINT_COUNT, math.inf, "rad")
     _joint_target("joint_position", command.joint_position, model)
     _above_zero("speed", command.speed, joint_speed_limit(model), "rad/s")
     _above_zero("acceleration", command.acceleration, JOINT_ACCELERATION_CEILING, "rad/s2")
@@ -161,7 +181,11 @@ def _linear_move(command: commands.LinearMove, model: ArmModel, state: Optional[
     _pose("target", command.target)
     _above_zero("speed", command.speed, tcp_speed_limit(model), "m/s")
     _above_zero("acceleration", command.acceleration, TCP_ACCELERATION_CEILING, "m/s2")
-    _number("tolerance", command.tolerance, 0.0, unit="m")
+    _number("tolerance", command.tolerance, *TOLERANCES, "m")
+    if command.angular_speed is not None:
+        _above_zero("angular_speed", command.angular_speed, joint_speed_limit(model), "rad/s")
+    if command.angular_acceleration is not None:
+        _above_zero("angular_acceleration", command.angular_acceleration, JOINT_ACCELERATION_CEILING, "rad/s2")
     _enabled("linear move", state)
 
 
@@ -185,9 +209,9 @@ def _jog_axis(command: Any, model: ArmModel, state: Optional[RobotState]) -> Non
 
 
 def _servo_joint(command: commands.ServoJoint, model: ArmModel, state: Optional[RobotState]) -> None:
-    _vector("joint_position", command.joint_position, JOINT_COUNT, "rad")
+    _vector("joint_position", command.joint_position, JOINT_COUNT, math.inf, "rad")
     _flag("relative", command.relative)
-    _integer("cycles", command.cycles, 1)
+    _integer("cycles", command.cycles, *SERVO_CYCLES)
     if command.relative:
         reach = JOINT_SPEED_CEILING * SERVO_PERIOD * command.cycles
         for n, increment in enumerate(command.joint_position):
@@ -204,7 +228,7 @@ def _servo_joint(command: commands.ServoJoint, model: ArmModel, state: Optional[
 def _servo_pose(command: commands.ServoPose, model: ArmModel, state: Optional[RobotState]) -> None:
     _pose("target", command.target)
     _flag("relative", command.relative)
-    _integer("cycles", command.cycles, 1)
+    _integer("cycles", command.cycles, *SERVO_CYCLES)
     _enabled("servo target", state)
 
 
@@ -221,8 +245,8 @@ def _set_user_frame(command: commands.SetUserFrame, model: ArmModel, state: Opti
 
 
 def _set_payload(command: commands.SetPayload, model: ArmModel, state: Optional[RobotState]) -> None:
-    _number("mass", command.mass, 0.0, unit="kg")
-    _vector("centroid", command.centroid, 3, "m")
+    _number("mass", command.mass, *MASSES, "kg")
+    _vector("centroid", command.centroid, 3, CENTROID_LIMIT, "m")
 
 
 def _set_digital_output(command: commands.SetDigitalOutput, model: ArmModel, state: Optional[RobotState]) -> None:
@@ -232,21 +256,21 @@ def _set_digital_output(command: commands.SetDigitalOutput, model: ArmModel, sta
 
 def _set_analog_output(command: commands.SetAnalogOutput, model: ArmModel, state: Optional[RobotState]) -> None:
     _terminal(command, model, state)
-    _number("value", command.value, unit="V or mA")
+    _number("value", command.value, -ANALOG_LIMIT, ANALOG_LIMIT, "V or mA")
 
 
 def _terminal(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
     _member("bank", command.bank, IoBank)
-    _integer("index", command.index, 0)
+    _integer("index", command.index, *IO_INDICES)
 
 
 def _forward_kinematics(command: commands.ForwardKinematics, model: ArmModel, state: Optional[RobotState]) -> None:
-    _vector("joint_position", command.joint_position, JOINT_COUNT, "rad")
+    _vector("joint_position", command.joint_position, JOINT_COUNT, ANGLE_LIMIT, "rad")
 
 
 def _inverse_kinematics(command: commands.InverseKinematics, model: ArmModel, state: Optional[RobotState]) -> None:
     _pose("target", command.target)
-    _vector("reference", command.reference, JOINT_COUNT, "rad")
+    _vector("reference", command.reference, JOINT_COUNT, ANGLE_LIMIT, "rad")
 
 
 def _nothing(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
@@ -288,6 +312,7 @@ _CHECKERS: Dict[type, Checker] = {
     commands.SetAnalogOutput: _set_analog_output,
     commands.SetRapidRate: _within("rate", (0.0, 1.0), ""),
     commands.SetFeedPeriod: _within("period", FEED_PERIODS, "s"),
+    commands.SetLinkLoss: _within("seconds", LINK_LOSS_TIMES, "s"),
     commands.ForwardKinematics: _forward_kinematics,
     commands.InverseKinematics: _inverse_kinematics,
     commands.Query: _nothing,

@@ -5,6 +5,7 @@ from typing import Any, Callable, Dict, Mapping, Tuple, Type, Union
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, ProtocolError
 from jaka_ros_driver.protocol.framing import JsonObject
+from jaka_ros_driver.protocol.texts import printable, shown, text_of
 from jaka_ros_driver.state import Vector
 from jaka_ros_driver.units import (
     all_deg_to_rad,
@@ -22,6 +23,13 @@ Encoder = Callable[[Any], Params]
 
 _JOG_COORD_MAP = {c.JogFrame.BASE: 0, c.JogFrame.JOINT: 1, c.JogFrame.TOOL: 2}
 _JOG_STOP, _JOG_CONTINUOUS = 0, 1
+_LINK_LOSS_KEEP, _LINK_LOSS_ABORT = 0, 2
+_MAX_NUMBER = 1e9
+"""No quantity of a reply is more, deg or mm, and whatever publishes it as float32 can hold it."""
+_MAX_CODE = 1 << 31
+_LONGEST_CODE = 40
+
+_TRUTHS = {"0": False, "false": False, "0.0": False, "1": True, "true": True, "1.0": True}
 
 ERROR_MEANINGS: Dict[int, str] = {
     1: "unknown command or wrong parameter",
@@ -85,8 +93,11 @@ def decode(command: c.Command, reply: Mapping[str, Any]) -> Any:
         return None
     try:
         return decoder(reply)
-    except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
-        raise ProtocolError("reply to %s does not hold its result: %.200r (%s)" % (name, dict(reply), error)) from error
+    except KeyError as error:
+        raise ProtocolError("reply to %s has no %s: %s" % (name, error, shown(reply))) from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ProtocolError("reply to %s does not hold its result: %s (%s)" % (
+            name, shown(reply), printable(str(error)))) from error
 
 
 def raise_if_rejected(name: str, reply: Mapping[str, Any]) -> None:
@@ -97,16 +108,22 @@ def raise_if_rejected(name: str, reply: Mapping[str, Any]) -> None:
         ProtocolError: There is none.
     """
     if "errorCode" not in reply:
-        raise ProtocolError("reply to %s has no errorCode: %.200r" % (name, dict(reply)))
-    raw = reply["errorCode"]
-    code: Union[int, str]
-    try:
-        code = int(str(raw), 0)
-    except ValueError:
-        code = str(raw)
+        raise ProtocolError("reply to %s has no errorCode: %s" % (name, shown(reply)))
+    code = _error_code(text_of(reply["errorCode"]))
     if code != 0:
-        text = str(reply.get("errorMsg") or "") or ERROR_MEANINGS.get(code if isinstance(code, int) else 0, "")
+        text = text_of(reply.get("errorMsg") or "") or ERROR_MEANINGS.get(code if isinstance(code, int) else 0, "")
         raise CommandRejected(name, code, text or "no reason given")
+
+
+def _error_code(text: str) -> Union[int, str]:
+    if len(text) <= _LONGEST_CODE:
+        try:
+            code = int(text, 0)
+        except ValueError:
+            return text
+        if -_MAX_CODE <= code < _MAX_CODE:
+            return code
+    return printable(text, _LONGEST_CODE)
 
 
 def _require_finite(name: str, value: Any) -> None:
@@ -134,10 +151,17 @@ def _pose_from_wire(values: Any) -> c.Pose:
 
 
 def _finite(values: Any, count: int) -> Tuple[float, ...]:
-    numbers = tuple(float(value) for value in values[:count])
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise ValueError("expected %d finite numbers" % count)
-    return numbers
+    """The first ``count`` of an array; firmware differs in whether it writes a number or its text."""
+    if not isinstance(values, list) or len(values) < count:
+        raise ValueError("expected %d numbers" % count)
+    return tuple(_number(value) for value in values[:count])
+
+
+def _number(value: Any) -> float:
+    number = float(value)
+    if not -_MAX_NUMBER <= number <= _MAX_NUMBER:
+        raise ValueError("expected finite numbers within %g" % _MAX_NUMBER)
+    return number
 
 
 def _user_frame(command: c.SetUserFrame) -> Params:
@@ -161,7 +185,7 @@ _ENCODERS: Dict[Type[Any], Tuple[Union[str, Callable[[Any], str]], Encoder]] = {
         "accel": rad_to_deg(m.acceleration)}),
     c.LinearMove: ("moveL", lambda m: {
         "relFlag": 0, "cartPosition": _pose(m.target), "speed": m_to_mm(m.speed), "accel": m_to_mm(m.acceleration),
-        "tol": m_to_mm(m.tolerance)}),
+        "ori_vel": rad_to_deg(m.turn_speed), "ori_acc": rad_to_deg(m.turn_acceleration), "tol": m_to_mm(m.tolerance)}),
     c.Jog: ("jog", lambda j: {
         "jog_mode": _JOG_CONTINUOUS, "coord_map": _JOG_COORD_MAP[j.frame], "jnum": j.axis, "jogvel": _jog_rate(j)}),
     c.JogStop: ("jog", lambda j: {
@@ -187,6 +211,8 @@ _ENCODERS: Dict[Type[Any], Tuple[Union[str, Callable[[Any], str]], Encoder]] = {
     c.SetAnalogOutput: ("set_analog_output", lambda o: dict(_terminal(o), value=o.value)),
     c.SetRapidRate: ("rapid_rate", lambda r: {"rate_value": r.rate}),
     c.SetFeedPeriod: ("set_port10000_delay_ms", lambda f: {"port10000_delay_ms": int(round(s_to_ms(f.period)))}),
+    c.SetLinkLoss: ("set_network_exception_handle", lambda x: {
+        "motType": _LINK_LOSS_ABORT if x.seconds > 0.0 else _LINK_LOSS_KEEP, "timeLimit": s_to_ms(float(x.seconds))}),
     c.ForwardKinematics: ("kine_forward", lambda k: {"jointPosition": _joints(k.joint_position)}),
     c.InverseKinematics: ("kine_inverse", lambda k: {
         "jointPosition": _joints(k.reference), "cartPosition": _pose(k.target)}),
@@ -196,33 +222,57 @@ _ENCODERS: Dict[Type[Any], Tuple[Union[str, Callable[[Any], str]], Encoder]] = {
 
 
 def _payload(reply: Mapping[str, Any]) -> c.SetPayload:
-    return c.SetPayload(_finite([reply["mass"]], 1)[0], all_mm_to_m(_finite(reply["centroid"], 3)))
+    return c.SetPayload(_number(reply["mass"]), all_mm_to_m(_finite(reply["centroid"], 3)))
 
 
 def _collision_level(reply: Mapping[str, Any]) -> int:
     """The key differs by firmware (controller protocol 5.9)."""
-    return int(reply["sensitivityLevel"] if "sensitivityLevel" in reply else reply["sensitivityVal"])
+    level = _number(reply["sensitivityLevel"] if "sensitivityLevel" in reply else reply["sensitivityVal"])
+    if level not in range(6):
+        raise ValueError("expected 0 to 5")
+    return int(level)
 
 
 def _truth(value: Any) -> bool:
     """Firmware differs in how it writes true (controller protocol 5.1)."""
-    return value in (True, 1, "1", "true", "True")
+    if isinstance(value, (str, int, float)) and str(value).lower() in _TRUTHS:
+        return _TRUTHS[str(value).lower()]
+    raise ValueError("expected true or false")
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, (str, int, float)):
+        return text_of(value)
+    raise ValueError("expected a text")
+
+
+def _frames(values: Any) -> Tuple[c.Pose, ...]:
+    if not isinstance(values, list):
+        raise ValueError("expected an array of poses")
+    return tuple(map(_pose_from_wire, values))
+
+
+def _hand_guiding(reply: Mapping[str, Any]) -> bool:
+    """The status feed's word for it, or a plain one: no source shows this reply."""
+    return _truth(reply["drag_status"] if "drag_status" in reply else reply["status"])
 
 
 _DECODERS: Dict[Type[Any], Callable[[Mapping[str, Any]], Any]] = {
     c.ForwardKinematics: lambda r: _pose_from_wire(r["cartPosition"]),
     c.InverseKinematics: lambda r: all_deg_to_rad(_finite(r["jointPosition"], 6)),
     c.GetDigitalOutput: lambda r: _truth(r["value"]),
-    c.GetAnalogOutput: lambda r: _finite([r["value"]], 1)[0],
+    c.GetAnalogOutput: lambda r: _number(r["value"]),
 }
 
 _QUERIES: Dict[c.Query, Tuple[str, Params, Callable[[Mapping[str, Any]], Any]]] = {
-    c.Query.VERSION: ("get_version", {}, lambda r: str(r["version"])),
+    c.Query.VERSION: ("get_version", {}, lambda r: _text(r["version"])),
     c.Query.SERVO_MODE: ("is_in_servomove", {}, lambda r: _truth(r["in_servomove"])),
-    c.Query.FEED_PERIOD: ("get_port10000_delay_ms", {}, lambda r: ms_to_s(float(r["port10000_delay_ms"]))),
-    c.Query.TOOL_FRAMES: ("get_tool_offsets", {}, lambda r: tuple(map(_pose_from_wire, r["tool_offsets"]))),
-    c.Query.USER_FRAMES: ("get_user_offsets", {}, lambda r: tuple(map(_pose_from_wire, r["user_offsets"]))),
+    c.Query.FEED_PERIOD: ("get_port10000_delay_ms", {}, lambda r: ms_to_s(_number(r["port10000_delay_ms"]))),
+    c.Query.TOOL_FRAMES: ("get_tool_offsets", {}, lambda r: _frames(r["tool_offsets"])),
+    c.Query.USER_FRAMES: ("get_user_offsets", {}, lambda r: _frames(r["user_offsets"])),
     c.Query.PAYLOAD: ("get_payload", {}, _payload),
     c.Query.COLLISION_LEVEL: ("get_clsn_sensitivity", {}, _collision_level),
+    c.Query.SIMULATOR_IDENTITY: ("get_simulator_identity", {}, lambda r: _text(r["identity"])),
+    c.Query.HAND_GUIDING: ("drag_status", {}, _hand_guiding),
 }
 

@@ -1,14 +1,18 @@
 """Status frames of the feed: their text with a true ``len``, and their fields as a RobotState."""
+import math
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 from jaka_ros_driver.errors import StatusFrameError
 from jaka_ros_driver.protocol.framing import encode_object
+from jaka_ros_driver.protocol.texts import shown, text_of
 from jaka_ros_driver.state import IoBank, IoState, RobotState, Vector
 from jaka_ros_driver.units import all_deg_to_rad, all_mm_to_m, mm_to_m
 
 _MAX_ANGLE_DEG = 1e4
 _MAX_LENGTH_MM = 1e6
-_MAX_NUMBER = 1e300
+_MAX_NUMBER = 1e9
+"""No quantity is more, and whatever publishes it as float32 or int32 can hold it."""
+_MAX_EVENT_CODE = 0xFFFFFFFF
 _NUMBERS = frozenset((int, float, bool))
 
 _DIGITAL_INPUTS = ((IoBank.CABINET, "din"), (IoBank.TOOL, "tio_din"))
@@ -57,7 +61,6 @@ def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
     velocity = _numbers(fields, "instVel", 6, _MAX_ANGLE_DEG)
     speed = _number(fields, "curr_tcp_trans_vel")
     cabinet_temperature, joint_temperature = _temperatures(fields.get("monitor_data"))
-    message = fields.get("errmsg", "")
     return RobotState(
         joint_position=all_deg_to_rad(joints),
         is_powered=_essential_flag(fields, "powered_on"),
@@ -79,7 +82,7 @@ def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
         tool_id=_integer(fields, "current_tool_id"),
         user_frame_id=_integer(fields, "current_user_id"),
         error_code=_event_code(fields.get("errcode", "0x0")),
-        error_message=message if isinstance(message, str) else str(message),
+        error_message=text_of(fields.get("errmsg", "")),
         motion_line=_integer(fields, "motion_line"),
         add_error_line=_integer(fields, "err_add_line"),
         io=_io(fields),
@@ -88,11 +91,19 @@ def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
 
 
 def _fail(key: str, value: Any, expected: str) -> StatusFrameError:
-    return StatusFrameError("status frame: %s is %.60r, expected %s" % (key, value, expected))
+    return StatusFrameError("status frame: %s is %s, expected %s" % (key, shown(value, 60), expected))
 
 
 def _is_finite_number(value: Any) -> bool:
-    return type(value) in _NUMBERS and abs(value) < _MAX_NUMBER
+    return type(value) in _NUMBERS and abs(value) <= _MAX_NUMBER
+
+
+def _are_numbers(values: List[Any]) -> bool:
+    """All are numbers and none is huge: their root sum square says both in one go, and of a hundred in 2 us."""
+    try:
+        return math.hypot(*values) <= _MAX_NUMBER
+    except (TypeError, OverflowError):
+        return False
 
 
 def _numbers(fields: Mapping[str, Any], key: str, count: int, limit: float) -> Optional[List[float]]:
@@ -114,7 +125,7 @@ def _number(fields: Mapping[str, Any], key: str) -> Optional[float]:
     if value is None:
         return None
     if not _is_finite_number(value):
-        raise _fail(key, value, "a finite number")
+        raise _fail(key, value, "a finite number within %g" % _MAX_NUMBER)
     return float(value)
 
 
@@ -144,12 +155,13 @@ def _essential_flag(fields: Mapping[str, Any], key: str) -> bool:
 
 def _event_code(value: Any) -> int:
     """``"0x0"``, ``"0"`` and 0 all stand for none (controller protocol 4.4)."""
-    if type(value) is int:
-        return value
     try:
-        return int(value, 0)
+        code = value if type(value) is int else int(value, 0)
     except (TypeError, ValueError):
         raise _fail("errcode", value, "a hexadecimal number as text") from None
+    if not -_MAX_EVENT_CODE <= code <= _MAX_EVENT_CODE:
+        raise _fail("errcode", value, "a number of 32 bits")
+    return int(code)
 
 
 def _bank_values(fields: Mapping[str, Any], banks: Tuple[Tuple[IoBank, str], ...]) -> Dict[IoBank, Vector]:
@@ -158,8 +170,8 @@ def _bank_values(fields: Mapping[str, Any], banks: Tuple[Tuple[IoBank, str], ...
         values = fields.get(key)
         if values is None:
             continue
-        if not isinstance(values, list) or not _NUMBERS.issuperset(map(type, values)):
-            raise _fail(key, values, "an array of numbers")
+        if not isinstance(values, list) or not _are_numbers(values):
+            raise _fail(key, values, "an array of numbers, together within %g" % _MAX_NUMBER)
         found[bank] = tuple(values)
     return found
 

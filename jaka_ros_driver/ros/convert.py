@@ -5,7 +5,7 @@ joint target, speed or acceleration that is beyond a limit of the arm by no more
 limit is set on the limit; anything farther out is refused. So the controller never gets a value beyond its limits.
 """
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Optional, Sequence, Tuple, Union
 
 from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
@@ -34,6 +34,7 @@ VENDOR_KINEMATICS_FAILURE = 9999.0
 
 _JOINTS = "six joint angles, rad"
 _QUATERNION_TOLERANCE = 1e-3
+_LONGEST_ROTATION = 2.0 * math.pi
 
 
 @dataclass(frozen=True)
@@ -75,13 +76,20 @@ class Requests:
                            _settled_speed(_positive("mvacc", request.mvacc), limits.JOINT_ACCELERATION_CEILING))
 
     def linear_move(self, request: Any) -> c.LinearMove:
-        """Of a Move: mm and rotation vector, mm/s, mm/s2; the vendor's rotation is the inverse."""
+        """Of a Move: mm and rotation vector, mm/s, mm/s2; the vendor's rotation is the inverse.
+
+        A Move names no angular speed: it follows from the linear one, held to what the model's joints can do.
+        """
         pose = _numbers("pose", request.pose, "x y z, mm, and a rotation vector, rad")
-        turn = tuple(-value for value in pose[3:]) if self.is_vendor else pose[3:]
-        return c.LinearMove(
+        turn = _rotation_vector("pose", pose)
+        if self.is_vendor:
+            turn = tuple(-value for value in turn)
+        move = c.LinearMove(
             c.Pose(all_mm_to_m(pose[:3]), rpy_from_rotation_vector(turn)),
             _settled_speed(mm_to_m(_positive("mvvelo", request.mvvelo)), limits.tcp_speed_limit(self._model)),
             _settled_speed(mm_to_m(_positive("mvacc", request.mvacc)), limits.TCP_ACCELERATION_CEILING))
+        return replace(move, angular_speed=min(move.turn_speed, limits.joint_speed_limit(self._model)),
+                       angular_acceleration=move.turn_acceleration)
 
     def jog(self, request: Any) -> c.Jog:
         """Of a Move: rad/s for joints and turns, mm/s along a line; ``mvacc`` where ``mvvelo`` is 0."""
@@ -158,13 +166,13 @@ class Requests:
         return c.SetUserFrame(request.user_num, _frame_pose(request.pose), "user_%d" % request.user_num)
 
     def payload(self, request: Any) -> Payload:
-        """Of a SetPayload: kg, mm."""
+        """Of a SetPayload: kg, mm. The load is audited here already: its tool is selected before it is sent."""
         _whole("tool_num", request.tool_num, 0, limits.TOOL_IDS[1])
         mass = _finite("mass", request.mass)
-        if mass < 0.0:
-            raise InvalidCommand("mass is %.9g kg; valid: at least 0 kg" % mass)
         centroid = tuple(_finite(name, getattr(request, name)) for name in ("xc", "yc", "zc"))
-        return Payload(request.tool_num, c.SetPayload(mass, all_mm_to_m(centroid)))
+        load = c.SetPayload(mass, all_mm_to_m(centroid))
+        limits.check(load, self._model)
+        return Payload(request.tool_num, load)
 
     def switch(self, request: Any) -> bool:
         """Of a SetBool."""
@@ -180,7 +188,7 @@ class Requests:
     def output(self, request: Any) -> Union[c.SetDigitalOutput, c.SetAnalogOutput]:
         """Of a SetIO; any value but 0 switches a digital output on."""
         bank = _member("type", request.type, IoBank)
-        index = _whole("index", request.index, 0, None)
+        index = _whole("index", request.index, *limits.IO_INDICES)
         value = _finite("value", request.value)
         if _is_digital(request.signal):
             return c.SetDigitalOutput(bank, index, value != 0.0)
@@ -191,7 +199,7 @@ class Requests:
         is_digital = _is_digital(request.signal)
         is_output = _whole("path", request.path, 0, 1) == 1
         return Terminal(is_digital, is_output, _member("type", request.type, IoBank),
-                        _whole("index", request.index, 0, None))
+                        _whole("index", request.index, *limits.IO_INDICES))
 
     def forward(self, request: Any) -> c.ForwardKinematics:
         """Of a GetFK: rad."""
@@ -284,13 +292,22 @@ def _numbers(name: str, values: Sequence[float], what: str) -> Tuple[float, ...]
 
 def _frame_pose(values: Sequence[float]) -> c.Pose:
     pose = _numbers("pose", values, "x y z, mm, and a rotation vector, rad")
-    return c.Pose(all_mm_to_m(pose[:3]), rpy_from_rotation_vector(pose[3:]))
+    return c.Pose(all_mm_to_m(pose[:3]), rpy_from_rotation_vector(_rotation_vector("pose", pose)))
 
 
-def _whole(name: str, value: int, low: int, high: Optional[int]) -> int:
-    if value < low or (high is not None and value > high):
-        raise InvalidCommand("%s is %d; valid: %s" % (
-            name, value, "at least %d" % low if high is None else "%d to %d" % (low, high)))
+def _rotation_vector(name: str, pose: Sequence[float]) -> Tuple[float, ...]:
+    """The last three of the six; more than a whole turn is a mistake, or degrees, and far more has no digits left."""
+    vector = tuple(pose[3:])
+    angle = math.hypot(*vector)
+    if angle > _LONGEST_ROTATION * (1.0 + limits.FLOAT32_SLACK):
+        raise InvalidCommand("%s[3], [4] and [5] are (%s), a rotation vector of %.9g rad; valid: at most %.9g rad"
+                             % (name, ", ".join("%.9g" % value for value in vector), angle, _LONGEST_ROTATION))
+    return vector
+
+
+def _whole(name: str, value: int, low: int, high: int) -> int:
+    if not low <= value <= high:
+        raise InvalidCommand("%s is %d; valid: %d to %d" % (name, value, low, high))
     return int(value)
 
 

@@ -10,7 +10,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import DiagnosticStatusWrapper, Updater
 
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.readiness import missing_for_motion
+from jaka_ros_driver.client.core.power import missing_for_motion
+from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.state import RobotState
@@ -42,7 +43,8 @@ class Diagnostics:
         self._version = _package_version()
         self._closing = threading.Event()
         self._updater = Updater()
-        self._updater.setHardwareID("%s:%d" % (config.ip, config.command_port))
+        self._guard_replacements = 0
+        self._name_hardware(None)
         for name, task in self._tasks():
             self._updater.add(name, _guarded(name, task))
         self._thread = threading.Thread(target=self._run, name="diagnostics", daemon=True)
@@ -59,11 +61,20 @@ class Diagnostics:
 
     def _run(self) -> None:
         while not self._closing.wait(PERIOD):
-            self._updater.force_update()
+            self._name_hardware(self._arm.link_health.is_simulated)
+            try:
+                self._updater.force_update()
+            except Exception:  # one message that cannot be sent must not be the last one
+                _LOG.exception("diagnostics")
+
+    def _name_hardware(self, is_simulated: Optional[bool]) -> None:
+        kind = "" if is_simulated is None else "simulated " if is_simulated else "controller "
+        self._updater.setHardwareID("%s%s:%d" % (kind, self._config.ip, self._config.command_port))
 
     def _tasks(self) -> Tuple[Tuple[str, Task], ...]:
         return (
-            ("controller link", self._link), ("status feed", self._feed), ("controller state", self._state),
+            ("controller link", self._link), ("arm", self._arm_kind), ("guard", self._guard),
+            ("status feed", self._feed), ("controller state", self._state),
             ("emergency stop", self._emergency_stop), ("protective stop", self._protective_stop),
             ("soft limit", self._soft_limit), ("temperature", self._temperature), ("servo stream", self._servo),
             ("kinematic model", self._model), ("versions", self._versions))
@@ -84,8 +95,32 @@ class Diagnostics:
         status.add("last error", health.last_error)
         status.add("damaged replies", str(health.damaged_replies))
 
+    def _arm_kind(self, status: DiagnosticStatusWrapper) -> None:
+        is_simulated = self._arm.link_health.is_simulated
+        if is_simulated is None:
+            status.summary(OK, "not known yet whether real or simulated")
+        elif is_simulated:
+            status.summary(WARN, "SIMULATED: no real arm moves")
+        else:
+            status.summary(OK, "real")
+
+    def _guard(self, status: DiagnosticStatusWrapper) -> None:
+        if self._arm.guard is None:
+            status.summary(WARN, "switched off: nothing stops the arm when the driver dies")
+            return
+        health = self._arm.guard.health()
+        if not health.is_alive:
+            status.summary(ERROR, "does not answer: " + (health.last_trouble or "it is being started"))
+        elif health.replacements != self._guard_replacements:
+            status.summary(WARN, "was replaced: " + health.last_trouble)
+        else:
+            status.summary(OK, "watches")
+        self._guard_replacements = health.replacements
+        status.add("replacements", str(health.replacements))
+        status.add("last trouble", health.last_trouble)
+
     def _feed(self, status: DiagnosticStatusWrapper) -> None:
-        health = self._arm.status.health()
+        health = self._arm.feed_health
         damaged_now = health.damaged - self._damaged
         self._damaged = health.damaged
         if health.age > self._config.stale_after:
@@ -101,7 +136,7 @@ class Diagnostics:
         status.add("rate, Hz", "%.2f" % health.rate)
         status.add("age, ms", "%.1f" % s_to_ms(health.age))
         status.add("jitter p99, ms", "%.2f" % s_to_ms(health.jitter))
-        state = self._arm.status.state
+        state = self._arm.state
         if state is not None:
             status.add("joint velocity", "filtered difference" if state.joint_velocity is None else "the controller's")
         status.add("frames", str(health.frames))
@@ -201,10 +236,11 @@ class Diagnostics:
         status.add("python", platform.python_version())
 
     def _fresh(self, status: DiagnosticStatusWrapper) -> Optional[RobotState]:
-        state = self._arm.status.fresh_state(self._config.stale_after)
-        if state is None:
+        try:
+            return self._arm.fresh_state()
+        except ConnectionLost:
             status.summary(STALE, "no fresh state")
-        return state
+            return None
 
 
 def _guarded(name: str, task: Task) -> Callable[[DiagnosticStatusWrapper], DiagnosticStatusWrapper]:

@@ -1,4 +1,5 @@
-"""When to show the newest sample once more, so that a slow feed still gives the full rate."""
+"""From the rate of the status feed to the wanted one: when to repeat the newest sample, and which samples to leave out.
+"""
 from collections import deque
 from typing import Deque, Optional
 
@@ -53,3 +54,26 @@ class FeedFiller:
     def _count(self, now: float) -> None:
         self._credit = min(1.0, self._credit + (now - self._counted_at) / self._period)
         self._counted_at = now
+
+
+class FeedThinner:
+    """Leaves samples out where fewer are wanted than come; pure, it is told the time.
+
+    The driver itself always looks at the whole feed: custody of a moving arm does not depend on what is published.
+    """
+
+    def __init__(self, period: float, feed_period: float) -> None:
+        """Periods of what is published and of the feed, s."""
+        self._period = period
+        self._takes_all = period <= _SLOW * feed_period
+        self._due = float("-inf")
+
+    def takes(self, now: float) -> bool:
+        """Whether the sample that arrives now is published. Jitter of a quarter of a period changes nothing."""
+        if self._takes_all:
+            return True
+        if now < self._due - 0.25 * self._period:
+            return False
+        late = now - self._due
+        self._due = now + self._period if late > self._period else self._due + self._period
+        return True

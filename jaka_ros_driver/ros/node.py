@@ -5,15 +5,14 @@ import logging
 import os
 import signal
 import sys
-import threading
 import time
 from typing import List, Optional
 
 import rospy
+from std_msgs.msg import Bool
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.guard import Guard
-from jaka_ros_driver.client.readiness import enable_once
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.urdf import urdf_from_model
@@ -31,6 +30,7 @@ from jaka_ros_driver.ros.publishers import FrameNames, StatePublishers
 from jaka_ros_driver.ros.service_server import prepare_connections
 from jaka_ros_driver.ros.services import Services
 from jaka_ros_driver.ros.servo_topics import ServoTopics
+from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
 
 _LOG = logging.getLogger(__name__)
 
@@ -38,6 +38,7 @@ _SWITCH_INTERVAL_S = 0.0005
 _ANSWER_TIMEOUT_S = 0.3
 _DRAIN_TIMEOUT_S = 0.5
 _SIGNAL_POLL_S = 0.02
+_NAME = "jaka_driver"
 _DESCRIPTION = "robot_description"
 
 
@@ -53,12 +54,8 @@ class Driver:
         self._config = config
         self._model = model
         self._lock = DriverLock(config.ip, config.command_port, "node " + rospy.get_name())
-        self._closing = threading.Event()
-        self._guard = Guard(config.ip, config.command_port) if config.guard else None
-        if self._guard is not None:
-            self._arm = ArmClient(config.client_settings(), model, self._guard.tell)
-        else:
-            self._arm = ArmClient(config.client_settings(), model)
+        self._guard = Guard(config.ip, config.command_port, config.status_port) if config.guard else None
+        self._arm = ArmClient(config.client_settings(), model, self._guard)
         self._frames = FrameTable(self._arm)
         requests = Requests(model, config.is_vendor)
         self._publishers = StatePublishers(self._arm, config, self._frames)
@@ -66,8 +63,13 @@ class Driver:
         self._topics = ServoTopics(self._arm, requests, FrameNames(config))
         self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames))
         self._master_watch = MasterWatch(self._set_description)
-        self._auto_enable = threading.Thread(target=enable_once, args=(self._arm, self._closing), name="auto enable",
-                                             daemon=True)
+        self._simulated = rospy.Publisher("~simulated", Bool, queue_size=1, latch=True)
+        self._is_simulated: Optional[bool] = None
+
+    @property
+    def has_failed(self) -> bool:
+        """A defect has ended what moves and stops the arm; the node must end."""
+        return self._arm.has_failed
 
     def start(self) -> None:
         """Begin; returns at once. The controller need not be there yet."""
@@ -81,18 +83,29 @@ class Driver:
         self._diagnostics.start()
         self._master_watch.start()
         if self._config.auto_enable:
-            self._auto_enable.start()
+            self._arm.auto_enable()
         _LOG.info("driving a JAKA %s at %s:%d and %d, interface %s", self._model.name, self._config.ip,
                   self._config.command_port, self._config.status_port, self._config.interface)
 
+    def tell_kind(self) -> None:
+        """Say whether the arm is real or simulated, in the log and on a latched topic, whenever that is learnt."""
+        is_simulated = self._arm.link_health.is_simulated
+        if is_simulated is None or is_simulated is self._is_simulated:
+            return
+        self._is_simulated = is_simulated
+        self._simulated.publish(is_simulated)
+        if is_simulated:
+            _LOG.warning("SIMULATED ARM: the controller at %s:%d is a simulated one, no real arm moves",
+                         self._config.ip, self._config.command_port)
+        else:
+            _LOG.info("REAL ARM: the controller at %s:%d", self._config.ip, self._config.command_port)
+
     def close(self) -> None:
         """Stop what this driver moves, answer every pending call, disconnect, give the controller free."""
-        self._closing.set()
         self._arm.close()
         self._services.finish_calls(_ANSWER_TIMEOUT_S)
         self._master_watch.close()
         self._diagnostics.close()
-        self._publishers.close()
         self._frames.close()
         if self._guard is not None:
             self._guard.close()
@@ -130,7 +143,12 @@ def main(argv: Optional[List[str]] = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # a log that goes to a file is read while the driver runs
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # there is nothing to stop yet
-    rospy.init_node("jaka_driver", disable_signals=True)
+    try:
+        refuse_second_node(resolved_node_name(_NAME, sys.argv))
+    except JakaError as error:
+        print("%s cannot start: %s" % (_NAME, error), file=sys.stderr)
+        return 1
+    rospy.init_node(_NAME, disable_signals=True)
     drain_log = log_to_ros()
     signals = _noted_signals()
     try:
@@ -145,12 +163,13 @@ def main(argv: Optional[List[str]] = None) -> int:
     rospy.on_shutdown(driver.close)
     rospy.on_shutdown(lambda: drain_log(_DRAIN_TIMEOUT_S))
     driver.start()
-    while not signals and not rospy.is_shutdown():
+    while not signals and not rospy.is_shutdown() and not driver.has_failed:
         time.sleep(_SIGNAL_POLL_S)
+        driver.tell_kind()
     rospy.signal_shutdown("signal %s" % signals)
     if not drain_log(_DRAIN_TIMEOUT_S):
         os._exit(0)  # a terminal that does not read any more would keep the process for ever
-    return 0
+    return 1 if driver.has_failed else 0
 
 
 def _noted_signals() -> List[int]:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Any, Mapping, Sequence, Union
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client import readiness, verified_settings
 from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.core import power, settings
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.ros.convert import Payload, Terminal
 from jaka_ros_driver.ros.frame_table import FrameTable
@@ -66,35 +66,36 @@ class Operations:
 
     def tool_frame(self, command: c.SetToolFrame) -> Outcome:
         """Store, read back, and make it active as configured."""
-        with self._settings, self._frames.changing():
-            return Outcome(verified_settings.set_tool_frame(self._arm, command, self._config.activates_frames))
+        with self._frames.changing():
+            return Outcome(self._arm.run(
+                lambda core: settings.set_tool_frame(core, command, self._config.activates_frames), exclusive=True))
 
     def user_frame(self, command: c.SetUserFrame) -> Outcome:
         """As tool_frame."""
-        with self._settings, self._frames.changing():
-            return Outcome(verified_settings.set_user_frame(self._arm, command, self._config.activates_frames))
+        with self._frames.changing():
+            return Outcome(self._arm.run(
+                lambda core: settings.set_user_frame(core, command, self._config.activates_frames), exclusive=True))
 
     def payload(self, payload: Payload) -> Outcome:
         """Select the tool, set its load, read it back."""
-        with self._settings:
-            return Outcome(verified_settings.set_payload(self._arm, payload.tool_id, payload.load))
+        return Outcome(self._arm.run(
+            lambda core: settings.set_payload(core, payload.tool_id, payload.load), exclusive=True))
 
     def hand_guiding(self, active: bool) -> Outcome:
-        """drag_mode."""
-        with self._settings:
-            return Outcome(verified_settings.set_hand_guiding(self._arm, active))
+        """drag_mode; switching it off is served at any time."""
+        return Outcome(self._arm.run(lambda core: settings.set_hand_guiding(core, active), exclusive=active))
 
     def collision_level(self, level: int) -> Outcome:
         """Set and read back."""
         with self._settings:
-            return Outcome(verified_settings.set_collision_level(self._arm, level))
+            return Outcome(self._arm.run(lambda core: settings.set_collision_level(core, level)))
 
     def output(self, command: Union[c.SetDigitalOutput, c.SetAnalogOutput]) -> Outcome:
         """set_io: set and read back."""
+        set_output = (settings.set_digital_output if isinstance(command, c.SetDigitalOutput)
+                      else settings.set_analog_output)
         with self._outputs:
-            if isinstance(command, c.SetDigitalOutput):
-                return Outcome(verified_settings.set_digital_output(self._arm, command))
-            return Outcome(verified_settings.set_analog_output(self._arm, command))
+            return Outcome(self._arm.run(lambda core: set_output(core, command)))
 
     def read(self, terminal: Terminal) -> Outcome:
         """get_io: from the status feed; an output that it does not carry is asked for."""
@@ -110,7 +111,7 @@ class Operations:
 
     def clear_error(self, _: None) -> Outcome:
         """Clears what can be cleared; says what is still missing before the arm can move, and does none of that."""
-        missing = readiness.clear_error(self._arm)
+        missing = self._arm.run(power.clear_error)
         if not missing:
             return Outcome("alarms cleared; the arm is ready")
         state = self._arm.fresh_state()
@@ -120,12 +121,12 @@ class Operations:
 
     def power(self, on: bool) -> Outcome:
         """Energise the drives, or not; returns when the arm reports it."""
-        readiness.set_power(self._arm, on)
+        self._arm.run(lambda core: power.set_power(core, on))
         return Outcome("power on" if on else "power off")
 
     def enable(self, on: bool) -> Outcome:
         """Open the brakes and hold torque, or not; returns when the arm reports it."""
-        readiness.set_enabled(self._arm, on)
+        self._arm.run(lambda core: power.set_enabled(core, on))
         return Outcome("enabled" if on else "disabled")
 
     def forward(self, command: c.ForwardKinematics) -> Outcome:

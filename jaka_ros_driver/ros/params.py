@@ -22,6 +22,7 @@ _CLIENT = ClientSettings("")
 _HOST_LABEL = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)\Z")
 _FRAME = re.compile(r"[A-Za-z][A-Za-z0-9_/]*\Z")
 _TOPIC = re.compile(r"[A-Za-z~/][A-Za-z0-9_/]*\Z")
+_IDENTITY = re.compile(r"[!-~]{0,256}\Z")
 _PREFIX = re.compile(r"([A-Za-z][A-Za-z0-9_/]*)?\Z")
 
 
@@ -134,8 +135,15 @@ class DriverConfig:
                                                   "Default: true; false with interface vendor.")
     auto_enable: bool = _flag(True, "Power and enable a healthy arm once, when it is first seen after the start.")
     guard: bool = _flag(True, "A guard process stops the arm when the driver dies or hangs.")
+    link_loss_stop: float = _number(
+        _CLIENT.link_loss_stop, 0.0, 10.0, "s", "The controller is asked to stop the arm so long after it has lost "
+        "this driver in the middle of a motion; 0: it is not asked.")
+    simulator: str = _text("", _IDENTITY, "empty, or the identity of a simulated controller",
+                           "Any other controller than the simulated one of this identity is left alone; set by the "
+                           "launch files.")
     publish_rate: float = _number(1.0 / _CLIENT.feed_period, 1.0, 500.0, "Hz",
-                                  "Status rate asked of the controller; a slower feed is filled up to it.")
+                                  "Rate of the state topics: a slower feed is filled up to it, a faster one thinned "
+                                  "out. The controller is asked for 125 Hz at least.")
     stale_after: float = _number(_CLIENT.stale_after, 0.02, 10.0, "s",
                                  "State older than this is neither published nor acted on.")
     joint_states_topic: str = _text("joint_states", _TOPIC, "a ROS name",
@@ -162,8 +170,11 @@ class DriverConfig:
                                  "A jog stops so long after the last jog call.")
     servo_timeout: float = _number(_CLIENT.servo_timeout, 0.05, 3600.0, "s",
                                    "Servo mode is left so long after the last servo target.")
+    servo_ahead: float = _number(_CLIENT.servo_ahead, 0.008, 2.0, "s",
+                                 "A servo target is refused unless the arm can be there so long after it came: the "
+                                 "motion ends with its client.")
     servo_max_joint_jump: float = _number(_CLIENT.servo_max_joint_jump, 0.0001, 6.3, "rad",
-                                          "A servo target may be so far from the last one, each joint.")
+                                          "A servo target may be so far from the frame that was sent last, each joint.")
     servo_max_linear_jump: float = _number(_CLIENT.servo_max_linear_jump, 0.0001, 2.0, "m",
                                            "The same for the position of a Cartesian target.")
     servo_max_angular_jump: float = _number(_CLIENT.servo_max_angular_jump, 0.0001, 3.2, "rad",
@@ -184,7 +195,8 @@ class DriverConfig:
     def client_settings(self) -> ClientSettings:
         """What the client needs of it."""
         return ClientSettings(
-            host=self.ip, feed_period=ms_to_s(max(1.0, round(s_to_ms(1.0 / self.publish_rate)))),
+            host=self.ip,
+            feed_period=min(_CLIENT.feed_period, ms_to_s(max(1.0, round(s_to_ms(1.0 / self.publish_rate))))),
             **{f.name: getattr(self, f.name) for f in dataclasses.fields(ClientSettings)
                if hasattr(self, f.name)})
 

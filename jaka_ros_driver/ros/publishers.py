@@ -1,9 +1,7 @@
-"""The state topics and transforms: every new sample as it arrives, in the status port's reader thread.
+"""The state topics and transforms: every new sample as it arrives, in the thread of the arm's client.
 
 Nothing is published of a state that is stale, or while the status link is down.
 """
-import threading
-import time
 from typing import Any, List, NamedTuple, Optional
 
 import rospy
@@ -12,11 +10,11 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from jaka_msgs.msg import RobotMsg
-from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.arm_client import ArmClient, LoopTask
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.ros import convert
-from jaka_ros_driver.ros.feed_filler import FeedFiller
+from jaka_ros_driver.ros.feed_filler import FeedFiller, FeedThinner
 from jaka_ros_driver.ros.frame_table import FrameTable
 from jaka_ros_driver.ros.params import TF_ALL, TF_NONE, DriverConfig
 from jaka_ros_driver.ros.stamps import StampClock
@@ -51,8 +49,8 @@ class FrameNames:
         return self.base if not user_frame_id else "%suser_frame_%d" % (self.prefix, user_frame_id)
 
 
-class StatePublishers:
-    """Publishes what the status feed tells; ``start`` begins."""
+class StatePublishers(LoopTask):
+    """Publishes what the status feed tells; ``start`` begins. As a task of the client's thread it fills a slow feed."""
 
     def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameTable) -> None:
         self._arm = arm
@@ -68,27 +66,32 @@ class StatePublishers:
         self._joint_states = _publisher(config.joint_states_topic, JointState)
         self._tf = _publisher("/tf", TFMessage) if config.publish_tf != TF_NONE else None
         self._filler = FeedFiller(1.0 / config.publish_rate)
+        self._thinner = FeedThinner(1.0 / config.publish_rate, arm.settings.feed_period)
         self._newest: Optional[Sample] = None
-        self._changed = threading.Condition()
-        self._is_closing = False
-        self._thread = threading.Thread(target=self._repeat, name="feed filler", daemon=True)
 
     def start(self) -> None:
         """Begin to publish."""
-        self._arm.status.add_listener(self._arrived)
-        self._thread.start()
+        self._arm.add_listener(self._arrived)
+        self._arm.add_task(self)
 
-    def close(self) -> None:
-        """No more repeats."""
-        with self._changed:
-            self._is_closing = True
-            self._changed.notify_all()
-        if self._thread.is_alive():
-            self._thread.join()
+    def due(self) -> Optional[float]:
+        """When the newest sample is to be published once more, monotonic s; None while the feed is fast enough."""
+        due = self._filler.next_repeat()
+        return None if due is None or self._newest is None else due - _EARLY
+
+    def run(self, now: float) -> None:
+        """Fill a slow feed up, with the newest sample and its own stamp, as long as that is not stale."""
+        newest = self._newest
+        if newest is None or now - newest.received_at > self._config.stale_after or (
+                not self._arm.link_health.status_is_up):
+            self._filler.forget()
+        else:
+            self._publish(newest)
+            self._filler.repeated(now)
 
     def _arrived(self, state: RobotState, is_new: bool) -> None:
         estimate = self._velocity.update(state)
-        if not is_new:
+        if not is_new or not self._thinner.takes(state.received_at):
             return
         stamp = self._clock.stamp(state.received_at)
         sample = Sample(
@@ -96,12 +99,9 @@ class StatePublishers:
             convert.tool_position(state, stamp, self._names.user(state.user_frame_id), self._config.is_vendor),
             convert.joint_position(state, stamp, JOINTS, state.joint_velocity),
             convert.robot_states(state, self._arm.is_servo_active, self._config.is_vendor))
-        with self._changed:
-            self._newest = sample
-            self._publish(sample)
-            self._filler.arrived(state.received_at)
-            if self._filler.next_repeat() is not None:
-                self._changed.notify_all()
+        self._newest = sample
+        self._publish(sample)
+        self._filler.arrived(state.received_at)
         self._publish_joint_states(state, stamp, estimate)
         if self._tf is not None:
             self._tf.publish(TFMessage(self._transforms(state, stamp)))
@@ -130,23 +130,6 @@ class StatePublishers:
             transforms.append(convert.transform_message(
                 base_t_user, names.base, names.user(state.user_frame_id), stamp))
         return transforms
-
-    def _repeat(self) -> None:
-        """Fill a slow feed up, with the newest sample and its own stamp, as long as that is not stale."""
-        with self._changed:
-            while not self._is_closing:
-                due = self._filler.next_repeat()
-                now = time.monotonic()
-                if due is None or self._newest is None:
-                    self._changed.wait()
-                elif now < due - _EARLY:
-                    self._changed.wait(due - now)
-                elif now - self._newest.received_at > self._config.stale_after or (
-                        not self._arm.link_health.status_is_up):
-                    self._filler.forget()
-                else:
-                    self._publish(self._newest)
-                    self._filler.repeated(now)
 
 
 def _publisher(name: str, message_type: Any) -> rospy.Publisher:

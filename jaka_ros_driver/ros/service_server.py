@@ -4,11 +4,17 @@ rospy accepts a caller by the md5 of the definition that it was built with. Wher
 another definition, their connections get a request class of their own.
 """
 import contextlib
+import logging
 import threading
 from typing import Any, Callable, Dict, Iterator, Optional, Tuple
 
 import rospy
 from rospy.impl import registration, tcpros_base, tcpros_service
+
+from jaka_ros_driver.protocol.texts import printable
+from jaka_ros_driver.ros.connections import CALLERS, keep_serving
+
+_LOG = logging.getLogger(__name__)
 
 
 class CallCount:
@@ -66,24 +72,38 @@ class ServiceServer(rospy.Service):
         threading.Thread(target=self.handle, args=(transport, header), daemon=True).start()
         return True
 
+    def handle(self, transport: Any, header: Dict[str, str]) -> None:
+        """Serve one connection, in its thread, until it ends."""
+        transport.guest = CALLERS.enter(transport.socket)
+        try:
+            super().handle(transport, header)
+        except (rospy.exceptions.TransportException, OSError) as error:
+            _LOG.debug("%s: connection of %s ended: %s", self.resolved_name, header["callerid"], error)
+        finally:
+            transport.close()
+            CALLERS.leave(transport.guest)
+
     def _handle_request(self, transport: Any, request: Any) -> None:
+        transport.guest.is_busy_now()
         with self._calls.one():
             super()._handle_request(transport, request)
+        transport.guest.is_idle_now()
+
+    def _write_service_error(self, transport: Any, err_msg: str) -> None:
+        """Also where the response could not be serialised: what of it was must not precede the next response."""
+        if transport.write_buff is not None:
+            transport.write_buff.seek(0)
+            transport.write_buff.truncate(0)
+        super()._write_service_error(transport, printable(err_msg))
 
 
 def prepare_connections() -> None:
-    """Change how this process takes TCPROS connections; call once, after init_node.
+    """Change how this process takes connections; call once, after init_node.
 
-    Services look at a connection before rospy compares its md5. And every connection is greeted in a thread of its
-    own: rospy greets one after the other, so that a peer which connects and says nothing would keep everybody out,
-    also who wants to stop the arm.
+    Services look at a connection before rospy compares its md5, and no number of connections, whatever they say or do
+    not say, keeps out who wants to stop the arm.
     """
-    tcpros_base.start_tcpros_server()
-    server = tcpros_base.init_tcpros_server()
-    server.service_connection_handler = _service_connection
-    greet = server.tcp_ros_server.inbound_handler
-    server.tcp_ros_server.inbound_handler = lambda sock, client_addr: threading.Thread(
-        target=greet, args=(sock, client_addr), name="greeting", daemon=True).start()
+    keep_serving(_service_connection)
 
 
 def _service_connection(sock: Any, client_addr: Any, header: Dict[str, str]) -> Optional[str]:

@@ -24,7 +24,8 @@ from jaka_msgs.srv import (
     SetTcpFrame,
     SetUserFrame,
 )
-from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.commands import Pose
+from jaka_ros_driver.errors import JakaError, ProtocolError
 from jaka_ros_driver.ros.convert import VENDOR_IO_FAILURE, VENDOR_KINEMATICS_FAILURE, Requests, wire_pose
 from jaka_ros_driver.ros.evidence import Call, Evidence
 from jaka_ros_driver.ros.operations import Operations, Outcome
@@ -32,6 +33,8 @@ from jaka_ros_driver.ros.service_server import CallCount, ServiceServer
 from jaka_ros_driver.ros.servo_move_wire import ServoMoveWithSpeed
 
 _LOG = logging.getLogger(__name__)
+
+FLOAT32_MAX = 3.4028234663852886e38
 
 
 def as_ret(response: Any, outcome: Outcome, is_vendor: bool) -> None:
@@ -72,6 +75,17 @@ def as_joints(response: Any, outcome: Outcome, is_vendor: bool) -> None:
     """get_ik: empty on failure."""
     response.message = outcome.message
     response.joint = outcome.value if outcome.is_success else _no_numbers(is_vendor)
+
+
+def require_float32(value: Any) -> None:
+    """Refuse a result that the response's float32 cannot hold: serialising it would end the call without a reason.
+
+    Raises:
+        ProtocolError: It holds such a number, or none where one is due.
+    """
+    numbers = wire_pose(value) if isinstance(value, Pose) else value if isinstance(value, (tuple, list)) else (value,)
+    if not all(isinstance(number, (int, float)) and -FLOAT32_MAX <= number <= FLOAT32_MAX for number in numbers):
+        raise ProtocolError("the result %.200r holds what is no number of float32" % (value,))
 
 
 def _no_numbers(is_vendor: bool) -> Tuple[float, ...]:
@@ -166,7 +180,10 @@ class Services:
 
     def _outcome(self, spec: ServiceSpec, request: Any) -> Outcome:
         try:
-            return spec.perform(self._operations, spec.to_command(self._requests, request))
+            outcome = spec.perform(self._operations, spec.to_command(self._requests, request))
+            if outcome.value is not None:
+                require_float32(outcome.value)
+            return outcome
         except JakaError as error:
             _LOG.info("%s: %s", spec.name, error)
             return Outcome(str(error), is_success=False)

@@ -76,6 +76,8 @@ def _serving_parser() -> argparse.ArgumentParser:
     parser.add_argument("--power-delay", type=float, default=8.0, metavar="S", help="simulated s, default 8")
     parser.add_argument("--enable-delay", type=float, default=4.0, metavar="S", help="simulated s, default 4")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the wire faults, default 0")
+    parser.add_argument("--identity", metavar="TOKEN",
+                        help="what it answers to get_simulator_identity, default one that no other has")
     parser.add_argument("--realtime", action="store_true",
                         help="real-time priority (SCHED_FIFO) instead of nice -10; both need the right to")
     parser.add_argument("--log", metavar="FILE.mcap", help="log every byte in and out; needs the package mcap")

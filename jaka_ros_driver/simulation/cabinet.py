@@ -62,6 +62,7 @@ class Options:
         start: State at the beginning.
         starvation: What a servo stream that runs dry does.
         shortest_feed_period: Of the status feed whatever is asked for, s of simulated time.
+        identity: What ``get_simulator_identity`` answers; no real controller knows that command.
     """
 
     power_delay: float = 8.0
@@ -69,6 +70,7 @@ class Options:
     start: Start = Start.OFF
     starvation: Starvation = Starvation.HOLD
     shortest_feed_period: float = 0.0
+    identity: str = ""
 
 
 class Cabinet:
@@ -86,8 +88,8 @@ class Cabinet:
         protective_stop: Stands until ``clear_error``.
         program_state: Of the loaded program.
         asked_feed_period: Of the status feed as the client set it, s.
-        link_loss: What happens when the command client is lost.
-        link_loss_delay: How long after that, s.
+        link_loss: What happens when the present command client is lost, as it asked for itself.
+        link_loss_delay: How long after that, s of simulated time.
     """
 
     def __init__(self, model: ArmModel, firmware: Firmware, options: Options, memory: Memory,
@@ -112,6 +114,7 @@ class Cabinet:
         self._power_at: Optional[float] = None
         self._enable_at: Optional[float] = None
         self._disable_at: Optional[float] = None
+        self._link_loss_at: Optional[float] = None
         self._jogged: Optional[Tuple[JogFrame, int]] = None
         self._lines_are_stale = False
         self._timers: List[Tuple[float, int, Callable[[], None]]] = []
@@ -127,6 +130,9 @@ class Cabinet:
         self.now += dt
         while self._timers and self._timers[0][0] <= self.now:
             heapq.heappop(self._timers)[2]()
+        if self._link_loss_at is not None and self.now >= self._link_loss_at:
+            self._link_loss_at = None
+            self._react_to_link_loss()
         if self._power_at is not None and self.now >= self._power_at:
             self._power_at, self.is_powered = None, True
         if self._enable_at is not None and self.now >= self._enable_at:
@@ -428,11 +434,25 @@ class Cabinet:
     # --- the command client -----------------------------------------------------------------------------------------
 
     def client_connected(self) -> None:
-        """A new client has the command port."""
+        """A new client has the command port; what the one before it asked for ends, and what its loss would bring."""
         self._lines_are_stale = not self.plant.queue_length
+        self.link_loss, self.link_loss_delay = LinkLoss.KEEP, 0.0
+        self._link_loss_at = None
 
     def client_lost(self) -> None:
-        """The command client's connection ended; ``set_network_exception_handle`` says what follows."""
-        reaction = {LinkLoss.KEEP: None, LinkLoss.PAUSE: self.pause, LinkLoss.ABORT: self.stop}[self.link_loss]
-        if reaction:
-            self.after(self.link_loss_delay, reaction)
+        """The command client's connection ended, or the network under it; tell it once or more, the first counts.
+
+        ``set_network_exception_handle`` says what follows.
+        """
+        if self._link_loss_at is None and self.link_loss is not LinkLoss.KEEP:
+            self._link_loss_at = self.now + self.link_loss_delay
+
+    def client_back(self) -> None:
+        """The network under the command client's connection lives again; what its loss brought by now stands."""
+        self._link_loss_at = None
+
+    def _react_to_link_loss(self) -> None:
+        if self.link_loss is LinkLoss.PAUSE:
+            self.pause()
+        elif self.link_loss is LinkLoss.ABORT:
+            self.stop()

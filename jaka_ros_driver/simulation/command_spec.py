@@ -6,6 +6,8 @@ from jaka_ros_driver.simulation.arguments import Arguments
 from jaka_ros_driver.simulation.cabinet import Cabinet
 from jaka_ros_driver.simulation.replies import Reply
 
+SIMULATED_ONLY = "simulated controllers only"
+
 
 class Held(NamedTuple):
     """The reply is held back until this becomes true."""
@@ -29,7 +31,8 @@ class CommandSpec(NamedTuple):
 
     Attributes:
         name: ``cmdName``.
-        section: Where it is described: a section of the controller protocol, or "SDK client" and its section.
+        section: Where it is described: a section of the controller protocol, or "SDK client" and its section;
+            ``SIMULATED_ONLY`` where no real controller knows it.
         handler: Carries it out and returns the reply's own fields, or raises Refused or BadParameter.
         modern_only: True where firmware 1.5.14 does not know it.
         then: What follows the reply.

@@ -4,7 +4,7 @@ from typing import List, Optional, Tuple
 
 from jaka_ros_driver.simulation.arguments import Arguments
 from jaka_ros_driver.simulation.cabinet import Cabinet, LinkLoss
-from jaka_ros_driver.simulation.command_spec import CommandSpec, Then, plain, query
+from jaka_ros_driver.simulation.command_spec import SIMULATED_ONLY, CommandSpec, Then, plain, query
 from jaka_ros_driver.simulation.events import TargetRejected
 from jaka_ros_driver.simulation.replies import Refused, Reply
 from jaka_ros_driver.simulation.status_frame import errcode_text
@@ -95,6 +95,8 @@ SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("set_installation_angle", "5.1", _set_installation_angle),
     CommandSpec("get_installation_angle", "SDK client 6", query(_installation_angle)),
     CommandSpec("set_network_exception_handle", "SDK client 2", _set_network_exception_handle),
+    CommandSpec("get_simulator_identity", SIMULATED_ONLY, query(
+        lambda cabinet: {"identity": cabinet.options.identity})),
     CommandSpec("clear_error", "5.10", plain(Cabinet.clear_error)),
     CommandSpec("protective_stop_status", "5.10", query(
         lambda cabinet: {"protective_stop": int(cabinet.protective_stop)})),

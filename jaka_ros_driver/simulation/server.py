@@ -276,7 +276,16 @@ class Server:
             client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)
         client.close()
         self._note(connection, "reset" if connection.resets else "close")
-        if connection.port == "command" and not self.is_off and not self._clients("command"):
+        if connection.port == "command" and not connection.is_half_open:
+            self._client_lost()
+
+    def _has_client(self) -> bool:
+        """A command client is connected, as far as the network tells; of one that is half open it tells nothing."""
+        return any(not connection.is_half_open for connection in self._clients("command"))
+
+    def _client_lost(self) -> None:
+        """A command connection ended or fell silent for good; in a cabinet that is off nothing follows."""
+        if not self.is_off and not self._has_client():
             self.controller.cabinet.client_lost()
 
     def _note(self, connection: Connection, what: str) -> None:
@@ -374,6 +383,8 @@ class Server:
         if connection.is_half_open:
             self._unwatch(self._sockets[connection])
             self._note(connection, "half open")
+            if connection.port == "command":
+                self._client_lost()
         elif connection.unsent_bytes > MAX_UNSENT_BYTES or (connection.is_closing and not connection.has_unsent()):
             self._drop(connection)
         else:
@@ -411,9 +422,11 @@ class Server:
         return now < self._stalled_until.get(port, now)
 
     def stall(self, ports: Tuple[str, ...], duration: float) -> None:
-        """Neither read nor send on these ports for so long, s of wall time."""
+        """Neither read nor send on these ports for so long, s of wall time; the command client is lost meanwhile."""
         until = time.monotonic() + duration
         self._stalled_until.update((port, until) for port in ports)
+        if "command" in ports and duration > 0.0 and not self.is_off and self._has_client():
+            self.controller.cabinet.client_lost()
 
     def end_connections(self, ports: Tuple[str, ...], effect: Effect) -> int:
         """Close, reset or half-open every connection of these ports now; how many there were."""
@@ -462,6 +475,8 @@ class Server:
     def _end_of_faults(self, now: float) -> None:
         for port in [port for port, until in self._stalled_until.items() if now >= until]:
             del self._stalled_until[port]
+            if port == "command" and self._has_client():
+                self.controller.cabinet.client_back()
         for port in [port for port, until in self._refusing_until.items() if now >= until]:
             del self._refusing_until[port]
             if not self.is_off:

@@ -6,7 +6,9 @@
         connect(arm.command_port, arm.status_port)
         arm.panel("hit", force=150.0)
 """
+import re
 import threading
+import uuid
 from typing import Any, Dict, Optional, Type
 
 from jaka_ros_driver.errors import InvalidCommand
@@ -21,6 +23,7 @@ from jaka_ros_driver.simulation.server import LOOPBACK, Addresses, Server
 from jaka_ros_driver.simulation.wire_log import WireLog
 
 MAX_TIME_SCALE = 100.0
+_IDENTITY = re.compile(r"[!-~]{1,256}\Z")
 
 
 class SimulatedController:
@@ -35,7 +38,7 @@ class SimulatedController:
                  firmware: str = "1.5.14", start: str = "off", power_delay: float = 8.0, enable_delay: float = 4.0,
                  starvation: str = "hold", single_client: str = "replace", seed: int = 0, log: Optional[str] = None,
                  host: str = LOOPBACK, command_port: int = 0, status_port: int = 0, poll_port: int = 0,
-                 panel_port: Optional[int] = 0) -> None:
+                 panel_port: Optional[int] = 0, identity: Optional[str] = None) -> None:
         """Listen.
 
         Args:
@@ -55,6 +58,7 @@ class SimulatedController:
             status_port: As command_port.
             poll_port: As command_port.
             panel_port: As command_port, on loopback; None for none.
+            identity: What it answers to ``get_simulator_identity``; None for one that no other has.
 
         Raises:
             InvalidCommand: A value that is none of those.
@@ -66,9 +70,13 @@ class SimulatedController:
             raise InvalidCommand("time scale is %r; it must be above 0 and at most %g" % (time_scale, MAX_TIME_SCALE))
         if power_delay < 0.0 or enable_delay < 0.0:
             raise InvalidCommand("delays must not be negative")
+        if identity is None:
+            identity = uuid.uuid4().hex
+        if not _IDENTITY.match(identity):
+            raise InvalidCommand("identity is %r; it must be 1 to 256 characters of ASCII without blanks" % identity)
         options = Options(power_delay, enable_delay, _one_of("start", start, {s.value: s for s in Start}),
                           _one_of("starvation", starvation, {s.value: s for s in Starvation}),
-                          MIN_FEED_PERIOD_S * time_scale)
+                          MIN_FEED_PERIOD_S * time_scale, identity)
         refuse = _one_of("single client", single_client, {"replace": False, "refuse": True})
         controller = Controller(arm, _one_of("firmware", firmware, FIRMWARES), options)
         self._log = WireLog(log) if log else None

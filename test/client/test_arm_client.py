@@ -6,7 +6,7 @@ import pytest
 from arm_bench import eventually
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.motion_owner import MotionOwner
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.errors import CommandRejected, ConnectionLost, InvalidCommand, MotionInterrupted, StopCause
 
 HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
@@ -20,6 +20,16 @@ def line(arm, x=0.0, y=0.0, z=0.0, speed=0.2):
     state = arm.fresh_state()
     position = tuple(p + d for p, d in zip(state.tcp_position, (x, y, z)))
     return c.LinearMove(c.Pose(position, state.tcp_rpy), speed, 1.0)
+
+
+def stream(arm, to, joint=0, step=0.004):
+    """Targets from where the stream holds the arm, as a client sends them."""
+    position = list(arm.fresh_state().joint_position)
+    while position[joint] != to:
+        away = to - position[joint]
+        position[joint] = to if abs(away) <= step else position[joint] + math.copysign(step, away)
+        arm.servo_target(c.ServoJoint(tuple(position)))
+        time.sleep(0.008)
 
 
 JOG = c.Jog(c.JogFrame.JOINT, 0, 0.3)
@@ -77,7 +87,6 @@ def test_the_controllers_refusal_is_told_and_the_motion_is_free_again(bench):
     arm = bench().connect()
     with pytest.raises(CommandRejected, match="moveL"):
         arm.move(line(arm, x=5.0))
-    assert arm.motion_owner is None
     arm.move(joint_move(0.05))
 
 
@@ -101,7 +110,7 @@ def test_stop_is_served_while_a_move_blocks_even_when_every_reply_is_late(bench,
     called = time.monotonic()
     arm.stop()
     assert isinstance(move.failure(), MotionInterrupted) and move.error.cause is StopCause.STOPPED
-    assert arm.motion_owner is None
+    assert eventually(lambda: arm.motion_owner is None)
     stop, = one.times_of("stop_program")
     assert stop - called < 0.25
     assert one.rest_after(called) - stop < 0.5
@@ -184,29 +193,34 @@ def test_pose_targets_are_followed(bench):
     start = arm.fresh_state()
     arm.set_servo_mode(True)
     goal = (start.tcp_position[0] - 0.02,) + start.tcp_position[1:]
-    arm.servo_target(c.ServoPose(c.Pose(goal, start.tcp_rpy)))
+    for part in (0.25, 0.5, 0.75, 1.0):
+        between = tuple(s + part * (g - s) for s, g in zip(start.tcp_position, goal))
+        arm.servo_target(c.ServoPose(c.Pose(between, start.tcp_rpy)))
+        time.sleep(0.02)
     assert eventually(lambda: abs(arm.fresh_state().tcp_position[0] - goal[0]) < 1e-4)
+    time.sleep(0.3)
     arm.servo_target(c.ServoJoint(arm.fresh_state().joint_position))
     arm.set_servo_mode(False)
     assert one.times_of("servo_p")
 
 
-def test_a_change_of_frames_does_not_move_a_stream_of_poses(bench):
+def test_frames_are_not_changed_under_a_servo_stream(bench):
+    one = bench()
+    arm = one.connect()
+    arm.set_servo_mode(True)
+    with pytest.raises(InvalidCommand, match="servo mode owns"):
+        arm.execute(c.SelectTool(1))
+    assert one.times_of("set_tool_id") == []
+
+
+def test_joint_and_pose_targets_change_over_at_rest_only(bench):
     one = bench()
     arm = one.connect()
     start = arm.fresh_state()
     arm.set_servo_mode(True)
-    arm.servo_target(c.ServoPose(c.Pose(start.tcp_position, start.tcp_rpy)))
-    frames = arm.status.health().frames
-    assert eventually(lambda: arm.status.health().frames > frames + 5)
-    arm.execute(c.SetToolFrame(1, c.Pose((0.1, 0.2, 0.3), (0.5, 0.0, 0.0)), "long"))
-    arm.execute(c.SelectTool(1))
-    assert eventually(lambda: arm.fresh_state().tool_id == 1)
-    shifted = arm.fresh_state()
-    arm.servo_target(c.ServoPose(c.Pose(shifted.tcp_position, shifted.tcp_rpy)))
-    arm.set_servo_mode(False)
-    assert one.times_of("servo_p")
-    assert max(abs(a - b) for _, joints in one.joints() for a, b in zip(joints, HOME)) < 1e-4
+    stream(arm, 0.05)
+    with pytest.raises(InvalidCommand, match="at rest only"):
+        arm.servo_target(c.ServoPose(c.Pose(start.tcp_position, start.tcp_rpy)))
 
 
 def test_a_servo_target_too_far_away_moves_nothing(bench):
@@ -225,7 +239,7 @@ def test_a_silent_caller_leaves_servo_mode_and_the_arm_held(bench):
     one = bench()
     arm = one.connect(servo_timeout=0.5)
     arm.set_servo_mode(True)
-    arm.servo_target(c.ServoJoint((0.05,) + HOME[1:]))
+    stream(arm, 0.05)
     assert eventually(lambda: arm.motion_owner is None)
     assert not one.controller.state()["is_servo_active"]
     with pytest.raises(InvalidCommand, match="not in servo mode"):
@@ -237,9 +251,9 @@ def test_stop_ends_a_servo_stream(bench):
     one = bench()
     arm = one.connect()
     arm.set_servo_mode(True)
-    arm.servo_target(c.ServoJoint((0.1,) + HOME[1:]))
+    stream(arm, 0.1)
     arm.stop()
-    assert arm.motion_owner is None
+    assert eventually(lambda: arm.motion_owner is None)
     assert eventually(lambda: not arm.is_servo_active)
     stop, = one.times_of("stop_program")
     assert max(one.times_of("servo_j")) <= stop
@@ -281,15 +295,16 @@ def test_closing_stops_the_arm_and_answers_the_pending_call(bench, call):
     assert len(one.times_of("stop_program")) == 1
 
 
-def test_nothing_that_was_asked_for_before_the_shutdown_is_sent_after_it(bench):
+def test_nothing_that_was_asked_for_before_the_shutdown_is_sent_after_it(bench, call):
     one = bench()
     arm = one.connect()
-    ask = arm._require_ready_to_move
-    arm._require_ready_to_move = lambda: (ask(), arm.close())[0]
-    with pytest.raises(MotionInterrupted) as caught:
-        arm.move(joint_move())
-    assert caught.value.cause is StopCause.SHUTDOWN and arm.motion_owner is None
-    assert one.times_of("joint_move") == []
+    arm.move(joint_move(3.0, speed=0.2), wait=False)
+    assert eventually(one.is_moving)
+    stop, move = call(arm.stop), call(arm.move, joint_move(1.0))  # waits until the arm has come to rest
+    stop.wait()
+    arm.close()
+    assert isinstance(move.failure(), (MotionInterrupted, InvalidCommand)) and arm.motion_owner is None
+    assert len(one.times_of("joint_move")) == 1
 
 
 def test_a_move_that_takes_too_long_is_stopped(bench, call):

@@ -6,107 +6,107 @@ import sys
 import time
 
 import pytest
-from arm_bench import WAIT, eventually, fill, processes_with
+from arm_bench import WAIT, eventually, fill
+from guarded_driver import ROOT, GuardedDriver
 
-from jaka_ros_driver.client.guard import waits_for_processor
-
-DRIVER = """
-import math, sys, threading
-from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.guard import Guard
-from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.kinematics.arm_models import load_model
-
-command_port, status_port, motion = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
-guard = Guard("127.0.0.1", command_port)
-arm = ArmClient(ClientSettings("127.0.0.1", command_port, status_port), load_model("zu7"), guard.tell)
-arm.start()
-while not arm.is_ready:
-    threading.Event().wait(0.01)
-home = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
-if motion == "move":
-    arm.move(c.JointMove((3.0,) + home[1:], 0.2, 4.0), wait=False)
-elif motion == "jog":
-    arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.2))
-elif motion == "servo":
-    arm.set_servo_mode(True)
-print("under way", flush=True)
-sys.stdin.readline()
-arm.close()
-guard.close()
-"""
+from jaka_ros_driver.client.process_state import waits_for_processor
+from jaka_ros_driver.simulation.command_spec import CommandSpec
+from jaka_ros_driver.simulation.command_table import COMMANDS
+from jaka_ros_driver.simulation.replies import Refused
 
 
 @pytest.fixture
-def driver(bench, root):
-    one = bench()
+def driver(bench):
     started = []
 
-    def start(motion):
-        process = subprocess.Popen(
-            [sys.executable, "-c", DRIVER, str(one.controller.command_port), str(one.controller.status_port), motion],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=str(root))
-        started.append(process)
-        assert process.stdout.readline() == "under way\n", process.communicate()
-        if motion != "idle":
-            assert eventually(lambda: one.is_moving() or one.controller.state()["is_servo_active"])
-        return one, process
+    def start(motion, **options):
+        one = bench(**options)
+        started.append(GuardedDriver(one, motion))
+        return one, started[-1]
 
     yield start
     for process in started:
-        if process.poll() is None:
-            process.send_signal(signal.SIGCONT)
-            process.kill()
-        process.communicate(timeout=WAIT)
+        process.kill()
 
 
-def guards_of(one):
-    """Process ids of the live guards of this controller."""
-    return processes_with("jaka_ros_driver.client.guard", "--port\0%d\0" % one.controller.command_port)
+@pytest.fixture
+def answer_stops(monkeypatch):
+    """Have the controller do something else with some stops: ``reactions`` are called one after the other."""
+    def install(*reactions):
+        real, left = COMMANDS["stop_program"], list(reactions)
 
+        def handle(cabinet, arguments):
+            return left.pop(0)(cabinet) if left else real.handler(cabinet, arguments)
+
+        monkeypatch.setitem(COMMANDS, "stop_program", CommandSpec(real.name, real.section, handle))
+
+    return install
+
+
+def accept_and_go_on(_cabinet):
+    """The reply is that of a stop that was accepted."""
+
+
+def refuse(_cabinet):
+    raise Refused("2")
+
+
+def is_stopped(one):
+    return not one.is_moving() and not one.controller.state()["is_servo_active"]
+
+
+def gaps_between(times):
+    return [after - before for before, after in zip(times, times[1:])]
+
+
+def opened(one):
+    """When connections to the command port began."""
+    return [event.time_ns * 1e-9 for event in one.log().wire("command", "open")]
+
+
+# ---- the driver dies or freezes ----
 
 @pytest.mark.parametrize("motion", ["move", "jog", "servo"])
 @pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGSTOP])
 def test_the_arm_is_stopped_when_the_driver_dies_or_freezes(driver, motion, death):
     one, process = driver(motion)
     died_at = time.monotonic()
-    process.send_signal(death)
-    assert eventually(lambda: not one.is_moving() and not one.controller.state()["is_servo_active"])
+    process.send(death)
+    assert eventually(lambda: is_stopped(one))
     if death == signal.SIGKILL:
-        assert eventually(lambda: not guards_of(one)), "the guard outlives the driver"
+        assert eventually(lambda: not process.guards()), "the guard outlives the driver"
     time.sleep(0.3)  # leaving servo mode is the first of the guard's two words
-    stop = one.times_of("stop_program")[0]
-    assert stop - died_at < 1.0
-    left = [at for at, request in one.received() if request["cmdName"] == "servo_move" and request["relFlag"] == 0]
-    assert left and left[0] <= stop
+    said = process.kill()
+    assert "the controller accepted the stop" in said and "the arm is at rest" in said, said
+    stops = one.log().times_of("stop_program", after=died_at)
+    assert stops[0] - died_at < 1.0
+    left = one.log().times_of("servo_move", after=died_at, relFlag=0)
+    assert left and left[0] <= stops[0]
 
 
 def test_the_arm_is_stopped_though_nobody_reads_what_the_guard_says(driver):
     one, process = driver("jog")
-    fill(process.stderr)
-    process.send_signal(signal.SIGSTOP)
+    fill(process.process.stderr)
+    process.send(signal.SIGSTOP)
     assert eventually(lambda: not one.is_moving())
+    process.send(signal.SIGKILL)
+    assert eventually(lambda: not process.guards()), "a guard that is not heard outlives its driver"
     assert one.times_of("stop_program")
-    process.send_signal(signal.SIGKILL)
-    assert eventually(lambda: not guards_of(one)), "a guard that is not heard outlives its driver"
 
 
 def test_a_driver_that_dies_idle_is_none_of_the_guards_business(driver):
     one, process = driver("idle")
-    assert len(guards_of(one)) == 1
-    process.kill()
-    assert eventually(lambda: not guards_of(one))
+    assert process.watched()
+    process.send(signal.SIGKILL)
+    assert eventually(lambda: not process.guards())
     assert one.times_of("stop_program") == []
 
 
 def test_a_driver_that_leaves_in_good_order_takes_its_guard_along(driver):
     one, process = driver("jog")
-    process.stdin.write("\n")
-    process.stdin.flush()
-    _, errors = process.communicate(timeout=WAIT)
-    assert process.returncode == 0 and "guard" not in errors
-    assert not guards_of(one)
+    said = process.leave()
+    assert process.process.returncode == 0 and "guard" not in said, said
+    assert not process.guards()
     assert len(one.times_of("stop_program")) == 1
 
 
@@ -114,44 +114,196 @@ def test_an_arm_that_could_not_be_stopped_at_shutdown_is_stopped_by_the_guard(dr
     one, process = driver("jog")
     one.panel("refuse", port="command", duration_ms=2000)
     one.panel("close", port="command")
-    process.stdin.write("\n")
-    process.stdin.flush()
+    process.order("leave")
     assert eventually(lambda: not one.is_moving())
-    assert eventually(lambda: not guards_of(one))
+    assert eventually(lambda: not process.guards())
     assert one.times_of("stop_program")
 
 
-def test_a_guard_that_dies_is_replaced(driver):
+def test_an_arm_left_to_a_frozen_guard_at_shutdown_is_stopped_by_another(driver):
     one, process = driver("jog")
-    pid, = guards_of(one)
-    os.kill(pid, signal.SIGKILL)
-    assert eventually(lambda: set(guards_of(one)) - {pid})
-    process.kill()
+    os.kill(process.watched(), signal.SIGSTOP)
+    one.panel("refuse", port="command", duration_ms=1000)
+    one.panel("close", port="command")
+    process.order("leave")
     assert eventually(lambda: not one.is_moving())
-    assert one.times_of("stop_program")
+    assert eventually(lambda: not process.guards())
 
 
 def test_a_guard_that_never_hears_a_word_of_its_driver_stops_what_the_driver_moved(driver):
     one, process = driver("jog")
-    pid, = guards_of(one)
-    process.send_signal(signal.SIGSTOP)
+    pid = process.watched()
+    process.send(signal.SIGSTOP)
     os.kill(pid, signal.SIGKILL)
-    successor = [sys.executable, "-m", "jaka_ros_driver.client.guard", "--host", "127.0.0.1",
-                 "--port", str(one.controller.command_port), "--moving"]
     assert one.is_moving()
-    subprocess.run(successor, stdin=subprocess.DEVNULL, check=True, timeout=WAIT)
+    subprocess.run(guard_of(one, process.process.pid, "--moving"), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                   check=True, timeout=WAIT, cwd=str(ROOT))
     assert eventually(lambda: not one.is_moving())
 
 
-def test_a_frozen_driver_that_thaws_does_not_resume(driver):
+def guard_of(one, driver, *options):
+    """The command line of a guard that the test itself starts."""
+    return [sys.executable, "-m", "jaka_ros_driver.client.guard_process", "--host", "127.0.0.1",
+            "--port", str(one.controller.command_port), "--status-port", str(one.controller.status_port),
+            "--driver", str(driver), *options]
+
+
+# ---- the stop ----
+
+def test_a_refused_stop_is_repeated_until_it_is_accepted(driver, answer_stops):
+    answer_stops(*[refuse] * 5)
     one, process = driver("jog")
-    process.send_signal(signal.SIGSTOP)
+    process.send(signal.SIGKILL)
     assert eventually(lambda: not one.is_moving())
-    process.send_signal(signal.SIGCONT)
+    assert eventually(lambda: not process.guards())
+    said = process.kill()
+    assert said.count("controller rejected stop_program: code 2") == 1, "each of them is told: %s" % said
+    stops = one.times_of("stop_program")
+    assert len(stops) == 6
+    assert all(gap > 0.04 for gap in gaps_between(stops)) and sorted(gaps_between(stops))[2] < 0.2
+
+
+@pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGSTOP])
+def test_an_arm_that_moves_on_after_an_accepted_stop_is_stopped_again(driver, answer_stops, death):
+    answer_stops(*[accept_and_go_on] * 4)
+    one, process = driver("jog")
+    process.send(death)
+    assert eventually(lambda: not one.is_moving()), "an accepted stop was taken for rest"
+    time.sleep(0.8)
+    said = process.kill()
+    assert "the arm moves on" in said and "the arm is at rest" in said
+    stops = one.times_of("stop_program")
+    assert len(stops) == 5 and min(gaps_between(stops)) > 0.45
+
+
+@pytest.mark.parametrize("kind", ["noise", "close", "reset", "drop"])
+def test_a_stop_whose_reply_is_lost_is_repeated(driver, answer_stops, kind):
+    answer_stops(accept_and_go_on)
+    one, process = driver("jog")
+    one.panel("fault", kind=kind, port="command", command="stop_program", count=1)
+    process.send(signal.SIGKILL)
+    assert eventually(lambda: not one.is_moving())
+    assert eventually(lambda: not process.guards())
+    assert "the arm is at rest" in process.kill()
+
+
+@pytest.mark.parametrize("blindness", ["refused", "silent", "without joints"])
+def test_an_arm_that_cannot_be_seen_is_sent_three_stops(driver, blindness):
+    one, process = driver("jog")
+    if blindness == "refused":
+        one.panel("refuse", port="status", duration_ms=60000)
+        one.panel("close", port="status")
+    elif blindness == "silent":
+        one.panel("stall", port="status", duration_ms=60000)
+    else:
+        one.panel("fields", drop=["joint_actual_position"])
+    process.send(signal.SIGKILL)
+    assert eventually(lambda: not process.guards())
+    said = process.kill()
+    assert "whether the arm is at rest could not be seen: status " in said and "accepted 3 stops" in said, said
+    stops = one.times_of("stop_program")
+    assert len(stops) == 3 and all(0.45 < gap < 1.0 for gap in gaps_between(stops))
+
+
+# ---- a frozen driver thaws ----
+
+def test_a_frozen_driver_that_thaws_does_not_resume_and_does_not_fight(driver):
+    one, process = driver("jog")
+    guard = process.watched()
+    process.send(signal.SIGSTOP)
+    assert eventually(lambda: not one.is_moving())
+    process.send(signal.SIGCONT)
+    thawed_at = time.monotonic()
     time.sleep(1.0)
     assert not one.is_moving()
-    assert [request["jog_mode"] for _, request in one.received() if request["cmdName"] == "jog"].count(1) == 1
+    health = process.health()
+    assert process.guards() == [guard] and health["replacements"] == 0
+    assert "found this driver silent" in health["last_trouble"]
+    assert "found this driver silent" in process.leave()
+    assert len(one.log().times_of("jog", jog_mode=1)) == 1
+    assert len([at for at in opened(one) if at > thawed_at]) <= 1, "driver and guard fight for the command port"
 
+
+def test_a_driver_that_thaws_and_freezes_again_is_stopped_again(driver):
+    one, process = driver("jog")
+    guard = process.watched()
+    for _ in range(2):
+        assert eventually(one.is_moving)
+        process.send(signal.SIGSTOP)
+        assert eventually(lambda: not one.is_moving())
+        process.send(signal.SIGCONT)
+        time.sleep(0.5)
+        process.order("begin")
+    assert process.guards() == [guard]
+
+
+def test_a_guard_at_work_answers_a_driver_that_thaws_and_finishes(driver, answer_stops):
+    answer_stops(*[accept_and_go_on] * 5)
+    one, process = driver("jog")
+    guard = process.watched()
+    process.send(signal.SIGSTOP)
+    time.sleep(0.6)
+    one.panel("refuse", port="command", duration_ms=5000)  # the driver finds no way to the arm, the guard has it
+    process.send(signal.SIGCONT)
+    time.sleep(1.5)
+    assert one.is_moving() and process.guards() == [guard], "the driver replaced a guard at work"
+    assert eventually(lambda: not one.is_moving())
+    assert process.health()["replacements"] == 0
+
+
+# ---- a controller with room for one client only ----
+
+def test_a_frozen_driver_that_shuts_the_guard_out_is_ended(driver):
+    one, process = driver("jog", single_client="refuse")
+    froze_at = time.monotonic()
+    process.send(signal.SIGSTOP)
+    assert process.process.wait(WAIT) == -signal.SIGKILL
+    assert time.monotonic() - froze_at < 2.0
+    assert eventually(lambda: not one.is_moving())
+    assert eventually(lambda: not process.guards())
+    said = process.kill()
+    assert "killing the driver" in said and "the arm is at rest" in said
+
+
+def test_a_frozen_driver_is_ended_where_the_controller_listens_no_more(driver):
+    one, process = driver("jog")
+    one.panel("refuse", port="command", duration_ms=1500)
+    process.send(signal.SIGSTOP)
+    assert process.process.wait(WAIT) == -signal.SIGKILL
+    assert eventually(lambda: not one.is_moving())
+
+
+def test_a_driver_that_thaws_in_time_is_not_ended(driver):
+    one, process = driver("jog", single_client="refuse")
+    guard = process.watched()
+    process.send(signal.SIGSTOP)
+    time.sleep(0.35)
+    process.send(signal.SIGCONT)
+    time.sleep(0.5)
+    assert process.process.poll() is None and process.guards() == [guard]
+    said = process.leave()
+    assert "killing" not in said
+    assert "is silent" not in said or "the driver is back" in said, said
+
+
+def test_a_process_that_is_not_the_guards_parent_is_never_ended(driver):
+    one, process = driver("jog", single_client="refuse")
+    bystander = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+    other = subprocess.Popen(guard_of(one, bystander.pid, "--moving"), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                             stderr=subprocess.PIPE, text=True, cwd=str(ROOT))
+    try:
+        time.sleep(1.5)
+        assert bystander.poll() is None
+        process.leave()  # and makes room
+        _, said = other.communicate("q", timeout=WAIT)
+        assert "is not the driver any more" in said, said
+    finally:
+        for child in (bystander, other):
+            child.kill()
+            child.wait()
+
+
+# ---- a busy host ----
 
 def test_a_starved_process_is_told_from_a_stopped_and_a_sleeping_one():
     busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])

@@ -11,6 +11,7 @@ from raw_client import RawClient
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, ReplyTimeout, StopCause
 from jaka_ros_driver.kinematics.arm_models import load_model
@@ -93,11 +94,14 @@ def test_a_stream_is_ended_and_servo_mode_left_when_the_status_port_goes_down(be
     one = bench()
     arm = one.connect()
     arm.set_servo_mode(True)
-    one.panel("refuse", port="status", duration_ms=500)
+    one.panel("refuse", port="status", duration_ms=1500)
     one.panel("close", port="status")
-    assert eventually(lambda: arm.motion_owner is None and not one.controller.state()["is_servo_active"])
+    assert eventually(lambda: not one.controller.state()["is_servo_active"])
+    assert eventually(lambda: not arm.is_ready)
+    time.sleep(0.6)
     with pytest.raises(ConnectionLost, match="no link|no fresh"):
         arm.move(SLOW_MOVE)
+    assert eventually(lambda: arm.motion_owner is None)
     leaves = [at for at, request in one.received() if request == {"cmdName": "servo_move", "relFlag": 0}]
     stop, = one.times_of("stop_program")
     assert len(leaves) == 1 and max(one.times_of("servo_j")) <= leaves[0] <= stop
@@ -137,17 +141,28 @@ def test_a_motion_whose_reply_is_lost_is_stopped(bench, command, act):
 def test_a_motion_left_unstopped_by_a_lost_link_is_told_as_moving_until_it_is_stopped(bench):
     one = bench()
     told = []
-    one.arm = arm = ArmClient(ClientSettings("127.0.0.1", one.controller.command_port, one.controller.status_port),
-                              load_model("zu7"), told.append)
+
+    class Ear:
+        """In the place of a guard."""
+
+        def tell(self, is_moving):
+            told.append(is_moving)
+
+        def beat(self, now):
+            pass
+
+    one.arm = arm = ArmClient(ClientSettings("127.0.0.1", one.controller.command_port, one.controller.status_port,
+                                             link_loss_stop=0.0), load_model("zu7"), Ear())
     arm.start()
     assert eventually(lambda: arm.is_ready)
     arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.2))
     assert eventually(one.is_moving)
     one.panel("refuse", port="command", duration_ms=1000)
     one.panel("close", port="command")
-    assert eventually(lambda: arm.motion_owner is None)
-    assert told[-1] and one.is_moving()
+    assert eventually(lambda: not arm.is_ready)
+    assert told[-1] and one.is_moving() and arm.motion_owner is MotionOwner.JOG
     assert eventually(lambda: arm.is_ready and not told[-1])
+    assert arm.motion_owner is None and not one.is_moving()
     assert one.times_of("stop_program")
 
 
@@ -160,10 +175,10 @@ def test_a_reader_that_fails_makes_its_link_anew(bench):
     def fail(_state, _is_new):
         if failures:
             raise failures.pop()
-    arm.status.add_listener(fail)
+    arm.add_listener(fail)
     assert eventually(lambda: not failures)
-    frames = arm.status.health().frames
-    assert eventually(lambda: arm.is_ready and arm.status.health().frames > frames + 10)
+    frames = arm.feed_health.frames
+    assert eventually(lambda: arm.is_ready and arm.feed_health.frames > frames + 10)
 
 
 def test_another_client_on_the_port_is_noticed_and_the_arm_is_stopped(bench, call):
@@ -189,7 +204,7 @@ def test_a_feed_of_damaged_frames_only_is_as_good_as_none(bench, call):
         arm.fresh_state()
     one.panel("clear_faults")
     assert eventually(lambda: arm.is_ready)
-    assert arm.status.health().damaged > 0
+    assert arm.feed_health.damaged > 0
 
 
 @pytest.mark.parametrize("kind", ["wrong_len", "garbage", "noise", "drop", "split", "merge", "duplicate"])
@@ -197,13 +212,13 @@ def test_damage_in_the_feed_changes_nothing_but_a_counter(bench, kind):
     one = bench()
     arm = one.connect()
     bad = []
-    arm.status.add_listener(lambda state, _: bad.append(state) if max(map(abs, state.joint_position)) > 7 else None)
-    damaged = arm.status.health().damaged
+    arm.add_listener(lambda state, _: bad.append(state) if max(map(abs, state.joint_position)) > 7 else None)
+    damaged = arm.feed_health.damaged
     one.panel("fault", kind=kind, port="status", count=None, probability=0.5)
-    frames = arm.status.health().frames
-    assert eventually(lambda: arm.status.health().frames > frames + 100)
+    frames = arm.feed_health.frames
+    assert eventually(lambda: arm.feed_health.frames > frames + 100)
     if kind in ("wrong_len", "garbage", "noise"):
-        assert arm.status.health().damaged > damaged
+        assert arm.feed_health.damaged > damaged
     assert bad == [] and arm.is_ready
 
 
@@ -237,7 +252,7 @@ def test_a_slow_feed_is_reported_as_it_is(bench):
     one = bench()
     arm = one.connect()
     one.panel("slow_feed", rate=33)
-    assert eventually(lambda: 25 < arm.status.health().rate < 45)
+    assert eventually(lambda: 25 < arm.feed_health.rate < 45)
 
 
 def test_fields_that_are_missing_or_new_are_survived(bench):
@@ -248,7 +263,7 @@ def test_fields_that_are_missing_or_new_are_survived(bench):
     arm.move(c.JointMove((0.1,) + HOME[1:], 1.0, 4.0))
     one.panel("fields", drop=["protective_stop"], add={})
     assert eventually(lambda: not arm.is_ready)
-    assert "protective_stop" in arm.status.health().last_damage
+    assert "protective_stop" in arm.feed_health.last_damage
 
 
 def test_many_cuts_leave_no_thread_and_no_descriptor_behind(bench):

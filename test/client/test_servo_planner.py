@@ -1,23 +1,26 @@
 """Servo targets become frames that break no speed limit."""
+import contextlib
 import math
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from jaka_ros_driver.client.servo_planner import MAX_JOINT_SPEED, JointServo, PoseServo
+from jaka_ros_driver.client.core.servo_planner import MAX_JOINT_SPEED, JointServo, PoseServo
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 
 PERIOD = 0.008
 HOME = (0.0, 1.5, -1.5, 1.5, 1.5, 0.0)
-SPEEDS = (math.pi,) * 3 + (3.84,) * 3
+ZU3 = load_model("zu3")
+SPEEDS = ZU3.joint_max_speed
 POSE = Pose((0.4, 0.1, 0.3), (3.0, 0.1, 0.2))
 
 
-def joint_servo(max_jump=0.1):
-    return JointServo(HOME, SPEEDS, max_jump, PERIOD)
+def joint_servo(max_jump=0.1, ahead=2.0):
+    return JointServo(HOME, ZU3, max_jump, ahead, PERIOD)
 
 
 def shifted(by, joint=0):
@@ -55,7 +58,8 @@ def test_a_jump_is_driven_within_speed_and_reached_exactly(joint, jump):
 def test_whatever_targets_come_no_step_breaks_the_limits(stream):
     servo, last, before = joint_servo(), HOME, (0.0,) * 6
     for cycles, target in stream:
-        servo.set_target(tuple(target), True)
+        with contextlib.suppress(InvalidCommand):
+            servo.set_target(tuple(target), True)
         for _ in range(cycles):
             frame = servo.next_frame().joint_position
             velocity = tuple((a - b) / PERIOD for a, b in zip(frame, last))
@@ -82,7 +86,7 @@ def test_increments_add_up_and_none_is_lost():
 
 
 def pose_servo():
-    return PoseServo(POSE, 1.0, 0.05, 0.1, PERIOD)
+    return PoseServo(POSE, 1.0, 0.05, 0.1, 2.0, PERIOD)
 
 
 def test_a_pose_target_is_reached_within_its_limits():
@@ -116,3 +120,41 @@ def test_pose_increments_add_along_the_user_frame():
         pose = servo.next_frame().target
     assert pose.position == pytest.approx((0.41, 0.1, 0.3))
     assert rotation_angle_between(matrix_from_rpy(pose.rpy), matrix_from_rpy(POSE.rpy)) < 1e-9
+
+
+def test_targets_that_come_faster_than_the_arm_can_follow_do_not_add_up():
+    servo = joint_servo(ahead=0.1)
+    accepted = 0.0
+    for step in range(1, 41):
+        with contextlib.suppress(InvalidCommand):
+            servo.set_target(shifted(0.1 * step), False)
+            accepted = 0.1 * step
+    assert accepted == 0.0
+    assert servo.next_frame().joint_position == HOME
+
+
+@pytest.mark.parametrize("ahead", [0.05, 0.1, 0.5])
+def test_an_accepted_target_is_reached_within_servo_ahead(ahead):
+    servo, farthest = joint_servo(ahead=ahead), 0.0
+    for step in range(1, 1000):
+        try:
+            servo.set_target(shifted(0.0005 * step), False)
+        except InvalidCommand as refusal:
+            assert "servo_ahead" in str(refusal) or "more than the allowed" in str(refusal)
+            break
+        farthest = 0.0005 * step
+    assert farthest > 0.0
+    for _ in range(int(ahead / PERIOD + 1e-6)):
+        frame = servo.next_frame()
+    assert frame.joint_position[0] == pytest.approx(farthest, abs=1e-6)
+    assert servo.next_frame().joint_position[0] == pytest.approx(farthest, abs=1e-6)
+
+
+def test_increments_do_not_pass_a_joint_limit():
+    low, high = ZU3.joint_limits[1]
+    servo = JointServo((0.0, high - 0.0015) + HOME[2:], ZU3, 0.1, 0.1, PERIOD)
+    servo.set_target((0.0, 0.001, 0.0, 0.0, 0.0, 0.0), True)
+    with pytest.raises(InvalidCommand, match="joint 2"):
+        servo.set_target((0.0, 0.001, 0.0, 0.0, 0.0, 0.0), True)
+    for _ in range(20):
+        assert servo.next_frame().joint_position[1] <= high

@@ -1,7 +1,7 @@
 """How far the arm is from everything it was sent within the last second."""
 import pytest
 
-from jaka_ros_driver.client.servo_trace import ServoTrace
+from jaka_ros_driver.client.core.servo_trace import ServoTrace
 
 
 def ramp(duration, speed=1.0, period=0.008):

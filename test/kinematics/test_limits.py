@@ -23,6 +23,7 @@ NAN, INF = math.nan, math.inf
 
 GOOD = [
     c.JointMove(HOME, 1.0, 2.0), c.LinearMove(POSE, 0.25, 1.0), c.LinearMove(POSE, 2.5, 8.0, 0.0),
+    c.LinearMove(POSE, 0.25, 1.0, 0.001, math.pi, 4.0 * math.pi),
     c.Jog(JOINT, 5, -3.0), c.Jog(BASE, 0, 0.1), c.Jog(TOOL, 3, -1.0), c.JogStop(BASE, 2), c.Stop(),
     c.SetServoMode(True), c.ServoJoint(HOME), c.ServoJoint((0.001,) * 6, relative=True, cycles=2),
     c.ServoPose(POSE), c.ServoPose(POSE, True, 4), c.SetPower(True), c.SetEnabled(False), c.ClearError(),
@@ -31,7 +32,8 @@ GOOD = [
     c.SetPayload(1.25, (0, 0, 0.04)), c.SetHandGuiding(False), c.SetCollisionLevel(0), c.SetCollisionLevel(5),
     c.SetDigitalOutput(IoBank.TOOL, 0, True), c.SetAnalogOutput(IoBank.CABINET, 7, -4.5), c.SetRapidRate(0.0),
     c.SetRapidRate(1.0), c.SetFeedPeriod(0.008), c.ForwardKinematics(HOME), c.InverseKinematics(POSE, HOME),
-    c.Query.VERSION, c.Query.PAYLOAD, c.GetDigitalOutput(IoBank.EXTENSION, 63), c.GetAnalogOutput(IoBank.TOOL, 0),
+    c.SetLinkLoss(0.0), c.SetLinkLoss(0.3), c.Query.VERSION, c.Query.PAYLOAD, c.GetDigitalOutput(IoBank.EXTENSION, 63),
+    c.GetAnalogOutput(IoBank.TOOL, 0),
 ]
 
 COMMAND_CLASSES = typing.get_args(c.Command)
@@ -72,7 +74,9 @@ def spoiled():
             continue
         for field in dataclasses.fields(command):
             value = getattr(command, field.name)
-            for bad in spoil(value):
+            for bad in () if value is None else spoil(value):
+                if bad is None and field.default is None:
+                    continue
                 yield dataclasses.replace(command, **{field.name: bad}), field.name
 
 
@@ -131,7 +135,11 @@ REFUSED = [
     (c.LinearMove(POSE, 0.0, 1.0), ("speed", "above 0")),
     (c.LinearMove(POSE, 1.0, 8.1), ("acceleration", "8.1", "8 m/s2")),
     (c.LinearMove(POSE, 1.0, -1.0), ("acceleration",)),
-    (c.LinearMove(POSE, 1.0, 1.0, -0.001), ("tolerance", "-0.001", "at least 0")),
+    (c.LinearMove(POSE, 1.0, 1.0, 0.0, 0.0), ("angular_speed", "0 rad/s", "above 0", "3.14159265 rad/s")),
+    (c.LinearMove(POSE, 1.0, 1.0, 0.0, OVER_SPEED), ("angular_speed", "3.14159", "at most 3.14159265 rad/s")),
+    (c.LinearMove(POSE, 1.0, 1.0, 0.0, 1.0, 12.57), ("angular_acceleration", "12.57", "12.5663706 rad/s2")),
+    (c.LinearMove(POSE, 1.0, 1.0, 0.0, 1.0, -1.0), ("angular_acceleration", "-1 rad/s2")),
+    (c.LinearMove(POSE, 1.0, 1.0, -0.001), ("tolerance", "-0.001 m", "0 to 1 m")),
     (c.Jog(JOINT, 0, 3.2), ("velocity", "3.2", "3.14159265")),
     (c.Jog(JOINT, 0, 0.0), ("velocity", "direction")),
     (c.Jog(BASE, 0, -2.6), ("velocity", "-2.6", "2.5 m/s")),
@@ -140,7 +148,7 @@ REFUSED = [
     (c.JogStop(BASE, -1), ("axis", "-1", "0 to 5")),
     (c.ServoJoint((0, 4.7, -1.57, 1.57, 1.57, 0)), ("joint_position[1]", "joint 2")),
     (c.ServoJoint((0.03, 0, 0, 0, 0, 0), relative=True), ("joint_position[0]", "0.03", "0.0251327")),
-    (c.ServoJoint(HOME, cycles=0), ("cycles", "0", "at least 1")),
+    (c.ServoJoint(HOME, cycles=0), ("cycles", "0", "1 to 1000")),
     (c.ServoPose(POSE, cycles=0), ("cycles",)),
     (c.SetToolFrame(0, POSE, "x"), ("tool_id", "0", "1 to 11")),
     (c.SetToolFrame(12, POSE, "x"), ("tool_id", "12", "1 to 11")),
@@ -149,16 +157,103 @@ REFUSED = [
     (c.SetUserFrame(11, POSE, "x"), ("user_frame_id", "11", "1 to 10")),
     (c.SetUserFrame(0, POSE, "x"), ("user_frame_id", "1 to 10")),
     (c.SelectUserFrame(11), ("user_frame_id", "0 to 10")),
-    (c.SetPayload(-0.1, (0, 0, 0)), ("mass", "-0.1 kg", "at least 0 kg")),
+    (c.SetPayload(-0.1, (0, 0, 0)), ("mass", "-0.1 kg", "0 to 100 kg")),
     (c.SetCollisionLevel(6), ("level", "6", "0 to 5")),
     (c.SetCollisionLevel(-1), ("level", "0 to 5")),
-    (c.SetDigitalOutput(IoBank.CABINET, -1, True), ("index", "-1", "at least 0")),
+    (c.SetDigitalOutput(IoBank.CABINET, -1, True), ("index", "-1", "0 to 1023")),
     (c.GetAnalogOutput(IoBank.CABINET, -1), ("index", "-1")),
     (c.SetRapidRate(1.01), ("rate", "1.01", "0 to 1")),
     (c.SetRapidRate(-0.01), ("rate", "-0.01")),
     (c.SetFeedPeriod(0.0), ("period", "0 s", "0.001 to 10 s")),
     (c.SetFeedPeriod(11.0), ("period", "11 s")),
+    (c.SetLinkLoss(-0.1), ("seconds", "-0.1 s", "0 to 10 s")),
+    (c.SetLinkLoss(10.1), ("seconds", "10.1 s", "0 to 10 s")),
 ]
+
+FAR = "-10 to 10 m"
+TWO_TURNS = "-12.5663706 to 12.5663706 rad"
+
+
+def at(x):
+    return c.Pose((0.4, x, 0.3), (math.pi, 0.0, 0.0))
+
+
+def turned(angle):
+    return c.Pose((0.4, 0.1, 0.3), (0.0, 0.0, angle))
+
+
+def joints(angle):
+    return HOME[:5] + (angle,)
+
+
+BOUNDED = [
+    # one field at a time: the command made with a value, the bounds that pass, words of a refusal
+    (lambda x: c.LinearMove(at(x), 0.1, 1.0), (-10.0, 10.0), ("target.position[1]", FAR)),
+    (lambda x: c.ServoPose(at(x)), (-10.0, 10.0), ("target.position[1]", FAR)),
+    (lambda x: c.ServoPose(at(x), True), (-10.0, 10.0), ("target.position[1]", FAR)),
+    (lambda x: c.SetToolFrame(1, at(x), ""), (-10.0, 10.0), ("pose.position[1]", FAR)),
+    (lambda x: c.SetUserFrame(1, at(x), ""), (-10.0, 10.0), ("pose.position[1]", FAR)),
+    (lambda x: c.InverseKinematics(at(x), HOME), (-10.0, 10.0), ("target.position[1]", FAR)),
+    (lambda x: c.LinearMove(turned(x), 0.1, 1.0), (-4 * math.pi, 4 * math.pi), ("target.rpy[2]", TWO_TURNS)),
+    (lambda x: c.ServoPose(turned(x)), (-4 * math.pi, 4 * math.pi), ("target.rpy[2]", TWO_TURNS)),
+    (lambda x: c.SetToolFrame(1, turned(x), ""), (-4 * math.pi, 4 * math.pi), ("pose.rpy[2]", TWO_TURNS)),
+    (lambda x: c.SetUserFrame(1, turned(x), ""), (-4 * math.pi, 4 * math.pi), ("pose.rpy[2]", TWO_TURNS)),
+    (lambda x: c.InverseKinematics(turned(x), HOME), (-4 * math.pi, 4 * math.pi), ("target.rpy[2]", TWO_TURNS)),
+    (lambda x: c.InverseKinematics(POSE, joints(x)), (-4 * math.pi, 4 * math.pi), ("reference[5]", TWO_TURNS)),
+    (lambda x: c.ForwardKinematics(joints(x)), (-4 * math.pi, 4 * math.pi), ("joint_position[5]", TWO_TURNS)),
+    (lambda x: c.LinearMove(POSE, 0.1, 1.0, x), (0.0, 1.0), ("tolerance", "0 to 1 m")),
+    (lambda x: c.SetPayload(x, (0.0, 0.0, 0.0)), (0.0, 100.0), ("mass", "0 to 100 kg")),
+    (lambda x: c.SetPayload(1.0, (0.0, 0.0, x)), (-2.0, 2.0), ("centroid[2]", "-2 to 2 m")),
+    (lambda x: c.SetAnalogOutput(IoBank.TOOL, 0, x), (-1000.0, 1000.0), ("value", "-1000 to 1000 V or mA")),
+]
+
+
+@pytest.mark.parametrize("make, bounds, words", BOUNDED)
+def test_no_finite_number_is_too_big_to_be_refused(make, bounds, words):
+    low, high = bounds
+    for value in (low, high, float(np.float32(low)), float(np.float32(high)), int(high)):
+        limits.check(make(value), ZU7)
+    for value in (high * (1.0 + 1e-6), low - 1e-6 * (high - low), 1e30, -1e30, 1e38, -1e38, 1.7e308, 10 ** 300):
+        with pytest.raises(InvalidCommand) as caught:
+            limits.check(make(value), ZU7)
+        assert all(word in str(caught.value) for word in (*words, "%.9g" % value))
+
+
+@pytest.mark.parametrize("make, highest", [
+    (lambda n: c.SetDigitalOutput(IoBank.EXTENSION, n, True), 1023),
+    (lambda n: c.GetAnalogOutput(IoBank.TOOL, n), 1023),
+    (lambda n: c.ServoJoint(HOME, cycles=n), 1000), (lambda n: c.ServoJoint((0.0,) * 6, True, n), 1000),
+    (lambda n: c.ServoPose(POSE, cycles=n), 1000)])
+def test_no_whole_number_is_too_big_to_be_refused(make, highest):
+    limits.check(make(highest), ZU7)
+    for value in (highest + 1, 2 ** 31, 2 ** 63, 10 ** 400):
+        with pytest.raises(InvalidCommand, match=" to %d" % highest):
+            limits.check(make(value), ZU7)
+
+
+def inflated(value, big):
+    """The same thing, once for each number in it, with that number replaced."""
+    if isinstance(value, (bool, enum.Enum)) or value is None or isinstance(value, str):
+        return
+    if isinstance(value, tuple):
+        for n, item in enumerate(value):
+            for other in inflated(item, big):
+                yield value[:n] + (other,) + value[n + 1:]
+    elif dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            for other in inflated(getattr(value, field.name), big):
+                yield dataclasses.replace(value, **{field.name: other})
+    else:
+        yield type(value)(big)
+
+
+@pytest.mark.parametrize("big", [1e4, 1e9, 1e30, -1e4, -1e38])
+def test_no_number_of_any_command_may_be_huge(big):
+    tried = [other for command in GOOD for other in inflated(command, big)]
+    assert len(tried) > 100
+    for command in tried:
+        with pytest.raises(InvalidCommand, match="valid: "):
+            limits.check(command, ZU7)
 
 
 @pytest.mark.parametrize("command, words", REFUSED, ids=lambda value: "" if isinstance(value, tuple) else repr(value))

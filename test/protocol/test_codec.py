@@ -19,7 +19,14 @@ REQUESTS = [
     (c.JointMove(JOINTS, 20 * DEG, 60 * DEG),
      {"cmdName": "joint_move", "relFlag": 0, "jointPosition": WIRE_JOINTS, "speed": 20.0, "accel": 60.0}),
     (c.LinearMove(POSE, 0.05, 0.2),
-     {"cmdName": "moveL", "relFlag": 0, "cartPosition": WIRE_POSE, "speed": 50.0, "accel": 200.0, "tol": 0.5}),
+     {"cmdName": "moveL", "relFlag": 0, "cartPosition": WIRE_POSE, "speed": 50.0, "accel": 200.0, "tol": 0.5,
+      "ori_vel": 0.5 / DEG, "ori_acc": 2.0 / DEG}),
+    (c.LinearMove(POSE, 0.5, 2.0),
+     {"cmdName": "moveL", "relFlag": 0, "cartPosition": WIRE_POSE, "speed": 500.0, "accel": 2000.0, "tol": 0.5,
+      "ori_vel": 180.0, "ori_acc": 720.0}),
+    (c.LinearMove(POSE, 0.05, 0.1, 0.0005, 1.5, 3.0),  # as the maker's SDK writes it: requests.txt, linear_move_ori
+     {"cmdName": "moveL", "relFlag": 0, "cartPosition": WIRE_POSE, "speed": 50.0, "accel": 100.0, "tol": 0.5,
+      "ori_vel": 85.94366926962348, "ori_acc": 171.8873385392470}),
     (c.Jog(c.JogFrame.JOINT, 2, -5 * DEG),
      {"cmdName": "jog", "jog_mode": 1, "coord_map": 1, "jnum": 2, "jogvel": -5.0}),
     (c.Jog(c.JogFrame.BASE, 0, 0.03), {"cmdName": "jog", "jog_mode": 1, "coord_map": 0, "jnum": 0, "jogvel": 30.0}),
@@ -48,6 +55,8 @@ REQUESTS = [
     (c.SetAnalogOutput(IoBank.TOOL, 0, 4.5), {"cmdName": "set_analog_output", "type": 1, "index": 0, "value": 4.5}),
     (c.SetRapidRate(0.5), {"cmdName": "rapid_rate", "rate_value": 0.5}),
     (c.SetFeedPeriod(0.008), {"cmdName": "set_port10000_delay_ms", "port10000_delay_ms": 8}),
+    (c.SetLinkLoss(0.3), {"cmdName": "set_network_exception_handle", "motType": 2, "timeLimit": 300.0}),
+    (c.SetLinkLoss(0), {"cmdName": "set_network_exception_handle", "motType": 0, "timeLimit": 0.0}),
     (c.ForwardKinematics(JOINTS), {"cmdName": "kine_forward", "jointPosition": WIRE_JOINTS}),
     (c.InverseKinematics(POSE, JOINTS),
      {"cmdName": "kine_inverse", "jointPosition": WIRE_JOINTS, "cartPosition": WIRE_POSE}),
@@ -60,6 +69,8 @@ REQUESTS = [
     (c.Query.USER_FRAMES, {"cmdName": "get_user_offsets"}),
     (c.Query.PAYLOAD, {"cmdName": "get_payload"}),
     (c.Query.COLLISION_LEVEL, {"cmdName": "get_clsn_sensitivity"}),
+    (c.Query.SIMULATOR_IDENTITY, {"cmdName": "get_simulator_identity"}),
+    (c.Query.HAND_GUIDING, {"cmdName": "drag_status"}),
 ]
 
 
@@ -101,6 +112,10 @@ def test_a_number_that_is_not_finite_is_never_encoded(make, bad):
     (c.Query.FEED_PERIOD, {"port10000_delay_ms": "8"}, 0.008),
     (c.Query.COLLISION_LEVEL, {"sensitivityLevel": 3}, 3),
     (c.Query.COLLISION_LEVEL, {"sensitivityVal": "4"}, 4),
+    (c.Query.SIMULATOR_IDENTITY, {"identity": "k3"}, "k3"),
+    (c.Query.HAND_GUIDING, {"drag_status": True}, True),
+    (c.Query.HAND_GUIDING, {"drag_status": "0"}, False),
+    (c.Query.HAND_GUIDING, {"status": 1}, True),
     (c.GetDigitalOutput(IoBank.CABINET, 0), {"value": 1}, True),
     (c.GetAnalogOutput(IoBank.CABINET, 0), {"value": 4.5}, 4.5),
     (c.Stop(), {}, None)])

@@ -1,5 +1,6 @@
 """Requests to commands and states to messages: units, shapes, enums, the rule for float32, both interfaces."""
 import math
+import re
 import struct
 
 import pytest
@@ -66,6 +67,17 @@ def test_linear_move_is_mm_and_a_rotation_vector():
     assert command.target.position == pytest.approx((0.4, -0.1, 0.3))
     assert command.target.rpy == pytest.approx((0.0, 0.0, math.pi / 2))
     assert (command.speed, command.acceleration) == pytest.approx((0.1, 0.5))
+
+
+@pytest.mark.parametrize("name, mm_s, mm_s2, rad_s, rad_s2", [
+    ("zu7", 1.0, 5.0, 0.01, 0.05), ("zu7", 50.0, 500.0, 0.5, 5.0), ("zu7", 1500.0, 8000.0, math.pi, 4.0 * math.pi),
+    ("minicobo", 1000.0, 8000.0, math.pi / 2.0, 4.0 * math.pi)])
+def test_a_linear_move_turns_as_fast_as_its_speed_moves_a_point_100_mm_off(name, mm_s, mm_s2, rad_s, rad_s2):
+    model = load_model(name)
+    command = Requests(model).linear_move(move(pose=[400.0, 0.0, 300.0, 0.0, 0.0, 1.5], mvvelo=mm_s, mvacc=mm_s2))
+    assert (command.angular_speed, command.angular_acceleration) == pytest.approx((rad_s, rad_s2))
+    assert (command.turn_speed, command.turn_acceleration) == (command.angular_speed, command.angular_acceleration)
+    limits.check(command, model)
 
 
 @given(st.tuples(*[st.floats(-3.0, 3.0)] * 3))
@@ -170,25 +182,35 @@ REFUSED = [
     (Requests.tool_frame, SetTcpFrameRequest([0.0] * 6, 0), r"tool_num is 0; valid: 1 to 11"),
     (Requests.tool_frame, SetTcpFrameRequest([0.0] * 6, 12), r"tool_num is 12"),
     (Requests.tool_frame, SetTcpFrameRequest([0.0] * 5, 1), r"pose has 5 values"),
+    (Requests.linear_move, move(pose=[400.0, 0.0, 300.0, 0.0, -1e38, 0.0]),
+     r"pose\[3\], \[4\] and \[5\] are \(0, -1e\+38, 0\), .* 1e\+38 rad; valid: at most 6.28318531 rad"),
+    (Requests.linear_move, move(pose=[400.0, 0.0, 300.0, 3.7, 3.7, 3.7]), r"rotation vector of 6.40858799 rad"),
+    (Requests.linear_move, move(pose=[400.0, 0.0, 300.0, 1.7e308, 1.7e308, 0.0]), r"rotation vector of inf rad"),
+    (Requests.tool_frame, SetTcpFrameRequest([0.0] * 5 + [180.0], 1), r"rotation vector of 180 rad; valid"),
+    (Requests.user_frame, SetUserFrameRequest([0.0] * 3 + [1e30] * 3, 1), r"rotation vector of 1.73205081e\+30 rad"),
     (Requests.tool_frame, SetTcpFrameRequest([NAN] * 6, 1), r"pose\[0\] is nan"),
     (Requests.user_frame, SetUserFrameRequest([0.0] * 6, 0), r"user_num is 0; valid: 1 to 10"),
     (Requests.user_frame, SetUserFrameRequest([0.0] * 6, 11), r"user_num is 11"),
     (Requests.user_frame, SetUserFrameRequest([], 1), r"pose has 0 values"),
     (Requests.payload, SetPayloadRequest(-1, 1.0, 0.0, 0.0, 0.0), r"tool_num is -1; valid: 0 to 11"),
     (Requests.payload, SetPayloadRequest(12, 1.0, 0.0, 0.0, 0.0), r"tool_num is 12"),
-    (Requests.payload, SetPayloadRequest(1, -0.1, 0.0, 0.0, 0.0), r"mass is -0.1"),
+    (Requests.payload, SetPayloadRequest(1, -0.1, 0.0, 0.0, 0.0), r"mass is -0.1 kg; valid: 0 to 100 kg"),
+    (Requests.payload, SetPayloadRequest(1, 1e30, 0.0, 0.0, 0.0), r"mass is 1e\+30 kg; valid: 0 to 100 kg"),
+    (Requests.payload, SetPayloadRequest(1, 1.0, 0.0, 0.0, 2001.0), r"centroid\[2\] is 2.001 m; valid: -2 to 2 m"),
     (Requests.payload, SetPayloadRequest(1, NAN, 0.0, 0.0, 0.0), r"mass is nan"),
     (Requests.payload, SetPayloadRequest(1, 1.0, INF, 0.0, 0.0), r"xc is inf"),
     (Requests.collision_level, SetCollisionRequest(True, 9), r"value is 9; valid: 10 to 100"),
     (Requests.collision_level, SetCollisionRequest(True, 101), r"value is 101"),
     (Requests.output, SetIORequest("Digital", 0, 0, 1.0), r"signal is 'Digital'; valid: digital, analog"),
     (Requests.output, SetIORequest("digital", 3, 0, 1.0), r"type is 3; valid: 0 cabinet, 1 tool, 2 extension"),
-    (Requests.output, SetIORequest("digital", 0, -1, 1.0), r"index is -1; valid: at least 0"),
+    (Requests.output, SetIORequest("digital", 0, -1, 1.0), r"index is -1; valid: 0 to 1023"),
     (Requests.output, SetIORequest("analog", 0, 0, NAN), r"value is nan"),
     (Requests.terminal, GetIORequest("", 0, 0, 0), r"signal is ''"),
     (Requests.terminal, GetIORequest("digital", 2, 0, 0), r"path is 2; valid: 0 to 1"),
     (Requests.terminal, GetIORequest("digital", 0, -1, 0), r"type is -1"),
     (Requests.terminal, GetIORequest("digital", 0, 0, -1), r"index is -1"),
+    (Requests.terminal, GetIORequest("digital", 0, 0, 1024), r"index is 1024; valid: 0 to 1023"),
+    (Requests.output, SetIORequest("digital", 0, 2 ** 31 - 1, 1.0), r"index is 2147483647; valid: 0 to 1023"),
     (Requests.forward, GetFKRequest(HOME[:5]), r"joint has 5 values"),
     (Requests.forward, GetFKRequest([NAN] * 6), r"joint\[0\] is nan"),
     (Requests.inverse, GetIKRequest(HOME[:1], [0.0] * 6), r"ref_joint has 1 values"),
@@ -206,6 +228,35 @@ REFUSED = [
 def test_refused(requests, read, request_, message):
     with pytest.raises(InvalidCommand, match=message):
         read(requests, request_)
+
+
+AUDITED = [
+    # read in full, refused by the audit that follows
+    (Requests.linear_move, move(pose=[1e38, 0.0, 300.0, 0.0, 0.0, 0.0], mvvelo=100, mvacc=100), "target.position"),
+    (Requests.servo_pose, ServoMoveRequest([0.4, -3e38, 0.3, 0.0, 0.0, 0.0]), "target.position"),
+    (Requests.servo_pose, ServoMoveRequest([0.4, 0.0, 0.3, 0.0, 1e38, 0.0]), "target.rpy"),
+    (Requests.tool_frame, SetTcpFrameRequest([1e38, 0.0, 0.0, 0.0, 0.0, 0.0], 1), "pose.position"),
+    (Requests.user_frame, SetUserFrameRequest([10001.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1), "pose.position"),
+    (Requests.output, SetIORequest("analog", 0, 0, 1e38), "value"),
+    (Requests.forward, GetFKRequest([0.0] * 5 + [1e38]), "joint_position"),
+    (Requests.inverse, GetIKRequest([0.0] * 5 + [13.0], [400.0, 0.0, 300.0, 0.0, 0.0, 0.0]), "reference"),
+    (Requests.inverse, GetIKRequest([0.0] * 6, [400.0, 0.0, 1e38, 0.0, 0.0, 0.0]), "target.position"),
+]
+
+
+@pytest.mark.parametrize("read, request_, field", AUDITED)
+@pytest.mark.parametrize("requests", [DOCUMENTED, VENDOR], ids=["documented", "vendor"])
+def test_numbers_that_no_arm_can_need_end_in_the_audit(requests, read, request_, field):
+    with pytest.raises(InvalidCommand, match="%s.* is .*valid: " % re.escape(field)):
+        limits.check(read(requests, request_), MODEL)
+
+
+def test_a_whole_turn_as_float32_is_read():
+    whole = float32(2.0 * math.pi)
+    assert whole > 2.0 * math.pi, "the example must be one that float32 rounds up"
+    for requests in (DOCUMENTED, VENDOR):
+        rpy = requests.linear_move(move(pose=[400.0, 0.0, 300.0, 0.0, 0.0, whole], mvvelo=100)).target.rpy
+        assert rpy == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
 # ---- float32 ----

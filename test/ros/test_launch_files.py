@@ -13,14 +13,24 @@ from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.kinematics.rotations import IDENTITY, compose, matrix_from_rotation_vector
 from jaka_ros_driver.ros.params import DriverConfig
+from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 
 FILES = sorted((ROOT / "launch").glob("*.launch"))
 START = str(ROOT / "launch" / "robot_start_launch.launch")
 
 
-def nodes(arguments):
-    config = roslaunch.config.load_config_default([(START, arguments)], None, verbose=False)
+def nodes(arguments, path=START):
+    config = roslaunch.config.load_config_default([(path, arguments)], None, verbose=False)
     return {node.type: node for node in config.nodes}, {key: p.value for key, p in config.params.items()}
+
+
+def identities(path, *arguments):
+    """By namespace: the name that a simulated controller is given, and the one that its driver looks for."""
+    config = roslaunch.config.load_config_default([(path, arguments)], None, verbose=False)
+    words = {node.namespace: node.args.split() for node in config.nodes if node.type == "jaka_sim"}
+    assert all(args[-2] == "--identity" for args in words.values()), "behind sim_args: the last one counts"
+    return {namespace: (args[-1], config.params[namespace + "jaka_driver/simulator"].value)
+            for namespace, args in words.items()}
 
 
 def test_the_launch_files_are_these():
@@ -47,6 +57,40 @@ def test_without_ip_a_simulated_controller_is_started_on_the_ports_of_the_real_o
     started, params = nodes([])
     assert set(started) == {"jaka_driver", "jaka_sim"}
     assert "--command-port 10001 --status-port 10000" in started["jaka_sim"].args
+
+
+@pytest.mark.parametrize("name", ["robot_start_launch.launch", "display.launch"])
+@pytest.mark.parametrize("sim", ["sim:=true", "sim:=1"])
+def test_with_sim_the_simulated_controller_is_driven_whatever_ip_says(name, sim):
+    started, params = nodes(["ip:=10.5.5.100", sim], str(ROOT / "launch" / name))
+    assert {"jaka_driver", "jaka_sim"} <= set(started)
+    assert params["/jaka_driver/ip"] == "127.0.0.1"
+
+
+@pytest.mark.parametrize("arguments", [[], ["sim:=true", "ip:=10.5.5.100"], ["sim_args:=--identity another"]], ids=str)
+def test_driver_and_simulated_controller_share_a_name_that_no_other_launch_has(arguments):
+    names = [identities(START, *arguments)["/"] for _ in range(2)]
+    assert all(given == sought != "" for given, sought in names)
+    assert names[0] != names[1]
+
+
+def test_each_of_two_arms_has_a_name_of_its_own():
+    by_arm = identities(str(ROOT / "launch" / "two_arms.launch"))
+    assert set(by_arm) == {"/left/", "/right/"}
+    assert all(given == sought for given, sought in by_arm.values())
+    assert by_arm["/left/"] != by_arm["/right/"]
+
+
+@pytest.mark.parametrize("arguments", [["ip:=10.5.5.100"], ["sim:=false"], ["sim:=0", "identity:=x"]], ids=str)
+def test_without_a_simulated_controller_the_driver_looks_for_none(arguments):
+    started, params = nodes(arguments)
+    assert set(started) == {"jaka_driver"} and params["/jaka_driver/simulator"] == ""
+
+
+def test_name_is_one_that_the_simulated_controller_takes():
+    given, _ = identities(START)["/"]
+    with SimulatedController(identity=given):
+        pass
 
 
 def test_what_the_launch_file_sets_is_what_the_driver_takes_and_has_its_defaults():

@@ -40,6 +40,12 @@ def test_data_is_the_whole_frame_with_the_length_of_the_reply(make_arm):
     assert reply["errorCode"] == "0" and reply["joint_actual_position"] == HOME
 
 
+def test_identity_is_the_one_that_it_was_given(make_arm):
+    with RawClient(make_arm(identity="sim_host_12_3").command_port) as client:
+        assert client.ask("get_simulator_identity") == {
+            "identity": "sim_host_12_3", "errorCode": "0", "errorMsg": "", "cmdName": "get_simulator_identity"}
+
+
 def test_emergency_stop_status_is_known_to_the_modern_firmware_only(make_arm):
     with RawClient(make_arm(firmware="1.5.14").command_port) as client:
         assert client.ask("emergency_stop_status") == {

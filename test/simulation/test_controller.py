@@ -1,9 +1,14 @@
 """The controller without its sockets: whatever is asked, it answers, and the arm stays within its limits."""
+import hashlib
 import json
+import os
 import random
+import subprocess
+import sys
 
 import pytest
 from good_requests import GOOD
+from import_graph import ROOT, outside_imports
 
 from jaka_ros_driver.errors import FramingError
 from jaka_ros_driver.kinematics.arm_models import load_model
@@ -103,3 +108,43 @@ def test_random_commands_never_break_it_nor_leave_the_limits(seed, model, firmwa
             assert low - 1e-3 <= angle <= high + 1e-3
     assert controller.failures == 0, capsys.readouterr().err
     assert {"0", "1", "2"} <= codes
+
+
+def fingerprint():
+    """Of every reply and frame of a session in told time: motion, faults, clients that come and go, a restart."""
+    chance, controller, told = random.Random(5), make("zu7", "1.7"), hashlib.sha256()
+    for turn in range(400):
+        outcome = controller.execute(some_request(chance))
+        told.update(outcome.reply)
+        event = chance.random()
+        if event < 0.05:
+            chance.choice([controller.cabinet.client_lost, controller.cabinet.client_back,
+                           controller.cabinet.client_connected, lambda: controller.cabinet.hit(500.0)])()
+        elif event < 0.15:
+            for command in ("clear_error", "power_on", "enable_robot"):
+                told.update(controller.execute({"cmdName": command}).reply)
+        if turn == 300:
+            controller.restart()
+        for _ in range(chance.randrange(30)):
+            controller.step(0.008)
+            told.update(b"%d" % (outcome.until is None or outcome.until()))
+        told.update(controller.feed_frame.text() + controller.polled_frame.text())
+    return told.hexdigest()
+
+
+def test_the_same_session_gives_the_same_bytes_in_any_process():
+    """Whoever tells the time can repeat a session: no clock, no chance, no order of a set is in it."""
+    paths = os.pathsep.join([str(ROOT), str(ROOT / "test" / "support")])
+    seen = {subprocess.run([sys.executable, __file__], env=dict(os.environ, PYTHONPATH=paths, PYTHONHASHSEED=seed),
+                           stdout=subprocess.PIPE, check=True, timeout=120).stdout for seed in ("1", "2")}
+    assert seen == {fingerprint().encode() + b"\n"}
+
+
+def test_nothing_in_it_can_ask_for_the_time_or_for_chance():
+    assert not outside_imports("jaka_ros_driver.simulation.controller") & {
+        "asyncio", "datetime", "queue", "random", "secrets", "select", "selectors", "signal", "socket", "threading",
+        "time", "uuid"}
+
+
+if __name__ == "__main__":
+    print(fingerprint())

@@ -10,7 +10,7 @@ from jaka_ros_driver.simulation.panel import ACTIONS
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parents[1] / "docs" / "simulation.md"
-DEEPER = ("test_states", "test_sdk_client", "test_panel", "test_server")
+DEEPER = ("test_states", "test_sdk_client", "test_panel", "test_server", "test_link_loss", "test_identity")
 BLOCK = "<!-- %s -->\n(.*?)<!-- end -->"
 
 

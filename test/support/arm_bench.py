@@ -2,6 +2,7 @@
 
 What the client did is judged by the controller's own log of bytes and true joints.
 """
+import collections
 import contextlib
 import os
 import threading
@@ -56,6 +57,7 @@ class Bench:
         self.log_file = str(folder / "wire.mcap")
         options = {"start": "enabled", **options}
         self.controller = SimulatedController(log=self.log_file, **options)
+        self._count_requests(self.controller.server.controller)
         self.controller.start()
         self.arm = None
         self._log = None
@@ -71,6 +73,20 @@ class Bench:
 
     def panel(self, action, **parameters):
         return self.controller.panel(action, **parameters)
+
+    def requests(self, name):
+        """How many requests of this name have come in, while the controller runs."""
+        return self._requests[name]
+
+    def _count_requests(self, core):
+        self._requests = collections.Counter()
+        execute = core.execute
+
+        def counted(request):
+            outcome = execute(request)
+            self._requests[outcome.command] += 1
+            return outcome
+        core.execute = counted
 
     def is_moving(self):
         return self.controller.state()["is_moving"]

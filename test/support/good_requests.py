@@ -147,4 +147,4 @@ BEFORE = {
     "play_program": [("load_program", {"programName": "weld"})],
     "del_tio_rs_signal": [("add_tio_rs_signal", GOOD["add_tio_rs_signal"][0])],
 }
-TESTED_APART = {"get_data", "emergency_stop_status"}
+TESTED_APART = {"get_data", "emergency_stop_status", "get_simulator_identity"}

@@ -8,6 +8,7 @@ from typing import Optional, Sequence, Tuple
 
 from jaka_ros_driver.commands import Pose, ServoJoint, ServoPose
 from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import (
     Transform,
     Vector3,
@@ -33,8 +34,16 @@ _WIRE_ROUNDING = 1e-6
 """rad or m: targets come as float32, and one at the very limit is still allowed."""
 
 
+_ARRIVED = 1e-7
+"""rad or m"""
+
+
 class _Follower:
-    """Brings a point to its target: at once where speed and acceleration allow it, else as fast as they do."""
+    """Brings a point to its target: a new one at once where speed and acceleration allow it, else as they do.
+
+    So a smooth stream is passed on as it is, and the last target is come to without passing it, where its client did
+    not stop in the middle of fast motion.
+    """
 
     def __init__(self, max_speed: float, acceleration: float, period: float) -> None:
         self._max_speed = max_speed
@@ -43,19 +52,37 @@ class _Follower:
         self._period = period
         self._velocity: Tuple[float, ...] = ()
 
-    def step(self, away: Sequence[float]) -> Vector:
-        """The step of this cycle towards a target that is ``away`` from here."""
+    def step(self, away: Sequence[float], is_new: bool) -> Vector:
+        """The step of this cycle towards a target that is ``away`` from here; ``is_new``: since the last step."""
         if not self._velocity:
             self._velocity = (0.0,) * len(away)
         wanted = tuple(a / self._period for a in away)
-        if not (_norm(wanted) <= self._max_speed and _distance(wanted, self._velocity) <= self._max_change):
+        if not (is_new and _norm(wanted) <= self._max_speed and _distance(wanted, self._velocity) <= self._max_change):
             wanted = self._limited(away)
         self._velocity = wanted
         return tuple(w * self._period for w in wanted)
 
+    @property
+    def is_still(self) -> bool:
+        """The last step was none."""
+        return not self._velocity or _norm(self._velocity) * self._period <= _ARRIVED
+
+    def arrives_within(self, away: Sequence[float], cycles: int) -> bool:
+        """Whether it would reach a target that is ``away`` from here within so many cycles."""
+        twin = _Follower(self._max_speed, self._max_change / self._period, self._period)
+        twin._velocity = self._velocity
+        for cycle in range(cycles):
+            away = tuple(a - s for a, s in zip(away, twin.step(away, is_new=cycle == 0)))
+            if _norm(away) <= _ARRIVED:
+                return True
+        return False
+
     def _limited(self, away: Sequence[float]) -> Vector:
+        """Towards the target, no faster than lets it stop there in whole cycles."""
         distance = _norm(away)
-        speed = min(self._max_speed, math.sqrt(2.0 * self._acceleration * distance), distance / self._period)
+        half = 0.5 * self._period
+        stoppable = self._acceleration * (math.sqrt(half * half + 2.0 * distance / self._acceleration) - half)
+        speed = min(self._max_speed, stoppable, distance / self._period)
         wanted = tuple(a * speed / distance if distance > 0.0 else 0.0 for a in away)
         change = _distance(wanted, self._velocity)
         if change <= self._max_change:
@@ -75,33 +102,54 @@ def _distance(a: Sequence[float], b: Sequence[float]) -> float:
 class JointServo:
     """A stream of joint targets."""
 
-    def __init__(self, joint_position: Vector, max_speed: Sequence[float], max_jump: float, period: float) -> None:
+    def __init__(self, joint_position: Vector, model: ArmModel, max_jump: float, ahead: float, period: float) -> None:
         """Begin at rest.
 
         Args:
             joint_position: Where the arm is, rad (6,).
-            max_speed: Of each joint, rad/s; the controller's ceiling holds besides.
-            max_jump: Largest distance of a target from the last one, rad.
+            model: Its joint limits and speeds; the controller's ceiling for a speed holds besides.
+            max_jump: Largest distance of a target from the frame that was sent last, rad.
+            ahead: A target must be reached within so long from that frame, s.
             period: Of a cycle, s.
         """
-        self._followers = [_Follower(min(speed, MAX_JOINT_SPEED), _JOINT_ACCELERATION, period) for speed in max_speed]
+        self._followers = [_Follower(min(speed, MAX_JOINT_SPEED), _JOINT_ACCELERATION, period)
+                           for speed in model.joint_max_speed]
+        self._limits = model.joint_limits
         self._max_jump = max_jump
+        self._ahead = ahead
+        self._cycles = _cycles(ahead, period)
+        self._is_new = False
         self._target = self._position = joint_position
 
     def set_target(self, target: Vector, is_relative: bool) -> None:
         """Go there, rad (6,); a relative one counts from the last target.
 
+        Distances are measured from the frame that was sent last, not from the last target: targets that come faster
+        than the arm can follow do not add up.
+
         Raises:
-            InvalidCommand: It is too far from the last target; nothing changes.
+            InvalidCommand: It is outside the joint limits, or too far away; nothing changes.
         """
         goal = tuple(t + s for t, s in zip(self._target, target)) if is_relative else target
-        jumps = [abs(g - t) for g, t in zip(goal, self._target)]
-        farthest = max(jumps)
-        if farthest > self._max_jump + _WIRE_ROUNDING:
-            raise InvalidCommand(
-                "refused: joint %d of the servo target is %.4f rad from the last one, more than the allowed %.4f rad"
-                % (jumps.index(farthest) + 1, farthest, self._max_jump))
-        self._target = goal
+        for index, (value, (low, high)) in enumerate(zip(goal, self._limits)):
+            if not low - _WIRE_ROUNDING <= value <= high + _WIRE_ROUNDING:
+                raise InvalidCommand("refused: joint %d of the servo target is %.6f rad; valid: %.6f to %.6f rad"
+                                     % (index + 1, value, low, high))
+        goal = tuple(min(max(value, low), high) for value, (low, high) in zip(goal, self._limits))
+        for index, (value, position, follower) in enumerate(zip(goal, self._position, self._followers)):
+            jump = abs(value - position)
+            if jump > self._max_jump + _WIRE_ROUNDING:
+                raise InvalidCommand("refused: joint %d of the servo target is %.4f rad away, more than the allowed "
+                                     "%.4f rad" % (index + 1, jump, self._max_jump))
+            if not follower.arrives_within((value - position,), self._cycles):
+                raise InvalidCommand("refused: joint %d of the servo target is %.4f rad away; the arm would not be "
+                                     "there within %.3g s (servo_ahead)" % (index + 1, jump, self._ahead))
+        self._target, self._is_new = goal, True
+
+    @property
+    def is_at_rest(self) -> bool:
+        """The last frame was at the target, and so was the one before."""
+        return all(f.is_still for f in self._followers) and _distance(self._position, self._target) <= _ARRIVED
 
     @property
     def point(self) -> Tuple[float, ...]:
@@ -115,8 +163,10 @@ class JointServo:
 
     def next_frame(self) -> ServoJoint:
         """The frame of this cycle."""
+        is_new, self._is_new = self._is_new, False
         self._position = tuple(
-            p + follower.step((t - p,))[0] for p, t, follower in zip(self._position, self._target, self._followers))
+            p + follower.step((t - p,), is_new)[0]
+            for p, t, follower in zip(self._position, self._target, self._followers))
         return ServoJoint(self._position)
 
 
@@ -124,12 +174,15 @@ class PoseServo:
     """A stream of Cartesian targets in the active user frame."""
 
     def __init__(self, pose: Pose, max_linear_speed: float, max_linear_jump: float, max_angular_jump: float,
-                 period: float) -> None:
-        """Begin at rest at ``pose``; speeds m/s, jumps m and rad, period s."""
+                 ahead: float, period: float) -> None:
+        """Begin at rest at ``pose``; speeds m/s, jumps m and rad, ahead and period s, as for joints."""
         self._linear = _Follower(max_linear_speed, _LINEAR_ACCELERATION, period)
         self._angular = _Follower(MAX_JOINT_SPEED, _ANGULAR_ACCELERATION, period)
         self._max_linear_jump = max_linear_jump
         self._max_angular_jump = max_angular_jump
+        self._ahead = ahead
+        self._cycles = _cycles(ahead, period)
+        self._is_new = False
         self._position = self._target_position = pose.position
         self._rotation = self._target_rotation = _rotation(pose.rpy)
 
@@ -137,20 +190,33 @@ class PoseServo:
         """Go there; of a relative one, position adds along the user frame's axes and rpy adds to the last rpy.
 
         Raises:
-            InvalidCommand: It is too far from the last target; nothing changes.
+            InvalidCommand: It is too far away, measured from the frame that was sent last; nothing changes.
         """
         position, rpy = target.position, target.rpy
         if is_relative:
             position = tuple(t + s for t, s in zip(self._target_position, position))
             rpy = tuple(t + s for t, s in zip(rpy_from_matrix(self._target_rotation), rpy))
         rotation = _rotation(rpy)
-        jump = _distance(position, self._target_position)
-        turn = _norm(_turn_between(self._target_rotation, rotation))
-        if jump > self._max_linear_jump + _WIRE_ROUNDING or turn > self._max_angular_jump + _WIRE_ROUNDING:
+        away = [t - p for t, p in zip(position, self._position)]
+        turn = _turn_between(self._rotation, rotation)
+        if _norm(away) > self._max_linear_jump + _WIRE_ROUNDING or _norm(turn) > (
+                self._max_angular_jump + _WIRE_ROUNDING):
             raise InvalidCommand(
-                "refused: the servo target is %.4f m and %.4f rad from the last one, more than the allowed %.4f m or "
-                "%.4f rad" % (jump, turn, self._max_linear_jump, self._max_angular_jump))
+                "refused: the servo target is %.4f m and %.4f rad away, more than the allowed %.4f m or %.4f rad"
+                % (_norm(away), _norm(turn), self._max_linear_jump, self._max_angular_jump))
+        if not (self._linear.arrives_within(away, self._cycles) and self._angular.arrives_within(turn, self._cycles)):
+            raise InvalidCommand(
+                "refused: the servo target is %.4f m and %.4f rad away; the arm would not be there within %.3g s "
+                "(servo_ahead)" % (_norm(away), _norm(turn), self._ahead))
         self._target_position, self._target_rotation = position, rotation
+        self._is_new = True
+
+    @property
+    def is_at_rest(self) -> bool:
+        """The last frame was at the target, and so was the one before."""
+        return (self._linear.is_still and self._angular.is_still
+                and _distance(self._position, self._target_position) <= _ARRIVED
+                and _norm(_turn_between(self._rotation, self._target_rotation)) <= 1e-6)
 
     @property
     def point(self) -> Tuple[float, ...]:
@@ -166,11 +232,16 @@ class PoseServo:
 
     def next_frame(self) -> ServoPose:
         """The frame of this cycle."""
-        step = self._linear.step([t - p for t, p in zip(self._target_position, self._position)])
+        is_new, self._is_new = self._is_new, False
+        step = self._linear.step([t - p for t, p in zip(self._target_position, self._position)], is_new)
         self._position = tuple(p + s for p, s in zip(self._position, step))
-        turn = self._angular.step(_turn_between(self._rotation, self._target_rotation))
+        turn = self._angular.step(_turn_between(self._rotation, self._target_rotation), is_new)
         self._rotation = compose(transform(matrix_from_rotation_vector(turn), _ORIGIN), self._rotation)
         return ServoPose(Pose(self._position, rpy_from_matrix(self._rotation)))
+
+
+def _cycles(ahead: float, period: float) -> int:
+    return max(1, int(ahead / period + 1e-6))
 
 
 def _points_of(base_t_tool: Transform) -> Tuple[float, ...]:

@@ -1,13 +1,10 @@
 """The status feed under damage: ten thousand damaged frames among good ones change nothing but a counter."""
-import contextlib
 import math
 import random
-import socket
-import threading
 
-from arm_bench import eventually
+import pytest
 
-from jaka_ros_driver.client.status_monitor import StatusMonitor
+from jaka_ros_driver.client.core.feed import Feed
 from jaka_ros_driver.protocol.status import encode_frame
 
 DAMAGED = 10000
@@ -51,25 +48,6 @@ DAMAGES = (without_its_tail, without_its_head, with_another_length, overwritten,
            with_a_value_that_cannot_be)
 
 
-@contextlib.contextmanager
-def serving(pieces):
-    """The port of a feed that sends these bytes to whoever connects, and then stays open."""
-    with contextlib.closing(socket.create_server(("127.0.0.1", 0))) as listener:
-        def serve():
-            with contextlib.closing(listener.accept()[0]) as peer:
-                for piece in pieces:
-                    peer.sendall(piece)
-                over.wait(60.0)
-        over = threading.Event()
-        thread = threading.Thread(target=serve)
-        thread.start()
-        try:
-            yield listener.getsockname()[1]
-        finally:
-            over.set()
-            thread.join()
-
-
 def test_damaged_frames_change_nothing_but_a_counter():
     chance = random.Random(3)
     genuine = [index / 100.0 for index in range(DAMAGED // 4)]
@@ -79,14 +57,10 @@ def test_damaged_frames_change_nothing_but_a_counter():
         pieces += [chance.choice(DAMAGES)(chance, good) for _ in range(4)] + [good]
     pieces += [frame_of(300.0)] * 100
     seen = []
-    monitor = StatusMonitor(60.0)
-    monitor.add_listener(lambda state, _: seen.append(state))
-    with serving(pieces) as port:
-        monitor.connect("127.0.0.1", port, 5.0, lambda reason: None)
-        try:
-            assert eventually(lambda: seen and seen[-1].joint_position[0] > 5.0, 120.0)
-        finally:
-            monitor.close("the test is over")
+    feed = Feed(0.008)
+    feed.open(0.0)
+    for index, piece in enumerate(pieces):
+        seen += [state for state, _ in feed.received(piece, 0.008 * index)]
     shown = [[round(math.degrees(angle), 6) for angle in state.joint_position] for state in seen]
     assert {joints[0] for joints in shown} <= {*genuine, 300.0}
     assert all(joints[1:] == FIELDS["joint_actual_position"][1:] for joints in shown)
@@ -94,4 +68,44 @@ def test_damaged_frames_change_nothing_but_a_counter():
     assert len(seen) > 0.8 * len(genuine), "good frames were lost with the damaged ones"
     times = [state.received_at for state in seen]
     assert all(a < b for a, b in zip(times, times[1:]))
-    assert monitor.health().damaged > 0.3 * DAMAGED
+    assert feed.health(0.0, 1.0).damaged > 0.3 * DAMAGED
+
+
+def fed(*pieces, period=0.008):
+    """(angle in deg, is new) of each frame; a piece is (time, angles that arrive at it)."""
+    feed = Feed(period)
+    feed.open(0.0)
+    return [(round(math.degrees(state.joint_position[0])), is_new) for now, angles in pieces
+            for state, is_new in feed.received(b"".join(map(frame_of, angles)), now)]
+
+
+def test_a_steady_feed_is_new_frame_by_frame():
+    assert fed(*[(0.008 * n, [n]) for n in range(1, 20)]) == [(n, True) for n in range(1, 20)]
+
+
+@pytest.mark.parametrize("period", [0.03, 0.1, 0.4])
+def test_a_slow_feed_is_new_from_its_third_frame_on_at_the_latest(period):
+    told = fed(*[(period * n, [n]) for n in range(1, 20)])
+    assert all(is_new for _, is_new in told[2:]) and told[0][1]
+
+
+def test_after_a_silence_what_has_piled_up_is_old_news_until_the_rhythm_is_back():
+    steady = [(0.008 * n, [n]) for n in range(1, 10)]
+    burst = [(0.5, [10]), (0.5002, [11, 12, 13]), (0.501, [14]), (0.5012, [15, 16])]
+    after = [(0.508, [17]), (0.516, [18])]
+    assert fed(*steady, *burst, *after)[9:] == [(n, False) for n in range(10, 17)] + [(17, True), (18, True)]
+
+
+def test_of_frames_in_one_piece_the_newest_five_are_new():
+    told = fed(*[(0.008 * n, [n]) for n in range(1, 6)], (0.08, list(range(6, 14))))
+    assert [is_new for _, is_new in told[5:]] == [False] * 3 + [True] * 5
+
+
+def test_what_piled_up_while_nobody_read_is_old_news_however_slow_the_feed():
+    feed = Feed(0.008)
+    feed.open(0.0)
+    for n in range(1, 10):
+        feed.received(frame_of(n), 0.1 * n)
+    feed.held_up()
+    assert [is_new for _, is_new in feed.received(frame_of(10) + frame_of(11), 1.15)] == [False, False]
+    assert [is_new for _, is_new in feed.received(frame_of(12), 1.2)] == [True]

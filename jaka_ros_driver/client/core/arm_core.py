@@ -1,0 +1,436 @@
+"""One arm: routes events of the links and calls of users, and decides who may move the arm.
+
+The way of a move: audit against the model's limits, the arm's condition, custody, then the wire; "accepted" is the
+controller's reply, the end is evidence in the status feed. A stop waits for nobody. It ends what was asked before it,
+and only that: a motion asked after it begins when the arm has come to rest.
+"""
+import logging
+from typing import Any, Callable, List, NamedTuple, Optional, Union
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core import power
+from jaka_ros_driver.client.core.actions import Action, Actions, Port
+from jaka_ros_driver.client.core.channel import Channel, in_order
+from jaka_ros_driver.client.core.custody import Custody
+from jaka_ros_driver.client.core.feed import FeedHealth
+from jaka_ros_driver.client.core.jog import Jog
+from jaka_ros_driver.client.core.links import LinkHealth, Links
+from jaka_ros_driver.client.core.motion import MotionOwner, standing_cause
+from jaka_ros_driver.client.core.move import Move
+from jaka_ros_driver.client.core.procedure import Ask, Procedure, Running
+from jaka_ros_driver.client.core.servo import Servo, left_servo_mode
+from jaka_ros_driver.client.core.stillness import REST_TIME
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, MotionInterrupted, StopCause
+from jaka_ros_driver.kinematics import limits
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.state import RobotState
+
+AT_REST_ONLY = (c.SetToolFrame, c.SelectTool, c.SetUserFrame, c.SelectUserFrame, c.SetPayload, c.SetHandGuiding)
+"""They change what a motion under way means, or what the arm carries."""
+_WAIT_FOR_REST = 1.5
+"""s; a motion waits so long for the arm to come to rest from what was before it."""
+
+
+class _Waiting(NamedTuple):
+    """A call that waits for the arm to be free and at rest."""
+
+    call: Any
+    enter: Callable[[float], None]
+    deadline: float
+
+
+class ArmCore:
+    """See the module's first lines. ``core/actions`` says what the shell does with the actions.
+
+    Attributes:
+        actions: Collects what the shell is to do.
+        custody: Who moves the arm.
+        links: To the controller.
+        disturbances: Counts what ends an act that was begun without a call: stops, faults, lost links, calls.
+        last_disturbance: The last one, in words.
+    """
+
+    def __init__(self, settings: ClientSettings, model: ArmModel) -> None:
+        """Prepare; ``start`` begins."""
+        self.settings = settings
+        self.model = model
+        self.actions = Actions()
+        self.channel = Channel(self.actions, settings.reply_timeout)
+        self.custody = Custody(self.actions, self.channel, settings, self._retry_waiting)
+        self.links = Links(settings, self.actions, self.channel, self.custody, self._disturb)
+        self._running: List[Running] = []
+        self._waiting: List[_Waiting] = []
+        self._setting: Optional[Running] = None
+        self._stops_under_way = 0
+        self._is_guided = False
+        self._is_closing = False
+        self._servo_end = ""
+        self.disturbances = 0
+        self.last_disturbance = ""
+
+    def _disturb(self, what: str) -> None:
+        self.disturbances += 1
+        self.last_disturbance = what
+
+    # ---- what is known ----
+
+    @property
+    def state(self) -> Optional[RobotState]:
+        """The newest state, however old; None before the first."""
+        return self.links.state
+
+    @property
+    def is_free(self) -> bool:
+        """Nobody has custody of the arm."""
+        return self.custody.is_free
+
+    @property
+    def motion_owner(self) -> Optional[MotionOwner]:
+        """What moves the arm on behalf of this driver."""
+        if self.custody.motion is not None:
+            return self.custody.motion.owner
+        return MotionOwner.SETTING if self._setting is not None else None
+
+    @property
+    def late_servo_cycles(self) -> int:
+        """Cycles of the present servo stream that came too late to be sent."""
+        motion = self.custody.motion
+        return motion.late_cycles if isinstance(motion, Servo) else 0
+
+    def is_ready(self, now: float) -> bool:
+        """Both links are up and the state is fresh."""
+        state = self.links.state
+        return self.links.is_up and state is not None and now - state.received_at <= self.settings.stale_after
+
+    @property
+    def is_servo_active(self) -> bool:
+        """The controller is in servo mode; False while that is not known."""
+        return self.links.is_servo_active
+
+    def fresh_state(self, now: float) -> RobotState:
+        """The newest state.
+
+        Raises:
+            ConnectionLost: It is stale, or there is none.
+        """
+        return self.links.fresh_state(now)
+
+    def link_health(self) -> LinkHealth:
+        """How the links do."""
+        return self.links.health()
+
+    def feed_health(self, now: float) -> FeedHealth:
+        """How the status feed does."""
+        return self.links.feed_health(now)
+
+    def take_actions(self) -> List[Action]:
+        """What the shell is to do, in order, since it last asked."""
+        return self.actions.take()
+
+    def next_deadline(self) -> float:
+        """When ``tick`` is due, s."""
+        due = min(self.custody.deadline, self.links.deadline)
+        for running in self._running:
+            due = min(due, running.deadline)
+        for waiting in self._waiting:
+            due = min(due, waiting.deadline)
+        return due
+
+    # ---- events of the shell ----
+
+    def start(self, now: float) -> None:
+        """Begin to connect."""
+        self.links.start(now)
+        self.links.tick(now)
+
+    def opened(self, port: Port, now: float) -> None:
+        """The port is connected."""
+        self.links.note_time(now)
+        self.links.opened(port, now)
+
+    def failed(self, port: Port, reason: str, now: float) -> None:
+        """The port could not be connected."""
+        self.links.note_time(now)
+        self.links.failed(port, reason, now)
+
+    def closed(self, port: Port, reason: str, now: float) -> None:
+        """The connection has ended."""
+        self.links.note_time(now)
+        self.links.closed(port, reason, now)
+        self._tick_running(now)
+
+    def received(self, port: Port, data: bytes, now: float) -> None:
+        """Bytes have arrived."""
+        self.links.note_time(now)
+        self.links.received(port, data, now)
+        self._tick_running(now)
+        self._retry_waiting(now)
+
+    def tick(self, now: float) -> None:
+        """Let time pass."""
+        self.links.note_time(now)
+        self.links.tick(now)
+        self.custody.tick(now)
+        self._tick_running(now)
+        self._retry_waiting(now)
+
+    # ---- calls: each is answered once ----
+
+    def move(self, call: Any, command: c.Motion, wait: bool, now: float) -> None:
+        """Move to the command's target; answered with ``wait`` when the arm is there, else on acceptance.
+
+        Errors: InvalidCommand (outside the limits, or the arm cannot move now; nothing was sent), CommandRejected,
+        MotionInterrupted (accepted, and not completed), ReplyTimeout, ConnectionLost.
+        """
+        def enter(at: float) -> None:
+            state = self._require_ready_to_move(at)
+            running = self.custody.motion
+            if not wait and isinstance(running, Move) and not self.custody.is_ending:
+                running.add(command, call, at)
+            elif self._may_begin(call, enter, now, at):
+                self.custody.begin(Move(self.custody, command, call, wait, state), at)
+        self._enter(call, enter, now, command)
+
+    def jog(self, call: Any, command: c.Jog, now: float) -> None:
+        """Begin a jog, or keep the same one going; answered on acceptance. Errors as ``move``."""
+        def enter(at: float) -> None:
+            state = self._require_ready_to_move(at)
+            running = self.custody.motion
+            if isinstance(running, Jog) and not self.custody.is_ending:
+                if running.command == command:
+                    running.again(call, at)
+                    return
+                self.custody.stop(MotionInterrupted(StopCause.STOPPED, "another jog replaces it"), at)
+            if self._may_begin(call, enter, now, at):
+                self.custody.begin(Jog(self.custody, command, call, state), at)
+        self._enter(call, enter, now, command)
+
+    def servo_mode(self, call: Any, active: bool, now: float) -> None:
+        """Enter servo mode and hold the arm there, or leave it; answered when the controller confirms.
+
+        Errors as ``move``.
+        """
+        def enter(at: float) -> None:
+            running = self.custody.motion
+            if isinstance(running, Servo) and not self.custody.is_ending:
+                running.join(call) if active else running.leave(call, "its client left")
+            elif active:
+                state = self._require_ready_to_move(at)
+                if self._may_begin(call, enter, now, at):
+                    self.custody.begin(Servo(self.custody, self.model, call, state, self._servo_mode_is), at)
+            elif self._may_begin(call, enter, now, at):
+                self._begin(Running(self._leave_servo_mode(), self.channel, self._answerer(call)), at)
+        self._enter(call, enter, now)
+
+    def servo_target(self, call: Any, command: Union[c.ServoJoint, c.ServoPose], now: float) -> None:
+        """Take one target into the servo stream.
+
+        Errors: InvalidCommand (not in servo mode, outside the limits, or too far away; nothing moves).
+        """
+        self.links.note_time(now)
+        try:
+            running = self.custody.motion
+            if not isinstance(running, Servo) or self.custody.is_ending:
+                raise InvalidCommand("refused: not in servo mode; servo_move_enable first" + (
+                    " (it ended: %s)" % self._servo_end if self._servo_end else ""))
+            limits.check(command, self.model, self.state)
+            running.set_target(command, now)
+        except JakaError as error:
+            self.actions.answer(call, None, error)
+        else:
+            self.actions.answer(call)
+
+    def stop(self, call: Any, now: float) -> None:
+        """Stop all motion, queued motion and programs; leaves servo mode. Answered with the controller's word.
+
+        Errors: ConnectionLost, ReplyTimeout, CommandRejected: it could not be delivered. Where this driver moves the
+        arm the stop is repeated all the same until the arm rests.
+        """
+        self.links.note_time(now)
+        self.note_operator("a stop")
+        self._end_waiting(MotionInterrupted(StopCause.STOPPED))
+        if not self.custody.is_free:
+            self.custody.stop_for(call, now)
+        elif not self.links.is_confirmed:
+            self.actions.answer(call, None, ConnectionLost("no link to the controller: " + self.links.last_error))
+        else:
+            self._stop_free_arm(call, now)
+
+    def run(self, call: Any, procedure: Procedure, now: float, exclusive: bool = False) -> None:
+        """Carry out a procedure; answered with its result or its error.
+
+        ``exclusive``: only while nothing moves the arm, and nothing moves it meanwhile.
+        """
+        def enter(at: float) -> None:
+            if not exclusive:
+                self._begin(Running(procedure, self.channel, self._answerer(call)), at)
+            elif self._may_begin(call, enter, now, at):
+                def ended(result: Any, error: Optional[JakaError], end: float) -> None:
+                    self._setting = None
+                    self.actions.answer(call, result, error)
+                    self._retry_waiting(end)
+                running = Running(procedure, self.channel, ended)
+                self._setting = running
+                self._begin(running, at)
+        self._enter(call, enter, now)
+
+    def ask(self, command: c.Command) -> Procedure:
+        """A procedure of one command that moves nothing, after its audit."""
+        return (yield Ask(self.audited(command)))
+
+    def auto_enable(self, now: float) -> None:
+        """Power and enable a healthy arm once, when it is first seen."""
+        self._begin(Running(power.auto_enable(self), self.channel, lambda *_: None), now)
+
+    def close(self, now: float) -> None:
+        """Stop what this driver moves, and answer every call; ``is_free`` tells when the arm rests."""
+        self.links.note_time(now)
+        self._is_closing = True
+        self.links.close()
+        ended = MotionInterrupted(StopCause.SHUTDOWN)
+        self._end_waiting(ended)
+        self.custody.stop(ended, now)
+        for running in list(self._running):
+            running.throw(ConnectionLost(StopCause.SHUTDOWN.value), now)
+
+    def disconnect(self, now: float) -> None:
+        """Drop both connections for good; what still waits is told."""
+        self.links.disconnect(now)
+
+    # ---- what procedures use ----
+
+    def audited(self, command: c.Command) -> c.Command:
+        """The command, if it keeps the model's limits.
+
+        Raises:
+            InvalidCommand: It does not.
+        """
+        limits.check(command, self.model)
+        return command
+
+    def require_drives(self, state: RobotState) -> None:
+        """See that the drives are ready.
+
+        Raises:
+            InvalidCommand: Something stands against motion.
+        """
+        cause = standing_cause(state)
+        if cause is not None:
+            raise InvalidCommand("refused, the arm cannot move: %s" % cause)
+
+    def stop_own(self, now: float) -> None:
+        """A stop that nobody is answered for."""
+        self._end_waiting(MotionInterrupted(StopCause.STOPPED))
+        if self.custody.is_free:
+            self._stop_free_arm(None, now)
+        else:
+            self.custody.stop(MotionInterrupted(StopCause.STOPPED), now)
+
+    def note_operator(self, what: str) -> None:
+        """A call that ends what was begun without one."""
+        self._disturb(what)
+
+    def hand_guiding_was_set(self, active: bool) -> None:
+        """The controller took it; not every feed tells."""
+        self._is_guided = active
+
+    # ---- inside: calls ----
+
+    def _enter(self, call: Any, enter: Callable[[float], None], now: float,
+               command: Optional[c.Command] = None) -> None:
+        self.links.note_time(now)
+        try:
+            if self._is_closing:
+                raise ConnectionLost("the driver is shutting down")
+            if command is not None:
+                limits.check(command, self.model)
+            enter(now)
+        except JakaError as error:
+            self.actions.answer(call, None, error)
+
+    def _require_ready_to_move(self, now: float) -> RobotState:
+        state = self.fresh_state(now)
+        self.require_drives(state)
+        if state.is_hand_guided or (state.is_hand_guided is None and self._is_guided):
+            raise InvalidCommand("refused: hand guiding owns the arm's motion; switch it off first")
+        if not self.links.is_up:
+            raise ConnectionLost("no link to the controller: " + self.links.last_error)
+        return state
+
+    def _may_begin(self, call: Any, enter: Callable[[float], None], asked_at: float, now: float) -> bool:
+        """Whether something new may begin; else the call waits for the end of what comes to rest.
+
+        Raises:
+            InvalidCommand: Somebody else has the arm, and keeps it.
+        """
+        is_at_rest = self.custody.stillness.duration() >= REST_TIME
+        if self.custody.is_free and self._setting is None and not self._stops_under_way and is_at_rest:
+            return True
+        if self.custody.motion is not None and not self.custody.is_ending:
+            raise InvalidCommand("refused: %s owns the arm's motion; wait for its end or stop it first"
+                                 % self.custody.motion.owner.value)
+        if now - asked_at >= _WAIT_FOR_REST:
+            owner = self.motion_owner
+            raise InvalidCommand("refused: the arm has not come to rest within %.1f s; %s" % (
+                _WAIT_FOR_REST, "it moves, and not by this driver" if owner is None
+                else "%s is still being ended" % owner.value))
+        self._waiting.append(_Waiting(call, enter, asked_at + _WAIT_FOR_REST))
+        return False
+
+    def _retry_waiting(self, now: float) -> None:
+        if not self._waiting:
+            return
+        waiting, self._waiting = self._waiting, []
+        for one in waiting:
+            try:
+                one.enter(now)
+            except JakaError as error:
+                self.actions.answer(one.call, None, error)
+
+    def _end_waiting(self, error: JakaError) -> None:
+        waiting, self._waiting = self._waiting, []
+        for one in waiting:
+            self.actions.answer(one.call, None, error)
+
+    def _stop_free_arm(self, call: Any, now: float) -> None:
+        """A stop where this driver moves nothing: a program, the pendant, or servo mode of somebody else."""
+        def replied(_result: Any, error: Optional[JakaError], at: float) -> None:
+            self._stops_under_way -= 1
+            if call is not None:
+                self.actions.answer(call, None, error)
+            self._retry_waiting(at)
+        halts: List[c.Command] = [c.SetServoMode(False)] if self.links.is_servo_active else []
+        halts.append(c.Stop())
+        try:
+            self.channel.request_all(halts, now, in_order(replied, len(halts)))
+        except JakaError as error:
+            if call is not None:
+                self.actions.answer(call, None, error)
+            return
+        self._stops_under_way += 1
+
+    def _answerer(self, call: Any) -> Callable[[Any, Optional[JakaError], float], None]:
+        return lambda result, error, _now: self.actions.answer(call, result, error)
+
+    def _begin(self, running: Running, now: float) -> None:
+        running.begin(now)
+        if not running.has_ended:
+            self._running.append(running)
+
+    def _tick_running(self, now: float) -> None:
+        if self._running:
+            for running in list(self._running):
+                running.tick(now)
+            self._running = [running for running in self._running if not running.has_ended]
+
+    def _servo_mode_is(self, active: bool, reason: str) -> None:
+        was_active, self.links.is_servo_active = self.links.is_servo_active, active
+        self._servo_end = reason
+        if reason and was_active:
+            self.actions.log(logging.INFO, "servo mode has ended: %s" % reason)
+
+    def _leave_servo_mode(self) -> Procedure:
+        """Of a servo mode that no stream of this driver is in."""
+        yield from left_servo_mode()
+        self.links.is_servo_active = False

@@ -1,0 +1,107 @@
+"""The command port's requests and replies, without its socket."""
+import logging
+from typing import Any, Callable, Iterable, List, Optional
+
+from jaka_ros_driver.client.core.actions import Actions, Send
+from jaka_ros_driver.commands import Command
+from jaka_ros_driver.errors import ConnectionLost, FramingError, JakaError, ReplyTimeout
+from jaka_ros_driver.protocol import codec
+from jaka_ros_driver.protocol.exchange import Exchange
+from jaka_ros_driver.protocol.framing import ObjectStream, encode_object
+
+OnReply = Callable[[Any, Optional[JakaError], float], None]
+"""Gets the command's result, or the error, and the time, s. Errors: CommandRejected, ProtocolError, ReplyTimeout,
+ConnectionLost."""
+
+
+class _Pending:
+    def __init__(self, command: Command, on_reply: OnReply) -> None:
+        self.command = command
+        self.on_reply = on_reply
+
+
+class Channel:
+    """Several requests may be on their way; a late reply ends the connection (controller protocol 3.2).
+
+    What the controller did of a command whose reply is late is unknown, and later replies could no longer be told
+    apart. Nothing is ever sent twice.
+    """
+
+    def __init__(self, actions: Actions, reply_timeout: float) -> None:
+        self._actions = actions
+        self._reply_timeout = reply_timeout
+        self._stream = ObjectStream()
+        self._exchange: Exchange[_Pending] = Exchange()
+        self._down_reason = "not connected yet"
+        self.is_open = False
+        self.damaged_replies = 0
+
+    def open(self) -> None:
+        """A new connection: nothing is outstanding on it."""
+        self._stream = ObjectStream()
+        self.is_open = True
+
+    def close(self, reason: str, now: float, late: Optional[Any] = None) -> None:
+        """The connection has ended; who waits for a reply is told."""
+        self.is_open = False
+        self._down_reason = reason
+        for request in self._exchange.abandon():
+            if request.waiter is not None:
+                error: JakaError = ConnectionLost(reason)
+                if request is late:
+                    error = ReplyTimeout(request.name, self._reply_timeout)
+                request.waiter.on_reply(None, error, now)
+
+    def request(self, command: Command, now: float, on_reply: OnReply) -> None:
+        """Send one command.
+
+        Raises:
+            InvalidCommand: A number in it is not finite; nothing was sent.
+            ConnectionLost: There is no connection.
+        """
+        self.request_all([command], now, [on_reply])
+
+    def request_all(self, commands: Iterable[Command], now: float, on_replies: Iterable[OnReply]) -> None:
+        """Send the commands in one piece; errors as ``request``."""
+        pendings = [_Pending(command, on_reply) for command, on_reply in zip(commands, on_replies)]
+        texts = [encode_object(codec.encode(pending.command)) for pending in pendings]
+        if not self.is_open:
+            raise ConnectionLost("no link to the controller: " + self._down_reason)
+        for pending in pendings:
+            self._exchange.sent(codec.command_name(pending.command), now, self._reply_timeout, pending)
+        self._actions.add(Send(b"".join(texts)))
+
+    def received(self, data: bytes, now: float) -> None:
+        """Take bytes of the port."""
+        for item in self._stream.feed(data):
+            if isinstance(item, FramingError):
+                self.damaged_replies += 1
+                self._actions.log(logging.DEBUG, "damaged reply: %s" % item)
+                continue
+            request = self._exchange.answered(item)
+            if request is None or request.waiter is None:
+                continue
+            pending = request.waiter
+            try:
+                result = codec.decode(pending.command, item)
+            except JakaError as error:
+                pending.on_reply(None, error, now)
+            else:
+                pending.on_reply(result, None, now)
+
+    def overdue(self, now: float) -> Optional[Any]:
+        """A request whose reply is late, if there is one; hand it to ``close``."""
+        return self._exchange.overdue(now)
+
+    def overdue_reason(self, late: Any) -> str:
+        """In words."""
+        return "no reply to %s within %.3g s" % (late.name, self._reply_timeout)
+
+
+def in_order(on_last: OnReply, count: int, on_other: Optional[OnReply] = None) -> List[OnReply]:
+    """Callbacks for so many commands of which only the last one's reply matters."""
+    return [on_other or _ignore] * (count - 1) + [on_last]
+
+
+def _ignore(_result: Any, _error: Optional[JakaError], _now: float) -> None:
+    pass

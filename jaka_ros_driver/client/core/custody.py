@@ -1,0 +1,270 @@
+"""Custody of a motion: from before its first byte until evidence that the arm rests.
+
+It ends in two ways only. The motion saw its target reached and the arm still (``finish``). Or a stop of this custody
+was accepted by the controller and the joints are still on fresh frames after that. No flag of the controller, no
+timer and no order of events gives a moving arm away: whatever contradicts the motion sends a stop and keeps custody.
+A stop is repeated until it is accepted, through refusals and new connections, and again while the arm moves on.
+"""
+import enum
+import logging
+from typing import Any, Callable, List, Optional
+
+from jaka_ros_driver.client.core.actions import Actions, Tell
+from jaka_ros_driver.client.core.channel import Channel, in_order
+from jaka_ros_driver.client.core.motion import Motion
+from jaka_ros_driver.client.core.stillness import REST_TIME, Stillness
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.commands import Command, SetLinkLoss, Stop
+from jaka_ros_driver.errors import CommandRejected, ConnectionLost, JakaError, MotionInterrupted, StopCause
+from jaka_ros_driver.state import RobotState
+
+_RETRY_PERIOD = 0.05
+"""s; from the refusal of a stop to the next one."""
+_COASTING_TIME = 0.5
+"""s; an arm that still moves so long after an accepted stop is stopped once more."""
+_TELL_AFTER = 1.0
+"""s; callers of a motion whose stop is not accepted are told its end at the latest then."""
+_SAY_PERIOD = 1.0
+_NEVER = float("inf")
+
+
+class _Phase(enum.Enum):
+    FREE = "nobody moves the arm"
+    HELD = "a motion is under way"
+    SETTLING = "the controller refused the motion: the arm is watched until it is seen at rest"
+    STOPPING = "a stop is sent until it is accepted and the arm rests"
+
+
+class Custody:
+    """One motion at a time; see the module's first lines.
+
+    Attributes:
+        motion: What is in custody; None while it is free.
+        stillness: Evidence of rest, fed with every fresh frame.
+        channel: The command port.
+        actions: Where actions go.
+        settings: Times.
+    """
+
+    def __init__(self, actions: Actions, channel: Channel, settings: ClientSettings,
+                 on_free: Callable[[float], None]) -> None:
+        """Nobody moves the arm; ``on_free`` is called when that is so again."""
+        self.actions = actions
+        self.channel = channel
+        self.settings = settings
+        self.stillness = Stillness()
+        self.motion: Optional[Motion] = None
+        self._on_free = on_free
+        self._phase = _Phase.FREE
+        self._number = 0
+        self._outcome: Optional[MotionInterrupted] = None
+        self._is_told = False
+        self._began_at = 0.0
+        self._sent_at = 0.0
+        self._outstanding = 0
+        self._accepted_at: Optional[float] = None
+        self._retry_at = _NEVER
+        self._said_at = -_NEVER
+        self._knows_link_loss = True
+
+    # ---- what is known ----
+
+    @property
+    def is_free(self) -> bool:
+        """Nobody moves the arm."""
+        return self._phase is _Phase.FREE
+
+    @property
+    def is_ending(self) -> bool:
+        """It will be free as soon as the arm is seen at rest."""
+        return self._phase in (_Phase.STOPPING, _Phase.SETTLING)
+
+    @property
+    def must_stop(self) -> bool:
+        """A stop is still to be accepted."""
+        return self._phase is _Phase.STOPPING and self._accepted_at is None
+
+    @property
+    def deadline(self) -> float:
+        """When ``tick`` is due, s."""
+        if self.motion is None:
+            return _NEVER
+        if self._phase is _Phase.HELD:
+            return self.motion.due()
+        return min(self._retry_at, _NEVER if self._is_told else self._began_at + _TELL_AFTER)
+
+    # ---- the life of a motion ----
+
+    def begin(self, motion: Motion, now: float) -> None:
+        """Take custody, tell the guard, and let the motion send its first command.
+
+        Raises:
+            JakaError: Nothing was sent; nobody moves the arm.
+        """
+        assert self.is_free
+        self._number += 1
+        self.motion, self._phase = motion, _Phase.HELD
+        self._outcome, self._is_told = None, False
+        self._accepted_at, self._retry_at, self._outstanding = None, _NEVER, 0
+        self.actions.add(Tell(True))
+        self._set_link_loss(self.settings.link_loss_stop, now)
+        try:
+            motion.begin(now)
+        except JakaError:
+            self._is_told = True
+            self._release(now)
+            raise
+
+    def finish(self, now: float) -> None:
+        """The motion is completed: the target is reached and the arm is still."""
+        if self._phase is _Phase.HELD:
+            self._release(now)
+
+    def settle(self, now: float) -> None:
+        """The controller refused the motion: nobody moves the arm once it is seen at rest."""
+        if self._phase is _Phase.HELD:
+            self._phase, self._began_at = _Phase.SETTLING, now
+            self._is_told = True
+
+    def stop(self, outcome: Optional[MotionInterrupted], now: float) -> None:
+        """Stop the motion; its callers are told this outcome when the stop is accepted. The first one counts."""
+        if self._phase in (_Phase.HELD, _Phase.SETTLING):
+            self._phase = _Phase.STOPPING
+            self._outcome, self._began_at = outcome, now
+            if outcome is not None and outcome.cause is not StopCause.STOPPED:
+                self.actions.log(logging.WARNING, "stopping the arm: %s" % outcome)
+            self._send_stop(now)
+
+    def stop_for(self, call: Any, now: float) -> None:
+        """Stop the motion for a caller, who is answered with the controller's word on this very stop."""
+        if self._phase is _Phase.STOPPING:
+            self._send_stop(now, call)
+            return
+        self._phase = _Phase.STOPPING
+        self._outcome, self._began_at = MotionInterrupted(StopCause.STOPPED), now
+        self._send_stop(now, call)
+
+    # ---- events ----
+
+    def observe(self, state: RobotState, now: float) -> None:
+        """Take a fresh state into account."""
+        self.stillness.observe(state)
+        motion = self.motion
+        if motion is None:
+            return
+        if self._phase is _Phase.HELD:
+            motion.observe(state, now)
+        elif self._phase is _Phase.SETTLING:
+            if self.stillness.has_moved_since(self._began_at):
+                self.stop(MotionInterrupted(StopCause.FAULT, "the arm moves though the motion was refused"), now)
+            elif self.stillness.duration(self._began_at) >= REST_TIME:
+                self._release(now)
+        elif self._accepted_at is not None:
+            if self.stillness.duration(self._accepted_at) >= motion.rest_time:
+                self._release(now)
+            elif self.stillness.has_moved_since(self._sent_at + max(_COASTING_TIME, motion.rest_time)):
+                self._say(logging.ERROR, "the arm moves on after an accepted stop; stopping it again", now)
+                self._accepted_at = None
+                self._send_stop(now)
+
+    def tick(self, now: float) -> None:
+        """Let time pass."""
+        motion = self.motion
+        if motion is None:
+            return
+        if self._phase is _Phase.HELD:
+            motion.tick(now)
+        elif self._phase is _Phase.STOPPING:
+            if now >= self._retry_at and not self._outstanding:
+                self._send_stop(now)
+            if now - self._began_at >= _TELL_AFTER:
+                self._tell_end()
+
+    def sight_lost(self, reason: str, now: float) -> None:
+        """The status feed is gone or unreadable: a motion would go on unseen."""
+        self.stillness.lose_sight()
+        if self._phase in (_Phase.HELD, _Phase.SETTLING):
+            self.stop(MotionInterrupted(StopCause.LINK_LOST, reason), now)
+
+    def link_lost(self, reason: str, now: float) -> None:
+        """The command port is gone: the stop is the first word on the next connection."""
+        self._outstanding = 0
+        if self._phase in (_Phase.HELD, _Phase.SETTLING):
+            self._phase, self._began_at = _Phase.STOPPING, now
+        if self._phase is _Phase.STOPPING and not self._is_told:
+            self._outcome = MotionInterrupted(StopCause.LINK_LOST, reason)
+            self._tell_end()
+
+    def link_up(self, now: float) -> None:
+        """The command port is connected: before anything else is sent, the stop that is still owed."""
+        self._knows_link_loss = True
+        if self.must_stop:
+            self.actions.log(logging.WARNING, "stopping the motion that was under way when the link went down")
+            self._send_stop(now)
+
+    # ---- inside ----
+
+    def _send_stop(self, now: float, call: Any = None) -> None:
+        """Send what ends this motion, now; without a connection the call fails and ``link_up`` sends it."""
+        assert self.motion is not None
+        number = self._number
+
+        def replied(_result: Any, error: Optional[JakaError], at: float) -> None:
+            if call is not None:
+                self.actions.answer(call, None, error)
+            if number == self._number and self._phase is _Phase.STOPPING:
+                self._stop_replied(error, at)
+
+        halts: List[Command] = self.motion.halts() + [Stop()]
+        try:
+            self.channel.request_all(halts, now, in_order(replied, len(halts)))
+        except JakaError as error:
+            self._say(logging.ERROR, "the arm could not be stopped: %s" % error, now)
+            if call is not None:
+                self.actions.answer(call, None, error)
+            return
+        self._outstanding += 1
+        self._sent_at, self._retry_at = now, _NEVER
+
+    def _stop_replied(self, error: Optional[JakaError], now: float) -> None:
+        self._outstanding = max(0, self._outstanding - 1)
+        if error is None:
+            self._accepted_at = now
+            self._tell_end()
+        elif not isinstance(error, ConnectionLost) and self._accepted_at is None:
+            self._retry_at = now + _RETRY_PERIOD
+            self._say(logging.ERROR, "the stop was not accepted, sending it again: %s" % error, now)
+
+    def _say(self, level: int, text: str, now: float) -> None:
+        """Log, but not the same trouble at every repetition."""
+        if now - self._said_at >= _SAY_PERIOD:
+            self._said_at = now
+            self.actions.log(level, text)
+
+    def _tell_end(self) -> None:
+        if not self._is_told and self.motion is not None:
+            self._is_told = True
+            self.motion.ended(self._outcome)
+
+    def _release(self, now: float) -> None:
+        """The arm rests. Who waits for the motion is told last, so that the next one finds the arm free."""
+        motion, self.motion = self.motion, None
+        self._phase = _Phase.FREE
+        self._retry_at = _NEVER
+        self._set_link_loss(0.0, now)
+        self.actions.add(Tell(False))
+        if not self._is_told and motion is not None:
+            motion.ended(self._outcome)
+        self._on_free(now)
+
+    def _set_link_loss(self, seconds: float, now: float) -> None:
+        """Have the controller itself stop the arm where this client is lost in custody; not every firmware can."""
+        if not self.settings.link_loss_stop or not self._knows_link_loss or not self.channel.is_open:
+            return
+
+        def replied(_result: Any, error: Optional[JakaError], _at: float) -> None:
+            if isinstance(error, CommandRejected) and self._knows_link_loss:
+                self._knows_link_loss = False
+                self.actions.log(logging.WARNING, "this controller does not stop the arm by itself when it loses its "
+                                                  "client: %s" % error)
+        self.channel.request(SetLinkLoss(seconds), now, replied)

@@ -1,0 +1,147 @@
+"""The status feed: bytes in, states out, and which of them tell of now.
+
+Frames may have waited on their way: in this process while it was stopped, in the network, in the controller. Such
+frames come faster than the controller makes them. After every silence frames are therefore old news until they come
+in their own rhythm again.
+"""
+from collections import deque
+from dataclasses import dataclass
+from typing import Deque, List, Optional, Tuple
+
+from jaka_ros_driver.errors import FramingError, StatusFrameError
+from jaka_ros_driver.protocol.framing import FrameStream
+from jaka_ros_driver.protocol.status import parse_status
+from jaka_ros_driver.state import RobotState
+
+MAX_BURST = 5
+"""Of the frames that arrive in one piece so many, the newest, are shown as new: the others are old news."""
+SILENCE = 0.05
+"""s; a longer pause in a feed that is otherwise faster puts what follows in doubt."""
+_RATE_WINDOW = 250
+_USUAL_WINDOW = 9
+_TICK = 1e-6
+
+
+@dataclass(frozen=True)
+class FeedHealth:
+    """How the status feed does.
+
+    Attributes:
+        rate: Frames a second over the last two seconds or so, Hz; 0 while there is no feed.
+        jitter: 99th percentile of the deviation of the interval from its median, s.
+        age: Time since the newest good frame, s; infinite before the first.
+        frames: Good frames since start.
+        damaged: Frames refused since start.
+        last_damage: Why the last one was refused.
+    """
+
+    rate: float
+    jitter: float
+    age: float
+    frames: int
+    damaged: int
+    last_damage: str
+
+
+class Feed:
+    """Keeps the newest state that is not old news.
+
+    Attributes:
+        state: That state, however old; None before the first.
+        last_byte_at: When the port last sent anything, s.
+    """
+
+    def __init__(self, period: float) -> None:
+        """``period``: how often the controller was asked for a frame, s."""
+        self._period = period
+        self._stream = FrameStream()
+        self._arrivals: Deque[float] = deque(maxlen=_RATE_WINDOW)
+        self._intervals: Deque[float] = deque(maxlen=_USUAL_WINDOW)
+        self._last_piece: Optional[float] = None
+        self._last_arrival = 0.0
+        self._is_doubtful = False
+        self._was_held_up = False
+        self._frames = 0
+        self._damaged = 0
+        self._last_damage = ""
+        self.state: Optional[RobotState] = None
+        self.last_byte_at = 0.0
+
+    def open(self, now: float) -> None:
+        """A new connection: what it sends is new."""
+        self._stream = FrameStream()
+        self._arrivals.clear()
+        self._intervals.clear()
+        self._last_piece = None
+        self._is_doubtful = self._was_held_up = False
+        self.last_byte_at = now
+
+    def held_up(self) -> None:
+        """Nobody read for a while: what has piled up is old news."""
+        self._was_held_up = True
+
+    def received(self, data: bytes, now: float) -> List[Tuple[RobotState, bool]]:
+        """Take bytes of the port; returns the states that they complete, and whether each tells of now."""
+        self.last_byte_at = now
+        states: List[RobotState] = []
+        for item in self._stream.feed(data):
+            try:
+                if isinstance(item, FramingError):
+                    raise item
+                self._last_arrival = max(now, self._last_arrival + _TICK)
+                states.append(parse_status(item, self._last_arrival))
+            except (FramingError, StatusFrameError) as error:
+                self._damaged += 1
+                self._last_damage = str(error)
+        if not states:
+            return []
+        is_news = self._is_in_rhythm(len(states), now)
+        self._frames += len(states)
+        if is_news:
+            self.state = states[-1]
+            self._arrivals.extend([state.received_at for state in states])
+        oldest_new = len(states) - MAX_BURST
+        return [(state, is_news and index >= oldest_new) for index, state in enumerate(states)]
+
+    def fresh_state(self, max_age: float, now: float) -> Optional[RobotState]:
+        """The newest state, or None when it is older than ``max_age`` s."""
+        state = self.state
+        return None if state is None or now - state.received_at > max_age else state
+
+    def health(self, now: float, silence_timeout: float) -> FeedHealth:
+        """Rate, jitter and damage."""
+        age = now - self.state.received_at if self.state is not None else float("inf")
+        rate = jitter = 0.0
+        if len(self._arrivals) > 2 and age < silence_timeout:
+            arrivals = list(self._arrivals)
+            intervals = sorted([b - a for a, b in zip(arrivals, arrivals[1:])])
+            rate = len(intervals) / max(1e-9, arrivals[-1] - arrivals[0])
+            median = intervals[len(intervals) // 2]
+            deviations = sorted([abs(interval - median) for interval in intervals])
+            jitter = deviations[int(0.99 * (len(deviations) - 1))]
+        return FeedHealth(rate, jitter, age, self._frames, self._damaged, self._last_damage)
+
+    def _is_in_rhythm(self, count: int, now: float) -> bool:
+        """Whether a piece with so many frames, that arrives now, tells of now.
+
+        A doubt ends with a piece before which the port was silent for half a period for each of its frames: what has
+        piled up anywhere comes without such pauses.
+        """
+        last, self._last_piece = self._last_piece, now
+        was_held_up, self._was_held_up = self._was_held_up, False
+        if was_held_up:
+            self._is_doubtful = True
+            return False
+        if last is None:
+            return True
+        interval = now - last
+        if interval > SILENCE:
+            usual = sorted(self._intervals)[len(self._intervals) // 2] if self._intervals else self._period
+            if interval > max(SILENCE, 3.0 * usual):
+                self._is_doubtful = True
+                self._intervals.append(interval)
+                return False
+        self._intervals.append(interval)
+        if self._is_doubtful and interval >= 0.5 * self._period * count:
+            self._is_doubtful = False
+        return not self._is_doubtful

@@ -1,0 +1,97 @@
+"""A jog: goes on as long as it is called for, and is stopped so long after the last call, whatever the feed says."""
+import logging
+from typing import Any, List, Optional
+
+from jaka_ros_driver.client.core.custody import Custody
+from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner, rest_time_at
+from jaka_ros_driver.client.core.move import START_WINDOW
+from jaka_ros_driver.commands import Command, JogFrame, JogStop
+from jaka_ros_driver.commands import Jog as JogCommand
+from jaka_ros_driver.errors import (
+    CommandRejected,
+    ConnectionLost,
+    JakaError,
+    MotionInterrupted,
+    ReplyTimeout,
+    StopCause,
+)
+from jaka_ros_driver.state import RobotState
+
+_OVER_TIME = 0.5
+"""s; a jog whose arm rests for so long, and is said to be in position, has been ended by somebody else."""
+_REACH = 1.5
+"""m; a joint turns at least by the tool's way divided by this."""
+
+
+class Jog(Motion):
+    """Continuous motion of one axis with a watchdog.
+
+    Attributes:
+        command: What is jogged.
+    """
+
+    owner = MotionOwner.JOG
+
+    def __init__(self, custody: Custody, command: JogCommand, call: Any, state: RobotState) -> None:
+        """Prepare; ``call`` is answered with the controller's acceptance. ``state``: before the motion."""
+        self.command = command
+        self._custody = custody
+        self._watch = InterruptionWatch(state)
+        self._calls: List[Any] = [call]
+        self._accepted_at: Optional[float] = None
+        is_line = command.frame is not JogFrame.JOINT and command.axis < 3
+        self.rest_time = rest_time_at(abs(command.velocity) / (_REACH if is_line else 1.0))
+
+    def begin(self, now: float) -> None:
+        self.deadline = now + self._custody.settings.jog_timeout
+        self._custody.channel.request(self.command, now, lambda _, error, at: self._replied(error, at))
+
+    def again(self, call: Any, now: float) -> None:
+        """It is called for once more: its full time begins anew."""
+        self.deadline = now + self._custody.settings.jog_timeout
+        if self._accepted_at is None:
+            self._calls.append(call)
+        else:
+            self._custody.actions.answer(call)
+
+    def observe(self, state: RobotState, now: float) -> None:
+        if self._accepted_at is None or state.received_at <= self._accepted_at:
+            return
+        cause = self._watch.cause(state)
+        if cause is not None:
+            self._custody.stop(cause, now)
+        elif (state.is_in_position and now - self._accepted_at > START_WINDOW
+                and self._custody.stillness.duration(self._accepted_at) >= max(_OVER_TIME, self.rest_time)):
+            self._custody.stop(MotionInterrupted(StopCause.STOPPED, "the jog has ended by itself"), now)
+
+    def tick(self, now: float) -> None:
+        if now >= self.deadline:
+            self._custody.actions.log(logging.INFO, "jog watchdog: no jog call for %.1f s, stopping"
+                                      % self._custody.settings.jog_timeout)
+            self._custody.stop(MotionInterrupted(
+                StopCause.STOPPED, "no jog call for %.3g s" % self._custody.settings.jog_timeout), now)
+
+    def halts(self) -> List[Command]:
+        return [JogStop(self.command.frame, self.command.axis)]
+
+    def ended(self, outcome: Optional[MotionInterrupted]) -> None:
+        self._answer(outcome)
+
+    def _replied(self, error: Optional[JakaError], now: float) -> None:
+        if self._custody.motion is not self:
+            return
+        if error is None:
+            self._accepted_at = now
+            if not self._custody.is_ending:
+                self._answer(None)
+            return
+        self._answer(error)
+        if isinstance(error, CommandRejected):
+            self._custody.settle(now)
+        elif not isinstance(error, (ConnectionLost, ReplyTimeout)):
+            self._custody.stop(MotionInterrupted(StopCause.FAULT, str(error)), now)
+
+    def _answer(self, error: Optional[JakaError]) -> None:
+        calls, self._calls = self._calls, []
+        for call in calls:
+            self._custody.actions.answer(call, None, error)

@@ -1,0 +1,281 @@
+"""Both links to one controller: kept up, watched, and made sure of whose they are.
+
+What is lost with a link is told to the custody of the motion at once; nothing is ever sent twice.
+"""
+from dataclasses import dataclass
+from typing import Any, Callable, Optional
+
+from jaka_ros_driver.client.core import session
+from jaka_ros_driver.client.core.actions import Actions, Port, Show
+from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.custody import Custody
+from jaka_ros_driver.client.core.feed import SILENCE, Feed, FeedHealth
+from jaka_ros_driver.client.core.link import Link, first_error
+from jaka_ros_driver.client.core.procedure import Running
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.commands import Query
+from jaka_ros_driver.errors import ConnectionLost, JakaError
+from jaka_ros_driver.state import RobotState
+
+_BEAT_PERIOD = 0.25
+_NEVER = float("inf")
+
+
+@dataclass(frozen=True)
+class LinkHealth:
+    """How the links do.
+
+    Attributes:
+        command_is_up: The command port is connected and answers.
+        status_is_up: The status port is connected.
+        connections: How often the command port has been connected since start.
+        last_error: Why a link is down, empty when both are up.
+        version: The controller's version, empty before it told.
+        feed_period: Period of the status feed as the controller confirmed it, s; None where it does not say.
+        damaged_replies: Replies that were not JSON since start.
+        is_simulated: The controller is a simulated one; None before that is known.
+    """
+
+    command_is_up: bool
+    status_is_up: bool
+    connections: int
+    last_error: str
+    version: str
+    feed_period: Optional[float]
+    damaged_replies: int
+    is_simulated: Optional[bool]
+
+
+class Links:
+    """The command port's channel and the status port's feed, with what keeps them up.
+
+    Attributes:
+        is_ready: The command port is connected and the controller has answered all that is asked first.
+        is_confirmed: It is the controller that was meant, as far as that can be known.
+        is_servo_active: The controller is in servo mode; False while that is not known.
+        about: What the controller told of itself.
+    """
+
+    def __init__(self, settings: ClientSettings, actions: Actions, channel: Channel, custody: Custody,
+                 on_disturbed: Callable[[str], None]) -> None:
+        """Prepare; ``start`` begins. ``on_disturbed`` is told what ends an act that was begun without a call."""
+        self._settings = settings
+        self._actions = actions
+        self._channel = channel
+        self._custody = custody
+        self._on_disturbed = on_disturbed
+        self._feed = Feed(settings.feed_period)
+        self._command = Link(Port.COMMAND, actions)
+        self._status = Link(Port.STATUS, actions)
+        self._handshake: Optional[Running] = None
+        self._next_beat = _NEVER
+        self._last_event = 0.0
+        self._held_up = 0.0
+        self._has_sight = False
+        self._health = _HealthWatch()
+        self._is_closing = False
+        self.is_ready = False
+        self.is_confirmed = False
+        self.is_servo_active = False
+        self.about = session.About()
+
+    # ---- what is known ----
+
+    @property
+    def state(self) -> Optional[RobotState]:
+        """The newest state, however old; None before the first."""
+        return self._feed.state
+
+    @property
+    def last_error(self) -> str:
+        """Why a link is down; empty when both are up."""
+        return first_error(self._command, self._status) or (
+            "" if self.is_ready else "the controller has not answered yet")
+
+    @property
+    def is_up(self) -> bool:
+        """Both are up."""
+        return self.is_ready and self._status.is_up
+
+    @property
+    def deadline(self) -> float:
+        """When ``tick`` is due, s."""
+        return min(self._command.retry_at, self._status.retry_at, self._next_beat)
+
+    def fresh_state(self, now: float) -> RobotState:
+        """The newest state.
+
+        Raises:
+            ConnectionLost: It is stale, or there is none.
+        """
+        state = self._feed.fresh_state(self._settings.stale_after, now)
+        if state is None:
+            raise ConnectionLost("no fresh status of the arm: " + (self.last_error or "the status feed is silent"))
+        return state
+
+    def health(self) -> LinkHealth:
+        """How the links do."""
+        about = self.about
+        return LinkHealth(self.is_ready, self._status.is_up, self._command.connections, self.last_error,
+                          about.version, about.feed_period, self._channel.damaged_replies, about.is_simulated)
+
+    def feed_health(self, now: float) -> FeedHealth:
+        """How the status feed does."""
+        return self._feed.health(now, self._settings.silence_timeout)
+
+    # ---- events ----
+
+    def start(self, now: float) -> None:
+        """Begin to connect. Of a controller that must say who it is, the state is not looked at before it has."""
+        self._last_event = now
+        self._command.start(now)
+        if not self._settings.simulator:
+            self._status.start(now)
+
+    def note_time(self, now: float) -> None:
+        """Every event passes here: nobody came for a while, as after the process was stopped, is noticed."""
+        gap, self._last_event = now - self._last_event, now
+        if gap > SILENCE:
+            self._held_up = gap
+            self._feed.held_up()
+
+    def opened(self, port: Port, now: float) -> None:
+        """The port is connected."""
+        if port is Port.STATUS:
+            self._status.opened(now)
+            self._feed.open(now)
+            return
+        self._command.opened(now)
+        self.is_confirmed = not self._settings.simulator
+        self._channel.open()
+        self._custody.link_up(now)
+        self._handshake = Running(session.handshake(self._settings, self._actions, self._confirmed), self._channel,
+                                  self._handshake_ended)
+        self._handshake.begin(now)
+
+    def failed(self, port: Port, reason: str, now: float) -> None:
+        """The port could not be connected."""
+        (self._status if port is Port.STATUS else self._command).failed(reason, now)
+
+    def closed(self, port: Port, reason: str, now: float) -> None:
+        """The connection has ended."""
+        if port is Port.STATUS:
+            self._status.lost(reason, now)
+            self._sight_lost(reason, now)
+        else:
+            self._command.lost(reason, now)
+            self._command_lost(reason, now)
+
+    def received(self, port: Port, data: bytes, now: float) -> None:
+        """Bytes have arrived."""
+        if port is Port.COMMAND:
+            self._channel.received(data, now)
+            return
+        for state, is_new in self._feed.received(data, now):
+            trouble = self._health.trouble(state)
+            if trouble:
+                self._on_disturbed(trouble)
+            if is_new:
+                self._has_sight = True
+                self._custody.observe(state, now)
+            self._actions.add(Show(state, is_new))
+
+    def tick(self, now: float) -> None:
+        """Let time pass."""
+        late = self._channel.overdue(now) if self._channel.is_open else None
+        if late is not None:
+            self._drop_command(self._channel.overdue_reason(late), now, late)
+        self._watch_feed(now)
+        if self._handshake is not None:
+            self._handshake.tick(now)
+        self._command.tick(now)
+        self._status.tick(now)
+        if now >= self._next_beat and self._channel.is_open:
+            self._next_beat = _NEVER
+            self._channel.request(Query.SERVO_MODE, now, self._beat_replied)
+
+    def close(self) -> None:
+        """The driver is about to end."""
+        self._is_closing = True
+
+    def disconnect(self, now: float) -> None:
+        """Drop both for good; who waits for a reply is told."""
+        reason = "driver shut down"
+        self._command.stop(reason)
+        self._status.stop(reason)
+        self._command_lost(reason, now)
+
+    # ---- inside ----
+
+    def _confirmed(self, now: float) -> None:
+        self.is_confirmed = True
+        if self._settings.simulator and not self._status.is_up and self._status.retry_at == _NEVER:
+            self._status.start(now)
+
+    def _handshake_ended(self, about: Any, error: Optional[JakaError], now: float) -> None:
+        self._handshake = None
+        if error is None:
+            self.about = about
+            self.is_servo_active = about.is_servo_active
+            self.is_ready = True
+            self._next_beat = now + _BEAT_PERIOD
+        elif self._command.is_up:
+            self._drop_command(str(error), now)
+
+    def _beat_replied(self, result: Any, error: Optional[JakaError], now: float) -> None:
+        """Asking now and then shows a port that has fallen silent, and whether servo mode is on."""
+        self._next_beat = now + _BEAT_PERIOD if self.is_ready else _NEVER
+        if error is None:
+            self.is_servo_active = bool(result)
+
+    def _drop_command(self, reason: str, now: float, late: Any = None) -> None:
+        self._command.drop(reason, now)
+        self._command_lost(reason, now, late)
+
+    def _command_lost(self, reason: str, now: float, late: Any = None) -> None:
+        was_ready = self.is_ready
+        self.is_ready = self.is_confirmed = self.is_servo_active = False
+        self._next_beat = _NEVER
+        self._channel.close(reason, now, late)
+        self._custody.link_lost(reason, now)
+        if was_ready:
+            self._on_disturbed("the link was lost")
+        if self._settings.simulator and self._status.is_up:
+            self._status.stop("it is not known whose it is")
+            self._sight_lost(reason, now)
+
+    def _watch_feed(self, now: float) -> None:
+        held_up, self._held_up = self._held_up, 0.0
+        silent = now - self._feed.last_byte_at
+        timeout = self._settings.silence_timeout
+        if self._status.is_up and max(silent, held_up) > timeout:
+            reason = ("the driver was held up for %.1f s" % held_up if held_up > timeout
+                      else "status port: silent for %.1f s" % silent)
+            self._status.drop(reason, now)
+            self._sight_lost(reason, now)
+        elif self._has_sight and self._feed.fresh_state(timeout, now) is None:
+            self._sight_lost("no readable status frame for %.1f s" % timeout, now)
+
+    def _sight_lost(self, reason: str, now: float) -> None:
+        if self._has_sight:
+            self._has_sight = False
+            self._on_disturbed("the status feed was lost")
+        self._custody.sight_lost(reason, now)
+
+
+class _HealthWatch:
+    """Notices a stop, a fault, or drives that go off, in every frame, old or new."""
+
+    def __init__(self) -> None:
+        self._was_healthy = self._was_powered = self._was_enabled = False
+
+    def trouble(self, state: RobotState) -> str:
+        """What has become worse with this frame, in words; "" for nothing."""
+        is_healthy = not (state.emergency_stop or state.protective_stop or (state.has_fault and not state.has_warning))
+        trouble = ""
+        if self._was_healthy and not is_healthy:
+            trouble = "the arm was stopped or has a fault"
+        elif (self._was_powered and not state.is_powered) or (self._was_enabled and not state.is_enabled):
+            trouble = "the drives went off"
+        self._was_healthy, self._was_powered, self._was_enabled = is_healthy, state.is_powered, state.is_enabled
+        return trouble

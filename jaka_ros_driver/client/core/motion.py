@@ -1,0 +1,103 @@
+"""What all motions have in common: an owner's name, what ends them on the wire, what stands against them."""
+import enum
+from typing import List, Optional
+
+from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME
+from jaka_ros_driver.commands import Command
+from jaka_ros_driver.errors import MotionInterrupted, StopCause
+from jaka_ros_driver.state import RobotState
+
+_NEVER = float("inf")
+_LONGEST_REST_TIME = 5.0
+
+
+class MotionOwner(enum.Enum):
+    """What may hold the arm's motion; the value is its name in refusals."""
+
+    MOVE = "a move"
+    JOG = "a jog"
+    SERVO = "servo mode"
+    SETTING = "a change of frames, payload or hand guiding"
+
+
+class Motion:
+    """One motion, from before its first byte until custody of it ends.
+
+    Attributes:
+        owner: Its name.
+        rest_time: How long the joints must be still to show that it has ended, s.
+        deadline: When its time is over, s; infinite where it has no limit.
+    """
+
+    owner = MotionOwner.MOVE
+    rest_time = REST_TIME
+    deadline = _NEVER
+
+    def begin(self, now: float) -> None:
+        """Send its first command.
+
+        Raises:
+            JakaError: Nothing was sent.
+        """
+        raise NotImplementedError
+
+    def due(self) -> float:
+        """When ``tick`` is due, s."""
+        return self.deadline
+
+    def observe(self, state: RobotState, now: float) -> None:
+        """Take a fresh state into account; not called any more while it is being stopped."""
+
+    def tick(self, now: float) -> None:
+        """Let time pass; not called any more while it is being stopped."""
+
+    def halts(self) -> List[Command]:
+        """What must be sent before the stop to end this kind of motion; nothing else is sent from now on."""
+        return []
+
+    def ended(self, outcome: Optional[MotionInterrupted]) -> None:
+        """Answer whoever waits for it: it is completed (None), or was interrupted. Only the first word counts."""
+
+
+class InterruptionWatch:
+    """Tells what in a state contradicts a motion. Events that stood before the motion are none of its business."""
+
+    def __init__(self, state: RobotState) -> None:
+        """``state``: before the motion."""
+        self._known_event = state.error_code
+
+    def cause(self, state: RobotState) -> Optional[MotionInterrupted]:
+        """Why this motion must be stopped; None where nothing contradicts it."""
+        cause = standing_cause(state)
+        if cause is not None:
+            return cause
+        if state.error_code != self._known_event:
+            self._known_event = 0
+            if state.has_fault and not state.has_warning:
+                return MotionInterrupted(StopCause.FAULT, event_text(state))
+        return None
+
+
+def standing_cause(state: RobotState) -> Optional[MotionInterrupted]:
+    """Why the arm cannot move in this state, None when nothing stands against it."""
+    if state.emergency_stop:
+        return MotionInterrupted(StopCause.EMERGENCY_STOP)
+    if state.protective_stop:
+        return MotionInterrupted(StopCause.PROTECTIVE_STOP, event_text(state))
+    if not state.is_powered:
+        return MotionInterrupted(StopCause.NOT_ENABLED, "the drives have no power")
+    if not state.is_enabled:
+        return MotionInterrupted(StopCause.NOT_ENABLED, event_text(state))
+    return None
+
+
+def event_text(state: RobotState) -> str:
+    """The controller's event in words; empty for none."""
+    if not state.error_code:
+        return ""
+    return ("event 0x%X %s" % (state.error_code, state.error_message)).rstrip()
+
+
+def rest_time_at(joint_speed: float) -> float:
+    """How long the joints must be still, s, so that a motion of this speed, rad/s, would have been seen."""
+    return min(_LONGEST_REST_TIME, max(REST_TIME, 2.0 * MOVEMENT / joint_speed))

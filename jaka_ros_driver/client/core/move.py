@@ -1,0 +1,198 @@
+"""A planned move, or several that are queued: from acceptance to the target, in the evidence of the status feed."""
+import math
+from typing import Any, List, Optional
+
+from jaka_ros_driver.client.core.custody import Custody
+from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner, rest_time_at
+from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME
+from jaka_ros_driver.commands import JointMove
+from jaka_ros_driver.commands import Motion as MoveCommand
+from jaka_ros_driver.errors import (
+    CommandRejected,
+    ConnectionLost,
+    JakaError,
+    MotionInterrupted,
+    ReplyTimeout,
+    StopCause,
+)
+from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
+from jaka_ros_driver.state import RobotState
+
+START_WINDOW = 1.0
+"""s; a motion that is accepted and not seen to begin within this time is stopped: it may not begin later."""
+_SETTLE_TIME = 0.3
+"""s; an arm that rests away from its target for so long has been stopped by somebody else."""
+_JOINT_TOLERANCE = 0.01
+_POSITION_TOLERANCE = 0.002
+_ANGLE_TOLERANCE = 0.02
+_NO_DISTANCE = 0.03
+"""Of a tolerance: an arm that is as near as this may be there without having moved."""
+_REACH = 1.5
+"""m; a joint turns at least by the tool's way divided by this."""
+
+
+class _Part:
+    """One command of the queue, and the caller who has not been answered yet."""
+
+    def __init__(self, command: MoveCommand, call: Any, waits: bool) -> None:
+        self.command = command
+        self.call = call
+        self.waits = waits
+        self.is_accepted = False
+        self.is_answered = False
+
+
+class Move(Motion):
+    """Completed when the arm is at the last target and still; stopped when anything contradicts that it gets there."""
+
+    owner = MotionOwner.MOVE
+
+    def __init__(self, custody: Custody, command: MoveCommand, call: Any, waits: bool, state: RobotState) -> None:
+        """Prepare.
+
+        Args:
+            custody: Of this motion.
+            command: The target.
+            call: Who is answered.
+            waits: The answer comes at the end; else with the controller's acceptance.
+            state: Before the motion.
+        """
+        self._custody = custody
+        self._watch = InterruptionWatch(state)
+        self._start = state
+        self._parts = [_Part(command, call, waits)]
+        self._target: Optional[MoveCommand] = None
+        self._accepted_at = 0.0
+        self._has_moved = False
+        self._must_move = False
+
+    def begin(self, now: float) -> None:
+        self._send(self._parts[0], now)
+
+    def add(self, command: MoveCommand, call: Any, now: float) -> None:
+        """Queue another one behind those that are under way; answered with the controller's acceptance.
+
+        Raises:
+            JakaError: Nothing was sent.
+        """
+        part = _Part(command, call, waits=False)
+        self._send(part, now)
+        self._parts.append(part)
+
+    def observe(self, state: RobotState, now: float) -> None:
+        if self._target is None or state.received_at <= self._accepted_at:
+            return
+        if not self._has_moved:
+            self._has_moved = _joint_distance(state, self._start) > MOVEMENT
+        cause = self._watch.cause(state)
+        if cause is not None:
+            self._custody.stop(cause, now)
+        else:
+            self._look_for_the_end(self._target, state, now)
+
+    def tick(self, now: float) -> None:
+        if self._target is not None and now >= self.deadline:
+            self._custody.stop(MotionInterrupted(
+                StopCause.TIMEOUT, "not completed after %.0f s" % self._custody.settings.motion_timeout), now)
+
+    def ended(self, outcome: Optional[MotionInterrupted]) -> None:
+        for part in self._parts:
+            self._answer(part, outcome)
+
+    # ---- inside ----
+
+    def _send(self, part: _Part, now: float) -> None:
+        self._custody.channel.request(part.command, now, lambda _, error, at: self._replied(part, error, at))
+
+    def _replied(self, part: _Part, error: Optional[JakaError], now: float) -> None:
+        if self._custody.motion is not self:
+            return
+        if error is None:
+            part.is_accepted = True
+            self._accepted(part, now)
+            return
+        self._answer(part, error)
+        self._parts.remove(part)
+        if isinstance(error, CommandRejected):
+            if not self._parts:
+                self._custody.settle(now)
+        elif not isinstance(error, (ConnectionLost, ReplyTimeout)):
+            self._custody.stop(MotionInterrupted(StopCause.FAULT, str(error)), now)
+
+    def _accepted(self, part: _Part, now: float) -> None:
+        self._target = part.command
+        self._accepted_at = now
+        self.deadline = now + self._custody.settings.motion_timeout
+        speed = part.command.speed if isinstance(part.command, JointMove) else part.command.speed / _REACH
+        self.rest_time = rest_time_at(speed)
+        distance = _relative_distance(part.command, self._start)
+        self._must_move = self._must_move or (distance is not None and distance > _NO_DISTANCE)
+        if not part.waits and not self._custody.is_ending:
+            self._answer(part, None)
+
+    def _answer(self, part: _Part, error: Optional[JakaError]) -> None:
+        if not part.is_answered:
+            part.is_answered = True
+            self._custody.actions.answer(part.call, None, error)
+
+    def _look_for_the_end(self, target: MoveCommand, state: RobotState, now: float) -> None:
+        """Measured positions decide. ``inpos`` only delays: while it is false, more may come."""
+        still = self._custody.stillness.duration(self._accepted_at)
+        if still < self.rest_time or not all(part.is_accepted for part in self._parts):
+            return
+        distance = _relative_distance(target, state)
+        has_run = self._has_moved or not self._must_move
+        if has_run and distance is not None and distance <= 1.0:
+            if state.is_in_position or (distance <= _NO_DISTANCE and still >= self.rest_time + _SETTLE_TIME):
+                self._custody.finish(now)
+        elif not state.is_in_position:
+            return
+        elif not self._has_moved:
+            self._look_for_the_start(target, state, distance, now)
+        elif distance is None:
+            self._custody.finish(now)
+        elif still >= max(_SETTLE_TIME, self.rest_time):
+            self._custody.stop(MotionInterrupted(
+                StopCause.STOPPED, "the arm came to rest %s from the target" % _distance_text(target, state)), now)
+
+    def _look_for_the_start(self, target: MoveCommand, state: RobotState, distance: Optional[float],
+                            now: float) -> None:
+        if now - self._accepted_at < START_WINDOW:
+            return
+        if distance is None or distance <= 1.0:
+            self._custody.stop(None, now)
+        else:
+            self._custody.stop(MotionInterrupted(
+                StopCause.FAULT, "accepted, but the arm did not move; it is %s from the target"
+                % _distance_text(target, state)), now)
+
+
+def _joint_distance(a: RobotState, b: RobotState) -> float:
+    return max([abs(p - q) for p, q in zip(a.joint_position, b.joint_position)])
+
+
+def _relative_distance(command: MoveCommand, state: RobotState) -> Optional[float]:
+    """How far the arm is from the target, 1.0 at the tolerance; None where the feed does not tell."""
+    if isinstance(command, JointMove):
+        return max([abs(a - b) for a, b in zip(command.joint_position, state.joint_position)]) / _JOINT_TOLERANCE
+    away = _pose_distance(command, state)
+    if away is None:
+        return None
+    return max(away[0] / max(_POSITION_TOLERANCE, command.tolerance), away[1] / _ANGLE_TOLERANCE)
+
+
+def _pose_distance(command: Any, state: RobotState) -> Optional[List[float]]:
+    if state.tcp_position is None or state.tcp_rpy is None:
+        return None
+    away = math.sqrt(sum([(a - b) ** 2 for a, b in zip(command.target.position, state.tcp_position)]))
+    return [away, rotation_angle_between(matrix_from_rpy(command.target.rpy), matrix_from_rpy(state.tcp_rpy))]
+
+
+def _distance_text(command: MoveCommand, state: RobotState) -> str:
+    if isinstance(command, JointMove):
+        return "%.4f rad" % max([abs(a - b) for a, b in zip(command.joint_position, state.joint_position)])
+    away = _pose_distance(command, state) or [0.0, 0.0]
+    return "%.4f m and %.4f rad" % (away[0], away[1])
+
+
+assert REST_TIME < _SETTLE_TIME

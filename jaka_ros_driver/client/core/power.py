@@ -1,0 +1,176 @@
+"""Power, enabling and alarms: the way to an arm that can move. Nothing here acts without being called."""
+import logging
+from typing import TYPE_CHECKING, Callable, List
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core.motion import event_text
+from jaka_ros_driver.client.core.procedure import Ask, Now, Procedure, Until
+from jaka_ros_driver.client.core.stillness import REST_TIME
+from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
+from jaka_ros_driver.state import RobotState
+
+if TYPE_CHECKING:
+    from jaka_ros_driver.client.core.arm_core import ArmCore
+
+_CLEAR_TIMEOUT = 3.0
+_NEVER = float("inf")
+
+
+def missing_for_motion(state: RobotState) -> List[str]:
+    """What must be done before the arm can move, in order; empty when it can."""
+    missing = []
+    if state.emergency_stop:
+        missing.append("release the emergency stop")
+    if state.protective_stop or state.has_fault:
+        missing.append("clear_err")
+    if not state.is_powered:
+        missing.append("power")
+    if not state.is_enabled:
+        missing.append("enable")
+    return missing
+
+
+def set_power(core: "ArmCore", on: bool) -> Procedure:
+    """Energise the drives, or stop, disable and de-energise them; ends when the arm reports it.
+
+    Raises:
+        InvalidCommand: The emergency stop or a protective stop stands against it.
+        MotionInterrupted: The controller took the command and did not follow in time.
+        JakaError: As ``Ask``; ConnectionLost where the arm's state is not known.
+    """
+    core.note_operator("a call of power")
+    if on:
+        _refuse_under_stop((yield from _state(core)), "power on")
+        yield from _switch_power(core, True)
+        return
+    yield from _come_to_rest(core)
+    if (yield from _state(core)).is_enabled:
+        yield from _switch_drives(core, False)
+    yield from _switch_power(core, False)
+
+
+def set_enabled(core: "ArmCore", on: bool) -> Procedure:
+    """Release the brakes and hold torque, or the reverse; ends when the arm reports it.
+
+    Raises:
+        As ``set_power``; InvalidCommand when the drives have no power.
+    """
+    core.note_operator("a call of enable")
+    if on:
+        state = yield from _state(core)
+        _refuse_under_stop(state, "enable")
+        if not state.is_powered:
+            raise InvalidCommand("refused: the drives have no power; power first")
+    else:
+        yield from _come_to_rest(core)
+    yield from _switch_drives(core, on)
+
+
+def clear_error(core: "ArmCore") -> Procedure:
+    """Clear alarms and the protective stop; energises nothing.
+
+    Returns:
+        What is still missing before the arm can move, in order.
+
+    Raises:
+        JakaError: As ``Ask``; MotionInterrupted where an alarm stands again at once; ConnectionLost where the arm's
+            state is not known: then nothing is sent.
+    """
+    core.note_operator("a call of clear_err")
+    yield from _state(core)
+    yield Ask(c.ClearError())
+    cleared = yield from _seen(core, lambda s: not s.protective_stop and not s.has_fault, _CLEAR_TIMEOUT)
+    state = yield from _state(core)
+    if not cleared and not state.emergency_stop:
+        raise MotionInterrupted(StopCause.FAULT, "an alarm still stands: 0x%X %s" % (state.error_code,
+                                                                                   state.error_message))
+    return missing_for_motion(state)
+
+
+def auto_enable(core: "ArmCore") -> Procedure:
+    """Power and enable a healthy arm once, as soon as it is seen for the first time; a sick one is left alone.
+
+    It is one act: whatever disturbs it (a stop, a fault, a restart, a lost link, an operator's call) ends it for good.
+    """
+    yield Until(lambda now: core.is_ready(now), _NEVER)
+    disturbances = core.disturbances
+    state = yield from _state(core)
+
+    def require_calm() -> None:
+        if core.disturbances != disturbances:
+            raise MotionInterrupted(StopCause.FAULT, core.last_disturbance)
+
+    if state.emergency_stop or state.protective_stop or state.has_fault:
+        core.actions.log(logging.WARNING, "auto_enable: the arm is not healthy and is left as it is; to move it: %s"
+                         % ", ".join(missing_for_motion(state)))
+        return
+    try:
+        yield from _switch_power(core, True, require_calm)
+        yield from _switch_drives(core, True, require_calm)
+    except JakaError as error:
+        core.actions.log(logging.ERROR, "auto_enable: %s; it is not tried again" % error)
+        return
+    core.actions.log(logging.INFO, "auto_enable: the arm is powered and enabled")
+
+
+def _nothing() -> None:
+    pass
+
+
+def _switch_power(core: "ArmCore", on: bool, check: Callable[[], None] = _nothing) -> Procedure:
+    check()
+    if (yield from _state(core)).is_powered is not on:
+        yield Ask(c.SetPower(on))
+        yield from _await(core, lambda s: s.is_powered is on, core.settings.power_timeout,
+                          "power on" if on else "power off", check)
+
+
+def _switch_drives(core: "ArmCore", on: bool, check: Callable[[], None] = _nothing) -> Procedure:
+    check()
+    if (yield from _state(core)).is_enabled is not on:
+        yield Ask(c.SetEnabled(on))
+        yield from _await(core, lambda s: s.is_enabled is on, core.settings.enable_timeout,
+                          "enable" if on else "disable", check)
+
+
+def _refuse_under_stop(state: RobotState, what: str) -> None:
+    if state.emergency_stop:
+        raise InvalidCommand("refused to %s: the emergency stop is pressed" % what)
+    if state.protective_stop:
+        raise InvalidCommand("refused to %s: protective stop; clear_err first" % what)
+
+
+def _come_to_rest(core: "ArmCore") -> Procedure:
+    """The controller disables an arm at rest only (controller protocol 5.1)."""
+    if not core.custody.is_free or not (yield from _state(core)).is_in_position:
+        now = yield Now()
+        core.stop_own(now)
+
+    def rests(now: float) -> bool:
+        return core.custody.is_free and core.custody.stillness.duration() >= REST_TIME
+    if not (yield Until(rests, _CLEAR_TIMEOUT)):
+        raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not come to rest within %.0f s" % _CLEAR_TIMEOUT)
+
+
+def _state(core: "ArmCore") -> Procedure:
+    return core.fresh_state((yield Now()))
+
+
+def _seen(core: "ArmCore", predicate: Callable[[RobotState], bool], timeout: float,
+          check: Callable[[], None] = _nothing) -> Procedure:
+    """Wait for a state, that comes after now, of which the predicate holds; False after the time-out."""
+    begun = yield Now()
+
+    def holds(_now: float) -> bool:
+        check()
+        state = core.state
+        return state is not None and state.received_at > begun and predicate(state)
+    return (yield Until(holds, timeout))
+
+
+def _await(core: "ArmCore", predicate: Callable[[RobotState], bool], timeout: float, what: str,
+           check: Callable[[], None]) -> Procedure:
+    if not (yield from _seen(core, predicate, timeout, check)):
+        state = core.state
+        raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not %s within %.0f s (%s)" % (
+            what, timeout, "no status" if state is None else event_text(state) or "no event"))

@@ -1,0 +1,135 @@
+"""Sequences of requests and conditions, written as generators and driven by the core's events.
+
+A procedure yields steps and is resumed with their results; what goes wrong is raised inside it, at the step. Its
+return value is its result::
+
+    def set_collision_level(level):
+        yield Ask(SetCollisionLevel(level))
+        held = yield Ask(Query.COLLISION_LEVEL)
+        return "level %d" % held
+"""
+from functools import partial
+from typing import Any, Callable, Generator, NamedTuple, Optional, Union
+
+from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.commands import Command
+from jaka_ros_driver.errors import JakaError
+
+_NEVER = float("inf")
+
+
+class Ask(NamedTuple):
+    """Send the command and wait for the controller's word on it; errors as of ``Channel.request`` and its replies."""
+
+    command: Command
+
+
+class Until(NamedTuple):
+    """Wait until ``holds(now)``, s at most; resumes with True, or with False when the time is over.
+
+    What ``holds`` raises is raised in the procedure.
+    """
+
+    holds: Callable[[float], bool]
+    timeout: float
+
+
+class Now(NamedTuple):
+    """Resumes at once with the time, s."""
+
+
+Step = Union[Ask, Until, Now]
+Procedure = Generator[Step, Any, Any]
+OnEnd = Callable[[Any, Optional[JakaError], float], None]
+
+
+class Running:
+    """One procedure under way."""
+
+    def __init__(self, procedure: Procedure, channel: Channel, on_end: OnEnd) -> None:
+        """Prepare; ``begin`` begins.
+
+        Args:
+            procedure: What is to be done.
+            channel: Where its requests go.
+            on_end: Gets result, error and time, once.
+        """
+        self._procedure = procedure
+        self._channel = channel
+        self._on_end = on_end
+        self._until: Optional[Until] = None
+        self._deadline = _NEVER
+        self._asked = 0
+        self.has_ended = False
+
+    @property
+    def deadline(self) -> float:
+        """When ``tick`` is due at the latest, s."""
+        return self._deadline
+
+    def begin(self, now: float) -> None:
+        """Run to the first step that must be waited for."""
+        self._resume(lambda: self._procedure.send(None), now)
+
+    def tick(self, now: float) -> None:
+        """See whether what it waits for holds, or has taken too long."""
+        until = self._until
+        if until is None:
+            return
+        try:
+            holds = until.holds(now)
+        except JakaError as error:
+            self.throw(error, now)
+            return
+        if holds or now >= self._deadline:
+            self._until, self._deadline = None, _NEVER
+            self._resume(lambda: self._procedure.send(holds), now)
+
+    def throw(self, error: JakaError, now: float) -> None:
+        """End it with this error, unless it handles it."""
+        if not self.has_ended:
+            self._until, self._deadline = None, _NEVER
+            self._asked += 1
+            self._resume(lambda: self._procedure.throw(error), now)
+
+    def _ask(self, command: Command, now: float) -> None:
+        self._asked += 1
+        number = self._asked
+        self._channel.request(command, now, lambda result, error, at: self._replied(number, result, error, at))
+
+    def _replied(self, number: int, result: Any, error: Optional[JakaError], now: float) -> None:
+        if self.has_ended or number != self._asked:
+            return  # it was interrupted while it waited for this reply
+        if error is not None:
+            self.throw(error, now)
+        else:
+            self._resume(lambda: self._procedure.send(result), now)
+
+    def _resume(self, step: Callable[[], Step], now: float) -> None:
+        try:
+            while True:
+                wanted = step()
+                if isinstance(wanted, Now):
+                    step = partial(self._procedure.send, now)
+                    continue
+                if isinstance(wanted, Until):
+                    self._until, self._deadline = wanted, now + wanted.timeout
+                    self.tick(now)
+                    return
+                try:
+                    self._ask(wanted.command, now)
+                    return
+                except JakaError as error:
+                    refused = error
+                step = partial(self._procedure.throw, refused)
+        except StopIteration as end:
+            self.has_ended = True
+            self._on_end(end.value, None, now)
+        except JakaError as error:
+            self.has_ended = True
+            self._on_end(None, error, now)
+
+
+def pause(seconds: float) -> Until:
+    """A step that lets time pass, s."""
+    return Until(lambda now: False, seconds)

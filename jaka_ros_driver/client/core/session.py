@@ -1,0 +1,71 @@
+"""What is asked of a controller when its command port is connected, and whether it is the one that was meant."""
+import ipaddress
+import logging
+from dataclasses import dataclass
+from typing import Callable, Optional
+
+from jaka_ros_driver.client.core.actions import Actions
+from jaka_ros_driver.client.core.procedure import Ask, Now, Procedure
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.commands import Command, Query, SetFeedPeriod
+from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
+
+
+class ForeignController(JakaError):
+    """Not the simulated controller that was launched beside this driver; it is left alone."""
+
+
+@dataclass(frozen=True)
+class About:
+    """What the controller told of itself; see ``LinkHealth``."""
+
+    version: str = ""
+    feed_period: Optional[float] = None
+    is_servo_active: bool = False
+    is_simulated: Optional[bool] = None
+
+
+def handshake(settings: ClientSettings, actions: Actions, on_confirmed: Callable[[float], None]) -> Procedure:
+    """Ask who it is, set the period of the feed, and learn whether servo mode is on; returns an About.
+
+    ``on_confirmed`` is called when it is known to be the controller that was meant.
+
+    Raises:
+        ForeignController: It is not.
+        JakaError: As ``Ask``.
+    """
+    is_simulated = False
+    if settings.simulator or is_loopback(settings.host):
+        identity = yield from _ask(Query.SIMULATOR_IDENTITY, actions)
+        if settings.simulator and identity != settings.simulator:
+            raise ForeignController(
+                "the controller at %s:%d is not the simulated one that was launched with this driver; it is left alone"
+                % (settings.host, settings.command_port))
+        is_simulated = identity is not None
+    on_confirmed((yield Now()))
+    version = (yield from _ask(Query.VERSION, actions)) or ""
+    wanted = settings.feed_period
+    yield from _ask(SetFeedPeriod(wanted), actions)
+    period = yield from _ask(Query.FEED_PERIOD, actions)
+    if period is None or abs(period - wanted) > 1e-6:
+        actions.log(logging.WARNING, "the controller confirms a status period of %s s, %.3f s was asked for"
+                    % (period, wanted))
+    is_servo_active = bool((yield from _ask(Query.SERVO_MODE, actions)))
+    return About(version, period, is_servo_active, is_simulated)
+
+
+def is_loopback(host: str) -> bool:
+    """This computer: no real controller listens there."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _ask(command: Command, actions: Actions) -> Procedure:
+    """What the controller answers, None where its firmware does not know the command."""
+    try:
+        return (yield Ask(command))
+    except (CommandRejected, ProtocolError) as error:
+        actions.log(logging.INFO, str(error))
+        return None

@@ -1,0 +1,180 @@
+"""Settings that are read back: the controller's "accepted" is not yet "set". Each ends in a sentence for the user."""
+import math
+from typing import TYPE_CHECKING, Any, Callable, Optional, Sequence
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core.procedure import Ask, Now, Procedure, Until
+from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
+from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
+from jaka_ros_driver.state import IoBank, RobotState
+
+if TYPE_CHECKING:
+    from jaka_ros_driver.client.core.arm_core import ArmCore
+
+_TIMEOUT = 2.0
+_LENGTH_TOLERANCE = 1e-5
+_ANGLE_TOLERANCE = 1e-5
+_MASS_TOLERANCE = 1e-4
+_ANALOG_TOLERANCE = 0.01
+NOT_VERIFIED = " (not verified: this controller cannot read it back)"
+
+
+class ReadBackMismatch(JakaError):
+    """The controller accepted a setting and holds another value."""
+
+
+def set_tool_frame(core: "ArmCore", command: c.SetToolFrame, activate: bool) -> Procedure:
+    """Store a tool frame and, with ``activate``, make it the active one.
+
+    Raises:
+        ReadBackMismatch: The controller holds another pose, or the tool did not become active.
+        JakaError: As ``Ask``.
+    """
+    yield Ask(core.audited(command))
+    told = yield from _compare(c.Query.TOOL_FRAMES, "tool %d" % command.tool_id,
+                               lambda frames: _pose_difference(command.pose, frames[command.tool_id]))
+    if activate:
+        told = (yield from _select_tool(core, command.tool_id)) or told
+    return "tool %d %s%s" % (command.tool_id, "set and active" if activate else "set", told)
+
+
+def set_user_frame(core: "ArmCore", command: c.SetUserFrame, activate: bool) -> Procedure:
+    """Store a user frame and, with ``activate``, make it the active one; errors as ``set_tool_frame``."""
+    yield Ask(core.audited(command))
+    told = yield from _compare(c.Query.USER_FRAMES, "user frame %d" % command.user_frame_id,
+                               lambda frames: _pose_difference(command.pose, frames[command.user_frame_id]))
+    if activate:
+        yield Ask(core.audited(c.SelectUserFrame(command.user_frame_id)))
+        told = (yield from _await(core, lambda s: s.user_frame_id, command.user_frame_id, "user frame")) or told
+    return "user frame %d %s%s" % (command.user_frame_id, "set and active" if activate else "set", told)
+
+
+def set_payload(core: "ArmCore", tool_id: int, command: c.SetPayload) -> Procedure:
+    """Select the tool and set the load at it; errors as ``set_tool_frame``."""
+    core.audited(command)
+    unseen = yield from _select_tool(core, tool_id)
+    yield Ask(command)
+    told = yield from _compare(c.Query.PAYLOAD, "payload", lambda held: _payload_difference(command, held))
+    return "payload of tool %d set: %g kg%s" % (tool_id, command.mass, told or unseen)
+
+
+def set_collision_level(core: "ArmCore", level: int) -> Procedure:
+    """Set the collision sensitivity, 0 off; errors as ``set_tool_frame``."""
+    yield Ask(core.audited(c.SetCollisionLevel(level)))
+    told = yield from _compare(c.Query.COLLISION_LEVEL, "collision level",
+                               lambda held: "" if held == level else "level %d, not %d" % (held, level))
+    return ("collision detection off" if level == 0 else "collision level %d" % level) + told
+
+
+def set_hand_guiding(core: "ArmCore", active: bool) -> Procedure:
+    """Switch hand guiding; ends when the arm reports it.
+
+    Raises:
+        InvalidCommand: The arm cannot be guided now.
+        ReadBackMismatch: The controller accepted and the arm did not follow.
+        JakaError: As ``Ask``.
+    """
+    core.note_operator("a call of drag_mode")
+    if active:
+        state = core.fresh_state((yield Now()))
+        if state.is_hand_guided:
+            return "hand guiding on"
+        core.require_drives(state)
+    yield Ask(c.SetHandGuiding(active))
+    core.hand_guiding_was_set(active)
+    told = yield from _await(core, lambda s: s.is_hand_guided, active, "hand guiding", c.Query.HAND_GUIDING)
+    return "hand guiding %s%s" % ("on" if active else "off", told)
+
+
+def set_digital_output(core: "ArmCore", command: c.SetDigitalOutput) -> Procedure:
+    """Switch an output and see it switched; errors as ``set_tool_frame``."""
+    yield Ask(core.audited(command))
+    told = yield from _await_output(core, lambda s: s.io.digital_outputs, command.bank, command.index,
+                                    float(command.value), 0.0, c.GetDigitalOutput(command.bank, command.index))
+    return "digital output %d of %s is %d%s" % (command.index, command.bank.name.lower(), command.value, told)
+
+
+def set_analog_output(core: "ArmCore", command: c.SetAnalogOutput) -> Procedure:
+    """Set an output and see it set; errors as ``set_tool_frame``."""
+    yield Ask(core.audited(command))
+    told = yield from _await_output(core, lambda s: s.io.analog_outputs, command.bank, command.index, command.value,
+                                    _ANALOG_TOLERANCE, c.GetAnalogOutput(command.bank, command.index))
+    return "analog output %d of %s is %g%s" % (command.index, command.bank.name.lower(), command.value, told)
+
+
+def _select_tool(core: "ArmCore", tool_id: int) -> Procedure:
+    yield Ask(core.audited(c.SelectTool(tool_id)))
+    return (yield from _await(core, lambda s: s.tool_id, tool_id, "tool"))
+
+
+def _compare(query: c.Query, what: str, difference: Callable[[Any], str]) -> Procedure:
+    try:
+        text = difference((yield Ask(query)))
+    except (CommandRejected, ProtocolError, IndexError):
+        return NOT_VERIFIED
+    if text:
+        raise ReadBackMismatch("%s: the controller accepted it but holds %s" % (what, text))
+    return ""
+
+
+def _await(core: "ArmCore", read: Callable[[RobotState], Any], wanted: Any, what: str,
+           query: Optional[c.Query] = None) -> Procedure:
+    """See the feed show the value; where it does not carry it, ask, or say that it could not be verified."""
+    if read(core.fresh_state((yield Now()))) is None:
+        return (yield from _ask_instead(query, wanted, what)) if query is not None else NOT_VERIFIED
+    yield from _await_feed(core, lambda s: read(s) == wanted, lambda s: "%s is %s, not %s (%s)" % (
+        what, read(s), wanted, "event 0x%X %s" % (s.error_code, s.error_message)))
+    return ""
+
+
+def _ask_instead(query: c.Command, wanted: Any, what: str, tolerance: float = 0.0) -> Procedure:
+    try:
+        held = yield Ask(query)
+    except (CommandRejected, ProtocolError):
+        return NOT_VERIFIED
+    if abs(float(held) - float(wanted)) > tolerance:
+        raise ReadBackMismatch("the controller accepted it but %s is %s" % (what, held))
+    return ""
+
+
+def _await_feed(core: "ArmCore", holds: Callable[[RobotState], bool],
+                otherwise: Callable[[RobotState], str]) -> Procedure:
+    begun = yield Now()
+
+    def is_seen(_now: float) -> bool:
+        state = core.state
+        return state is not None and state.received_at > begun and holds(state)
+    if not (yield Until(is_seen, _TIMEOUT)):
+        raise ReadBackMismatch("the controller accepted it but " + otherwise(core.fresh_state((yield Now()))))
+
+
+def _await_output(core: "ArmCore", bank_of: Callable[[RobotState], Any], bank: IoBank, index: int, value: float,
+                  tolerance: float, query: c.Command) -> Procedure:
+    """Look at the status feed, or ask where the feed does not carry the output."""
+    values: Sequence[float] = bank_of(core.fresh_state((yield Now()))).get(bank, ())
+    if index >= len(values):
+        return (yield from _ask_instead(query, value, "the output", tolerance))
+
+    def output(state: RobotState) -> float:
+        held = bank_of(state).get(bank, ())
+        return float(held[index]) if index < len(held) else math.nan
+    yield from _await_feed(core, lambda s: abs(output(s) - value) <= tolerance,
+                           lambda s: "the output is %g" % output(s))
+    return ""
+
+
+def _pose_difference(wanted: c.Pose, held: c.Pose) -> str:
+    away = math.sqrt(sum((a - b) ** 2 for a, b in zip(wanted.position, held.position)))
+    turn = rotation_angle_between(matrix_from_rpy(wanted.rpy), matrix_from_rpy(held.rpy))
+    if away <= _LENGTH_TOLERANCE and turn <= _ANGLE_TOLERANCE:
+        return ""
+    return "a pose %.6f m and %.6f rad away" % (away, turn)
+
+
+def _payload_difference(wanted: c.SetPayload, held: c.SetPayload) -> str:
+    if abs(wanted.mass - held.mass) <= _MASS_TOLERANCE and all(
+            abs(a - b) <= _LENGTH_TOLERANCE for a, b in zip(wanted.centroid, held.centroid)):
+        return ""
+    return "%g kg at %s m" % (held.mass, tuple(held.centroid))
+
+

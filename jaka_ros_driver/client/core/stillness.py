@@ -1,0 +1,45 @@
+"""Evidence that the arm rests: its measured joints, over fresh frames."""
+from typing import Optional
+
+from jaka_ros_driver.state import RobotState, Vector
+
+REST_TIME = 0.08
+"""s; the joints are still for so long before the arm counts as at rest."""
+MOVEMENT = 2e-4
+"""rad (0.011 deg); a joint that is farther than this from where it was first seen has moved."""
+_LONGEST_GAP = 0.6
+"""s; across a longer gap between two frames nothing is known."""
+
+
+class Stillness:
+    """Watches the joints of every fresh frame. Only measured positions count, no flag of the controller."""
+
+    def __init__(self) -> None:
+        self._anchor: Optional[Vector] = None
+        self._since = 0.0
+        self._seen_since = 0.0
+        self._last = 0.0
+
+    def observe(self, state: RobotState) -> None:
+        """Take one fresh frame into account."""
+        joints, now = state.joint_position, state.received_at
+        anchor = self._anchor
+        if anchor is None or now - self._last > _LONGEST_GAP:
+            self._anchor, self._since, self._seen_since = joints, now, now
+        elif max([abs(a - b) for a, b in zip(anchor, joints)]) > MOVEMENT:
+            self._anchor, self._since = joints, now
+        self._last = now
+
+    def lose_sight(self) -> None:
+        """What was seen until now says nothing about what comes."""
+        self._anchor = None
+
+    def duration(self, after: float = 0.0) -> float:
+        """For how long the arm has been seen at rest, s, counted from ``after`` at the earliest."""
+        if self._anchor is None:
+            return 0.0
+        return max(0.0, self._last - max(self._since, after))
+
+    def has_moved_since(self, moment: float) -> bool:
+        """Fresh frames after this moment (monotonic, s) show the arm somewhere else than before."""
+        return self._anchor is not None and self._since > max(moment, self._seen_since)

@@ -1,0 +1,134 @@
+"""The guard's end of the pipes between it and the driver: words come in, answers go out."""
+import contextlib
+import os
+import select
+import signal
+import time
+from typing import Callable, Optional
+
+from jaka_ros_driver.client.process_state import waits_for_processor
+from jaka_ros_driver.client.stopping import Driver
+
+MOVING, IDLE, FAREWELL = b"m", b"i", b"q"
+"""The words of the driver."""
+WATCHING, STOPPING = b".", b"!"
+"""The answers of the guard: what it does."""
+SILENCE_TIMEOUT = 0.25
+STARVED_TIMEOUT = 1.0
+"""s; on a busy host a live driver that gets no time is waited for so long."""
+ANSWER_PERIOD = 0.1
+_HELD_UP = 0.1
+
+Say = Callable[[str], None]
+
+
+class DriverPipe:
+    """What the driver says, and the answers it gets.
+
+    Attributes:
+        is_moving: It moves the arm, by its last word.
+        is_closed: No word can come any more.
+        has_left: It said farewell.
+    """
+
+    def __init__(self, words: int, answers: int, driver: int, is_moving: bool) -> None:
+        """Listen.
+
+        Args:
+            words: File descriptor from which the words come.
+            answers: File descriptor for the answers.
+            driver: The driver's process id.
+            is_moving: It moves the arm already.
+        """
+        self._words = words
+        self._answers = answers
+        self._driver = driver
+        self._heard_at = time.monotonic()
+        self._answered_at = -ANSWER_PERIOD
+        self.is_moving = is_moving
+        self.is_closed = False
+        self.has_left = False
+        self._answer = WATCHING
+
+    def fileno(self) -> int:
+        """For select."""
+        return self._words
+
+    @property
+    def is_over(self) -> bool:
+        """The driver is gone, in good order or not."""
+        return self.is_closed or self.has_left
+
+    def wait(self, timeout: Optional[float]) -> bool:
+        """Wait for a word, s; False where none came."""
+        if not select.select([self], [], [], timeout)[0]:
+            return False
+        self.read()
+        return True
+
+    def read(self) -> None:
+        """Take the words that are there, and answer."""
+        words = os.read(self._words, 4096)
+        now = time.monotonic()
+        self.is_closed = not words
+        if self.is_closed:
+            return
+        self._heard_at = now
+        self.has_left = self.has_left or FAREWELL in words
+        self.is_moving = words[-1:] == MOVING
+        if now - self._answered_at >= ANSWER_PERIOD:
+            self._say_answer(now)
+
+    def answer(self, answer: bytes) -> None:
+        """Answer this from now on, and once unasked: a driver that thaws is to know what has been done."""
+        self._answer = answer
+        self._say_answer(time.monotonic())
+
+    def _say_answer(self, now: float) -> None:
+        if not select.select([], [self._answers], [], 0.0)[1]:
+            return
+        self._answered_at = now
+        with contextlib.suppress(OSError):  # the driver has just died, which the other pipe tells
+            os.write(self._answers, self._answer)
+
+    def wait_for_silence(self) -> None:
+        """Return when the driver is gone, or says nothing any more while it moves the arm."""
+        limit = SILENCE_TIMEOUT
+        was_held_up = False
+        while not self.is_over:
+            asked_at = time.monotonic()
+            patience = max(0.0, self._heard_at + limit - asked_at)
+            if self.wait(patience if self.is_moving else None):
+                limit = SILENCE_TIMEOUT
+                was_held_up = False
+                continue
+            late = time.monotonic() - asked_at - patience
+            if late > _HELD_UP and not was_held_up:
+                was_held_up = True  # together with the driver, perhaps, and it is the driver's turn now
+                limit += late + SILENCE_TIMEOUT
+            elif limit < STARVED_TIMEOUT and waits_for_processor(self._driver):
+                limit = STARVED_TIMEOUT
+            else:
+                return
+
+    def driver(self) -> Driver:
+        """What is known of the driver now."""
+        if self.has_left:
+            return Driver.BACK
+        if self.is_closed:
+            return Driver.DEAD
+        return Driver.BACK if time.monotonic() - self._heard_at < SILENCE_TIMEOUT else Driver.SILENT
+
+    def end_driver(self, say: Say) -> None:
+        """Kill the driver, if it is silent still, and is the parent of this process still, and thus what it was."""
+        if self.wait(0.0):
+            return
+        if os.getppid() != self._driver:
+            say("the controller turns the guard away, and process %d is not the driver any more" % self._driver)
+            return
+        say("the controller turns the guard away while the frozen driver is connected: killing the driver, process %d"
+            % self._driver)
+        try:
+            os.kill(self._driver, signal.SIGKILL)
+        except OSError as error:
+            say("the driver cannot be killed: %s" % error)

@@ -1,0 +1,133 @@
+"""One guard process as the driver sees it: the process and the pipes to and from it."""
+import contextlib
+import io
+import os
+import select
+import subprocess
+import threading
+from typing import List, Optional, Tuple
+
+from jaka_ros_driver.client.driver_pipe import MOVING, STOPPING
+from jaka_ros_driver.client.process_state import waits_for_processor
+
+BEAT_PERIOD = 0.02
+ANSWER_TIMEOUT = 1.0
+"""s; a guard that does not answer for so long is replaced."""
+STARVED_ANSWER_TIMEOUT = 5.0
+"""s; on a busy host a live guard that gets no time is waited for so long."""
+START_TIMEOUT = 10.0
+_READ_BYTES = 4096
+
+
+class GuardPost:
+    """One guard process and the pipes to it. The pipes are there first: what is said waits in them until it runs.
+
+    Attributes:
+        has_answered: It has answered at least once.
+        has_ended: It does not run any more, or could not be started.
+        is_stopping: It is stopping the arm, by its last answer.
+        began_at: When it was made, s.
+        heard_at: When it answered last, or began, s.
+    """
+
+    def __init__(self, now: float) -> None:
+        """Make the pipes.
+
+        Raises:
+            OSError: That is not possible.
+        """
+        self.has_answered = False
+        self.has_ended = False
+        self.is_stopping = False
+        self.began_at = self.heard_at = now
+        self._process: Optional[subprocess.Popen[bytes]] = None
+        self._is_given_up = False
+        self._lock = threading.Lock()
+        self._its_words, self._words = _pipe()
+        try:
+            self._answers, self._its_answers = _pipe()
+        except OSError:
+            self._its_words.close()
+            self._words.close()
+            raise
+        os.set_blocking(self._words.fileno(), False)
+        os.set_blocking(self._answers.fileno(), False)
+
+    def launch(self, command: List[str]) -> None:
+        """Start the process.
+
+        In a session of its own, so that what ends the driver's process group does not end the guard first.
+
+        Raises:
+            OSError: It could not be started.
+        """
+        try:
+            process = subprocess.Popen(command, stdin=self._its_words, stdout=self._its_answers,
+                                       start_new_session=True)
+        finally:  # where it failed, the pipes say that nobody is there
+            self._its_words.close()
+            self._its_answers.close()
+        with self._lock:
+            self._process = process
+            if self._is_given_up:
+                process.kill()
+
+    def say(self, word: bytes) -> None:
+        """Never waits: a guard that does not read is noticed by its silence."""
+        with contextlib.suppress(OSError):
+            self._words.write(word)
+
+    def listen(self, now: float) -> None:
+        """Take the answers that have come; never waits."""
+        answers = self._answers.read(_READ_BYTES)
+        if answers:
+            self.has_answered = True
+            self.is_stopping = answers[-1:] == STOPPING
+            self.heard_at = now
+        elif answers is not None:
+            self.has_ended = True
+
+    def silence_limit(self) -> float:
+        """How long it may be silent now, s."""
+        if not self.has_answered:
+            return START_TIMEOUT
+        process = self._process
+        return STARVED_ANSWER_TIMEOUT if process and waits_for_processor(process.pid) else ANSWER_TIMEOUT
+
+    def answers_now(self) -> bool:
+        """Ask it; waits for the answer as long as is usual. One that is only starting is believed in."""
+        self.listen(self.heard_at)
+        if not self.has_answered:
+            return not self.has_ended
+        for _ in range(int(ANSWER_TIMEOUT / BEAT_PERIOD)):
+            self.say(MOVING)
+            if select.select([self._answers], [], [], BEAT_PERIOD)[0]:
+                self.listen(self.heard_at)
+                return not self.has_ended
+        return False
+
+    def kill(self) -> None:
+        """End it, now or as soon as it is started."""
+        with self._lock, contextlib.suppress(OSError):
+            self._is_given_up = True
+            if self._process is not None:
+                self._process.kill()
+
+    def leave(self) -> None:
+        """Close the driver's ends of the pipes."""
+        self._words.close()
+        self._answers.close()
+
+    def has_exited(self, timeout: float) -> bool:
+        """Wait for the end of its process, s."""
+        if self._process is not None:
+            try:
+                self._process.wait(timeout)
+            except subprocess.TimeoutExpired:
+                return False
+        return True
+
+
+def _pipe() -> Tuple[io.FileIO, io.FileIO]:
+    reading, writing = os.pipe()
+    return io.FileIO(reading, "rb"), io.FileIO(writing, "wb")

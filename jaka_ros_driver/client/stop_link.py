@@ -1,0 +1,174 @@
+"""The guard's two connections to the controller: stops go out on one, the other shows whether the arm rests.
+
+Neither ever waits: the guard has one thread, which answers its driver meanwhile.
+"""
+import errno
+import os
+import socket
+from typing import Any, List, Tuple
+
+from jaka_ros_driver.errors import ConnectionLost, FramingError, StatusFrameError
+from jaka_ros_driver.protocol.framing import FrameStream, Item, ObjectStream
+from jaka_ros_driver.protocol.status import parse_status
+from jaka_ros_driver.state import RobotState
+
+Address = Tuple[int, Any]
+"""Family and address of a socket."""
+
+_RECEIVE_BYTES = 1 << 16
+_TURNED_AWAY = (errno.ECONNREFUSED, errno.ECONNRESET, errno.ECONNABORTED, errno.EPIPE)
+
+
+class TurnedAway(ConnectionLost):
+    """The controller is there and does not want this connection: it refuses, closes or resets it."""
+
+
+def addresses_of(host: str, port: int) -> List[Address]:
+    """Where to connect to; more than one for a name with several addresses.
+
+    Raises:
+        ConnectionLost: The name cannot be resolved.
+    """
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    except OSError as error:
+        raise ConnectionLost("%s cannot be resolved: %s" % (host, error)) from error
+    return [(family, address) for family, _, _, _, address in found]
+
+
+class Line:
+    """One TCP connection that never waits.
+
+    Attributes:
+        is_connecting: It is neither connected nor refused yet; it becomes writable when that is decided.
+    """
+
+    def __init__(self, address: Address, name: str) -> None:
+        """Begin to connect.
+
+        Raises:
+            ConnectionLost: That is not possible.
+        """
+        self._name = name
+        self.is_connecting = True
+        try:
+            self._socket = socket.socket(address[0], socket.SOCK_STREAM)
+        except OSError as error:
+            raise ConnectionLost("%s: %s" % (name, error)) from error
+        try:
+            self._socket.setblocking(False)
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            code = self._socket.connect_ex(address[1])
+            if code not in (0, errno.EINPROGRESS):
+                raise OSError(code, os.strerror(code))
+        except OSError as error:
+            self.close()
+            raise self._lost(error) from error
+
+    def fileno(self) -> int:
+        """For select."""
+        return self._socket.fileno()
+
+    def finish_connecting(self) -> None:
+        """Call it when a connecting line has become writable.
+
+        Raises:
+            ConnectionLost: It is not connected.
+        """
+        code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if code:
+            raise self._lost(OSError(code, os.strerror(code)))
+        self.is_connecting = False
+
+    def send(self, data: bytes) -> None:
+        """Hand a few bytes to the network.
+
+        Raises:
+            ConnectionLost: It does not take them.
+        """
+        try:
+            taken = self._socket.send(data)
+        except OSError as error:
+            raise self._lost(error) from error
+        if taken < len(data):
+            raise ConnectionLost("%s: the network takes no bytes" % self._name)
+
+    def receive(self) -> bytes:
+        """What has arrived, b"" for nothing.
+
+        Raises:
+            ConnectionLost: The connection has ended.
+        """
+        try:
+            data = self._socket.recv(_RECEIVE_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise self._lost(error) from error
+        if not data:
+            raise TurnedAway("%s: closed by the controller" % self._name)
+        return data
+
+    def close(self) -> None:
+        """End it."""
+        self._socket.close()
+
+    def _lost(self, error: OSError) -> ConnectionLost:
+        kind = TurnedAway if error.errno in _TURNED_AWAY else ConnectionLost
+        return kind("%s: %s" % (self._name, error.strerror or error))
+
+
+class StopLink(Line):
+    """A connection to the command port."""
+
+    def __init__(self, address: Address) -> None:
+        """Begin to connect.
+
+        Raises:
+            ConnectionLost: That is not possible.
+        """
+        super().__init__(address, "command port")
+        self._stream = ObjectStream()
+
+    def replies(self) -> List[Item]:
+        """The replies that have arrived, and in their place what cannot be read.
+
+        Raises:
+            ConnectionLost: The connection has ended.
+        """
+        return self._stream.feed(self.receive())
+
+
+class FeedLink(Line):
+    """A connection to the status port.
+
+    Attributes:
+        trouble: Why the newest frame could not be read; empty where it could.
+    """
+
+    def __init__(self, address: Address) -> None:
+        """Begin to connect.
+
+        Raises:
+            ConnectionLost: That is not possible.
+        """
+        super().__init__(address, "status port")
+        self._stream = FrameStream()
+        self.trouble = "status port: no frame has come"
+
+    def states(self, now: float) -> List[RobotState]:
+        """The states that have arrived; frames that cannot be read are left out.
+
+        Raises:
+            ConnectionLost: The connection has ended.
+        """
+        states: List[RobotState] = []
+        for item in self._stream.feed(self.receive()):
+            try:
+                if isinstance(item, FramingError):
+                    raise item
+                states.append(parse_status(item, now))
+                self.trouble = ""
+            except (FramingError, StatusFrameError) as error:
+                self.trouble = str(error)
+        return states

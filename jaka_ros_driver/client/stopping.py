@@ -1,0 +1,209 @@
+"""How the guard stops an arm whose driver is dead or frozen, step by step: no socket, no thread, no clock.
+
+The stop is repeated until the controller accepts it. An accepted stop is not believed before the status feed shows
+the arm at rest: while it moves on, the stop is sent again.
+"""
+import enum
+import math
+from typing import Callable, Optional, Set
+
+from jaka_ros_driver.client.core.stillness import Stillness
+from jaka_ros_driver.commands import Command, SetServoMode, Stop
+from jaka_ros_driver.errors import FramingError, JakaError
+from jaka_ros_driver.protocol import codec
+from jaka_ros_driver.protocol.exchange import Exchange
+from jaka_ros_driver.protocol.framing import Item, encode_object
+from jaka_ros_driver.state import RobotState
+
+GIVE_UP_AFTER = 60.0
+LOCKED_OUT_AFTER = 0.25
+"""s of being turned away by the controller, until the frozen driver's connection is taken for the reason."""
+CONFIRM_AFTER = 0.5
+"""s from an accepted stop to the next one, where the arm is not seen at rest by then."""
+BLIND_STOPS = 3
+"""So many accepted stops must do where the status feed cannot be read."""
+STILL_FOR = 0.12
+"""s; the arm is at rest when the status feed has shown it still for so long."""
+_BLIND_AFTER = 0.5
+_CONNECT_TIMEOUT = 1.0
+_REPLY_TIMEOUT = 1.0
+_CONNECT_PERIOD = 0.05
+_REFUSED_PERIOD = 0.08
+_AFTER_THE_DRIVER = 0.02
+
+
+class Driver(enum.Enum):
+    """What is known of the driver now."""
+
+    SILENT = "silent"
+    DEAD = "dead"
+    BACK = "back"
+
+
+class Step(enum.Enum):
+    """What is to be done next."""
+
+    WAIT = "wait for what happens"
+    CONNECT = "connect to the command port"
+    SEND = "send what request() returns"
+    HANG_UP = "close the connection to the command port"
+    END_DRIVER = "end the driver's process, if it is silent still"
+    FINISH = "nothing is left to be done"
+
+
+class _Link(enum.Enum):
+    DOWN = 0
+    CONNECTING = 1
+    UP = 2
+
+
+class Stopping:
+    """One stop of the arm, from the moment at which its driver fell silent until it is seen at rest.
+
+    The shell asks for the next ``step``, carries it out, and tells what comes of it.
+    """
+
+    def __init__(self, now: float, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._said: Set[str] = set()
+        self._give_up_at = now + GIVE_UP_AFTER
+        self._next_at = now
+        self._link = _Link.DOWN
+        self._link_since = now
+        self._has_replied = False
+        self._locked_out_since: Optional[float] = None
+        self._exchange: Exchange[Command] = Exchange()
+        self._acceptances = 0
+        self._accepted_at = now
+        self._stillness = Stillness()
+        self._seen_at = -math.inf
+        self._has_no_drives = False
+        self._feed_trouble = ""
+
+    # ---- what is to be done ----
+
+    def step(self, now: float, driver: Driver) -> Step:
+        """The next thing to be done."""
+        if self._has_ended(now):
+            return Step.FINISH
+        if self._link is _Link.UP:
+            return self._step_on_the_link(now)
+        if self._link is _Link.CONNECTING:
+            return self._hang_up("no answer", False, now) if now > self._link_since + _CONNECT_TIMEOUT else Step.WAIT
+        if now < self._next_at:
+            return Step.WAIT
+        if driver is Driver.BACK:
+            self._say("the driver is back and sees to the arm itself")
+            return Step.FINISH
+        since = self._locked_out_since
+        if driver is Driver.SILENT and since is not None and now - since >= LOCKED_OUT_AFTER:
+            self._locked_out_since, self._next_at = None, now + _AFTER_THE_DRIVER
+            return Step.END_DRIVER
+        self._link, self._link_since, self._has_replied = _Link.CONNECTING, now, False
+        return Step.CONNECT
+
+    def request(self, now: float) -> bytes:
+        """What to send: the stop, and before it the end of servo mode, in which a stop is not enough."""
+        commands = (SetServoMode(False), Stop())
+        for command in commands:
+            self._exchange.sent(codec.command_name(command), now, _REPLY_TIMEOUT, command)
+        return b"".join(encode_object(codec.encode(command)) for command in commands)
+
+    def _step_on_the_link(self, now: float) -> Step:
+        late = self._exchange.overdue(now)
+        if late is not None:
+            return self._hang_up("no reply to %s" % late.name, True, now)
+        if len(self._exchange) or now < self._next_at:
+            return Step.WAIT
+        if self._acceptances and self._is_seen(now):
+            self._say_once("the arm moves on %.1f s after an accepted stop, sending the stop again" % CONFIRM_AFTER)
+        return Step.SEND
+
+    def _hang_up(self, reason: str, is_turned_away: bool, now: float) -> Step:
+        self.failed("command port: " + reason, is_turned_away, now)
+        return Step.HANG_UP
+
+    def _has_ended(self, now: float) -> bool:
+        is_still = self._stillness.duration(self._accepted_at) >= STILL_FOR
+        if is_still and (self._acceptances or self._has_no_drives):
+            self._say("the arm is at rest" if self._acceptances else "the arm is at rest, its drives are off")
+        elif self._acceptances >= BLIND_STOPS and not self._is_seen(now):
+            self._say("whether the arm is at rest could not be seen: %s; the controller accepted %d stops" % (
+                self._feed_trouble or "status port: no frame has come", self._acceptances))
+        elif now >= self._give_up_at:
+            self._say("giving up after %.0f s: %s" % (GIVE_UP_AFTER, (
+                "the controller accepted %d stops, and the arm was not seen at rest" % self._acceptances
+                if self._acceptances else "the arm could not be stopped")))
+        else:
+            return False
+        return True
+
+    def _is_seen(self, now: float) -> bool:
+        return now - self._seen_at <= _BLIND_AFTER
+
+    # ---- what has happened ----
+
+    def connected(self) -> None:
+        """The command port is connected."""
+        self._link = _Link.UP
+
+    def failed(self, reason: str, is_turned_away: bool, now: float) -> None:
+        """The command port could not be connected, or the connection has ended.
+
+        Args:
+            reason: In words.
+            is_turned_away: The controller is there and does not want the connection.
+            now: s.
+        """
+        if not is_turned_away or self._has_replied:
+            self._locked_out_since = None
+        elif self._locked_out_since is None:
+            self._locked_out_since = self._link_since
+        was_waiting = bool(len(self._exchange))
+        self._exchange.abandon()
+        self._link = _Link.DOWN
+        if was_waiting or not self._acceptances:
+            self._next_at = now + _CONNECT_PERIOD
+            self._say_once(reason)
+
+    def replied(self, item: Item, now: float) -> None:
+        """A reply has come, or bytes in its place."""
+        self._has_replied, self._locked_out_since = True, None
+        if isinstance(item, FramingError):
+            self._refused("a reply cannot be read: %s" % item, now)
+            return
+        request = self._exchange.answered(item)
+        if request is None or not isinstance(request.waiter, Stop):
+            return  # out of servo mode, or not in it: both will do
+        try:
+            codec.raise_if_rejected(request.name, item)
+        except JakaError as error:
+            self._refused(str(error), now)
+            return
+        self._exchange.abandon()
+        if not self._acceptances:
+            self._say("the controller accepted the stop")
+            self._accepted_at = now
+        self._acceptances += 1
+        self._next_at = now + CONFIRM_AFTER
+
+    def _refused(self, reason: str, now: float) -> None:
+        self._exchange.abandon()
+        self._next_at = now + _REFUSED_PERIOD
+        self._say_once(reason)
+
+    def saw(self, state: RobotState, now: float) -> None:
+        """A status frame has come."""
+        self._stillness.observe(state)
+        self._seen_at = now
+        self._has_no_drives = not state.is_powered or not state.is_enabled
+
+    def saw_nothing(self, reason: str) -> None:
+        """The status feed cannot be read."""
+        self._feed_trouble = reason
+
+    def _say_once(self, text: str) -> None:
+        """What is tried many times a second is told once."""
+        if text not in self._said:
+            self._said.add(text)
+            self._say(text)

@@ -1,0 +1,323 @@
+"""Who may connect to this node, and who has to go when there are too many: rospy itself serves until it falls over.
+
+A process has so many descriptors. rospy gives one, and a thread, to everybody who connects, also to a peer that then
+says nothing, and ends its accepting thread for good when there are none left: nobody could stop the arm any more.
+"""
+import errno
+import logging
+import resource
+import socket
+import struct
+import threading
+import time
+from typing import Any, Callable, Dict, List, Optional, Tuple
+
+import rosgraph
+import rosgraph.network
+import rosgraph.xmlrpc
+import rospy
+from rospy.impl import tcpros_base
+
+from jaka_ros_driver.protocol.texts import printable
+
+_LOG = logging.getLogger(__name__)
+
+MOST_DESCRIPTORS = 65536
+"""What the soft limit is raised to where the hard one allows it; threads and memory end before."""
+GREETING_TIMEOUT = 5.0
+"""s; a ROS client sends its whole greeting at once."""
+MOST_GREETINGS = 64
+"""Connections that have not said what they want; no cell has as many clients that all start at once."""
+MOST_CONNECTIONS = 2000
+"""Of each other kind; each has a thread."""
+_XMLRPC_TIMEOUT = 60.0
+"""s without a request; masters and nodes connect again by themselves."""
+_LONGEST_GREETING = 1 << 20
+_BACKLOG = 128
+_NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+_CLOSED = (errno.EBADF, errno.EINVAL, errno.ENOTSOCK)
+_RETRY_PERIOD = 0.01
+_JUST_COME = 1.0
+_LOG_PERIOD = 10.0
+_BUSY = float("inf")
+
+
+class Guest:
+    """One connection of a Crowd.
+
+    Attributes:
+        idle_since: Monotonic time, s; infinite while its call is under way.
+    """
+
+    __slots__ = ("sock", "idle_since")
+
+    def __init__(self, sock: Any, now: float) -> None:
+        self.sock = sock
+        self.idle_since = now
+
+    def is_busy_now(self) -> None:
+        """A call has begun."""
+        self.idle_since = _BUSY
+
+    def is_idle_now(self) -> None:
+        """It is over."""
+        self.idle_since = time.monotonic()
+
+
+class Crowd:
+    """Connections of one kind: when there are more than ``most``, the one that has been idle longest has to go.
+
+    It is only shut down here, which wakes the thread that reads it; that thread closes it and calls ``leave``.
+    """
+
+    def __init__(self, what: str, most: int) -> None:
+        """``what`` names them in the log."""
+        self.most = most
+        self._what = what
+        self._lock = threading.Lock()
+        self._guests: Dict[Guest, None] = {}
+        self._told_at = -_BUSY
+
+    def __len__(self) -> int:
+        return len(self._guests)
+
+    def enter(self, sock: Any) -> Guest:
+        """One more; it never has to make room for those who are there."""
+        guest = Guest(sock, time.monotonic())
+        with self._lock:
+            too_many = len(self._guests) + 1 - self.most
+            for _ in range(too_many):
+                self._shed_one()
+            self._guests[guest] = None
+        return guest
+
+    def leave(self, guest: Guest) -> None:
+        """It is closed."""
+        with self._lock:
+            self._guests.pop(guest, None)
+
+    def shed_one(self, least_idle: float) -> bool:
+        """Make room; False where nobody has been idle so long, s."""
+        with self._lock:
+            return self._shed_one(least_idle)
+
+    def _shed_one(self, least_idle: float = 0.0) -> bool:
+        now = time.monotonic()
+        oldest = min(self._guests, key=lambda guest: guest.idle_since, default=None)
+        if oldest is None or now - oldest.idle_since < least_idle:
+            return False
+        del self._guests[oldest]
+        _shut_down(oldest.sock)
+        if now - self._told_at > _LOG_PERIOD:
+            self._told_at = now
+            _LOG.warning("too many %s: those that have been idle longest are closed", self._what)
+        return True
+
+
+CALLERS = Crowd("service connections", MOST_CONNECTIONS)
+_GREETINGS = Crowd("connections that have not said what they want", MOST_GREETINGS)
+_XMLRPC = Crowd("XML-RPC connections", MOST_CONNECTIONS)
+
+
+class _Listeners:
+    """Connections of topics. Nobody knows how idle they are, so that the new one has to go when there are too many."""
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self._lock = threading.Lock()
+        self._sockets: List[socket.socket] = []
+
+    def enter(self, sock: socket.socket) -> bool:
+        """False where there is no room."""
+        with self._lock:
+            self._sockets = [other for other in self._sockets if other.fileno() >= 0]
+            if len(self._sockets) >= self.most:
+                return False
+            self._sockets.append(sock)
+            return True
+
+
+_LISTENERS = _Listeners(MOST_CONNECTIONS)
+
+
+def keep_serving(service_handler: Callable[[Any, Any, Dict[str, str]], Optional[str]]) -> None:
+    """Change how this process takes connections; call once, after init_node.
+
+    Every connection is greeted in a thread of its own: rospy greets one after the other, so that a peer which connects
+    and says nothing would keep everybody out, also who wants to stop the arm.
+
+    Args:
+        service_handler: Gets socket, address and greeting of those who want a service; returns what is wrong.
+    """
+    _share_out(_raise_descriptor_limit())
+    tcpros_base.start_tcpros_server()
+    server = tcpros_base.init_tcpros_server()
+    server.service_connection_handler = service_handler
+    door = server.tcp_ros_server
+    door.server_sock.listen(_BACKLOG)
+    door.inbound_handler = lambda sock, address: _greet_in_background(server, sock, address)
+    door.server_sock = _Door(door.server_sock)
+    _prepare_xmlrpc()
+
+
+def _raise_descriptor_limit() -> int:
+    """Towards the hard limit; returns how many descriptors there are."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    soft, highest = (MOST_DESCRIPTORS if limit == resource.RLIM_INFINITY else limit for limit in (soft, hard))
+    wanted = min(highest, MOST_DESCRIPTORS)
+    if soft < wanted:
+        try:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+            return wanted
+        except (OSError, ValueError) as error:
+            _LOG.warning("the limit of open files stays at %d: %s", soft, error)
+    return soft
+
+
+def _share_out(descriptors: int) -> None:
+    """A quarter stays for the controller, the log and what else opens files."""
+    CALLERS.most = min(MOST_CONNECTIONS, descriptors // 2)
+    _GREETINGS.most = min(MOST_GREETINGS, descriptors // 16)
+    _XMLRPC.most = min(MOST_CONNECTIONS, descriptors // 16)
+    _LISTENERS.most = min(MOST_CONNECTIONS, descriptors // 8)
+
+
+def _make_room() -> None:
+    """One descriptor less in a moment, when the thread that reads it closes it; the least loss goes first.
+
+    Who has just come is spared: the descriptor that it got would go to the next one, which would be no better.
+    """
+    for crowd in (_GREETINGS, _XMLRPC, CALLERS):
+        if crowd.shed_one(_JUST_COME):
+            break
+    time.sleep(_RETRY_PERIOD)
+
+
+class _Door:
+    """The listening socket of rospy's TCPServer, whose accept fails only when it is closed."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        self._sock = sock
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._sock, name)
+
+    def accept(self) -> Tuple[socket.socket, Any]:
+        """The next connection."""
+        while True:
+            try:
+                return self._sock.accept()
+            except OSError as error:
+                if error.errno in _CLOSED:
+                    raise
+                if error.errno in _NO_ROOM:
+                    _make_room()
+                else:  # of this one peer, or of the network: accept(2) says to try again
+                    time.sleep(_RETRY_PERIOD)
+
+
+def _greet_in_background(server: Any, sock: socket.socket, address: Any) -> None:
+    guest = _GREETINGS.enter(sock)
+    try:
+        threading.Thread(target=_greet, args=(server, guest, address), name="greeting", daemon=True).start()
+    except RuntimeError:  # no more threads: the accepting one must not end with it
+        _GREETINGS.leave(guest)
+        sock.close()
+        _make_room()
+
+
+def _greet(server: Any, guest: Guest, address: Any) -> None:
+    """What rospy's TCPROSServer does with a connection, with a bound on how long the peer may take."""
+    sock = guest.sock
+    try:
+        header = _read_greeting(sock, time.monotonic() + GREETING_TIMEOUT)
+    except (OSError, ValueError, struct.error, rosgraph.network.ROSHandshakeException) as error:
+        _LOG.debug("connection of %s ended before it said what it wants: %s", address, error)
+        sock.close()
+        return
+    finally:
+        _GREETINGS.leave(guest)
+    try:
+        refusal: Optional[str]
+        if "topic" in header and not _LISTENERS.enter(sock):
+            refusal = "this node has %d subscribers, and room for no more" % _LISTENERS.most
+        elif "topic" in header:
+            refusal = server.topic_connection_handler(sock, address, header)
+        elif "service" in header:
+            refusal = server.service_connection_handler(sock, address, header)
+        else:
+            refusal = "no topic or service name detected"
+        if refusal:
+            _LOG.warning("connection of %s refused: %s", printable(header.get("callerid", str(address))),
+                         printable(refusal))
+            rosgraph.network.write_ros_handshake_header(
+                sock, {"error": "node shutting down" if rospy.core.is_shutdown_requested() else refusal})
+            sock.close()
+    except Exception as error:  # whatever a peer brings about ends its connection, and nothing else
+        if not rospy.core.is_shutdown_requested():
+            _LOG.warning("connection of %s failed: %s", address, printable(str(error)))
+        sock.close()
+
+
+def _read_greeting(sock: socket.socket, deadline: float) -> Dict[str, str]:
+    """The connection header, and not a byte more: a first request may follow at once."""
+    size_bytes = _read_exactly(sock, 4, deadline)
+    size, = struct.unpack("<I", size_bytes)
+    if size > _LONGEST_GREETING:
+        raise ValueError("a greeting of %d bytes" % size)
+    header: Dict[str, str] = rosgraph.network.decode_ros_handshake_header(
+        size_bytes + _read_exactly(sock, size, deadline))
+    sock.settimeout(None)
+    return header
+
+
+def _read_exactly(sock: socket.socket, count: int, deadline: float) -> bytes:
+    data = b""
+    while len(data) < count:
+        remaining = deadline - time.monotonic()
+        if remaining <= 0.0:
+            raise socket.timeout("no greeting in time")
+        sock.settimeout(remaining)
+        piece = sock.recv(count - len(data))
+        if not piece:
+            raise ConnectionError("closed by the peer")
+        data += piece
+    return data
+
+
+def _prepare_xmlrpc() -> None:
+    """The node's other port: a connection on it takes a descriptor and a thread as well, for as long as it likes.
+
+    By the class: the running server is nowhere to be had.
+    """
+    server = rosgraph.xmlrpc.ThreadingXMLRPCServer
+    rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler.timeout = _XMLRPC_TIMEOUT
+    accept, process, close = server.get_request, server.process_request, server.shutdown_request
+    guests: Dict[Any, Guest] = {}
+
+    def get_request(self: Any) -> Any:
+        try:
+            return accept(self)
+        except OSError as error:
+            if error.errno in _NO_ROOM:
+                _make_room()
+            raise
+
+    def process_request(self: Any, request: Any, client_address: Any) -> None:
+        guests[request] = _XMLRPC.enter(request)
+        process(self, request, client_address)
+
+    def shutdown_request(self: Any, request: Any) -> None:
+        guest = guests.pop(request, None)
+        if guest is not None:
+            _XMLRPC.leave(guest)
+        close(self, request)
+
+    server.get_request, server.process_request, server.shutdown_request = get_request, process_request, shutdown_request
+
+
+def _shut_down(sock: Any) -> None:
+    try:
+        sock.shutdown(socket.SHUT_RDWR)
+    except OSError:
+        return  # closed meanwhile

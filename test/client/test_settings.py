@@ -1,0 +1,193 @@
+"""Settings that are read back."""
+import pytest
+from arm_bench import eventually
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core import settings as procedures
+from jaka_ros_driver.client.core.procedure import Ask
+from jaka_ros_driver.errors import CommandRejected, InvalidCommand
+from jaka_ros_driver.state import IoBank
+
+EXCLUSIVE = ("set_tool_frame", "set_user_frame", "set_payload", "set_hand_guiding")
+
+
+class Settings:
+    """The procedures as functions of an arm."""
+
+    ReadBackMismatch = procedures.ReadBackMismatch
+    NOT_VERIFIED = procedures.NOT_VERIFIED
+
+    def __getattr__(self, name):
+        def act(arm, *args):
+            return arm.run(lambda core: getattr(procedures, name)(core, *args), exclusive=name in EXCLUSIVE)
+        return act
+
+
+settings = Settings()
+POSE = c.Pose((0.01, -0.02, 0.12), (0.1, -0.2, 0.3))
+
+
+def test_tool_and_user_frames_are_stored_read_back_and_active(bench):
+    one = bench()
+    arm = one.connect()
+    assert settings.set_tool_frame(arm, c.SetToolFrame(2, POSE, "gripper"), True) == "tool 2 set and active"
+    assert settings.set_user_frame(arm, c.SetUserFrame(3, POSE, "table"), True) == "user frame 3 set and active"
+    assert (arm.fresh_state().tool_id, arm.fresh_state().user_frame_id) == (2, 3)
+    assert settings.set_tool_frame(arm, c.SetToolFrame(4, POSE, "other"), False) == "tool 4 set"
+    assert one.controller.state()["tool_id"] == 2
+
+
+def test_payload_and_collision_level_are_read_back(bench):
+    one = bench()
+    arm = one.connect()
+    assert settings.set_payload(arm, 1, c.SetPayload(1.5, (0.0, 0.0, 0.05))) == "payload of tool 1 set: 1.5 kg"
+    assert settings.set_collision_level(arm, 4) == "collision level 4"
+    assert settings.set_collision_level(arm, 0) == "collision detection off"
+    assert one.controller.state()["payload"]["mass"] == 1.5 and one.controller.state()["collision_level"] == 0
+
+
+@pytest.mark.parametrize("bank", [IoBank.CABINET, IoBank.TOOL, IoBank.EXTENSION])
+def test_outputs_are_seen_set(bench, bank):
+    arm = bench().connect()
+    for value in (True, False):
+        assert "digital output 1 of %s is %d" % (bank.name.lower(), value) in settings.set_digital_output(
+            arm, c.SetDigitalOutput(bank, 1, value))
+
+
+def test_an_analog_output_is_seen_set(bench):
+    arm = bench().connect()
+    told = settings.set_analog_output(arm, c.SetAnalogOutput(IoBank.CABINET, 0, 4.5))
+    assert told == "analog output 0 of cabinet is 4.5"
+
+
+def test_hand_guiding_is_seen_on_and_off(bench):
+    arm = bench().connect()
+    assert settings.set_hand_guiding(arm, True) == "hand guiding on"
+    assert settings.set_hand_guiding(arm, True) == "hand guiding on"
+    assert settings.set_hand_guiding(arm, False) == "hand guiding off"
+
+
+def test_hand_guiding_is_refused_while_something_moves_the_arm(bench):
+    one = bench()
+    arm = one.connect()
+    arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.1))
+    with pytest.raises(InvalidCommand, match="a jog owns"):
+        settings.set_hand_guiding(arm, True)
+    assert one.times_of("torque_control_enable") == []
+
+
+class Changed:
+    """An arm whose controller answers some commands by itself: they never get there."""
+
+    def __init__(self, arm, answer):
+        self._arm = arm
+        self._answer = answer
+
+    def run(self, procedure, exclusive=False):
+        return self._arm.run(lambda core: self._filtered(procedure(core)), exclusive)
+
+    def _filtered(self, steps):
+        resume, value = steps.send, None
+        while True:
+            try:
+                step = resume(value)
+                if isinstance(step, Ask) and self._answer(step.command) is not None:
+                    kept = self._answer(step.command)
+                    resume, value = (steps.throw, kept) if isinstance(kept, Exception) else (steps.send, None)
+                    continue
+            except StopIteration as end:
+                return end.value
+            try:
+                resume, value = steps.send, (yield step)
+            except Exception as error:
+                resume, value = steps.throw, error
+
+
+def forgetful(arm, forgets):
+    """An arm whose controller accepts a setting and does not keep it."""
+    return Changed(arm, lambda command: "accepted" if isinstance(command, forgets) else None)
+
+
+@pytest.mark.parametrize("forgets, act", [
+    (c.SetToolFrame, lambda arm: settings.set_tool_frame(arm, c.SetToolFrame(2, POSE, "t"), True)),
+    (c.SelectTool, lambda arm: settings.set_tool_frame(arm, c.SetToolFrame(2, POSE, "t"), True)),
+    (c.SetUserFrame, lambda arm: settings.set_user_frame(arm, c.SetUserFrame(2, POSE, "u"), True)),
+    (c.SelectUserFrame, lambda arm: settings.set_user_frame(arm, c.SetUserFrame(2, POSE, "u"), True)),
+    (c.SetPayload, lambda arm: settings.set_payload(arm, 0, c.SetPayload(2.5, (0.0, 0.0, 0.0)))),
+    (c.SetCollisionLevel, lambda arm: settings.set_collision_level(arm, 2)),
+    (c.SetDigitalOutput, lambda arm: settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.CABINET, 2, True))),
+    (c.SetAnalogOutput, lambda arm: settings.set_analog_output(arm, c.SetAnalogOutput(IoBank.CABINET, 2, 3.0))),
+    (c.SetHandGuiding, lambda arm: settings.set_hand_guiding(arm, True))])
+def test_a_setting_that_is_accepted_and_not_kept_is_a_failure(bench, forgets, act):
+    one = bench()
+    arm = one.connect()
+    settings.set_collision_level(arm, 5)
+    with pytest.raises(settings.ReadBackMismatch, match="accepted it but"):
+        act(forgetful(arm, forgets))
+
+
+def test_what_the_controller_refuses_is_told(bench):
+    arm = bench().connect()
+    with pytest.raises((CommandRejected, InvalidCommand)):
+        settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.CABINET, 9999, True))
+    assert eventually(lambda: arm.is_ready)
+
+
+def test_a_controller_that_cannot_read_back_is_named(bench):
+    one = bench()
+    arm = one.connect()
+
+    refusal = CommandRejected("get_tool_offsets", 1, "Exception:function call failed")
+    silent = Changed(arm, lambda command: refusal if command is c.Query.TOOL_FRAMES else None)
+    assert settings.set_tool_frame(silent, c.SetToolFrame(2, POSE, "t"), False) == (
+        "tool 2 set" + settings.NOT_VERIFIED)
+
+
+@pytest.mark.parametrize("field, act", [
+    ("current_tool_id", lambda arm: settings.set_tool_frame(arm, c.SetToolFrame(2, POSE, "t"), True)),
+    ("current_user_id", lambda arm: settings.set_user_frame(arm, c.SetUserFrame(2, POSE, "u"), True)),
+    ("current_tool_id", lambda arm: settings.set_payload(arm, 1, c.SetPayload(1.0, (0.0, 0.0, 0.0))))])
+def test_what_the_feed_does_not_tell_is_not_said_to_be_set(bench, field, act):
+    one = bench()
+    arm = one.connect()
+    one.panel("fields", drop=[field])
+    assert eventually(lambda: None in (arm.fresh_state().tool_id, arm.fresh_state().user_frame_id))
+    assert act(arm).endswith(settings.NOT_VERIFIED)
+
+
+def test_hand_guiding_that_the_feed_does_not_tell_is_asked_for_and_excludes_motion(bench):
+    one = bench()
+    arm = one.connect()
+    one.panel("fields", drop=["drag_status"])
+    assert eventually(lambda: arm.fresh_state().is_hand_guided is None)
+    assert settings.set_hand_guiding(arm, True) == "hand guiding on"
+    with pytest.raises(InvalidCommand, match="hand guiding owns"):
+        arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.1))
+    assert settings.set_hand_guiding(arm, False) == "hand guiding off"
+
+
+@pytest.mark.parametrize("act", [
+    lambda arm: settings.set_tool_frame(arm, c.SetToolFrame(2, POSE, "t"), True),
+    lambda arm: settings.set_user_frame(arm, c.SetUserFrame(2, POSE, "u"), True),
+    lambda arm: settings.set_payload(arm, 1, c.SetPayload(1.0, (0.0, 0.0, 0.0)))])
+def test_frames_and_payload_are_refused_in_mid_motion(bench, act):
+    one = bench()
+    arm = one.connect()
+    arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.1))
+    with pytest.raises(InvalidCommand, match="a jog owns"):
+        act(arm)
+    names = {request["cmdName"] for _, request in one.received()}
+    assert names.isdisjoint({"set_tool_offsets", "set_tool_id", "set_user_offsets", "set_user_id", "set_payload"})
+
+
+def test_hand_guiding_and_a_move_are_never_both_accepted(bench, call):
+    one = bench()
+    arm = one.connect()
+    move = c.JointMove((0.3, 1.5, -1.5, 1.5, 1.5, 0.0), 0.5, 4.0)
+    for _ in range(20):
+        guiding, moving = call(settings.set_hand_guiding, arm, True), call(arm.move, move, False)
+        outcomes = [guiding.failure() is None, moving.failure() is None]
+        assert outcomes.count(True) == 1, outcomes
+        settings.set_hand_guiding(arm, False)
+        arm.stop()
+        assert eventually(lambda: arm.motion_owner is None)

@@ -1,0 +1,224 @@
+"""How the guard stops an arm, step by step: what it does next, after what it was told."""
+import pytest
+
+from jaka_ros_driver.client.stopping import GIVE_UP_AFTER, LOCKED_OUT_AFTER, STILL_FOR, Driver, Step, Stopping
+from jaka_ros_driver.errors import FramingError
+from jaka_ros_driver.protocol.framing import ObjectStream
+from jaka_ros_driver.state import RobotState
+
+PERIOD = 0.008
+REFUSED = "command port: connection refused"
+
+
+class Story:
+    """A stop and its clock."""
+
+    def __init__(self):
+        self.now = 100.0
+        self.said = []
+        self.stopping = Stopping(self.now, self.said.append)
+        self.joint = 0.0
+
+    def step(self, driver=Driver.DEAD):
+        return self.stopping.step(self.now, driver)
+
+    def until(self, step, driver=Driver.DEAD, timeout=100.0, speed=None, **flags):
+        """Let time pass, with a frame of an arm of this speed every 8 ms, until this is the next step; seconds."""
+        began = self.now
+        while self.now < began + timeout:
+            if self.step(driver) is step:
+                return self.now - began
+            self.now += PERIOD
+            if speed is not None:
+                self.frame(speed * PERIOD, **flags)
+        raise AssertionError("%s did not come; said: %s" % (step, self.said))
+
+    def frame(self, change=0.0, is_on=True):
+        self.joint += change
+        self.stopping.saw(RobotState((self.joint,) + (0.0,) * 5, is_on, is_on, True, False, False, self.now), self.now)
+
+    def connect(self):
+        self.until(Step.CONNECT)
+        self.stopping.connected()
+
+    def send(self):
+        assert self.step() is Step.SEND
+        return [request["cmdName"] for request in ObjectStream().feed(self.stopping.request(self.now))]
+
+    def reply(self, name="stop_program", code="0"):
+        self.stopping.replied({"cmdName": name, "errorCode": code, "errorMsg": ""}, self.now)
+
+    def turn_away(self):
+        self.stopping.failed(REFUSED, True, self.now)
+
+
+@pytest.fixture
+def story():
+    return Story()
+
+
+def test_it_leaves_servo_mode_and_stops_and_waits_for_the_stops_reply_only(story):
+    story.connect()
+    assert story.send() == ["servo_move", "stop_program"]
+    story.reply("servo_move", "2")
+    assert story.step() is Step.WAIT
+    story.reply()
+    assert story.until(Step.FINISH, speed=0.0) == pytest.approx(STILL_FOR, abs=2.1 * PERIOD)
+    assert story.said[-1] == "the arm is at rest"
+
+
+def test_stillness_before_the_stop_was_accepted_is_no_evidence(story):
+    """A move may be accepted and not have begun."""
+    for _ in range(50):
+        story.now += PERIOD
+        story.frame()
+    story.connect()
+    story.send()
+    story.reply()
+    assert story.step() is Step.WAIT
+    assert story.until(Step.FINISH, speed=0.0) > 0.9 * STILL_FOR
+
+
+def test_a_slow_arm_is_not_at_rest(story):
+    story.connect()
+    story.send()
+    story.reply()
+    for _ in range(5):
+        assert story.until(Step.SEND, speed=0.01) == pytest.approx(0.5, abs=2 * PERIOD)
+        story.send()
+        story.reply()
+    assert story.until(Step.FINISH, speed=0.0) < 2 * STILL_FOR
+
+
+def test_it_gives_up_after_a_minute_of_an_arm_that_moves_on(story):
+    story.connect()
+    began, stops = story.now, 0
+    while story.step() is not Step.FINISH:
+        if story.step() is Step.SEND:
+            story.send()
+            story.reply()
+            stops += 1
+        story.now += PERIOD
+        story.frame(1.0 * PERIOD)
+    assert story.now - began == pytest.approx(GIVE_UP_AFTER, abs=0.1) and stops > 100
+    assert "was not seen at rest" in story.said[-1] and len(story.said) < 6
+
+
+def test_refused_stops_are_repeated_ten_times_a_second_or_more(story):
+    story.connect()
+    for _ in range(20):
+        story.send()
+        story.reply(code="2")
+        assert 0.05 <= story.until(Step.SEND, speed=1.0) <= 0.1
+    assert len(story.said) == 1 and "code 2" in story.said[0]
+
+
+def test_an_arm_without_drives_is_at_rest_though_the_controller_refuses_stops(story):
+    story.connect()
+    story.send()
+    story.reply(code="2")
+    assert story.until(Step.FINISH, speed=0.0, is_on=False) < 2 * STILL_FOR
+    assert "its drives are off" in story.said[-1]
+
+
+def test_an_unreadable_reply_is_no_acceptance(story):
+    story.connect()
+    story.send()
+    story.stopping.replied(FramingError("bytes"), story.now)
+    assert 0.0 < story.until(Step.SEND) <= 0.1
+
+
+def test_without_a_feed_three_accepted_stops_must_do(story):
+    story.connect()
+    story.stopping.saw_nothing("status port: connection refused")
+    for number in range(3):
+        assert story.until(Step.SEND) == pytest.approx(0.5 if number else 0.0, abs=2 * PERIOD)
+        story.send()
+        story.reply()
+    assert story.step() is Step.FINISH
+    assert "could not be seen: status port: connection refused" in story.said[-1]
+
+
+def test_a_feed_that_ends_while_the_arm_moves_is_no_evidence_of_rest(story):
+    story.connect()
+    story.send()
+    story.reply()
+    story.until(Step.SEND, speed=1.0)
+    for _ in range(2):
+        story.until(Step.SEND)
+        story.send()
+        story.reply()
+    story.until(Step.FINISH)
+    assert "could not be seen" in story.said[-1]
+
+
+def test_a_reply_that_never_comes_ends_the_connection(story):
+    story.connect()
+    story.send()
+    assert story.until(Step.HANG_UP) == pytest.approx(1.0, abs=2 * PERIOD)
+    assert story.until(Step.CONNECT) < 0.1
+
+
+def test_a_connection_that_is_neither_made_nor_refused_is_tried_anew_and_the_driver_let_live(story):
+    story.until(Step.CONNECT, Driver.SILENT)
+    for _ in range(5):
+        assert story.until(Step.HANG_UP, Driver.SILENT) == pytest.approx(1.0, abs=2 * PERIOD)
+        assert story.until(Step.CONNECT, Driver.SILENT) < 0.1
+
+
+def test_a_frozen_driver_is_ended_after_a_quarter_of_a_second_of_being_turned_away(story):
+    began = story.now
+    while story.step(Driver.SILENT) is not Step.END_DRIVER:
+        if story.step(Driver.SILENT) is Step.WAIT:
+            story.turn_away()
+        story.now += PERIOD
+    assert story.now - began == pytest.approx(LOCKED_OUT_AFTER, abs=0.1)
+    assert story.until(Step.CONNECT, Driver.SILENT) < 0.05
+
+
+def test_a_frozen_driver_is_ended_where_the_controller_takes_the_connection_and_never_replies(story):
+    story.connect()
+    story.send()
+    story.until(Step.HANG_UP, Driver.SILENT)
+    assert story.until(Step.END_DRIVER, Driver.SILENT) < 0.1
+
+
+def test_a_frozen_driver_is_let_live_where_the_guard_was_served_before(story):
+    for _ in range(5):
+        story.connect()
+        story.send()
+        story.reply("servo_move")
+        story.now += 0.2
+        story.turn_away()
+    story.until(Step.CONNECT, Driver.SILENT)
+
+
+@pytest.mark.parametrize("driver", [Driver.DEAD, Driver.BACK])
+def test_a_driver_that_is_dead_or_back_is_never_ended(story, driver):
+    while story.now < 110.0:
+        step = story.step(driver)
+        assert step is not Step.END_DRIVER
+        if step is Step.CONNECT:
+            story.turn_away()
+        story.now += PERIOD
+
+
+def test_a_driver_that_is_back_gets_the_command_port_and_the_guard_finishes_what_it_has_begun(story):
+    story.connect()
+    assert story.step(Driver.BACK) is Step.SEND
+    story.send()
+    story.reply(code="2")
+    story.until(Step.SEND, Driver.BACK, speed=1.0)
+    story.send()
+    story.turn_away()  # the driver has connected
+    story.until(Step.FINISH, Driver.BACK, speed=1.0)
+    assert "the driver is back" in story.said[-1]
+
+
+def test_a_connection_lost_after_the_stop_is_not_made_anew_while_the_arm_comes_to_rest(story):
+    story.connect()
+    story.send()
+    story.reply()
+    story.turn_away()
+    story.until(Step.FINISH, Driver.BACK, timeout=0.4, speed=0.0)
+    assert story.said[-1] == "the arm is at rest"

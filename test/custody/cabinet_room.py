@@ -1,0 +1,387 @@
+"""The controller's side of the world: the simulated controller's core, its two ports, and what goes wrong there.
+
+The core is the product's own. What is put around it here are the faults of a real one that a clean simulation has
+not: a stop that is refused, a reply that is late or lost, a motion that begins long after it was accepted, a feed
+that says what is not so.
+"""
+import random
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+
+from virtual_clock import Clock
+from wire import Arrival, Cable, Network
+
+from jaka_ros_driver.client.core.actions import Port
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.protocol.framing import encode_object
+from jaka_ros_driver.simulation.cabinet import Options
+from jaka_ros_driver.simulation.connection import FRAME_BACKLOG_BYTES
+from jaka_ros_driver.simulation.controller import Controller
+from jaka_ros_driver.simulation.firmware import Firmware
+from jaka_ros_driver.simulation.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.request_parser import RequestParser
+from jaka_ros_driver.simulation.status_frame import StatusFrame, all_field_names
+
+DRIVER, GUARD, PENDANT, HAND, NOBODY = "driver", "guard", "pendant", "hand", "nobody"
+"""Who moves the arm."""
+
+PLANNED = frozenset(("joint_move", "moveL"))
+STREAMED = frozenset(("servo_j", "servo_p"))
+_NEEDED_FIELDS = frozenset((
+    "drag_status", "errcode", "errmsg", "joint_actual_position", "actual_position", "interp_state", "enabled",
+    "paused", "current_tool_id", "current_user_id", "on_soft_limit", "emergency_stop", "powered_on", "inpos",
+    "protective_stop"))
+_ESSENTIAL_FIELDS = frozenset((
+    "joint_actual_position", "powered_on", "enabled", "inpos", "emergency_stop", "protective_stop"))
+_SAME_MOMENT = 1e-6
+
+
+def is_motion(request: Dict[str, Any]) -> bool:
+    """The request asks for motion, or for the mode in which targets move the arm."""
+    name = request.get("cmdName")
+    if name == "jog":
+        return request.get("jog_mode") != 0
+    if name == "servo_move":
+        return bool(request.get("relFlag"))
+    return name in PLANNED or name in STREAMED
+
+
+def succeeded(reply: bytes) -> bool:
+    """The reply of the simulated controller says that it took the command."""
+    return b'"errorCode": "0"' in reply
+
+
+class Frame(NamedTuple):
+    """What the driver learns when a status frame has arrived whole.
+
+    Attributes:
+        made_at: s.
+        is_readable: It is whole and has all that a driver needs.
+        shows_fault: An emergency or protective stop stands in it.
+        is_restarted: It is of a controller that has been started anew since the frame before.
+    """
+
+    made_at: float
+    is_readable: bool
+    shows_fault: bool
+    restarts: int
+
+
+class Faults:
+    """What is wrong with the controller at present; times are ends, s."""
+
+    def __init__(self) -> None:
+        self.refuses_stop_until = 0.0
+        self.refused_stops = 0
+        self.refuses_until: Dict[str, float] = {}
+        self.reply_delay = 0.0
+        self.delays_until = 0.0
+        self.lost_replies: Dict[str, int] = {}
+        self.late_start = 0.0
+        self.starts_late_until = 0.0
+        self.shown: Dict[str, Any] = {}
+        self.shown_until = 0.0
+        self.shown_frames = 0
+        self.dropped: Tuple[str, ...] = ()
+        self.dropped_until = 0.0
+        self.silent_until = 0.0
+        self.mangled_frames = 0
+        self.mangle = ""
+        self.noise_until = 0.0
+
+    def heal(self) -> None:
+        """Nothing is wrong any more."""
+        self.__init__()  # type: ignore[misc]
+
+
+class CabinetRoom:
+    """The controller, its clients, and people beside it.
+
+    Attributes:
+        controller: The simulated controller's core.
+        faults: What is wrong with it.
+        mover: Who started the motion under way.
+        is_off: Without power.
+        restarts: How often it was started anew.
+        stop_executed_at: When it last carried a stop out, s.
+        motion_executed_at: When it last began to carry a motion out, s.
+    """
+
+    def __init__(self, clock: Clock, network: Network, chance: random.Random, model: ArmModel, firmware: Firmware,
+                 options: Options, forced_feed_period: Optional[float], full_frames: bool,
+                 note: Callable[..., None]) -> None:
+        self.clock, self._network, self._chance, self._note = clock, network, chance, note
+        self.controller = Controller(model, firmware, options)
+        self.faults = Faults()
+        self.mover = NOBODY
+        self.is_off = False
+        self.restarts = 0
+        self.stop_executed_at = -1e9
+        self.motion_executed_at = -1e9
+        self.on_executed: Callable[[Dict[str, Any], bool, str], None] = lambda request, taken, who: None
+        self._parser = RequestParser()
+        self._client: Optional[Cable] = None
+        self._held: List[Tuple[float, Dict[str, Any], str]] = []
+        self._last_reply_at = 0.0
+        self._next_frame = clock.now
+        self._forced_feed_period = forced_feed_period
+        self._full_frames = full_frames
+        self._kept_text: Tuple[Any, bytes] = (None, b"")
+        self._prepare()
+
+    # ---- time ----
+
+    def _prepare(self) -> None:
+        """After each start of the controller."""
+        cabinet = self.controller.cabinet
+        cabinet.slow_feed(self._forced_feed_period)
+        if not self._full_frames:
+            for name in all_field_names(cabinet.firmware):
+                if name not in _NEEDED_FIELDS:
+                    cabinet.memory.field_switches[name] = False
+        self.frame: StatusFrame = self.controller.feed_frame
+
+    def cycle(self) -> None:
+        """One cycle of the controller, and a status frame where one is due."""
+        if self.is_off:
+            return
+        now = self.clock.now
+        while self._held and self._held[0][0] <= now:
+            _, request, who = self._held.pop(0)
+            self._execute(request, who)
+        self.controller.step(CYCLE_TIME)
+        if not self.controller.cabinet.plant.is_moving and self.mover is not NOBODY and self.is_idle:
+            self.mover = NOBODY
+        if now >= self._next_frame - _SAME_MOMENT:
+            period = self.controller.cabinet.feed_period
+            self._next_frame = max(self._next_frame + period, now)
+            self._send_frame(now)
+
+    @property
+    def is_idle(self) -> bool:
+        """Nothing moves, waits to move, or can be streamed to."""
+        plant = self.controller.cabinet.plant
+        return (plant.is_in_position and not plant.is_servo_active and not plant.is_hand_guided
+                and not plant.is_jogging and not self._held)
+
+    # ---- the status feed ----
+
+    def _send_frame(self, now: float) -> None:
+        clients = [cable for cable in self._network.on(Port.STATUS) if cable.controller_knows]
+        faults = self.faults
+        if not clients or now < faults.silent_until:
+            return
+        cabinet = self.controller.cabinet
+        text, is_readable = self._frame_text(now)
+        frame = Frame(now, is_readable, cabinet.emergency_stop or cabinet.protective_stop, self.restarts)
+        for cable in clients:
+            if cable.to_driver.unsent_bytes <= FRAME_BACKLOG_BYTES:
+                cable.to_driver.send(text, frame)
+
+    def _frame_text(self, now: float) -> Tuple[bytes, bool]:
+        faults, frame = self.faults, self.frame
+        is_shown = now < faults.shown_until or faults.shown_frames > 0
+        if faults.shown_frames > 0:
+            faults.shown_frames -= 1
+        is_dropped = now < faults.dropped_until
+        if is_shown or is_dropped:
+            frame.added = faults.shown if is_shown else {}
+            frame.dropped = faults.dropped if is_dropped else ()
+            text = frame.text()
+            frame.added, frame.dropped = {}, ()
+        else:
+            text = self._honest_text()
+        if faults.mangled_frames > 0:
+            faults.mangled_frames -= 1
+            return self._mangled(text, faults.mangle), faults.mangle in ("twice", "noise before")
+        return text, not (is_dropped and not _ESSENTIAL_FIELDS.isdisjoint(faults.dropped))
+
+    def _honest_text(self) -> bytes:
+        """The frame's text; kept while the arm rests and nothing else in it has changed, for speed."""
+        cabinet = self.controller.cabinet
+        plant, memory = cabinet.plant, cabinet.memory
+        key = (plant.joint_position, plant.is_in_position, plant.is_hand_guided, plant.is_moving, cabinet.is_powered,
+               cabinet.is_enabled, cabinet.emergency_stop, cabinet.protective_stop, cabinet.program_state,
+               cabinet.is_paused, memory.tool_id, memory.user_frame_id, cabinet.alarms.shown(), plant.motion_line,
+               plant.add_error_line, memory.tools[memory.tool_id].pose,
+               memory.user_frames[memory.user_frame_id].pose, self.restarts)
+        if key != self._kept_text[0]:
+            self._kept_text = key, self.frame.text()
+        return self._kept_text[1]
+
+    def _mangled(self, text: bytes, how: str) -> bytes:
+        if how == "noise":
+            return self._noise(len(text) // 2)
+        if how == "noise before":
+            return self._noise(20) + text
+        if how == "cut off":
+            return text[:self._chance.randrange(1, len(text))]
+        if how == "twice":
+            return text + text
+        middle = self._chance.randrange(20, len(text) - 1)  # a byte of it is wrong
+        return text[:middle] + b"\xff" + text[middle + 1:]
+
+    def _noise(self, count: int) -> bytes:
+        return bytes([self._chance.randrange(0x80, 0x100) for _ in range(count)])
+
+    # ---- the command port ----
+
+    def accepted(self, cable: Cable) -> None:
+        """A client has connected; the newest has the command port (controller protocol 1)."""
+        if cable.port is not Port.COMMAND:
+            return
+        for other in self._network.on(Port.COMMAND):
+            if other is not cable and other.controller_knows:
+                other.close_by_controller()
+        self._client = cable
+        self._parser = RequestParser()
+        self.controller.cabinet.client_connected()
+
+    def lost(self, cable: Cable) -> None:
+        """A client's connection has ended."""
+        if cable is self._client:
+            self._client = None
+            self.controller.cabinet.client_lost()
+
+    def arrived(self, cable: Cable, arrival: Arrival) -> None:
+        """Bytes of a client."""
+        if cable.port is not Port.COMMAND or self.is_off or cable is not self._client:
+            return
+        for request in self._parser.feed(arrival.data, self.clock.now):
+            if cable is not self._client:
+                return  # one of them turned the controller off
+            reply = self._answer(request, DRIVER)
+            name = request.get("cmdName", "") if isinstance(request, dict) else ""
+            self._post(cable, name, reply)
+
+    def _post(self, cable: Cable, name: str, reply: bytes) -> None:
+        faults, now = self.faults, self.clock.now
+        if faults.lost_replies.get(name, faults.lost_replies.get("", 0)) > 0:
+            key = name if name in faults.lost_replies else ""
+            faults.lost_replies[key] -= 1
+            self._note("lost reply", name)
+            return
+        if now < faults.noise_until:
+            reply = self._noise(5) + reply if self._chance.random() < 0.5 else reply + reply
+        at = now + (faults.reply_delay * self._chance.random() if now < faults.delays_until else 0.0)
+        self._last_reply_at = at = max(at, self._last_reply_at)
+        if at > now:
+            self.clock.at(at, lambda: cable.to_driver.send(reply))
+        else:
+            cable.to_driver.send(reply)
+
+    def _answer(self, request: Any, who: str) -> bytes:
+        """Carry a request out, or pretend to, or refuse it."""
+        if not isinstance(request, dict):
+            return self.controller.execute(request).reply
+        faults, now, name = self.faults, self.clock.now, str(request.get("cmdName"))
+        is_stop = name == "stop_program"
+        if is_stop and (faults.refused_stops > 0 or now < faults.refuses_stop_until):
+            faults.refused_stops = max(0, faults.refused_stops - 1)
+            return self._refusal(request, who)
+        if now < faults.refuses_until.get(name, 0.0):
+            return self._refusal(request, who)
+        if self._held and (name in PLANNED or name == "jog") and is_motion(request):
+            return self._hold(request, who, self._held[-1][0])
+        if now < faults.starts_late_until and is_motion(request) and (name in PLANNED or name == "jog"):
+            return self._hold(request, who, now + faults.late_start * self._chance.random())
+        return self._execute(request, who)
+
+    def _refusal(self, request: Dict[str, Any], who: str) -> bytes:
+        name = str(request.get("cmdName"))
+        self._note("refuses", name)
+        self.on_executed(request, False, who)
+        return encode_object({"errorCode": "2", "errorMsg": "call %s failed" % name, "cmdName": name})
+
+    def _hold(self, request: Dict[str, Any], who: str, until: float) -> bytes:
+        """Say yes now and begin later; a motion that could not begin now is refused as ever."""
+        cabinet, name = self.controller.cabinet, str(request["cmdName"])
+        if not cabinet.is_enabled or cabinet.emergency_stop or cabinet.protective_stop or cabinet.plant.is_servo_active:
+            return self._execute(request, who)
+        self._held.append((until, request, who))
+        self._note("begins later", name, round(until - self.clock.now, 4))
+        return encode_object({"errorCode": "0", "errorMsg": "", "cmdName": name})
+
+    def _execute(self, request: Dict[str, Any], who: str) -> bytes:
+        reply = self.controller.execute(request).reply
+        taken = succeeded(reply)
+        name = request.get("cmdName")
+        if taken:
+            if name == "stop_program" or (name == "jog" and request.get("jog_mode") == 0):
+                self._held = []  # what has not begun never will
+            if name == "stop_program":
+                self.stop_executed_at = self.clock.now
+            elif is_motion(request):
+                self.motion_executed_at = self.clock.now
+                self.mover = who
+        self.on_executed(request, taken, who)
+        return reply
+
+    # ---- people beside it ----
+
+    def guard_stops(self) -> bool:
+        """The driver's guard takes the command port over and stops the arm; False where it cannot, or is refused."""
+        if self.is_off or not self._network.carries(Port.COMMAND):
+            return False
+        for cable in self._network.on(Port.COMMAND):
+            if cable.controller_knows:
+                cable.close_by_controller()
+        self._client = None
+        self._answer({"cmdName": "servo_move", "relFlag": 0}, GUARD)
+        is_stopped = succeeded(self._answer({"cmdName": "stop_program"}, GUARD))
+        self.controller.cabinet.client_lost()
+        return is_stopped
+
+    def press_emergency_stop(self) -> None:
+        """The button."""
+        self._held = []
+        self.controller.cabinet.press_emergency_stop()
+
+    def hit(self, force: float) -> None:
+        """Somebody stands in the way."""
+        if self.controller.cabinet.hit(force):
+            self._held = []
+
+    def stop_at_pendant(self) -> None:
+        """Somebody stops the program at the pendant; it is not this driver's stop."""
+        self._held = []
+        self.controller.cabinet.stop()
+
+    def move_at_pendant(self, joint: int, step: float) -> None:
+        """Somebody moves an idle arm from the pendant."""
+        if self.is_idle and self.controller.cabinet.is_enabled:
+            target = [0.0] * 6
+            target[joint] = step
+            try:
+                self.controller.cabinet.plant.add_joint_move(target, 0.3, 2.0, relative=True)
+            except ValueError:
+                return
+            self.mover = PENDANT
+
+    def push(self, joint: int, velocity: float, duration: float) -> None:
+        """Somebody pushes the arm; it gives way in hand guiding only."""
+        if self.controller.cabinet.push(joint, velocity, duration):
+            self.mover = HAND
+
+    def power_cut(self, down: float, silent: bool) -> None:
+        """The cabinet loses power and starts again by itself; silent: no end of a connection is seen."""
+        if self.is_off:
+            return
+        self.is_off = self._network.is_off = True
+        self._held = []
+        for port in Port:
+            for cable in self._network.on(port):
+                cable.cut(driver_learns=not silent, controller_learns=False)
+                cable.controller_knows = False
+        self._client = None
+        self.clock.after(down, self._boot)
+
+    def _boot(self) -> None:
+        self.controller.restart()
+        self.restarts += 1
+        self.is_off = self._network.is_off = False
+        self.mover = NOBODY
+        self._next_frame = self.clock.now
+        self._prepare()
+        for port in Port:  # an end that still believes in its connection is told otherwise at its next word
+            for cable in self._network.on(port):
+                cable.cut(driver_learns=True, controller_learns=False)

@@ -1,0 +1,227 @@
+"""Those who call the driver: each like a program behind the ROS interface, that knows what the driver has shown it."""
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
+
+from driver_process import Call, DriverProcess
+from virtual_clock import Clock
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core import power, settings
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.simulation.plant import HOME
+from jaka_ros_driver.state import RobotState
+
+STOP_BUTTON = 9
+"""The caller who asks for nothing but stops, and waits for no answer before the next one."""
+MAINTAINER = 8
+REFUSALS_TO_GIVE_UP = 3
+_TURN_BACK_S = 0.4
+
+
+def _run(make: Callable[[Any], Any], exclusive: bool) -> Callable[[Any, Call, float], None]:
+    return lambda core, call, now: core.run(call, make(core), now, exclusive)
+
+
+def _six(axis: int, value: float) -> Tuple[float, ...]:
+    return tuple([value if index == axis else 0.0 for index in range(6)])
+
+
+def _added(a: Sequence[float], b: Sequence[float]) -> Tuple[float, ...]:
+    return tuple([p + q for p, q in zip(a, b)])
+
+
+class Clients:
+    """Makes the calls of a scenario.
+
+    Attributes:
+        calls: All that were made.
+        are_gone: Nobody asks for anything any more.
+    """
+
+    def __init__(self, clock: Clock, driver: DriverProcess, model: ArmModel) -> None:
+        self._clock, self._driver, self._model = clock, driver, model
+        self._busy: Dict[int, Call] = {}
+        self._jogger = 0
+        self._streams = 0
+        self.calls: List[Call] = []
+        self.are_gone = False
+
+    # ---- one call ----
+
+    def ask(self, kind: str, command: Any, give: Callable[[Any, Call, float], None], caller: int = STOP_BUTTON,
+            waits: bool = False, on_answer: Optional[Callable[[Call], None]] = None) -> None:
+        """Make a call, unless this caller still waits for an answer."""
+        before = self._busy.get(caller)
+        if self.are_gone or (caller != STOP_BUTTON and before is not None and not before.is_answered):
+            return
+        call = Call(kind, command, give, waits, on_answer)
+        self._busy[caller] = call
+        self.calls.append(call)
+        self._driver.call(call)
+
+    def stop(self, caller: int = STOP_BUTTON, on_answer: Optional[Callable[[Call], None]] = None) -> None:
+        """A stop is asked for by whoever wants to, whatever else they wait for."""
+        self.ask("stop", None, lambda core, call, now: core.stop(call, now), STOP_BUTTON, on_answer=on_answer)
+
+    def auto_enable(self) -> None:
+        """The driver is started so that it powers and enables the arm once."""
+        self.ask("auto_enable", None, lambda core, call, now: core.auto_enable(now))
+
+    def joint_move(self, caller: int, delta: Sequence[float], speed: float, acceleration: float, wait: bool) -> None:
+        """By so much from where the arm was last shown, back into its limits."""
+        joints = _added(self._joints(), delta)
+        target = tuple([min(max(value, low), high) for value, (low, high) in zip(joints, self._model.joint_limits)])
+        command = c.JointMove(target, speed, acceleration)
+        self.ask("move", command, lambda core, call, now: core.move(call, command, wait, now), caller, wait)
+
+    def linear_move(self, caller: int, shift: Sequence[float], turn: Sequence[float], speed: float,
+                    acceleration: float, wait: bool) -> None:
+        """By so much from where the tool was last shown."""
+        pose = self._pose()
+        if pose is not None:
+            target = c.Pose(_added(pose.position, shift), _added(pose.rpy, turn))
+            command = c.LinearMove(target, speed, acceleration)
+            self.ask("move", command, lambda core, call, now: core.move(call, command, wait, now), caller, wait)
+
+    def servo_mode(self, caller: int, active: bool, on_answer: Optional[Callable[[Call], None]] = None) -> None:
+        """Enter servo mode, or leave it."""
+        self.ask("servo_mode", active, lambda core, call, now: core.servo_mode(call, active, now), caller,
+                 on_answer=on_answer)
+
+    def procedure(self, caller: int, name: str, value: Any,
+                  on_answer: Optional[Callable[[Call], None]] = None) -> None:
+        """Something that takes several requests."""
+        frame = c.Pose((0.01, 0.0, 0.05), (0.0, 0.0, 0.3))
+        make, exclusive = {
+            "power": (lambda core: power.set_power(core, value), False),
+            "enable": (lambda core: power.set_enabled(core, value), False),
+            "clear_error": (lambda core: power.clear_error(core), False),
+            "hand_guiding": (lambda core: settings.set_hand_guiding(core, value), True),
+            "tool_frame": (lambda core: settings.set_tool_frame(
+                core, c.SetToolFrame(value, frame, "tool"), True), True),
+            "user_frame": (lambda core: settings.set_user_frame(
+                core, c.SetUserFrame(value, frame, "user"), True), True),
+            "payload": (lambda core: settings.set_payload(core, 0, c.SetPayload(value, (0.0, 0.0, 0.02))), True),
+            "query": (lambda core: core.ask(c.Query.VERSION), False)}[name]
+        self.ask("run", (name, value), _run(make, exclusive), caller, on_answer=on_answer)
+
+    # ---- many calls ----
+
+    def maintenance(self, every: float) -> None:
+        """Somebody who gets the arm going again whenever it cannot move: clear_error, power, enable."""
+        def next_step(call: Optional[Call], steps: List[Tuple[str, Any]]) -> None:
+            if steps and (call is None or call.error is None):
+                name, value = steps[0]
+                self.procedure(MAINTAINER, name, value, lambda answered: next_step(answered, steps[1:]))
+
+        def look() -> None:
+            state = self._state()
+            if state is not None and not (state.is_enabled and not state.protective_stop and not state.has_fault):
+                next_step(None, [("clear_error", None), ("power", True), ("enable", True)])
+            if not self.are_gone:
+                self._clock.after(every, look)
+        look()
+
+    def jogging(self, caller: int, frame: int, axis: int, velocity: float, rate: float, duration: float,
+                then_back: bool) -> None:
+        """Call the jog again and again for a while, then perhaps the other way, then no more."""
+        self._jogger += 1
+        jogger, until = self._jogger, self._clock.now + duration
+
+        def again(command: c.Jog, last: float, goes_back: bool) -> None:
+            if self.are_gone or jogger != self._jogger:
+                return  # whoever jogs next takes the stick away
+            self.ask("jog", command, lambda core, call, now: core.jog(call, command, now), caller)
+            if self._clock.now + 1.0 / rate < last:
+                self._clock.after(1.0 / rate, lambda: again(command, last, goes_back))
+            elif goes_back:
+                back = c.Jog(command.frame, command.axis, -command.velocity)
+                self._clock.after(1.0 / rate, lambda: again(back, last + 0.5 * duration, False))
+        again(c.Jog(c.JogFrame(frame), axis, velocity), until, then_back)
+
+    def servo_stream(self, caller: int, is_pose: bool, relative: bool, rate: float, duration: float, speed: float,
+                     form: str, axis: int, on_end: Callable[[], None] = lambda: None) -> None:
+        """Targets at a steady rate along one axis, from where the arm was last shown."""
+        self._streams += 1
+        stream, began, step = self._streams, self._clock.now, speed / rate
+        joints, pose = self._joints(), self._pose()
+        if pose is None and is_pose:
+            return
+        refused = [0]
+        way = [0.0]
+
+        def noted(call: Call) -> None:
+            refused[0] = refused[0] + 1 if call.error is not None else 0
+
+        def again(count: int) -> None:
+            passed = self._clock.now - began
+            if (self.are_gone or stream != self._streams or passed > duration
+                    or refused[0] >= REFUSALS_TO_GIVE_UP):
+                on_end()
+                return
+            by = self._next_step(form, step, passed, count)
+            way[0] += by
+            self._target(self._servo_command(is_pose, relative, axis, by if relative else way[0], joints, pose), noted)
+            self._clock.after(1.0 / rate, lambda: again(count + 1))
+        again(0)
+
+    @staticmethod
+    def _next_step(form: str, step: float, passed: float, count: int) -> float:
+        if form == "hold":
+            return 0.0
+        if form == "jump":
+            return step * (1.0 if count % 2 == 0 else -1.0)
+        return -step if form == "turn back" and int(passed / _TURN_BACK_S) % 2 else step
+
+    @staticmethod
+    def _servo_command(is_pose: bool, relative: bool, axis: int, value: float, joints: Sequence[float],
+                       pose: Optional[c.Pose]) -> Any:
+        if not is_pose:
+            return c.ServoJoint(_six(axis, value) if relative else _added(joints, _six(axis, value)), relative)
+        by = _six(axis, 0.2 * value)
+        start = c.Pose((0.0,) * 3, (0.0,) * 3) if relative or pose is None else pose
+        return c.ServoPose(c.Pose(_added(start.position, by[:3]), _added(start.rpy, by[3:])), relative)
+
+    def servo_burst(self, caller: int, count: int, within: float, step: float, axis: int, relative: bool) -> None:
+        """Many targets at once, as from a client that has woken up late."""
+        joints = self._joints()
+        for index in range(count):
+            value = step if relative else step * (index + 1)
+            command = self._servo_command(False, relative, axis, value, joints, None)
+            self._clock.after(within * index / count, lambda command=command: self._target(command, None))
+
+    def servo_session(self, caller: int, burst: bool, leaves: bool, pause: float, **stream: Any) -> None:
+        """Enter servo mode, stream for a while, and leave, or not."""
+        def entered(call: Call) -> None:
+            if call.error is None:
+                self._clock.after(pause, streams)
+
+        def streams() -> None:
+            if burst:
+                self.servo_burst(caller, 40, 0.02, 0.1, stream["axis"], False)
+            self.servo_stream(caller, on_end=ended, **stream)
+
+        def ended() -> None:
+            if leaves:
+                self.servo_mode(caller, False)
+        self.servo_mode(caller, True, entered)
+
+    def _target(self, command: Any, on_answer: Optional[Callable[[Call], None]]) -> None:
+        self.ask("servo_target", command, lambda core, call, now: core.servo_target(call, command, now),
+                 on_answer=on_answer)
+
+    # ---- what they know ----
+
+    def _state(self) -> Optional[RobotState]:
+        return self._driver.shown
+
+    def _joints(self) -> Tuple[float, ...]:
+        state = self._state()
+        return HOME if state is None else state.joint_position
+
+    def _pose(self) -> Optional[c.Pose]:
+        state = self._state()
+        if state is None or state.tcp_position is None or state.tcp_rpy is None:
+            return None
+        return c.Pose(state.tcp_position, state.tcp_rpy)
+
+

@@ -1,0 +1,336 @@
+"""The driver's process: the core under test, and the thin shell around it, as its contract has it, on a virtual wire.
+
+Connections are made and dropped as the core asks, bytes go out at once, and the core is ticked when it wants to be,
+and every 20 ms at least. The process may stand still for a while, as every process can: then bytes pile up unread,
+calls wait, and nothing is ticked.
+"""
+import random
+import traceback
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+
+from virtual_clock import Clock
+from wire import Arrival, Cable, Network
+
+from jaka_ros_driver.client.core.actions import Answer, Close, Log, Open, Port, Send, Show, Tell
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.state import RobotState
+
+LONGEST_TICK = 0.02
+READ_BYTES = 1 << 16
+KERNEL_BYTES = 1 << 18
+"""So much of the status feed waits in the kernel of a host whose reader stands still; further frames are lost."""
+GUARD_SILENCE = 0.25
+GUARD_PERIOD = 0.05
+GUARD_TRIES_FOR = 10.0
+_SHORTEST_TICK = 5e-5
+_TOO_MANY_TURNS = 1000
+
+
+class Call:
+    """One request to the driver.
+
+    Attributes:
+        number: Counts calls in the order in which the core got them; 0 before.
+        kind: Which of the core's methods it goes to.
+        command: Its argument: a command, or True or False, or the name of a procedure.
+        waits: A move whose answer comes at its end.
+        made_at, given_at, answered_at: When the client made it, the core got it, and it was answered, s.
+        was_sent: The motion that it asks for has gone out.
+        was_there: The arm has been at its target since.
+        error: How it failed; None otherwise.
+        give: Hands it to the core.
+    """
+
+    def __init__(self, kind: str, command: Any, give: Callable[[Any, "Call", float], None], waits: bool = False,
+                 on_answer: Optional[Callable[["Call"], None]] = None) -> None:
+        self.number = 0
+        self.kind, self.command, self.waits = kind, command, waits
+        self.give = give
+        self.on_answer = on_answer
+        self.made_at = self.given_at = self.answered_at = -1.0
+        self.is_answered = False
+        self.was_sent = self.was_there = False
+        self.result: Any = None
+        self.error: Optional[JakaError] = None
+
+    def __str__(self) -> str:
+        return "%s #%d %s" % (self.kind, self.number, self.command)
+
+
+class _Unread(NamedTuple):
+    cable: Cable
+    data: Optional[bytes]  # None: the connection has ended
+    marks: Tuple[Any, ...]
+
+
+class DriverProcess:
+    """One driver.
+
+    Attributes:
+        core: What is tested.
+        shown: The newest state that was shown as new.
+        is_moving_told: The last word to the guard.
+        paused_until: It stands still until then, s.
+        is_gone: It has ended.
+        cables: Its connections.
+        next_tick: When the core is ticked next, s.
+    """
+
+    def __init__(self, clock: Clock, network: Network, chance: random.Random, core: Any, settings: ClientSettings,
+                 judge: Any, lateness: float, has_guard: bool, guard_stops: Callable[[], bool],
+                 note: Callable[..., None]) -> None:
+        self.core = core
+        self.shown: Optional[RobotState] = None
+        self.is_moving_told = False
+        self.paused_until = 0.0
+        self.is_gone = False
+        self.cables: Dict[Port, Optional[Cable]] = dict.fromkeys(Port)
+        self.next_tick = clock.now
+        self._clock, self._network, self._chance = clock, network, chance
+        self._settings, self._judge, self._lateness = settings, judge, lateness
+        self._has_guard, self._guard_stops, self._note = has_guard, guard_stops, note
+        self._last_tick = clock.now
+        self._tries = dict.fromkeys(Port, 0)
+        self._unread: List[_Unread] = []
+        self._unread_bytes = dict.fromkeys(Port, 0)
+        self._waiting: List[Callable[[], None]] = []
+        self._calls = 0
+        self._turns_at = (0.0, 0)
+
+    # ---- events ----
+
+    def start(self) -> None:
+        """The process starts."""
+        self._do(lambda now: self.core.start(now))
+
+    def tick(self) -> None:
+        """The shell's timer."""
+        now = self._clock.now
+        at, turns = self._turns_at
+        self._turns_at = (now, turns + 1 if at == now else 1)
+        if self._turns_at[1] > _TOO_MANY_TURNS:
+            self._judge.broken("the core asks for ticks without end, at deadline %r" % self.core.next_deadline())
+        self._last_tick = now
+        self._do(self.core.tick)
+
+    def call(self, call: Call) -> None:
+        """A client's request has come in."""
+        call.made_at = self._clock.now
+        self._when_awake(lambda: self._give(call))
+
+    def whenever_awake(self, action: Callable[[float], None]) -> None:
+        """Do something in this process."""
+        self._when_awake(lambda: self._do(action))
+
+    def pause(self, duration: float) -> None:
+        """Stand still."""
+        now = self._clock.now
+        if self.is_gone or self.is_paused:
+            return
+        self.paused_until = now + duration
+        self._judge.paused(now, self.paused_until)
+        self._clock.at(self.paused_until, self._wake_up)
+        if self._has_guard and self.is_moving_told and duration > GUARD_SILENCE:
+            self._clock.after(GUARD_SILENCE, lambda: self._guard(now + GUARD_SILENCE + GUARD_TRIES_FOR))
+
+    def leave(self) -> None:
+        """The process ends: its connections end with it."""
+        self.is_gone = True
+        self.next_tick = float("inf")
+        for port, cable in self.cables.items():
+            if cable is not None:
+                cable.close_by_driver()
+            self.cables[port] = None
+
+    @property
+    def is_paused(self) -> bool:
+        """It stands still."""
+        return self._clock.now < self.paused_until
+
+    def arrived(self, cable: Cable, arrival: Arrival) -> None:
+        """Bytes have come to this host."""
+        if cable is not self.cables[cable.port] or self.is_gone:
+            return
+        if self.is_paused:
+            if self._unread_bytes[cable.port] < KERNEL_BYTES:
+                self._unread_bytes[cable.port] += len(arrival.data)
+                self._unread.append(_Unread(cable, arrival.data, arrival.marks))
+            return
+        self._read(cable, arrival.data, arrival.marks)
+
+    def lost(self, cable: Cable) -> None:
+        """This host learns that a connection has ended."""
+        if cable is not self.cables[cable.port] or self.is_gone:
+            return
+        if self.is_paused:
+            self._unread.append(_Unread(cable, None, ()))
+        else:
+            self._ended(cable)
+
+    # ---- inside ----
+
+    def _wake_up(self) -> None:
+        """What waits is taken up: which of it first is chance, as it is between a program's threads."""
+        self._note("process goes on")
+        self._judge.resumed(self._clock.now)
+        turns = [self._read_all, self._give_all, self.tick]
+        self._chance.shuffle(turns)
+        for turn in turns:
+            turn()
+
+    def _read_all(self) -> None:
+        unread, self._unread = self._unread, []
+        self._unread_bytes = dict.fromkeys(Port, 0)
+        for port in Port:
+            data, marks, cable = b"", [], None
+            for item in [item for item in unread if item.cable.port is port]:
+                if item.data is None or len(data) + len(item.data) > READ_BYTES:
+                    if data and cable is not None:
+                        self._read(cable, data, tuple(marks))
+                    data, marks = b"", []
+                if item.data is None:
+                    self._ended(item.cable)
+                else:
+                    data, cable = data + item.data, item.cable
+                    marks += item.marks
+            if data and cable is not None:
+                self._read(cable, data, tuple(marks))
+
+    def _give_all(self) -> None:
+        waiting, self._waiting = self._waiting, []
+        for action in waiting:
+            action()
+
+    def _when_awake(self, action: Callable[[], None]) -> None:
+        if self.is_gone:
+            return
+        if self.is_paused or self._waiting:
+            self._waiting.append(action)
+        else:
+            action()
+
+    def _read(self, cable: Cable, data: bytes, marks: Tuple[Any, ...]) -> None:
+        if cable is not self.cables[cable.port]:
+            return
+        if cable.port is Port.STATUS:
+            self._judge.reads_frames(marks, self._clock.now)
+        self._do(lambda now: self.core.received(cable.port, data, now))
+
+    def _ended(self, cable: Cable) -> None:
+        if cable is not self.cables[cable.port]:
+            return
+        self.cables[cable.port] = None
+        self._note("lost", cable.port.name)
+        self._judge.link_lost(cable.port, self._clock.now)
+        self._do(lambda now: self.core.closed(cable.port, "connection closed by the controller", now))
+
+    def _give(self, call: Call) -> None:
+        self._calls += 1
+        call.number, call.given_at = self._calls, self._clock.now
+        self._note("call", call)
+        self._judge.called(call)
+        self._do(lambda now: call.give(self.core, call, now))
+        self._judge.was_called(call)
+
+    def _do(self, event: Callable[[float], Any]) -> None:
+        """One event of the core, and what it asks for because of it."""
+        if self.is_gone:
+            return
+        now = self._clock.now
+        actions = self._of_core(lambda: event(now) or self.core.take_actions())
+        while actions:
+            for action in actions:
+                self._perform(action, now)
+            actions = self.core.take_actions()
+        due = min(self._of_core(self.core.next_deadline), self._last_tick + LONGEST_TICK)
+        self.next_tick = max(due, now + _SHORTEST_TICK) + self._lateness * self._chance.random()
+
+    def _of_core(self, asked: Callable[[], Any]) -> Any:
+        """What the core gives; what it raises is a breach of its contract."""
+        try:
+            return asked()
+        except JakaError:
+            self._judge.broken("an error comes out of the core:\n" + traceback.format_exc())
+        except Exception:
+            self._judge.broken("a bug in the core:\n" + traceback.format_exc())
+
+    def _perform(self, action: Any, now: float) -> None:
+        if isinstance(action, Show):
+            if action.is_new:
+                self.shown = action.state
+            self._judge.shown(action.state, action.is_new, now)
+        elif isinstance(action, Send):
+            self._send(action.data, now)
+        elif isinstance(action, Answer):
+            self._answer(action, now)
+        elif isinstance(action, Tell):
+            self.is_moving_told = action.is_moving
+            self._note("tells guard", "moving" if action.is_moving else "at rest")
+        elif isinstance(action, Log):
+            self._note("log", action.level, action.text)
+        elif isinstance(action, Open):
+            self._open(action.port)
+        elif isinstance(action, Close):
+            self._close(action.port, action.reason, now)
+        else:
+            self._judge.broken("an action that the contract does not know: %r" % (action,))
+
+    def _send(self, data: bytes, now: float) -> None:
+        cable = self.cables[Port.COMMAND]
+        self._judge.sends(data, cable is not None, now)
+        if cable is not None:
+            cable.to_controller.send(data)
+
+    def _answer(self, action: Answer, now: float) -> None:
+        call = action.call
+        self._note("answer", call, "error: %s" % action.error if action.error is not None else action.result)
+        was_answered = call.is_answered
+        call.is_answered, call.answered_at = True, now
+        call.result, call.error = action.result, action.error
+        self._judge.answered(call, was_answered, now)
+        if call.on_answer is not None and not was_answered:
+            call.on_answer(call)
+
+    def _open(self, port: Port) -> None:
+        if self.cables[port] is not None:
+            self._judge.broken("the core opens the %s, which is open" % port.value)
+        self._tries[port] += 1
+        number = self._tries[port]
+
+        def done(cable: Optional[Cable], reason: str) -> None:
+            self._when_awake(lambda: self._opened(port, number, cable, reason))
+        self._network.connect(port, self._settings.connect_timeout, done)
+
+    def _opened(self, port: Port, number: int, cable: Optional[Cable], reason: str) -> None:
+        if number != self._tries[port]:
+            if cable is not None:
+                cable.close_by_driver()
+            return
+        if cable is None:
+            self._note("failed", port.name, reason)
+            self._do(lambda now: self.core.failed(port, reason, now))
+            return
+        self._note("opened", port.name, cable.number)
+        self.cables[port] = cable
+        self._judge.link_up(port, self._clock.now)
+        self._do(lambda now: self.core.opened(port, now))
+        if not cable.driver_knows:  # it ended before this process looked
+            self._ended(cable)
+
+    def _close(self, port: Port, reason: str, now: float) -> None:
+        self._note("closes", port.name, reason)
+        self._tries[port] += 1
+        cable, self.cables[port] = self.cables[port], None
+        if cable is not None:
+            cable.close_by_driver()
+            self._judge.link_lost(port, now)
+
+    def _guard(self, until: float) -> None:
+        """The guard process has heard nothing for too long while the arm was being moved."""
+        if not self.is_paused or self.is_gone:
+            return
+        if self._guard_stops():
+            self._note("guard stops the arm")
+        elif self._clock.now < until:
+            self._clock.after(GUARD_PERIOD, lambda: self._guard(until))

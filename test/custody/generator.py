@@ -1,0 +1,260 @@
+"""One seed -> one scenario: who asks for what and when, and what goes wrong around the driver.
+
+A scenario is plain data, drawn before anything runs: leaving some of its events out gives another scenario, which is
+how a long trace is made short. Numbers are chosen so that every motion can come to rest within 0.4 s.
+"""
+import random
+from dataclasses import dataclass, field
+from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
+
+from jaka_ros_driver.commands import JogFrame
+
+
+class Event(NamedTuple):
+    """Something that happens, by the name of a method ``do_<kind>`` of the world, and with which arguments."""
+
+    at: float
+    kind: str
+    args: Dict[str, Any]
+
+    def __str__(self) -> str:
+        return "%8.4f %s %s" % (self.at, self.kind, ", ".join("%s=%r" % item for item in self.args.items()))
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """All that a world needs.
+
+    Attributes:
+        seed: Of the draws that are left to the world: latencies, pieces, lateness.
+        length: s of virtual time until everything is well again.
+        events: In order of time.
+        settings: Of the driver, over its defaults.
+        firmware: Of the controller.
+        start: "off", "powered" or "enabled".
+        power_delay, enable_delay: Of the controller, s.
+        forced_feed_period: What the controller sends whatever it was asked for, s; None: what it was asked for.
+        full_frames: Frames have all fields; they cost ten times as much.
+        latency: Of the wire, from, to, s.
+        lateness: Of the driver's timer, at most, s.
+        auto_enable: It powers and enables the arm at its start.
+        has_guard: A guard process runs beside it.
+        ends: "close" or "leave".
+    """
+
+    seed: int
+    length: float
+    events: Tuple[Event, ...]
+    settings: Dict[str, Any] = field(default_factory=dict)
+    firmware: str = "1.5.14"
+    start: str = "enabled"
+    power_delay: float = 0.5
+    enable_delay: float = 0.3
+    forced_feed_period: Any = None
+    full_frames: bool = False
+    latency: Tuple[float, float] = (0.0001, 0.001)
+    lateness: float = 0.0
+    auto_enable: bool = False
+    has_guard: bool = False
+    ends: str = "close"
+
+
+_Draw = Callable[[random.Random], Tuple[str, Dict[str, Any]]]
+_Weighted = Sequence[Tuple[float, _Draw]]
+
+SPEEDS = (0.01, 0.05, 0.2, 0.5, 1.0, 2.0, 3.0)
+SIZES = (0.0, 1e-5, 0.005, 0.02, 0.1, 0.4, 1.0, 3.0)
+
+
+def _log_uniform(chance: random.Random, low: float, high: float) -> float:
+    return low * (high / low) ** chance.random()
+
+
+# ---- calls ----
+
+def _joint_move(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    size = chance.choice(SIZES)
+    joint = chance.randrange(6)
+    delta = [0.0] * 6
+    delta[joint] = size * chance.choice((-1.0, 1.0))
+    if chance.random() < 0.3:
+        delta = [d + chance.uniform(-0.2, 0.2) * size for d in delta]
+    speed = chance.choice(SPEEDS) if chance.random() < 0.3 else _log_uniform(chance, 0.2, 3.0)
+    return "joint_move", {"delta": tuple(delta), "speed": speed, "acceleration": min(12.5, 4.0 + 4.0 * speed),
+                          "wait": chance.random() < 0.6}
+
+
+def _linear_move(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    size = chance.choice((0.0, 1e-5, 0.003, 0.02, 0.1, 0.3))
+    shift = tuple(size * chance.uniform(-1.0, 1.0) for _ in range(3))
+    turn = tuple(chance.choice((0.0, 0.0, 0.1)) * chance.uniform(-1.0, 1.0) for _ in range(3))
+    speed = _log_uniform(chance, 0.01, 0.5)
+    return "linear_move", {"shift": shift, "turn": turn, "speed": speed, "acceleration": 1.0 + 6.0 * speed,
+                           "wait": chance.random() < 0.6}
+
+
+def _jogging(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    frame = chance.choice((JogFrame.JOINT, JogFrame.JOINT, JogFrame.BASE, JogFrame.TOOL))
+    axis = chance.randrange(6)
+    is_line = frame is not JogFrame.JOINT and axis < 3
+    velocity = _log_uniform(chance, 0.005, 0.06 if is_line else 0.5) * chance.choice((-1.0, 1.0))
+    return "jogging", {"frame": int(frame), "axis": axis, "velocity": velocity, "rate": chance.uniform(5.0, 20.0),
+                       "duration": chance.choice((0.01, 0.5, 2.0, 5.0)),
+                       "then_back": chance.random() < 0.3}
+
+
+def _servo_mode(active: bool) -> _Draw:
+    return lambda chance: ("servo_mode", {"active": active})
+
+
+def _servo_stream(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    return "servo_stream", {
+        "is_pose": chance.random() < 0.3, "relative": chance.random() < 0.25, "rate": chance.choice(
+            (1.0, 10.0, 30.0, 125.0, 250.0)), "duration": chance.choice((0.2, 1.0, 3.0)),
+        "speed": _log_uniform(chance, 0.01, 3.5), "form": chance.choice(("ramp", "turn back", "jump", "hold")),
+        "axis": chance.randrange(6)}
+
+
+def _servo_burst(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    return "servo_burst", {"count": 40, "within": 0.02, "step": chance.choice((0.1, 0.03, -0.1, 0.005)),
+                           "axis": chance.randrange(6), "relative": chance.random() < 0.3}
+
+
+def _servo_session(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    _, args = _servo_stream(chance)
+    return "servo_session", dict(args, burst=chance.random() < 0.2, leaves=chance.random() < 0.6,
+                                 pause=chance.choice((0.0, 0.05, 0.5)))
+
+
+def _stop(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    return "stop", {}
+
+
+def _stop_with_move(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    """A stop and a new motion in the same instant."""
+    kind, args = chance.choice((_joint_move, _joint_move, _linear_move, _jogging, _servo_mode(True)))(chance)
+    return "stop_with", {"stop_first": chance.random() < 0.5, "kind": kind, "args": args}
+
+
+def _procedure(name: str, *values: Any) -> _Draw:
+    return lambda chance: ("procedure", {"name": name, "value": chance.choice(values)})
+
+
+CALLS: _Weighted = (
+    (10.0, _joint_move), (3.0, _linear_move), (6.0, _jogging), (4.0, _servo_session), (1.0, _servo_mode(True)),
+    (1.0, _servo_mode(False)), (1.5, _servo_stream), (0.7, _servo_burst), (5.0, _stop), (3.0, _stop_with_move),
+    (0.7, _procedure("power", True, True, False)), (1.0, _procedure("enable", True, True, False)),
+    (1.0, _procedure("clear_error", None)), (0.7, _procedure("hand_guiding", True, False)),
+    (0.3, _procedure("tool_frame", 1, 2)), (0.3, _procedure("user_frame", 1, 2)), (0.3, _procedure("payload", 1.0)),
+    (0.3, _procedure("query", None)))
+
+
+# ---- what goes wrong ----
+
+def _with(kind: str, **choices: Any) -> _Draw:
+    """An event whose arguments are drawn: a list or tuple is chosen from, a dict is drawn from ``low`` to ``high``."""
+    def draw(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+        args: Dict[str, Any] = {}
+        for name, values in choices.items():
+            if isinstance(values, dict):
+                args[name] = _log_uniform(chance, values["low"], values["high"])
+            else:
+                args[name] = chance.choice(values)
+        return kind, args
+    return draw
+
+
+_BRIEF = {"low": 0.02, "high": 3.0}
+
+WIRE_FAULTS: _Weighted = (
+    (4.0, _with("stall", port=("COMMAND", "STATUS", "both"), way=("to controller", "to driver", "both"),
+                duration={"low": 0.01, "high": 4.0})),
+    (4.0, _with("cut", port=("COMMAND", "STATUS", "both"), driver_learns=(True, True, False),
+                controller_learns=(True, True, False))),
+    (1.5, _with("refuse", port=("COMMAND", "STATUS", "both"), duration=_BRIEF)),
+    (1.5, _with("unreachable", port=("COMMAND", "STATUS", "both"), duration=_BRIEF)),
+    (1.0, _with("cut_and_refuse", port=("COMMAND", "STATUS", "both"), duration=_BRIEF)),
+    (1.0, _with("split", duration=_BRIEF)),
+    (1.0, _with("noise", duration=_BRIEF)),
+    (2.0, _with("lose_replies", count=(1, 1, 2, 5), command=("", "joint_move", "stop_program", "jog", "servo_move",
+                                                              "moveL", "is_in_servomove"))))
+FEED_FAULTS: _Weighted = (
+    (4.0, _with("feed_shows", what=({"inpos": True}, {"inpos": True}, {"inpos": False}, {"enabled": False},
+                                    {"powered_on": 0}, {"errcode": "0x020033"}, {"errcode": "0x7abcde"},
+                                    {"errcode": "0xf0034"}, {"protective_stop": 1}, {"emergency_stop": 1},
+                                    {"drag_status": True}, {"interp_state": 2}),
+                frames=(1, 1, 2, 5, 10))),
+    (2.0, _with("feed_shows", what=({"inpos": True}, {"inpos": False}, {"errcode": "0x020033"},
+                                    {"errcode": "0x7abcde"}), duration={"low": 0.1, "high": 20.0})),
+    (1.0, _with("feed_drops", fields=(("inpos",), ("joint_actual_position",), ("actual_position",), ("enabled",),
+                                      ("drag_status",), ("errcode",)), duration=_BRIEF)),
+    (1.5, _with("feed_silent", duration={"low": 0.05, "high": 5.0})),
+    (2.0, _with("feed_mangled", how=("noise", "noise before", "cut off", "twice", "wrong byte"),
+                frames=(1, 1, 3, 20))))
+CONTROLLER_FAULTS: _Weighted = (
+    (3.0, _with("refuse_stop", count=(1, 2, 5))),
+    (1.0, _with("refuse_stop_for", duration={"low": 0.1, "high": 5.0})),
+    (2.0, _with("refuse_command", command=("joint_move", "moveL", "jog", "servo_move", "servo_j", "power_on",
+                                           "enable_robot", "is_in_servomove", "clear_error"), duration=_BRIEF)),
+    (3.0, _with("slow_replies", delay=(0.05, 0.3, 0.7, 1.5), duration=_BRIEF)),
+    (4.0, _with("late_start", delay=(0.1, 0.5, 1.5), duration={"low": 0.5, "high": 8.0})),
+    (1.0, _with("restart", down=(0.3, 1.0, 3.0), silent=(True, False))),
+    (1.5, _with("emergency_stop", held={"low": 0.1, "high": 3.0})),
+    (2.0, _with("hit", force=(150.0,))),
+    (2.0, _with("pendant_stop")),
+    (0.7, _with("pendant_move", joint=(0, 3, 5), step=(0.1, -0.3))),
+    (1.0, _with("push", joint=(0, 4), velocity=(0.2, -0.3), duration=(0.3, 2.0))))
+DRIVER_FAULTS: _Weighted = ((1.0, _with("pause", duration={"low": 0.02, "high": 2.0})),
+                            (0.2, _with("pause", duration={"low": 1.0, "high": 30.0})))
+
+
+def _drawn(chance: random.Random, choices: _Weighted) -> Tuple[str, Dict[str, Any]]:
+    weights = [weight for weight, _ in choices]
+    return chance.choices([draw for _, draw in choices], weights)[0](chance)
+
+
+def generate(seed: int) -> Scenario:
+    """The scenario of a seed."""
+    chance = random.Random(seed)
+    length = chance.choice((8.0, 15.0, 25.0, 40.0))
+    events: List[Event] = []
+    favourites = list(CALLS)
+    for _ in range(3):  # each seed has its taste: some jog most of the time, some stream, some stop
+        index = chance.randrange(len(favourites))
+        favourites[index] = (favourites[index][0] * chance.choice((0.0, 3.0, 8.0)) + 0.01, favourites[index][1])
+    for caller in range(chance.choice((1, 1, 2, 2, 3, 4))):
+        at, busy = chance.uniform(0.0, 1.0), chance.choice((0.3, 1.0, 2.5))
+        while at < length:
+            kind, args = _drawn(chance, favourites)
+            events.append(Event(at, kind, dict(args, caller=caller)))
+            at += chance.expovariate(1.0 / busy)
+    if chance.random() < 0.5:  # somebody with a hand on the stop button
+        at = 0.0
+        while at < length:
+            at += chance.expovariate(1.0 / chance.choice((1.0, 4.0)))
+            events.append(Event(at, "stop", {"caller": 9}))
+    if chance.random() < 0.7:
+        events.append(Event(0.5, "maintenance", {"every": chance.choice((0.7, 2.0))}))
+    for faults in (WIRE_FAULTS, FEED_FAULTS, CONTROLLER_FAULTS, DRIVER_FAULTS):
+        apart = chance.choice((0.0, 0.0, 0.0, 0.0, 1.0, 2.5, 2.5, 6.0, 6.0, 6.0))
+        at = chance.expovariate(1.0 / apart) if apart else length
+        while at < length:
+            events.append(Event(at, *_drawn(chance, faults)))
+            at += chance.expovariate(1.0 / apart)
+    settings = {"feed_period": chance.choice((0.008, 0.03, 0.03, 0.03, 0.1, 0.1)),
+                "reply_timeout": chance.choice((0.9, 0.9, 0.9, 0.4)),
+                "motion_timeout": chance.choice((300.0, 20.0, 4.0)),
+                "jog_timeout": chance.choice((3.0, 3.0, 1.0)),
+                "servo_timeout": chance.choice((10.0, 2.0)),
+                "link_loss_stop": chance.choice((0.3, 0.3, 0.0)),
+                "power_timeout": chance.choice((30.0, 3.0)), "enable_timeout": chance.choice((30.0, 3.0))}
+    is_off = chance.random() < 0.15
+    has_slow_drives = chance.random() < 0.3
+    return Scenario(
+        seed, length, tuple(sorted(events, key=lambda event: event.at)), settings,
+        firmware=chance.choice(("1.5.14", "1.5.14", "1.7")), start="off" if is_off else "enabled",
+        power_delay=8.0 if has_slow_drives else 0.5, enable_delay=4.0 if has_slow_drives else 0.3,
+        forced_feed_period=chance.choice((None, None, None, 0.03, 0.1)), full_frames=chance.random() < 0.03,
+        latency=chance.choice(((0.0001, 0.0005), (0.0001, 0.001), (0.0005, 0.005))),
+        lateness=chance.choice((0.0, 0.0002, 0.002)), auto_enable=is_off or chance.random() < 0.1,
+        has_guard=chance.random() < 0.5, ends=chance.choice(("close", "leave", "close in trouble")))

@@ -1,0 +1,323 @@
+"""The judge: what must hold of the arm, at every cycle, whatever goes wrong around the driver.
+
+Judged is what is true of the simulated arm, what the controller executed and when, what was on the wire; never what
+the core says of itself, but for its answers, which are themselves judged. Each exception stands here with its reason.
+"""
+from collections import deque
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
+
+from cabinet_room import DRIVER, CabinetRoom, Frame
+from driver_process import Call, DriverProcess
+from sent_rules import SentRules
+from verdict import RuleBroken
+from virtual_clock import Clock
+from wire import Network
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core.actions import Port
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.errors import MotionInterrupted, StopCause
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
+from jaka_ros_driver.state import RobotState, Vector
+
+MOVING = 2e-3
+"""rad/s; an arm with a faster joint moves."""
+AT_REST = 5e-3
+"""rad/s; an arm without a faster joint has completed its move."""
+UNOWNED = 0.3
+"""s that an arm may move without custody: a driver sees late what it sees."""
+REST_AFTER_STOP = 0.5
+"""s; the longest coast that the generator's motions have is shorter."""
+JOG_SLACK = 0.3
+SIGHT_SLACK = 0.3
+SHOWN_AGE = 0.15
+"""s; so old may a state be that is shown as new, beside the wire's own latency."""
+ANSWER_SLACK = 6.0
+"""s, over what a call may take by its settings: waiting for rest, polls, repeated questions."""
+FREE_AFTER = 2.0
+"""s; so long after everything is well and the arm at rest, custody has ended."""
+_JOINT_TOLERANCE, _POSITION_TOLERANCE, _ANGLE_TOLERANCE = 0.01, 0.002, 0.02
+_SAME_JOINT = 1e-6
+_CYCLE = 0.008
+_HISTORY_S = 3.0
+
+
+class _Quiet(NamedTuple):
+    """From ``since`` on nothing moves the arm that was asked for before call ``number``."""
+
+    since: float
+    number: int
+    rule: str
+    why: str
+
+
+class Judge:
+    """Watches one world; the first broken rule ends it.
+
+    Attributes:
+        sent: Rules about the command port.
+        cycles_moving: Cycles in which the driver's motion was under way: a seed in which nothing moves shows nothing.
+        answers: How often which kind of call ended how.
+    """
+
+    def __init__(self, clock: Clock, network: Network, room: CabinetRoom, model: ArmModel, settings: ClientSettings,
+                 lateness: float, note: Callable[..., None]) -> None:
+        self._clock, self._network, self._room, self._settings, self._note = clock, network, room, settings, note
+        self.driver: DriverProcess
+        self.sent = SentRules(room, model, settings, lateness)
+        self.cycles_moving = 0
+        self.answers: Dict[Tuple[str, str], int] = {}
+        low, high = network.terms[Port.STATUS, False].latency
+        self._shown_age = SHOWN_AGE + high + _CYCLE + lateness
+        # what ends a connection that is dead and not known to be: a beat, its time-out, the longest pause before
+        # another try, a round trip; then the same once more, for a fault that strikes the first try
+        self._recovery = 2.0 * (0.25 + settings.reply_timeout + 0.5 + 4.0 * high) + 2.0 * lateness
+        self._joints: Deque[Tuple[float, Vector]] = deque()
+        self._awake_since = clock.now
+        self._asleep_for = 0.0
+        self._unowned_since: Optional[float] = None
+        self._obstacle_at = clock.now
+        self._seen_at = clock.now
+        self._jog_word_at = -1e9
+        self._quiet: List[_Quiet] = []
+        self._stops_before = 0
+        self._stop_is_owed = False
+        self._restarts_seen = 0
+        self._next_scan = clock.now
+        self._closed_at: Optional[float] = None
+
+    # ---- events of the driver's process ----
+
+    def broken(self, text: str) -> None:
+        """The core breaks the contract of core and shell."""
+        raise RuleBroken("contract", self._clock.now, text)
+
+    def paused(self, now: float, until: float) -> None:
+        """The process stands still: no driver can act, and its guard is another program. Judged again from its end."""
+        self._asleep_for += until - now
+
+    def resumed(self, now: float) -> None:
+        """It goes on."""
+        self._awake_since = self._obstacle_at = now
+        self.sent.resumed(now)
+
+    def obstacle(self) -> None:
+        """Something stands between the driver and the arm, or did until now."""
+        self._obstacle_at = self._clock.now
+
+    def link_up(self, port: Port, now: float) -> None:
+        """A connection has been made."""
+
+    def link_lost(self, port: Port, now: float) -> None:
+        """The driver knows that a connection has ended."""
+        if port is Port.COMMAND:
+            self._obstacle_at = now
+        self.sent.alarmed(is_fault=False)
+
+    def reads_frames(self, frames: Tuple[Frame, ...], now: float) -> None:
+        """The driver has read the last bytes of these status frames."""
+        for frame in frames:
+            if not frame.is_readable:
+                continue
+            self._seen_at = now
+            if frame.shows_fault:
+                self.sent.alarmed(is_fault=True)
+            if frame.restarts > self._restarts_seen:
+                self._restarts_seen = frame.restarts
+                self.sent.alarmed(is_fault=False)
+
+    def called(self, call: Call) -> None:
+        """The core is about to get a call."""
+        self.sent.called(call)
+        self._stops_before = self.sent.stops_seen
+        self._stop_is_owed = call.kind == "stop" and self.driver.cables[Port.COMMAND] is not None
+
+    def was_called(self, call: Call) -> None:
+        """Everything that the core does at once because of this call has been done."""
+        if self._stop_is_owed and self.sent.stops_seen == self._stops_before:
+            raise RuleBroken("i", self._clock.now, "%s: the command port is open, and no stop went out" % call)
+
+    def sends(self, data: bytes, is_open: bool, now: float) -> None:
+        """Bytes for the command port."""
+        if not is_open:
+            raise RuleBroken("contract", now, "bytes for a command port that is not open: %r" % data[:200])
+        for request in self.sent.sends(data, self.driver.is_moving_told, now):
+            if request["cmdName"] == "jog" and request["jog_mode"] != 0:
+                self._jog_word_at = max(self._jog_word_at, now)
+            if request["cmdName"] not in ("servo_j", "servo_p"):
+                self._note("sends", request)
+        self._quiet = [quiet for quiet in self._quiet if quiet.number > self.sent.last_motion]
+
+    def answered(self, call: Call, was_answered: bool, now: float) -> None:
+        """A call has ended."""
+        if was_answered:
+            raise RuleBroken("e", now, "%s is answered twice" % call)
+        self.sent.answered(call, now)
+        key = call.kind, type(call.error).__name__ if call.error is not None else "done"
+        self.answers[key] = self.answers.get(key, 0) + 1
+        if call.kind == "stop" and call.error is None:
+            self._is_quiet(_Quiet(now + REST_AFTER_STOP, call.number, "b", "after %s was answered" % call))
+        elif call.kind == "jog" and call.error is None:
+            self._jog_word_at = now
+        elif call.kind == "move" and call.waits and call.error is None:
+            self._is_completed(call, now)
+        if call.was_sent and isinstance(call.error, MotionInterrupted) and call.error.cause is StopCause.STOPPED:
+            self._is_quiet(_Quiet(now + REST_AFTER_STOP, call.number + 1, "e",
+                                  "after %s was told that it is stopped" % call))
+
+    def _is_quiet(self, quiet: _Quiet) -> None:
+        if quiet.number > self.sent.last_motion:
+            self._quiet = self._quiet[-7:] + [quiet]
+
+    def shown(self, state: RobotState, is_new: bool, now: float) -> None:
+        """A state for the publishers."""
+        if not is_new:
+            return
+        oldest = now - self._shown_age
+        until = now
+        for since, joints in reversed(self._joints):
+            if until < oldest:
+                break
+            if max([abs(a - b) for a, b in zip(joints, state.joint_position)]) <= _SAME_JOINT:
+                return
+            until = since
+        raise RuleBroken("g", now, "a state is shown as new that the arm was not in within the last %.3f s; %s" % (
+            self._shown_age, self._age_of(state.joint_position, now)))
+
+    def _age_of(self, joints: Vector, now: float) -> str:
+        until = now
+        for since, known in reversed(self._joints):
+            if max([abs(a - b) for a, b in zip(known, joints)]) <= _SAME_JOINT:
+                return "it is %.3f s old" % (now - until)
+            until = since
+        return "it is older than anything known, or was never true"
+
+    def closes(self, now: float) -> None:
+        """The driver is told to shut down."""
+        self._closed_at = now
+        self.sent.is_closed = True
+
+    # ---- each cycle ----
+
+    def cycle(self) -> None:
+        """Judge the arm as it is now."""
+        now, room = self._clock.now, self._room
+        plant = room.controller.cabinet.plant
+        joints = plant.joint_position
+        if not self._joints or self._joints[-1][1] is not joints:
+            self._joints.append((now, joints))
+            while len(self._joints) > 2 and self._joints[1][0] < now - _HISTORY_S:
+                self._joints.popleft()
+        if self._has_obstacle(now):
+            self._obstacle_at = now
+        if now >= self._next_scan:
+            self._next_scan = now + 0.25
+            self._scan_calls(now)
+        if (plant.is_moving and room.mover is DRIVER and not self.driver.is_gone and not room.is_off
+                and max(map(abs, plant.joint_velocity)) > MOVING):
+            self.cycles_moving += 1
+            self._moving(now, plant)
+        else:
+            self._unowned_since = None
+
+    def _has_obstacle(self, now: float) -> bool:
+        """No driver could stop the arm now."""
+        faults = self._room.faults
+        return (self._room.is_off or not self._network.carries(Port.COMMAND) or self.driver.is_paused
+                or now < faults.refuses_stop_until or faults.refused_stops > 0)
+
+    def _moving(self, now: float, plant: Any) -> None:
+        for call in self.sent.open_calls.values():
+            if call.waits and call.was_sent and not call.was_there:
+                call.was_there = _is_there(call.command, plant)[0]
+        if self._closed_at is None:
+            self._unowned(now)
+            if not self.driver.is_moving_told:
+                raise RuleBroken("h", now, "the arm moves, and the guard's last word is that it rests")
+        for quiet in self._quiet:
+            if now > max(quiet.since, self._awake_since) + _CYCLE:
+                raise RuleBroken(quiet.rule, now, "the arm moves at %.4f rad/s, %.3f s %s" % (
+                    max(map(abs, plant.joint_velocity)), now - quiet.since + REST_AFTER_STOP, quiet.why))
+        if plant.is_jogging and now > max(self._jog_word_at + self._settings.jog_timeout,
+                                          self._obstacle_at + self._recovery) + JOG_SLACK:
+            raise RuleBroken("c", now, "the arm is jogged, %.3f s after the last accepted call" % (
+                now - self._jog_word_at))
+        if now > max(self._seen_at + self._settings.silence_timeout,
+                     self._obstacle_at + self._recovery) + SIGHT_SLACK + REST_AFTER_STOP:
+            raise RuleBroken("j", now, "the arm moves, %.3f s after the last readable status frame" % (
+                now - self._seen_at))
+
+    def _unowned(self, now: float) -> None:
+        """Excepted: a pause of the process, judged from its end; coasting after a stop that was carried out.
+
+        Hand guiding and what others move never come here.
+        """
+        if not self.driver.core.is_free or self.driver.is_paused or (
+                now - self._room.stop_executed_at < REST_AFTER_STOP
+                and self._room.motion_executed_at < self._room.stop_executed_at):
+            self._unowned_since = None
+            return
+        if self._unowned_since is None:
+            self._unowned_since = now
+        elif now - max(self._unowned_since, self._awake_since) > UNOWNED:
+            raise RuleBroken("a", now, "the arm has been moving for %.3f s without custody" % (
+                now - self._unowned_since))
+
+    # ---- answers ----
+
+    def _is_completed(self, call: Call, now: float) -> None:
+        plant = self._room.controller.cabinet.plant
+        speed = max(map(abs, plant.joint_velocity))
+        if self._room.mover is DRIVER and speed > AT_REST:
+            raise RuleBroken("e", now, "%s is completed, and the arm moves at %.4f rad/s" % (call, speed))
+        is_there, away = _is_there(call.command, plant)
+        # other moves were queued behind it: the arm was at its target, and is at theirs now
+        was_passed = self.sent.last_motion > call.number and call.was_there
+        if not is_there and not was_passed:
+            raise RuleBroken("e", now, "%s is completed, and the arm is %s away" % (call, away))
+
+    def _scan_calls(self, now: float) -> None:
+        for call in self.sent.open_calls.values():
+            if now - call.given_at > self._longest(call) + self._asleep_for:
+                raise RuleBroken("e", now, "%s is not answered after %.1f s" % (call, now - call.given_at))
+
+    def _longest(self, call: Call) -> float:
+        settings = self._settings
+        longest = 2.0 * settings.reply_timeout + ANSWER_SLACK
+        if call.kind == "move" and call.waits:
+            longest += settings.motion_timeout
+        elif call.kind == "run":
+            longest += settings.power_timeout + settings.enable_timeout
+        return longest
+
+    # ---- the end ----
+
+    def must_rest(self) -> None:
+        """Everything is well again, and nobody wants motion any more."""
+        plant = self._room.controller.cabinet.plant
+        if plant.is_moving and self._room.mover is DRIVER and max(map(abs, plant.joint_velocity)) > MOVING:
+            raise RuleBroken("e", self._clock.now, "the arm has not come to rest at the end")
+
+    def must_be_free(self) -> None:
+        """As ``must_rest``; and there is nothing left to guard."""
+        if not self.driver.core.is_free or self.driver.is_moving_told:
+            raise RuleBroken("k", self._clock.now, "the arm rests, all is well, and it is still in custody: %s" % (
+                self.driver.core.motion_owner))
+
+    def all_are_answered(self) -> None:
+        """The driver has ended."""
+        for call in self.sent.open_calls.values():
+            raise RuleBroken("e", self._clock.now, "%s is not answered at the end" % call)
+
+
+def _is_there(command: Any, plant: Any) -> Tuple[bool, str]:
+    """Whether the arm is at the target of a move, and how far it is from it, in words."""
+    if isinstance(command, c.JointMove):
+        away = max([abs(a - b) for a, b in zip(command.joint_position, plant.joint_position)])
+        return away <= _JOINT_TOLERANCE, "%.4f rad" % away
+    pose, target = plant.tcp_pose(), command.target
+    away = sum([(a - b) ** 2 for a, b in zip(pose.position, target.position)]) ** 0.5
+    turn = rotation_angle_between(matrix_from_rpy(pose.rpy), matrix_from_rpy(target.rpy))
+    return (away <= max(_POSITION_TOLERANCE, command.tolerance) and turn <= _ANGLE_TOLERANCE,
+            "%.4f m and %.4f rad" % (away, turn))

@@ -1,0 +1,251 @@
+"""Rules about what the driver puts on the command port: by whose wish, within which limits, and when.
+
+Judged by the requests themselves and the calls that were made; not by what the core says of itself.
+"""
+import json
+import math
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
+
+from cabinet_room import CabinetRoom, is_motion
+from driver_process import Call
+from verdict import RuleBroken
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
+from jaka_ros_driver.units import all_deg_to_rad, all_mm_to_m, deg_to_rad, mm_to_m
+
+SERVO_CYCLE = 0.008
+SERVO_SPEED_CEILING = math.pi
+SPEED_SLACK = 1.001
+FIRST_FRAME_NEAR = 0.05
+"""rad; the first frame of a stream is this near to where the arm is."""
+SERVO_LATENESS = 0.05
+"""s; over ``servo_ahead``, until a stream rests on its last target."""
+_SAME = 1e-6
+_WIRE_ROUNDING = 2e-6
+_JOG_FRAMES = {0: c.JogFrame.BASE, 1: c.JogFrame.JOINT, 2: c.JogFrame.TOOL}
+_DECODER = json.JSONDecoder()
+
+
+def requests_in(data: bytes) -> List[Dict[str, Any]]:
+    """The requests of one Send; each is whole."""
+    text, position, found = data.decode("ascii"), 0, []
+    while position < len(text):
+        request, position = _DECODER.raw_decode(text, position)
+        found.append(request)
+    return found
+
+
+class SentRules:
+    """Looks at each request on its way to the controller.
+
+    Attributes:
+        last_motion: Number of the call that the newest motion was sent for.
+        last_stop: Number of the newest stop call; what was asked before it is not sent any more.
+        is_closed: The driver has been told to shut down.
+        alarm: Order of the newest fault, restart or lost link that the driver has learned of; see ``orders``.
+        servo_moved_at: When a servo frame last changed, s.
+    """
+
+    def __init__(self, room: CabinetRoom, model: ArmModel, settings: ClientSettings, lateness: float) -> None:
+        self._room, self._model, self._settings, self._lateness = room, model, settings, lateness
+        self.last_motion = 0
+        self.last_stop = 0
+        self.is_closed = False
+        self.open_calls: Dict[int, Call] = {}
+        self.stops_seen = 0
+        self._orders = 0
+        self._alarm = 0
+        self._power_wish = {"power_on": -1, "enable_robot": -1}
+        self._auto: Optional[int] = None
+        self._auto_acts = False
+        self._servo_call = 0
+        self._frame: Optional[Tuple[float, ...]] = None
+        self._kind = ""
+        self._target: Any = None
+        self._is_target_known = True
+        self._target_at = 0.0
+        self._judged_from = 0.0
+
+    # ---- what happens ----
+
+    def called(self, call: Call) -> None:
+        """The core gets a call."""
+        self._orders += 1
+        if call.kind == "auto_enable":
+            self._auto = self._orders
+            return
+        self.open_calls[call.number] = call
+        if call.kind == "stop":
+            self.last_stop = call.number
+        elif call.command == ("power", True):
+            self._power_wish["power_on"] = self._orders
+        elif call.command == ("enable", True):
+            self._power_wish["enable_robot"] = self._orders
+
+    def alarmed(self, is_fault: bool) -> None:
+        """The driver learns of a fault, a restart or a lost link.
+
+        A link that is lost before auto_enable has begun to act says nothing: it waits for the first sight of the arm.
+        """
+        self._orders += 1
+        self._alarm = self._orders
+        if self._auto is not None and not self._auto_acts and not is_fault:
+            self._auto = self._orders + 1
+
+    def answered(self, call: Call, now: float) -> None:
+        """A call ends."""
+        self.open_calls.pop(call.number, None)
+        if call.kind == "servo_target" and call.error is None:
+            self._target_at = now
+            self._target = self._next_target(call.command)
+            self._is_target_known = self._target is not None
+
+    def resumed(self, now: float) -> None:
+        """The process goes on after a pause, in which no frame could be sent."""
+        self._judged_from = now
+
+    # ---- what is sent ----
+
+    def sends(self, data: bytes, is_told_moving: bool, now: float) -> List[Dict[str, Any]]:
+        """Judge one Send; returns its requests."""
+        requests = requests_in(data)
+        for request in requests:
+            name = request["cmdName"]
+            if name == "stop_program":
+                self.stops_seen += 1
+            elif name in self._power_wish:
+                self._energises(name, now)
+            elif is_motion(request):
+                if not is_told_moving:
+                    raise RuleBroken("h", now, "%s is sent before the guard is told" % name)
+                self._motion(name, request, now)
+        return requests
+
+    def _energises(self, name: str, now: float) -> None:
+        if self._power_wish[name] > self._alarm:
+            return
+        if self._auto is not None and self._auto > self._alarm:
+            self._auto_acts = True
+            return
+        raise RuleBroken("d", now, "%s is sent, and nobody asked for it since the last fault or lost link" % name)
+
+    def _motion(self, name: str, request: Dict[str, Any], now: float) -> None:
+        if self.is_closed:
+            raise RuleBroken("b", now, "%s is sent after the driver was told to shut down" % name)
+        if name == "joint_move":
+            target = all_deg_to_rad(request["jointPosition"])
+            self._within_limits(name, target, now)
+            self._wished(name, now, lambda call: isinstance(call.command, c.JointMove)
+                         and _near(call.command.joint_position, target, _SAME))
+        elif name == "moveL":
+            position = all_mm_to_m(request["cartPosition"][:3])
+            self._wished(name, now, lambda call: isinstance(call.command, c.LinearMove)
+                         and _near(call.command.target.position, position, _SAME))
+        elif name == "jog":
+            self._wished(name, now, lambda call: isinstance(call.command, c.Jog) and _is_jog(call.command, request))
+        elif name == "servo_move":
+            self._wished(name, now, lambda call: call.kind == "servo_mode" and call.command is True)
+            self._servo_call = self.last_motion
+            self._frame = self._target = None
+            self._kind, self._is_target_known = "", True
+        else:
+            self._servo_frame(name, request, now)
+
+    def _wished(self, name: str, now: float, asks: Callable[[Call], bool]) -> None:
+        """Somebody waits for this, asked for it after the last stop, and has not got it yet: nothing is sent twice."""
+        for call in self.open_calls.values():
+            if not call.was_sent and asks(call):
+                if call.number < self.last_stop:
+                    raise RuleBroken("b", now, "%s was asked for before the stop, and is sent after it" % call)
+                call.was_sent = True
+                self.last_motion = call.number
+                return
+        raise RuleBroken("b", now, "%s is sent, and no call that is not answered yet asks for it" % name)
+
+    def _within_limits(self, name: str, joints: Sequence[float], now: float) -> None:
+        for index, (value, (low, high)) in enumerate(zip(joints, self._model.joint_limits)):
+            if not low - _WIRE_ROUNDING <= value <= high + _WIRE_ROUNDING:
+                raise RuleBroken("f", now, "%s takes joint %d to %.6f rad, outside its limits" % (name, index + 1, value))
+
+    # ---- servo frames ----
+
+    def _servo_frame(self, name: str, request: Dict[str, Any], now: float) -> None:
+        if self._servo_call < self.last_stop:
+            raise RuleBroken("b", now, "%s is sent in a servo mode that was asked for before the stop" % name)
+        if request.get("relFlag"):
+            raise RuleBroken("f", now, "%s is relative: what is lost on the way would move the arm elsewhere" % name)
+        if name == "servo_j":
+            values: Tuple[float, ...] = all_deg_to_rad(request["jointPosition"])
+            self._joint_frame(values, int(request.get("stepNum", 1)), now)
+        else:
+            wire = request["catPosition"]
+            values = tuple(all_mm_to_m(wire[:3])) + tuple(all_deg_to_rad(wire[3:]))
+        self._rests_on_target(name, values, now)
+        self._frame, self._kind = values, name
+
+    def _joint_frame(self, joints: Tuple[float, ...], cycles: int, now: float) -> None:
+        self._within_limits("servo_j", joints, now)
+        before = self._frame if self._kind == "servo_j" else None
+        if before is None:
+            measured = self._room.controller.cabinet.plant.joint_position
+            if not _near(measured, joints, FIRST_FRAME_NEAR):
+                raise RuleBroken("f", now, "the first servo frame is %.3f rad from the arm" % max(
+                    [abs(a - b) for a, b in zip(measured, joints)]))
+            return
+        for index, (old, new, top) in enumerate(zip(before, joints, self._model.joint_max_speed)):
+            reach = min(top, SERVO_SPEED_CEILING) * SERVO_CYCLE * cycles * SPEED_SLACK
+            if abs(new - old) > reach:
+                raise RuleBroken("f", now, "servo_j moves joint %d by %.5f rad in %d cycles" % (
+                    index + 1, new - old, cycles))
+
+    def _next_target(self, command: Any) -> Any:
+        """Absolute: what the client's newest target means; None where that is not known.
+
+        It is not for a relative one that comes before the first frame, nor for those that follow it.
+        """
+        if isinstance(command, c.ServoPose):
+            return None if command.relative else command.target
+        if not command.relative:
+            return command.joint_position
+        if not self._is_target_known:
+            return None
+        start = self._target if isinstance(self._target, tuple) else (self._frame if self._kind == "servo_j" else None)
+        return None if start is None else tuple([a + b for a, b in zip(start, command.joint_position)])
+
+    def _rests_on_target(self, name: str, values: Tuple[float, ...], now: float) -> None:
+        """So long after the last target the stream says nothing but that target.
+
+        Time in which the process stood still does not count, and a late timer leaves frames out.
+        """
+        due = max(self._target_at, self._judged_from) + self._settings.servo_ahead + SERVO_LATENESS + (
+            8.0 * self._lateness)
+        if self._target is None or now <= due:
+            return
+        if isinstance(self._target, c.Pose):
+            turn = rotation_angle_between(matrix_from_rpy(values[3:]), matrix_from_rpy(self._target.rpy))
+            is_there = name == "servo_p" and _near(values[:3], self._target.position, _WIRE_ROUNDING) and turn < 1e-5
+        else:
+            is_there = name == "servo_j" and _near(values, self._target, _WIRE_ROUNDING)
+        if not is_there:
+            raise RuleBroken("f", now, "the servo stream says %s, %.3f s after its last target %s" % (
+                _rounded(values), now - self._target_at, _rounded(
+                    self._target.position + self._target.rpy if isinstance(self._target, c.Pose) else self._target)))
+
+
+def _near(a: Sequence[float], b: Sequence[float], tolerance: float) -> bool:
+    return max([abs(p - q) for p, q in zip(a, b)]) <= tolerance
+
+
+def _rounded(values: Sequence[float]) -> Tuple[float, ...]:
+    return tuple([round(value, 6) for value in values])
+
+
+def _is_jog(command: c.Jog, request: Dict[str, Any]) -> bool:
+    if command.axis != request["jnum"] or command.frame is not _JOG_FRAMES[request["coord_map"]]:
+        return False
+    is_line = command.frame is not c.JogFrame.JOINT and command.axis < 3
+    velocity = (mm_to_m if is_line else deg_to_rad)(request["jogvel"])
+    return abs(velocity - command.velocity) < _SAME

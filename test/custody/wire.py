@@ -1,0 +1,250 @@
+"""The wire between driver and controller: TCP connections that are late, stand still, break, or never come about.
+
+What TCP keeps is kept: bytes of one direction stay in order and whole, and nothing arrives that was not sent. What
+it does not promise is not: how bytes are cut into pieces, how late they are, and whether both ends learn of an end.
+"""
+import random
+from collections import deque
+from typing import Any, Callable, Deque, List, NamedTuple, Optional, Tuple
+
+from virtual_clock import Clock
+
+from jaka_ros_driver.client.core.actions import Port
+
+CONNECT_ROUND_TRIPS = 1.0
+_PIECE_GAPS = (0.0001, 0.002)
+PORTS = (Port.COMMAND, Port.STATUS)
+
+
+class Terms:
+    """What holds for one direction of a port, whichever connection is on it.
+
+    Attributes:
+        latency: From, to, s.
+        stalled_until: Nothing arrives before; then all of it at once.
+        splits_until: Until then what arrives comes in random pieces.
+    """
+
+    def __init__(self, latency: Tuple[float, float]) -> None:
+        self.latency = latency
+        self.stalled_until = 0.0
+        self.splits_until = 0.0
+
+
+class Arrival(NamedTuple):
+    """Bytes at the far end, and the marks of the messages that ended in them."""
+
+    data: bytes
+    marks: Tuple[Any, ...]
+
+
+class _Message(NamedTuple):
+    at: float
+    data: Optional[bytes]  # None: the end of the stream
+    marks: Tuple[Any, ...]
+
+
+class Pipe:
+    """One direction of a connection.
+
+    Attributes:
+        is_dead: Nothing arrives any more.
+        unsent_bytes: On their way.
+    """
+
+    def __init__(self, clock: Clock, chance: random.Random, terms: Terms, deliver: Callable[[Arrival], None],
+                 ended: Callable[[], None]) -> None:
+        self._clock, self._chance, self._terms = clock, chance, terms
+        self._deliver, self._ended = deliver, ended
+        self._queue: Deque[_Message] = deque()
+        self._is_waiting = False
+        self.is_dead = False
+        self.unsent_bytes = 0
+
+    def send(self, data: Optional[bytes], mark: Any = None) -> None:
+        """Put bytes in; None ends the stream behind what was sent before."""
+        if self.is_dead:
+            return
+        low, high = self._terms.latency
+        at = self._clock.now + low + (high - low) * self._chance.random()
+        if self._queue and at < self._queue[-1].at:
+            at = self._queue[-1].at
+        self.unsent_bytes += len(data or b"")
+        self._queue.append(_Message(at, data, () if mark is None else (mark,)))
+        self._wait()
+
+    def wake(self) -> None:
+        """What holds for this direction has changed: look again when the next bytes are due."""
+        self._is_waiting = False
+        self._wait()
+
+    def die(self) -> None:
+        """Nothing arrives any more, and nobody is told."""
+        self.is_dead = True
+        self._queue.clear()
+
+    def _wait(self) -> None:
+        if not self._is_waiting and self._queue:
+            self._is_waiting = True
+            self._clock.at(max(self._queue[0].at, self._terms.stalled_until), self._arrive)
+
+    def _arrive(self) -> None:
+        now, queue = self._clock.now, self._queue
+        self._is_waiting = False
+        if self.is_dead or now < self._terms.stalled_until or not queue or queue[0].at > now:
+            self._wait()
+            return
+        message = queue.popleft()
+        if not queue or queue[0].at > now:
+            data, marks = message.data, message.marks  # the usual case: one message
+        else:
+            queue.appendleft(message)
+            data, marks = self._all_due(now)
+        if data is not None and now < self._terms.splits_until and len(data) > 1:
+            here = self._chance.randrange(1, len(data))
+            queue.appendleft(_Message(now + self._chance.uniform(*_PIECE_GAPS), data[here:], marks))
+            data, marks = data[:here], ()
+        self._wait()
+        if data is not None:
+            self.unsent_bytes -= len(data)
+            self._deliver(Arrival(data, marks))
+        else:
+            self.is_dead = True
+            self._ended()
+
+    def _all_due(self, now: float) -> Tuple[Optional[bytes], Tuple[Any, ...]]:
+        """Everything that has come, in one piece; the end of the stream comes alone."""
+        pieces: List[bytes] = []
+        marks: List[Any] = []
+        queue = self._queue
+        while queue and queue[0].at <= now and not (pieces and queue[0].data is None):
+            message = queue.popleft()
+            if message.data is None:
+                return None, ()
+            pieces.append(message.data)
+            marks += message.marks
+        return b"".join(pieces), tuple(marks)
+
+
+class Cable:
+    """One TCP connection, as both ends see it.
+
+    Attributes:
+        port: Which of the controller's.
+        number: Counts connections.
+        driver_knows, controller_knows: That end believes that it is open.
+    """
+
+    def __init__(self, network: "Network", port: Port, number: int) -> None:
+        self.port, self.number = port, number
+        self.driver_knows = self.controller_knows = True
+        clock, chance = network.clock, network.chance
+        self.to_controller = Pipe(clock, chance, network.terms[port, True],
+                                  lambda arrival: network.at_controller(self, arrival), self._controller_learns)
+        self.to_driver = Pipe(clock, chance, network.terms[port, False],
+                              lambda arrival: network.at_driver(self, arrival), self._driver_learns)
+        self._network = network
+
+    @property
+    def works(self) -> bool:
+        """Bytes get through, both ways."""
+        return not (self.to_controller.is_dead or self.to_driver.is_dead) and self.driver_knows
+
+    def close_by_driver(self) -> None:
+        """What was sent arrives yet, then the end."""
+        self.driver_knows = False
+        self.to_driver.die()
+        self.to_controller.send(None)
+
+    def close_by_controller(self) -> None:
+        """As ``close_by_driver``, the other way round."""
+        self.controller_knows = False
+        self.to_controller.die()
+        self.to_driver.send(None)
+
+    def cut(self, driver_learns: bool, controller_learns: bool) -> None:
+        """It breaks: what is on its way is lost, and each end learns of it or not."""
+        self.to_controller.die()
+        self.to_driver.die()
+        if driver_learns:
+            self._driver_learns()
+        if controller_learns:
+            self._controller_learns()
+
+    def _driver_learns(self) -> None:
+        if self.driver_knows:
+            self.driver_knows = False
+            self._network.driver_lost(self)
+
+    def _controller_learns(self) -> None:
+        if self.controller_knows:
+            self.controller_knows = False
+            self._network.controller_lost(self)
+
+
+class Network:
+    """Makes connections, and knows those that are.
+
+    Attributes:
+        at_controller, at_driver: Called with a cable and what has arrived at that end.
+        driver_lost, controller_lost: Called when that end learns that its connection is over.
+        accepted: Called with a new cable at the controller.
+        refused_until, unreachable_until: By port; refused at once, or no answer at all.
+        is_off: The controller is without power: nobody listens.
+    """
+
+    def __init__(self, clock: Clock, chance: random.Random, latency: Tuple[float, float]) -> None:
+        self.clock, self.chance = clock, chance
+        self.terms = {(port, to_controller): Terms(latency) for port in PORTS for to_controller in (True, False)}
+        self.cables: List[Cable] = []
+        self.refused_until = dict.fromkeys(PORTS, 0.0)
+        self.unreachable_until = dict.fromkeys(PORTS, 0.0)
+        self.is_off = False
+        self.at_controller: Callable[[Cable, Arrival], None] = lambda cable, arrival: None
+        self.at_driver: Callable[[Cable, Arrival], None] = lambda cable, arrival: None
+        self.driver_lost: Callable[[Cable], None] = lambda cable: None
+        self.controller_lost: Callable[[Cable], None] = lambda cable: None
+        self.accepted: Callable[[Cable], None] = lambda cable: None
+        self._count = 0
+
+    def connect(self, port: Port, timeout: float, done: Callable[[Optional[Cable], str], None]) -> None:
+        """Try to connect; ``done`` gets the cable, or None and the reason."""
+        if self.clock.now < max(self.unreachable_until[port], self.terms[port, True].stalled_until,
+                                self.terms[port, False].stalled_until):
+            self.clock.after(timeout, lambda: done(None, "timed out"))
+            return
+        low, high = self.terms[port, True].latency
+        delay = 2.0 * CONNECT_ROUND_TRIPS * (low + (high - low) * self.chance.random())
+        self.clock.after(delay, lambda: self._connected(port, done))
+
+    def _connected(self, port: Port, done: Callable[[Optional[Cable], str], None]) -> None:
+        if self.is_off or self.clock.now < max(self.refused_until[port], self.unreachable_until[port]):
+            done(None, "connection refused")
+            return
+        self._count += 1
+        cable = Cable(self, port, self._count)
+        self.cables = [other for other in self.cables if other.driver_knows or other.controller_knows] + [cable]
+        self.accepted(cable)
+        done(cable, "")
+
+    def on(self, port: Port) -> List[Cable]:
+        """Connections of a port that at least one end holds for open."""
+        return [cable for cable in self.cables if cable.port is port and (cable.driver_knows or cable.controller_knows)]
+
+    def carries(self, port: Port) -> bool:
+        """A new connection would come about now, and bytes would flow on it."""
+        return not self.is_off and self.clock.now >= max(self.refused_until[port], self.unreachable_until[port],
+                                     self.terms[port, True].stalled_until, self.terms[port, False].stalled_until)
+
+    def heal(self) -> None:
+        """Nothing stands against a connection any more; connections that broke stay broken."""
+        now = self.clock.now
+        for port in PORTS:
+            self.refused_until[port] = min(self.refused_until[port], now)
+            self.unreachable_until[port] = min(self.unreachable_until[port], now)
+        for terms in self.terms.values():
+            terms.stalled_until = min(terms.stalled_until, now)
+            terms.splits_until = min(terms.splits_until, now)
+        for cable in self.cables:
+            cable.to_controller.wake()
+            cable.to_driver.wake()

@@ -1,0 +1,352 @@
+"""A whole world in one process: driver core, wire and simulated controller, under virtual time and one seed.
+
+The same scenario runs the same everywhere: every draw comes from the seed, nothing looks at a clock of the host.
+"""
+import hashlib
+import random
+import zlib
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+
+from cabinet_room import CabinetRoom
+from clients import Clients
+from driver_process import Call, DriverProcess
+from generator import Event, Scenario
+from invariants import FREE_AFTER, REST_AFTER_STOP, Judge
+from verdict import RuleBroken
+from virtual_clock import Clock
+from wire import Network
+
+from jaka_ros_driver.client.core.actions import Port
+from jaka_ros_driver.client.core.arm_core import ArmCore
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model
+from jaka_ros_driver.simulation.cabinet import Options, Start
+from jaka_ros_driver.simulation.firmware import FIRMWARES
+from jaka_ros_driver.simulation.plant import CYCLE_TIME
+
+MODEL = "zu7"
+BEGIN = 1000.0
+"""s; the host's monotonic clock is not 0 when a driver starts."""
+LONGEST_GOOD_BYE = 3.0
+"""s; a driver that shuts down waits so long for the arm to rest."""
+QUIET_WAIT = 4.0
+TRIES_TO_STOP = 5
+_NEVER = float("inf")
+
+MakeCore = Callable[[ClientSettings, ArmModel], Any]
+
+
+class Result(NamedTuple):
+    """What became of a scenario.
+
+    Attributes:
+        broken: The rule that was broken; None for none.
+        simulated: Virtual time, s.
+        moving: Of it with the arm in motion by the driver, s.
+        answers: By kind of call and how it ended.
+        digest: Of the trace, where there is one.
+    """
+
+    broken: Optional[RuleBroken]
+    simulated: float
+    moving: float
+    answers: Dict[Tuple[str, str], int]
+    digest: str
+
+
+class World:
+    """One run of one scenario.
+
+    Attributes:
+        trace: What happened, a line each, where it was asked for.
+    """
+
+    def __init__(self, scenario: Scenario, make_core: MakeCore = ArmCore,
+                 on_line: Optional[Callable[[str], None]] = None) -> None:
+        """Build it; ``run`` runs it. ``on_line`` gets the trace, line by line."""
+        model = load_model(MODEL)
+        settings = ClientSettings("10.5.5.100", **scenario.settings)
+        self._scenario = scenario
+        self._on_line = on_line
+        self._digest = hashlib.sha256()
+        self._clock = clock = Clock(BEGIN)
+        self._chance = chance = random.Random(zlib.crc32(b"world %d" % scenario.seed))
+        self._network = network = Network(clock, chance, scenario.latency)
+        options = Options(scenario.power_delay, scenario.enable_delay, Start(scenario.start))
+        self._room = room = CabinetRoom(clock, network, chance, model, FIRMWARES[scenario.firmware], options,
+                                        scenario.forced_feed_period, scenario.full_frames, self.note)
+        self._judge = judge = Judge(clock, network, room, model, settings, scenario.lateness, self.note)
+        self._driver = driver = DriverProcess(
+            clock, network, chance, make_core(settings, model), settings, judge, scenario.lateness,
+            scenario.has_guard, room.guard_stops, self.note)
+        judge.driver = driver
+        network.at_controller, network.controller_lost, network.accepted = room.arrived, room.lost, room.accepted
+        network.at_driver, network.driver_lost = driver.arrived, driver.lost
+        self._clients = Clients(clock, driver, model)
+        self._closing_until: Optional[float] = None
+        self._is_over = False
+        if on_line is not None:
+            room.on_executed = self._note_executed
+
+    def note(self, what: str, *details: Any) -> None:
+        """A line of the trace."""
+        if self._on_line is not None:
+            line = "%10.5f  %s %s" % (self._clock.now - BEGIN, what, " ".join(map(str, details)))
+            self._digest.update(line.encode() + b"\n")
+            self._on_line(line)
+
+    def _note_executed(self, request: Dict[str, Any], taken: bool, who: str) -> None:
+        if request.get("cmdName") not in ("servo_j", "servo_p"):
+            self.note("controller %s" % ("executes" if taken else "does not take"), request, who)
+
+    # ---- time ----
+
+    def run(self) -> Result:
+        """Let the scenario happen; it ends at its end, or where a rule is broken."""
+        clock = self._clock
+        broken: Optional[RuleBroken] = None
+        try:
+            for event in self._scenario.events:
+                clock.at(BEGIN + event.at, lambda event=event: self._happens(event))
+            clock.at(BEGIN + self._scenario.length, self._end)
+            if self._scenario.auto_enable:
+                clock.at(BEGIN, self._clients.auto_enable)
+            self._driver.start()
+            self._loop()
+        except RuleBroken as error:
+            broken = error
+            self.note("BROKEN", error)
+        return Result(broken, clock.now - BEGIN, self._judge.cycles_moving * CYCLE_TIME, self._judge.answers,
+                      self._digest.hexdigest())
+
+    def _loop(self) -> None:
+        clock, driver, room, judge = self._clock, self._driver, self._room, self._judge
+        cycles = 1
+        next_cycle = BEGIN + CYCLE_TIME
+        while not self._is_over:
+            next_tick = _NEVER if driver.is_paused else driver.next_tick
+            due = clock.next_due()
+            if due <= next_tick and due <= next_cycle:
+                clock.now = due
+                clock.do_next()
+            elif next_tick <= next_cycle:
+                clock.now = next_tick
+                driver.tick()
+            else:
+                clock.now = next_cycle
+                room.cycle()
+                judge.cycle()
+                if self._closing_until is not None:
+                    self._say_good_bye()
+                cycles += 1
+                next_cycle = BEGIN + cycles * CYCLE_TIME
+
+    def _happens(self, event: Event) -> None:
+        if event.at <= self._scenario.length:
+            self.note("*", event.kind, event.args)
+            getattr(self, "do_" + event.kind)(**event.args)
+
+    # ---- the end ----
+
+    def _end(self) -> None:
+        """Everything is well again; nobody asks for anything any more."""
+        self.note("the end begins", self._scenario.ends)
+        self._clients.are_gone = True
+        if self._scenario.ends == "close in trouble":
+            self._close()
+        self._clock.after(0.0 if self._scenario.ends == "leave" else 2.0, self._heal)
+        if self._scenario.ends == "close":
+            self._clock.after(2.0, self._close)
+        elif self._scenario.ends == "leave":
+            self._clock.after(QUIET_WAIT, lambda: self._last_stop(TRIES_TO_STOP))
+
+    def _heal(self) -> None:
+        self.note("all is well again")
+        self._judge.obstacle()
+        self._room.faults.heal()
+        self._network.heal()
+        self._room.controller.cabinet.release_emergency_stop()
+
+    def _last_stop(self, tries: int) -> None:
+        """Somebody stops what is still under way; a driver that does not know yet that all is well gets time."""
+        def answered(call: Call) -> None:
+            if call.error is None:
+                self._clock.after(REST_AFTER_STOP + CYCLE_TIME, self._judge.must_rest)
+                self._clock.after(FREE_AFTER, self._judge.must_be_free)
+                self._clock.after(FREE_AFTER + CYCLE_TIME, self._close)
+            elif tries > 1:
+                self._clock.after(1.0, lambda: self._last_stop(tries - 1))
+            else:
+                self._judge.broken("no stop is delivered though all is well: %s" % call.error)
+        if self._driver.is_paused:
+            self._clock.at(self._driver.paused_until + 1.0, lambda: self._last_stop(tries))
+            return
+        self._clients.are_gone = False
+        self._clients.stop(on_answer=answered)
+        self._clients.are_gone = True
+
+    def _close(self) -> None:
+        """The driver is told to shut down, and does so as its shell does."""
+        if self._driver.is_paused:
+            self._clock.at(self._driver.paused_until + 0.1, self._close)
+            return
+        self.note("close")
+        self._judge.closes(self._clock.now)
+        self._driver.whenever_awake(self._driver.core.close)
+        self._closing_until = self._clock.now + LONGEST_GOOD_BYE
+
+    def _say_good_bye(self) -> None:
+        """Leave once the arm rests, or after a time; with the arm in motion its guard is told that it is so."""
+        driver, now = self._driver, self._clock.now
+        assert self._closing_until is not None
+        if driver.is_paused or not (driver.core.is_free or now >= self._closing_until):
+            return
+        self._closing_until = None
+        plant = self._room.controller.cabinet.plant
+        was_left_moving = not driver.core.is_free
+        driver.whenever_awake(driver.core.disconnect)
+        driver.leave()
+        self.note("the driver has ended", "its guard stops the arm" if driver.is_moving_told else "")
+        self._judge.all_are_answered()
+        if not was_left_moving and plant.is_moving:
+            self._judge.must_rest()
+        if was_left_moving and not driver.is_moving_told:
+            self._judge.broken("the driver ends while it moves the arm, and does not leave that to its guard")
+        self._is_over = True
+
+    # ---- what happens: calls ----
+
+    def do_joint_move(self, caller: int, **args: Any) -> None:
+        self._clients.joint_move(caller, **args)
+
+    def do_linear_move(self, caller: int, **args: Any) -> None:
+        self._clients.linear_move(caller, **args)
+
+    def do_jogging(self, caller: int, **args: Any) -> None:
+        self._clients.jogging(caller, **args)
+
+    def do_servo_mode(self, caller: int, active: bool) -> None:
+        self._clients.servo_mode(caller, active)
+
+    def do_servo_stream(self, caller: int, **args: Any) -> None:
+        self._clients.servo_stream(caller, **args)
+
+    def do_servo_burst(self, caller: int, **args: Any) -> None:
+        self._clients.servo_burst(caller, **args)
+
+    def do_servo_session(self, caller: int, **args: Any) -> None:
+        self._clients.servo_session(caller, **args)
+
+    def do_procedure(self, caller: int, **args: Any) -> None:
+        self._clients.procedure(caller, **args)
+
+    def do_maintenance(self, every: float) -> None:
+        self._clients.maintenance(every)
+
+    def do_stop(self, caller: int) -> None:
+        self._clients.stop()
+
+    def do_stop_with(self, caller: int, stop_first: bool, kind: str, args: Dict[str, Any]) -> None:
+        if stop_first:
+            self._clients.stop()
+        getattr(self, "do_" + kind)(caller=caller, **args)
+        if not stop_first:
+            self._clients.stop()
+
+    # ---- what happens: the wire ----
+
+    def _ports(self, port: str) -> List[Port]:
+        return list(Port) if port == "both" else [Port[port]]
+
+    def do_stall(self, port: str, way: str, duration: float) -> None:
+        until = self._clock.now + duration
+        for one in self._ports(port):
+            for to_controller in ((True, False) if way == "both" else (way == "to controller",)):
+                terms = self._network.terms[one, to_controller]
+                terms.stalled_until = max(terms.stalled_until, until)
+
+    def do_cut(self, port: str, driver_learns: bool, controller_learns: bool) -> None:
+        self._judge.obstacle()
+        for one in self._ports(port):
+            for cable in self._network.on(one):
+                cable.cut(driver_learns, controller_learns)
+
+    def do_refuse(self, port: str, duration: float) -> None:
+        for one in self._ports(port):
+            self._network.refused_until[one] = max(self._network.refused_until[one], self._clock.now + duration)
+
+    def do_unreachable(self, port: str, duration: float) -> None:
+        for one in self._ports(port):
+            self._network.unreachable_until[one] = max(self._network.unreachable_until[one],
+                                                       self._clock.now + duration)
+
+    def do_cut_and_refuse(self, port: str, duration: float) -> None:
+        self.do_refuse(port, duration)
+        self.do_cut(port, True, True)
+
+    def do_split(self, duration: float) -> None:
+        for terms in self._network.terms.values():
+            terms.splits_until = self._clock.now + duration
+
+    def do_noise(self, duration: float) -> None:
+        self._room.faults.noise_until = self._clock.now + duration
+
+    def do_lose_replies(self, count: int, command: str) -> None:
+        self._room.faults.lost_replies[command] = count
+
+    # ---- what happens: the feed ----
+
+    def do_feed_shows(self, what: Dict[str, Any], frames: int = 0, duration: float = 0.0) -> None:
+        faults = self._room.faults
+        faults.shown, faults.shown_frames, faults.shown_until = what, frames, self._clock.now + duration
+
+    def do_feed_drops(self, fields: Tuple[str, ...], duration: float) -> None:
+        self._room.faults.dropped, self._room.faults.dropped_until = fields, self._clock.now + duration
+
+    def do_feed_silent(self, duration: float) -> None:
+        self._room.faults.silent_until = self._clock.now + duration
+
+    def do_feed_mangled(self, how: str, frames: int) -> None:
+        self._room.faults.mangle, self._room.faults.mangled_frames = how, frames
+
+    # ---- what happens: the controller, and people beside it ----
+
+    def do_refuse_stop(self, count: int) -> None:
+        self._room.faults.refused_stops = count
+
+    def do_refuse_stop_for(self, duration: float) -> None:
+        self._room.faults.refuses_stop_until = self._clock.now + duration
+
+    def do_refuse_command(self, command: str, duration: float) -> None:
+        self._room.faults.refuses_until[command] = self._clock.now + duration
+
+    def do_slow_replies(self, delay: float, duration: float) -> None:
+        self._room.faults.reply_delay, self._room.faults.delays_until = delay, self._clock.now + duration
+
+    def do_late_start(self, delay: float, duration: float) -> None:
+        self._room.faults.late_start, self._room.faults.starts_late_until = delay, self._clock.now + duration
+
+    def do_restart(self, down: float, silent: bool) -> None:
+        self._judge.obstacle()
+        self._room.power_cut(down, silent)
+
+    def do_emergency_stop(self, held: float) -> None:
+        self._room.press_emergency_stop()
+        self._clock.after(held, lambda: self._room.controller.cabinet.release_emergency_stop())
+
+    def do_hit(self, force: float) -> None:
+        self._room.hit(force)
+
+    def do_pendant_stop(self) -> None:
+        self._room.stop_at_pendant()
+
+    def do_pendant_move(self, joint: int, step: float) -> None:
+        self._room.move_at_pendant(joint, step)
+
+    def do_push(self, joint: int, velocity: float, duration: float) -> None:
+        self._room.push(joint, velocity, duration)
+
+    # ---- what happens: the driver's process ----
+
+    def do_pause(self, duration: float) -> None:
+        self._driver.pause(duration)

@@ -1,0 +1,248 @@
+"""Nobody who merely connects keeps others from being served: a node with few descriptors under floods of each kind."""
+import contextlib
+import os
+import re
+import resource
+import socket
+import subprocess
+import sys
+import time
+from urllib.parse import urlparse
+
+import pytest
+import rosgraph
+import rospy
+from import_graph import ROOT
+from ros_bench import WAIT, eventually
+from rosgraph.network import encode_ros_handshake_header
+from std_srvs.srv import Empty, SetBool, Trigger
+
+from jaka_msgs.srv import GetIO
+
+DESCRIPTORS = 256
+SERVED_WITHIN = 2.0
+NODE = """
+import contextlib
+import os
+import time
+import rospy
+from std_srvs.srv import Empty, EmptyResponse, SetBool, SetBoolResponse, Trigger, TriggerResponse
+from jaka_msgs.srv import GetIO, GetIOResponse
+from jaka_ros_driver.ros.log_bridge import log_to_ros
+from jaka_ros_driver.ros.service_server import CallCount, ServiceServer, prepare_connections
+
+def hold_all_descriptors(request):
+    held = []
+    with contextlib.suppress(OSError):
+        while True:
+            held.append(os.open("/dev/null", os.O_RDONLY))
+    time.sleep(1.5)
+    for descriptor in held:
+        os.close(descriptor)
+    return TriggerResponse(True, str(len(held)))
+
+rospy.init_node("doorkeeper", disable_signals=True)
+log_to_ros()
+prepare_connections()
+calls = CallCount()
+ServiceServer("~stop", Empty, lambda request: EmptyResponse(), calls)
+ServiceServer("~hold", Trigger, hold_all_descriptors, calls)
+ServiceServer("~read", GetIO, lambda request: GetIOResponse(message="read", value=10.0 ** request.index), calls)
+ServiceServer("~text", SetBool, lambda request: SetBoolResponse(True, "\\ud800" if request.data else "whole"), calls)
+print("ready", flush=True)
+while not rospy.is_shutdown():
+    time.sleep(0.1)
+"""
+
+
+class Node:
+    """The small node above, in a process of its own."""
+
+    def __init__(self, soft=DESCRIPTORS, hard=DESCRIPTORS):
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", NODE], cwd=str(ROOT), stdout=subprocess.PIPE, text=True,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard)))
+        assert self.process.stdout.readline() == "ready\n"
+        master = rosgraph.Master("/tests")
+        self.uri = master.lookupService("/doorkeeper/stop")
+        self.xmlrpc_uri = master.lookupNode("/doorkeeper")
+
+    def connect(self, uri=""):
+        address = urlparse(uri or self.uri)
+        return socket.create_connection((address.hostname, address.port), WAIT)
+
+    def greet(self, **fields):
+        """A connection that has said what it wants, and heard that it may."""
+        sock = self.connect()
+        header = dict({"callerid": "/tests", "md5sum": "*", "type": "*", "tcp_nodelay": "0"}, **fields)
+        sock.sendall(encode_ros_handshake_header(header))
+        sock.recv(4096)
+        return sock
+
+    def descriptors(self):
+        return len(os.listdir("/proc/%d/fd" % self.process.pid))
+
+    def close(self):
+        self.process.kill()
+        self.process.wait(WAIT)
+        self.process.stdout.close()
+
+
+@pytest.fixture
+def node(ros_node):
+    running = Node()
+    yield running
+    running.close()
+
+
+def answered_after(service="stop", kind=Empty, **fields):
+    """s that a new caller waits for the answer."""
+    begin = time.monotonic()
+    rospy.ServiceProxy("/doorkeeper/" + service, kind)(**fields)
+    return time.monotonic() - begin
+
+
+def assert_served():
+    """Once for the host's sake: what counts is that nobody waits for ever, and hardly anybody for long."""
+    waits = [answered_after() for _ in range(5)]
+    assert sorted(waits)[-2] < SERVED_WITHIN, waits
+
+
+def is_closed(sock, timeout=WAIT):
+    sock.settimeout(timeout)
+    try:
+        return sock.recv(1) == b""
+    except socket.timeout:
+        return False
+    except OSError:
+        return True
+
+
+def flood(how, count, stack):
+    socks = []
+    for _ in range(count):
+        with contextlib.suppress(OSError):  # a connection that is shed while it speaks
+            socks.append(stack.enter_context(how()))
+    return socks
+
+
+FLOODS = {
+    "silent": lambda node: node.connect(),
+    "silent at the other port": lambda node: node.connect(node.xmlrpc_uri),
+    "persistent callers": lambda node: node.greet(service="/doorkeeper/stop", persistent="1"),
+    "callers without a request": lambda node: node.greet(service="/doorkeeper/stop"),
+    "callers of nothing": lambda node: node.greet(service="/doorkeeper/nothing"),
+    "subscribers": lambda node: node.greet(topic="/rosout"),
+    "subscribers of nothing": lambda node: node.greet(topic="/nothing"),
+}
+
+
+@pytest.mark.parametrize("kind", FLOODS)
+def test_a_service_is_answered_while_hundreds_of_connections_stay(node, kind):
+    before = node.descriptors()
+    with contextlib.ExitStack() as stack:
+        flood(lambda: FLOODS[kind](node), 600, stack)
+        assert_served()
+        assert node.descriptors() < DESCRIPTORS
+    if kind != "subscribers":  # rospy sees that one has gone when it has something to tell it
+        assert eventually(lambda: node.descriptors() <= before + 8), node.descriptors()
+    assert_served()
+
+
+def test_all_floods_at_once(node):
+    with contextlib.ExitStack() as stack:
+        for how in FLOODS.values():
+            flood(lambda how=how: how(node), 200, stack)
+            assert_served()
+        assert_served()
+
+
+def test_the_accepting_thread_outlives_the_lack_of_descriptors(node):
+    with contextlib.ExitStack() as stack:
+        flood(lambda: FLOODS["silent"](node), 5, stack)
+        keeper = rospy.ServiceProxy("/doorkeeper/hold", Trigger, persistent=True)
+        assert int(keeper().message) > 50  # none left meanwhile; those who come now wait in the queue
+    sock = node.connect()
+    sock.sendall(encode_ros_handshake_header(
+        {"callerid": "/tests", "md5sum": "*", "service": "/doorkeeper/hold", "persistent": "1"}))
+    sock.sendall(b"\0\0\0\0")
+    time.sleep(0.5)
+    assert answered_after() < WAIT
+    sock.close()
+    assert_served()
+
+
+def test_who_says_nothing_is_sent_away_and_who_says_little_too(node):
+    begin = time.monotonic()
+    with node.connect() as silent, node.connect() as slow:
+        slow.sendall(b"\xff\0\0\0")
+        for _ in range(4):
+            time.sleep(1.0)
+            slow.sendall(b"\x10")
+        assert not is_closed(slow, 0.1), "5 s are not over"
+        assert is_closed(silent) and is_closed(slow)
+    assert 4.5 < time.monotonic() - begin < 4.5 + WAIT
+
+
+@pytest.mark.parametrize("greeting", [b"\xff\xff\xff\xff", b"\x04\0\0\0\0\0\0\0", b"\x05\0\0\0\x01\0\0\0\xff",
+                                      b"GET / HTTP/1.0\r\n\r\n", encode_ros_handshake_header({"callerid": "/x"}),
+                                      encode_ros_handshake_header({"service": "/doorkeeper/stop"}),
+                                      encode_ros_handshake_header({"topic": "/rosout"})])
+def test_what_is_no_greeting_ends_its_connection(node, greeting):
+    with node.connect() as sock:
+        sock.sendall(greeting)
+        sock.settimeout(WAIT)
+        with contextlib.suppress(OSError):
+            while sock.recv(4096):
+                pass
+    assert_served()
+
+
+def test_a_request_that_comes_with_the_greeting_is_served(node):
+    with node.connect() as sock:
+        sock.sendall(encode_ros_handshake_header({"callerid": "/tests", "md5sum": "*", "service": "/doorkeeper/stop"})
+                     + b"\0\0\0\0")
+        sock.settimeout(WAIT)
+        said = b""
+        while len(said) < 4 or len(said) < 4 + int.from_bytes(said[:4], "little") + 5:
+            said += sock.recv(4096)
+    assert said.endswith(b"\x01\0\0\0\0")
+
+
+def test_the_caller_that_was_idle_longest_has_to_go(node):
+    """The node has room for half as many callers as it has descriptors."""
+    busy = rospy.ServiceProxy("/doorkeeper/stop", Empty, persistent=True)
+    busy()
+    with contextlib.ExitStack() as stack:
+        socks = flood(lambda: FLOODS["persistent callers"](node), DESCRIPTORS // 2 - 1, stack)
+        busy()
+        more = flood(lambda: FLOODS["persistent callers"](node), 10, stack)
+        busy()
+        assert all(is_closed(sock) for sock in socks[:10])
+        assert not any(is_closed(sock, 0.01) for sock in socks[10:] + more)
+        busy()
+
+
+def test_the_soft_limit_is_raised_to_the_hard_one(ros_node):
+    node = Node(100, 1024)
+    try:
+        with open("/proc/%d/limits" % node.process.pid) as limits:
+            assert re.search(r"Max open files +1024 +1024", limits.read())
+        with contextlib.ExitStack() as stack:
+            flood(lambda: FLOODS["persistent callers"](node), 300, stack)
+            assert node.descriptors() > 300
+            assert_served()
+    finally:
+        node.close()
+
+
+def test_a_response_that_cannot_be_written_spoils_no_later_one(node):
+    read = rospy.ServiceProxy("/doorkeeper/read", GetIO, persistent=True)
+    assert read(index=2).value == 100.0
+    with pytest.raises(rospy.ServiceException, match="float too large"):
+        read(index=39)
+    assert (read(index=3).message, read(index=3).value) == ("read", 1000.0)
+    text = rospy.ServiceProxy("/doorkeeper/text", SetBool, persistent=True)
+    with pytest.raises(rospy.ServiceException, match="surrogates"):
+        text(True)
+    assert text(False).message == "whole"
