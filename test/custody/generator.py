@@ -141,10 +141,10 @@ def _procedure(name: str, *values: Any) -> _Draw:
 
 
 CALLS: _Weighted = (
-    (10.0, _joint_move), (3.0, _linear_move), (6.0, _jogging), (4.0, _servo_session), (1.0, _servo_mode(True)),
-    (1.0, _servo_mode(False)), (1.5, _servo_stream), (0.7, _servo_burst), (5.0, _stop), (3.0, _stop_with_move),
-    (0.7, _procedure("power", True, True, False)), (1.0, _procedure("enable", True, True, False)),
-    (1.0, _procedure("clear_error", None)), (0.7, _procedure("hand_guiding", True, False)),
+    (12.0, _joint_move), (5.0, _linear_move), (3.0, _jogging), (6.0, _servo_session), (0.5, _servo_mode(True)),
+    (0.7, _servo_mode(False)), (1.5, _servo_stream), (0.5, _servo_burst), (2.5, _stop), (2.0, _stop_with_move),
+    (0.5, _procedure("power", True, True, True, False)), (0.7, _procedure("enable", True, True, True, False)),
+    (1.0, _procedure("clear_error", None)), (0.5, _procedure("hand_guiding", True, False, False)),
     (0.3, _procedure("tool_frame", 1, 2)), (0.3, _procedure("user_frame", 1, 2)), (0.3, _procedure("payload", 1.0)),
     (0.3, _procedure("query", None)))
 
@@ -205,7 +205,7 @@ CONTROLLER_FAULTS: _Weighted = (
     (0.7, _with("pendant_move", joint=(0, 3, 5), step=(0.1, -0.3))),
     (1.0, _with("push", joint=(0, 4), velocity=(0.2, -0.3), duration=(0.3, 2.0))))
 DRIVER_FAULTS: _Weighted = ((1.0, _with("pause", duration={"low": 0.02, "high": 2.0})),
-                            (0.2, _with("pause", duration={"low": 1.0, "high": 30.0})))
+                            (0.05, _with("pause", duration={"low": 1.0, "high": 30.0})))
 
 
 def _drawn(chance: random.Random, choices: _Weighted) -> Tuple[str, Dict[str, Any]]:
@@ -233,7 +233,7 @@ def generate(seed: int) -> Scenario:
         while at < length:
             at += chance.expovariate(1.0 / chance.choice((1.0, 4.0)))
             events.append(Event(at, "stop", {"caller": 9}))
-    if chance.random() < 0.7:
+    if chance.random() < 0.85:
         events.append(Event(0.5, "maintenance", {"every": chance.choice((0.7, 2.0))}))
     for faults in (WIRE_FAULTS, FEED_FAULTS, CONTROLLER_FAULTS, DRIVER_FAULTS):
         apart = chance.choice((0.0, 0.0, 0.0, 0.0, 1.0, 2.5, 2.5, 6.0, 6.0, 6.0))

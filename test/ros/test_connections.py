@@ -161,14 +161,11 @@ def test_the_accepting_thread_outlives_the_lack_of_descriptors(node):
     with contextlib.ExitStack() as stack:
         flood(lambda: FLOODS["silent"](node), 5, stack)
         keeper = rospy.ServiceProxy("/doorkeeper/hold", Trigger, persistent=True)
-        assert int(keeper().message) > 50  # none left meanwhile; those who come now wait in the queue
-    sock = node.connect()
-    sock.sendall(encode_ros_handshake_header(
-        {"callerid": "/tests", "md5sum": "*", "service": "/doorkeeper/hold", "persistent": "1"}))
-    sock.sendall(b"\0\0\0\0")
-    time.sleep(0.5)
-    assert answered_after() < WAIT
-    sock.close()
+        assert int(keeper().message) > 50
+    with node.greet(service="/doorkeeper/hold", persistent="1") as holder:
+        holder.sendall(b"\0\0\0\0")
+        assert eventually(lambda: node.descriptors() > DESCRIPTORS - 10)
+        assert answered_after() < WAIT
     assert_served()
 
 

@@ -252,8 +252,6 @@ class ArmCore:
         self._end_waiting(MotionInterrupted(StopCause.STOPPED))
         if not self.custody.is_free:
             self.custody.stop_for(call, now)
-        elif not self.links.is_confirmed:
-            self.actions.answer(call, None, ConnectionLost("no link to the controller: " + self.links.last_error))
         else:
             self._stop_free_arm(call, now)
 

@@ -34,16 +34,21 @@ class Channel:
         self._exchange: Exchange[_Pending] = Exchange()
         self._down_reason = "not connected yet"
         self.is_open = False
+        self.is_confirmed = False
         self.damaged_replies = 0
 
-    def open(self) -> None:
-        """A new connection: nothing is outstanding on it."""
+    def open(self, is_confirmed: bool) -> None:
+        """A new connection: nothing is outstanding on it.
+
+        Only what asks who the controller is, is sent before ``is_confirmed``: it may be another one than was meant.
+        """
         self._stream = ObjectStream()
         self.is_open = True
+        self.is_confirmed = is_confirmed
 
     def close(self, reason: str, now: float, late: Optional[Any] = None) -> None:
         """The connection has ended; who waits for a reply is told."""
-        self.is_open = False
+        self.is_open = self.is_confirmed = False
         self._down_reason = reason
         for request in self._exchange.abandon():
             if request.waiter is not None:
@@ -52,21 +57,23 @@ class Channel:
                     error = ReplyTimeout(request.name, self._reply_timeout)
                 request.waiter.on_reply(None, error, now)
 
-    def request(self, command: Command, now: float, on_reply: OnReply) -> None:
-        """Send one command.
+    def request(self, command: Command, now: float, on_reply: OnReply, asks_who: bool = False) -> None:
+        """Send one command; ``asks_who``: it belongs to asking who the controller is.
 
         Raises:
             InvalidCommand: A number in it is not finite; nothing was sent.
             ConnectionLost: There is no connection.
         """
-        self.request_all([command], now, [on_reply])
+        self.request_all([command], now, [on_reply], asks_who)
 
-    def request_all(self, commands: Iterable[Command], now: float, on_replies: Iterable[OnReply]) -> None:
+    def request_all(self, commands: Iterable[Command], now: float, on_replies: Iterable[OnReply],
+                    asks_who: bool = False) -> None:
         """Send the commands in one piece; errors as ``request``."""
         pendings = [_Pending(command, on_reply) for command, on_reply in zip(commands, on_replies)]
         texts = [encode_object(codec.encode(pending.command)) for pending in pendings]
-        if not self.is_open:
-            raise ConnectionLost("no link to the controller: " + self._down_reason)
+        if not self.is_open or not (self.is_confirmed or asks_who):
+            raise ConnectionLost("no link to the controller: " + (
+                "it has not said yet who it is" if self.is_open else self._down_reason))
         for pending in pendings:
             self._exchange.sent(codec.command_name(pending.command), now, self._reply_timeout, pending)
         self._actions.add(Send(b"".join(texts)))

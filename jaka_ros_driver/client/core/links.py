@@ -51,7 +51,6 @@ class Links:
 
     Attributes:
         is_ready: The command port is connected and the controller has answered all that is asked first.
-        is_confirmed: It is the controller that was meant, as far as that can be known.
         is_servo_active: The controller is in servo mode; False while that is not known.
         about: What the controller told of itself.
     """
@@ -75,7 +74,6 @@ class Links:
         self._health = _HealthWatch()
         self._is_closing = False
         self.is_ready = False
-        self.is_confirmed = False
         self.is_servo_active = False
         self.about = session.About()
 
@@ -146,11 +144,10 @@ class Links:
             self._feed.open(now)
             return
         self._command.opened(now)
-        self.is_confirmed = not self._settings.simulator
-        self._channel.open()
+        self._channel.open(is_confirmed=not self._settings.simulator)
         self._custody.link_up(now)
         self._handshake = Running(session.handshake(self._settings, self._actions, self._confirmed), self._channel,
-                                  self._handshake_ended)
+                                  self._handshake_ended, asks_who=True)
         self._handshake.begin(now)
 
     def failed(self, port: Port, reason: str, now: float) -> None:
@@ -208,7 +205,7 @@ class Links:
     # ---- inside ----
 
     def _confirmed(self, now: float) -> None:
-        self.is_confirmed = True
+        self._channel.is_confirmed = True
         if self._settings.simulator and not self._status.is_up and self._status.retry_at == _NEVER:
             self._status.start(now)
 
@@ -234,7 +231,7 @@ class Links:
 
     def _command_lost(self, reason: str, now: float, late: Any = None) -> None:
         was_ready = self.is_ready
-        self.is_ready = self.is_confirmed = self.is_servo_active = False
+        self.is_ready = self.is_servo_active = False
         self._next_beat = _NEVER
         self._channel.close(reason, now, late)
         self._custody.link_lost(reason, now)

@@ -46,14 +46,16 @@ OnEnd = Callable[[Any, Optional[JakaError], float], None]
 class Running:
     """One procedure under way."""
 
-    def __init__(self, procedure: Procedure, channel: Channel, on_end: OnEnd) -> None:
+    def __init__(self, procedure: Procedure, channel: Channel, on_end: OnEnd, asks_who: bool = False) -> None:
         """Prepare; ``begin`` begins.
 
         Args:
             procedure: What is to be done.
             channel: Where its requests go.
             on_end: Gets result, error and time, once.
+            asks_who: It asks who the controller is.
         """
+        self._asks_who = asks_who
         self._procedure = procedure
         self._channel = channel
         self._on_end = on_end
@@ -95,7 +97,8 @@ class Running:
     def _ask(self, command: Command, now: float) -> None:
         self._asked += 1
         number = self._asked
-        self._channel.request(command, now, lambda result, error, at: self._replied(number, result, error, at))
+        self._channel.request(command, now, lambda result, error, at: self._replied(number, result, error, at),
+                              self._asks_who)
 
     def _replied(self, number: int, result: Any, error: Optional[JakaError], now: float) -> None:
         if self.has_ended or number != self._asked:

@@ -1,0 +1,201 @@
+"""When an accepted move counts as completed, when it is stopped, and what its caller is told."""
+import math
+
+import pytest
+from stories import HOME, Story
+
+from jaka_ros_driver.client.core.move import START_WINDOW
+from jaka_ros_driver.commands import JointMove, LinearMove, Pose
+from jaka_ros_driver.errors import CommandRejected, ConnectionLost, InvalidCommand, ReplyTimeout, StopCause
+
+TARGET = (0.5,) + HOME[1:]
+MOVING = {"inpos": False}
+
+
+def begun(target=TARGET, wait=True, speed=1.0, **settings):
+    story = Story(**settings)
+    story.core.move("move", JointMove(target, speed, 1.0), wait, story.now)
+    story.perform()
+    return story
+
+
+def test_the_guard_is_told_before_the_first_byte():
+    story = begun()
+    assert story.told == [True] and story.names()[-1] == "joint_move"
+
+
+def test_a_move_is_completed_when_the_arm_rests_at_the_target():
+    story = begun().run(1.0, move=0.5, **MOVING)
+    assert story.error("move") == "pending" and story.told == [True]
+    story.run(0.2)
+    assert story.error("move") is None and story.told == [True, False] and story.core.is_free
+    assert story.count("stop_program") == 0
+
+
+def test_flags_alone_complete_nothing():
+    story = begun().run(0.9, move=0.5)
+    assert story.error("move") == "pending"
+    assert story.run(0.3, move=0.5).error("move") is None
+
+
+def test_a_move_to_where_the_arm_is_is_completed_at_rest():
+    story = begun(HOME).run(0.2)
+    assert story.error("move") is None and story.count("stop_program") == 0
+
+
+@pytest.mark.parametrize("away", [0.009, 0.005, 0.001])
+def test_a_short_move_is_not_completed_before_it_has_begun(away):
+    story = begun((away,) + HOME[1:]).run(0.5)
+    assert story.error("move") == "pending"
+    story.run(0.1, move=away)
+    assert story.run(0.15).error("move") is None
+
+
+def test_a_move_that_is_accepted_and_never_begins_is_stopped_before_it_is_called_a_fault():
+    story = begun().run(START_WINDOW - 0.05)
+    assert story.error("move") == "pending"
+    story.run(0.1)
+    assert story.cause("move") is StopCause.FAULT and story.count("stop_program") == 1
+
+
+def test_while_the_controller_says_that_more_comes_a_start_is_waited_for():
+    story = begun().run(5.0, **MOVING)
+    assert story.error("move") == "pending" and story.count("stop_program") == 0
+
+
+def test_rest_elsewhere_than_at_the_target_was_a_stop_and_is_made_sure_of():
+    story = begun().run(0.2, move=0.1, **MOVING).run(0.2)
+    assert story.error("move") == "pending"
+    story.run(0.2)
+    assert story.cause("move") is StopCause.STOPPED and story.count("stop_program") == 1
+
+
+def test_a_pause_in_being_in_position_is_not_the_end():
+    story = begun().run(0.2, move=0.1, **MOVING).run(0.2).run(1.0, move=0.5, **MOVING)
+    assert story.run(0.2).error("move") is None
+
+
+@pytest.mark.parametrize("fields, cause", [
+    ({"emergency_stop": 1, "powered_on": 0, "enabled": False}, StopCause.EMERGENCY_STOP),
+    ({"protective_stop": 1}, StopCause.PROTECTIVE_STOP),
+    ({"enabled": False}, StopCause.NOT_ENABLED),
+    ({"powered_on": 0}, StopCause.NOT_ENABLED),
+    ({"errcode": "0x0F0017", "errmsg": "unreachable"}, StopCause.FAULT)])
+def test_what_contradicts_the_move_stops_it_and_names_itself(fields, cause):
+    story = begun().run(0.2, move=0.5, **MOVING)
+    story.frame(**fields)
+    assert story.cause("move") is cause and story.count("stop_program") == 1
+    assert not story.core.is_free and story.told == [True]
+    story.run(0.2)
+    assert story.core.is_free and story.told[-1] is False
+
+
+@pytest.mark.parametrize("errcode", ["0x10F0015", "0x020033", "0x050034"])
+def test_notes_and_warnings_do_not_stop_a_move(errcode):
+    story = begun().run(1.0, move=0.5, errcode=errcode, **MOVING).run(0.2, errcode=errcode)
+    assert story.error("move") is None
+
+
+def test_a_fault_that_stood_before_is_not_this_motions():
+    story = Story()
+    story.fields = {"errcode": "0xF0017"}
+    story.run(0.1)
+    story.core.move("move", JointMove(TARGET, 1.0, 1.0), True, story.now)
+    story.perform()
+    story.run(0.2, move=0.5, **MOVING)
+    assert story.error("move") == "pending"
+    story.frame(errcode="0xF0018")
+    assert story.cause("move") is StopCause.FAULT
+
+
+def test_a_move_that_takes_too_long_is_stopped():
+    story = begun(motion_timeout=2.0).run(2.1, move=0.5, speed=0.1, **MOVING)
+    assert story.cause("move") is StopCause.TIMEOUT and story.count("stop_program") == 1
+
+
+def line_begun(away, **settings):
+    story = Story(**settings)
+    story.core.move("move", LinearMove(Pose((0.4 + away, 0.1, 0.3), (math.pi, 0.0, 0.0)), 0.1, 0.1), True, story.now)
+    story.perform()
+    return story
+
+
+def test_a_line_is_completed_by_the_tool_pose():
+    story = line_begun(0.1).run(0.2, move=0.1, **MOVING)
+    story.tcp[0] = 499.9
+    assert story.run(0.3).error("move") is None
+
+
+def test_a_line_that_ends_elsewhere_was_stopped():
+    story = line_begun(0.1).run(0.2, move=0.1, **MOVING)
+    story.tcp[0] = 450.0
+    assert story.run(0.5).cause("move") is StopCause.STOPPED
+    assert "0.0500 m" in str(story.error("move"))
+
+
+def test_where_the_tool_pose_is_not_reported_rest_after_motion_is_the_end():
+    story = line_begun(0.1).run(0.3, actual_position=None)
+    assert story.error("move") == "pending"
+    story.run(0.3, move=0.1, actual_position=None, **MOVING)
+    assert story.run(0.5, actual_position=None).error("move") is None
+
+
+def test_a_refused_move_leaves_the_arm_free_once_it_is_seen_at_rest():
+    story = Story()
+    story.replies["joint_move"] = "2"
+    story.core.move("move", JointMove(TARGET, 1.0, 1.0), True, story.now)
+    story.perform()
+    assert isinstance(story.error("move"), CommandRejected) and story.told == [True]
+    story.run(0.15)
+    assert story.told == [True, False] and story.count("stop_program") == 0
+
+
+def test_an_arm_that_moves_though_the_move_was_refused_is_stopped():
+    story = Story()
+    story.replies["joint_move"] = "2"
+    story.core.move("move", JointMove(TARGET, 1.0, 1.0), True, story.now)
+    story.run(0.1, move=0.5)
+    assert story.count("stop_program") == 1 and not story.core.is_free
+
+
+def test_a_reply_that_does_not_come_ends_the_link_and_the_stop_is_the_next_ones_first_word():
+    story = Story()
+    story.replies["joint_move"] = None
+    story.core.move("move", JointMove(TARGET, 1.0, 1.0), True, story.now)
+    story.run(1.0)
+    assert isinstance(story.error("move"), ReplyTimeout) and not story.core.is_free
+    del story.sent[:]
+    story.connect()
+    assert story.names()[0] == "stop_program"
+    assert story.run(0.2).core.is_free
+
+
+def test_moves_that_are_not_waited_for_are_queued_and_answered_on_acceptance():
+    story = begun(wait=False)
+    assert story.error("move") is None and not story.core.is_free
+    story.core.move("second", JointMove((0.8,) + HOME[1:], 1.0, 1.0), False, story.now)
+    story.run(1.2, move=0.5, **MOVING)
+    assert story.error("second") is None and not story.core.is_free
+    story.run(0.8, move=0.8, **MOVING)
+    assert not story.core.is_free
+    assert story.run(0.2).core.is_free and story.count("stop_program") == 0
+
+
+def test_a_second_move_is_refused_and_told_who_owns_the_arm():
+    story = begun()
+    story.core.move("second", JointMove(HOME, 1.0, 1.0), True, story.now)
+    story.perform()
+    assert isinstance(story.error("second"), InvalidCommand) and "a move owns" in str(story.error("second"))
+
+
+def test_without_a_link_nothing_is_begun():
+    story = Story()
+    story.core.closed(story_port("COMMAND"), "cut", story.now)
+    story.core.move("move", JointMove(TARGET, 1.0, 1.0), True, story.now)
+    story.perform()
+    assert isinstance(story.error("move"), ConnectionLost) and True not in story.told
+
+
+def story_port(name):
+    from jaka_ros_driver.client.core.actions import Port
+    return Port[name]

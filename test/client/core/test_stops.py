@@ -1,0 +1,193 @@
+"""Stops: delivered at once, repeated until accepted and seen, and ending only what was asked before them."""
+import pytest
+from stories import HOME, Story
+
+from jaka_ros_driver.client.core.actions import Open, Port
+from jaka_ros_driver.commands import Jog, JogFrame, JointMove
+from jaka_ros_driver.errors import CommandRejected, ConnectionLost, MotionInterrupted, StopCause
+
+MOVE = JointMove((1.0,) + HOME[1:], 1.0, 1.0)
+JOG = Jog(JogFrame.JOINT, 0, 0.3)
+MOVING = {"inpos": False}
+
+
+def under_way(**settings):
+    story = Story(**settings)
+    story.core.move("move", MOVE, True, story.now)
+    story.run(0.3, move=1.0, **MOVING)
+    del story.sent[:]
+    return story
+
+
+def test_a_stop_is_sent_at_once_and_answered_with_the_controllers_word():
+    story = under_way()
+    story.core.stop("stop", story.now)
+    story.perform()
+    assert story.names() == ["stop_program"]
+    assert story.error("stop") is None and story.cause("move") is StopCause.STOPPED
+    assert not story.core.is_free
+    assert story.run(0.2).core.is_free
+
+
+def test_custody_is_kept_while_the_arm_coasts():
+    story = under_way()
+    story.core.stop("stop", story.now)
+    story.run(0.3, move=1.0)
+    assert not story.core.is_free and story.told == [True]
+    assert story.run(0.15).core.is_free
+
+
+def test_a_stop_that_is_accepted_and_not_obeyed_is_sent_again():
+    story = under_way()
+    story.core.stop("stop", story.now)
+    story.run(1.2, move=1.0)
+    assert story.count("stop_program") >= 2 and not story.core.is_free
+
+
+def test_a_refused_stop_is_told_and_repeated_until_it_is_accepted():
+    story = under_way()
+    story.replies["stop_program"] = "2"
+    story.core.stop("stop", story.now)
+    story.perform()
+    assert isinstance(story.error("stop"), CommandRejected) and story.error("move") == "pending"
+    story.run(0.5, move=1.0)
+    assert story.count("stop_program") >= 5 and not story.core.is_free
+    story.replies["stop_program"] = "0"
+    story.run(0.1)
+    assert story.cause("move") is StopCause.STOPPED
+    assert story.run(0.2).core.is_free
+
+
+def test_who_waits_for_a_motion_that_cannot_be_stopped_is_told_within_a_second():
+    story = under_way()
+    story.replies["stop_program"] = "2"
+    story.core.stop("stop", story.now)
+    assert story.run(1.1, move=1.0).cause("move") is StopCause.STOPPED
+    assert not story.core.is_free
+
+
+def test_a_move_asked_for_after_the_stop_begins_when_the_arm_rests():
+    story = under_way()
+    story.core.stop("stop", story.now)
+    story.core.move("next", MOVE, True, story.now)
+    story.run(0.2, move=1.0)
+    assert story.count("joint_move") == 0 and story.error("next") == "pending"
+    story.run(0.15)
+    assert story.count("joint_move") == 1 and story.error("next") == "pending"
+
+
+def test_a_stop_ends_what_waits_for_the_arm_to_rest():
+    story = under_way()
+    story.core.stop("stop", story.now)
+    story.core.move("next", MOVE, True, story.now)
+    story.core.stop("again", story.now)
+    story.perform()
+    assert story.cause("next") is StopCause.STOPPED
+    story.run(1.0)
+    assert story.count("joint_move") == 0
+
+
+def test_both_replies_in_one_segment_end_the_right_motion():
+    story = Story()
+    story.replies["stop_program"] = story.replies["joint_move"] = None
+    story.core.stop("stop", story.now)
+    story.core.move("move", MOVE, True, story.now)
+    story.perform()
+    assert story.names()[-1] == "stop_program"
+    story.reply("stop_program")
+    assert story.names()[-1] == "joint_move"
+    story.reply("joint_move")
+    story.run(0.2, move=1.0, **MOVING)
+    assert story.error("stop") is None and story.error("move") == "pending" and not story.core.is_free
+
+
+@pytest.mark.parametrize("lost", [Port.COMMAND, Port.STATUS])
+def test_a_lost_link_stops_the_arm_and_keeps_it_in_custody(lost):
+    story = under_way()
+    story.feed = lost is Port.COMMAND
+    story.core.closed(lost, "cut", story.now)
+    story.perform()
+    assert story.cause("move") is StopCause.LINK_LOST
+    story.run(0.3, move=1.0)
+    assert not story.core.is_free and any(action == Open(lost) for _, action in story.asked_to_connect)
+    del story.sent[:]
+    story.core.opened(lost, story.now)
+    story.perform()
+    if lost is Port.COMMAND:
+        assert story.names()[0] == "stop_program"
+    story.feed = True
+    story.run(0.3)
+    assert story.core.is_free
+
+
+def test_a_feed_of_which_nothing_can_be_read_is_as_good_as_none():
+    story = under_way()
+    story.run(1.0, move=1.0, joint_actual_position="x")
+    assert story.count("stop_program") == 1 and story.cause("move") is StopCause.LINK_LOST
+    assert not story.core.is_free
+
+
+def test_a_driver_that_was_held_up_stops_what_it_moves_and_shows_nothing_old():
+    story = under_way()
+    story.now += 30.0
+    shown = len(story.shown)
+    for _ in range(200):
+        story.frame()
+    story.core.tick(story.now)
+    story.perform()
+    assert not any(show.is_new for show in story.shown[shown:])
+    assert story.count("stop_program") == 1 and story.cause("move") is StopCause.LINK_LOST
+
+
+def test_a_jog_is_stopped_on_time_while_the_feed_is_dark():
+    story = Story(jog_timeout=1.0)
+    story.core.jog("jog", JOG, story.now)
+    story.run(0.3, move=1.0)
+    story.feed = False
+    story.run(0.9)
+    assert story.count("stop_program") >= 1 and not story.core.is_free
+
+
+@pytest.mark.parametrize("fields", [{"inpos": True}, {"errcode": "0x020033"}, {"inpos": False}])
+def test_a_jog_lasts_as_long_as_it_is_called_for(fields):
+    story = Story(jog_timeout=0.5)
+    for turn in range(5):
+        story.core.jog(turn, JOG, story.now)
+        story.run(0.3, move=9.0, **fields)
+    assert story.count("jog") == 1 and story.count("stop_program") == 0
+    story.run(0.3, move=9.0, **fields)
+    assert [request.get("jog_mode") for _, request in story.sent if request["cmdName"] == "jog"] == [1, 0]
+    assert story.count("stop_program") == 1 and not story.core.is_free
+    assert story.run(0.3).core.is_free
+
+
+def test_a_jog_that_somebody_else_ended_can_be_begun_anew():
+    story = Story()
+    story.core.jog("first", JOG, story.now)
+    story.run(0.8, move=0.2, **MOVING).run(1.2)
+    assert story.core.is_free and story.count("stop_program") == 1
+    story.core.jog("second", JOG, story.now)
+    story.perform()
+    assert story.error("second") is None and story.names()[-1] == "jog"
+
+
+def test_without_a_link_a_stop_fails_and_is_owed():
+    story = under_way()
+    story.core.closed(Port.COMMAND, "cut", story.now)
+    story.core.stop("stop", story.now)
+    story.perform()
+    assert isinstance(story.error("stop"), ConnectionLost)
+    story.core.opened(Port.COMMAND, story.now)
+    story.perform()
+    assert story.names()[0] == "stop_program"
+
+
+def test_closing_answers_every_call_and_stops_the_arm():
+    story = under_way()
+    story.core.close(story.now)
+    story.perform()
+    assert story.names() == ["stop_program"] and story.cause("move") is StopCause.SHUTDOWN
+    story.core.move("late", MOVE, True, story.now)
+    story.perform()
+    assert isinstance(story.error("late"), (ConnectionLost, MotionInterrupted))
+    assert story.run(0.2).core.is_free
