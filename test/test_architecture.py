@@ -24,8 +24,8 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import from the package bes
     "ros": DOMAIN | {"kinematics", "protocol", "client"},
     "bags": GROUND | {"state"},
 }
-OPEN_SOCKETS = ("client/transport", "simulation/server", "simulation/proxy", "simulation/wire_player",
-                "bags/raw_transport", "bags/tcpros")
+OPEN_SOCKETS = ("client/transport", "client/stop_link", "simulation/server", "simulation/proxy",
+                "simulation/wire_player", "bags/raw_transport", "bags/tcpros")
 ROS_OUTSIDE_ITS_ROOM = {"bags/rospy_transport.py", "bags/player.py", "bags/regression/driver_client.py"}
 LONGEST = 600
 WRITTEN = {"", ".launch", ".md", ".msg", ".py", ".rst", ".sh", ".srv", ".toml", ".txt", ".xml", ".yaml"}

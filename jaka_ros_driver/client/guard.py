@@ -117,8 +117,8 @@ class Guard:
         if post is None:
             return self._replace(now) if now >= self._start_at else []
         post.say(self._word)
-        had_answered, was_stopping = post.has_answered, post.is_stopping
-        post.listen(now)
+        had_answered = post.has_answered
+        has_taken_over = post.listen(now)
         if was_held_up:
             post.heard_at = now
         silent = now - post.heard_at
@@ -126,8 +126,8 @@ class Guard:
             return self._dismiss(post, "has ended", now)
         if silent > ANSWER_TIMEOUT and silent > post.silence_limit():
             return self._dismiss(post, "does not answer for %.1f s" % silent, now)
-        if post.is_stopping and not was_stopping:
-            self._trouble = "found this driver silent while the arm moved, and stops the arm"
+        if has_taken_over:
+            self._trouble = "found this driver silent while the arm moved, and stopped the arm"
             return [(logging.ERROR, self._trouble)]
         if self._replacements and post.has_answered and not had_answered:
             return [(logging.INFO, "watches again")]

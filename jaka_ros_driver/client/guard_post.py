@@ -77,15 +77,19 @@ class GuardPost:
         with contextlib.suppress(OSError):
             self._words.write(word)
 
-    def listen(self, now: float) -> None:
-        """Take the answers that have come; never waits."""
+    def listen(self, now: float) -> bool:
+        """Take the answers that have come; never waits. True where the guard has begun to stop the arm since then."""
         answers = self._answers.read(_READ_BYTES)
-        if answers:
-            self.has_answered = True
-            self.is_stopping = answers[-1:] == STOPPING
-            self.heard_at = now
-        elif answers is not None:
+        if answers is None:
+            return False
+        if not answers:
             self.has_ended = True
+            return False
+        has_begun = STOPPING in answers and not self.is_stopping
+        self.has_answered = True
+        self.is_stopping = answers[-1:] == STOPPING
+        self.heard_at = now
+        return has_begun
 
     def silence_limit(self) -> float:
         """How long it may be silent now, s."""

@@ -47,7 +47,7 @@ class ClientSettings:
     enable_timeout: float = 30.0
     jog_timeout: float = 3.0
     servo_timeout: float = 10.0
-    servo_ahead: float = 0.1
+    servo_ahead: float = 0.2
     servo_max_joint_jump: float = 0.1
     servo_max_linear_jump: float = 0.05
     servo_max_angular_jump: float = 0.1

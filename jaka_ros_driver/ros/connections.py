@@ -78,9 +78,6 @@ class Crowd:
         self._guests: Dict[Guest, None] = {}
         self._told_at = -_BUSY
 
-    def __len__(self) -> int:
-        return len(self._guests)
-
     def enter(self, sock: Any) -> Guest:
         """One more; it never has to make room for those who are there."""
         guest = Guest(sock, time.monotonic())

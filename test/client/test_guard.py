@@ -190,6 +190,8 @@ def test_a_stop_whose_reply_is_lost_is_repeated(driver, answer_stops, kind):
 @pytest.mark.parametrize("blindness", ["refused", "silent", "without joints"])
 def test_an_arm_that_cannot_be_seen_is_sent_three_stops(driver, blindness):
     one, process = driver("jog")
+    process.send(signal.SIGSTOP)  # else it stops the arm itself, when it sees nothing any more
+    died_at = time.monotonic()
     if blindness == "refused":
         one.panel("refuse", port="status", duration_ms=60000)
         one.panel("close", port="status")
@@ -201,7 +203,7 @@ def test_an_arm_that_cannot_be_seen_is_sent_three_stops(driver, blindness):
     assert eventually(lambda: not process.guards())
     said = process.kill()
     assert "whether the arm is at rest could not be seen: status " in said and "accepted 3 stops" in said, said
-    stops = one.times_of("stop_program")
+    stops = one.log().times_of("stop_program", after=died_at)
     assert len(stops) == 3 and all(0.45 < gap < 1.0 for gap in gaps_between(stops))
 
 
@@ -249,6 +251,17 @@ def test_a_guard_at_work_answers_a_driver_that_thaws_and_finishes(driver, answer
     assert one.is_moving() and process.guards() == [guard], "the driver replaced a guard at work"
     assert eventually(lambda: not one.is_moving())
     assert process.health()["replacements"] == 0
+
+
+def test_a_guard_that_was_frozen_together_with_its_driver_stops_the_arm_when_it_thaws(driver):
+    one, process = driver("jog")
+    guard = process.watched()
+    process.send(signal.SIGSTOP)
+    os.kill(guard, signal.SIGSTOP)
+    time.sleep(1.0)
+    assert one.is_moving()
+    os.kill(guard, signal.SIGCONT)
+    assert eventually(lambda: not one.is_moving())
 
 
 # ---- a controller with room for one client only ----

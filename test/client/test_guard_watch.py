@@ -9,7 +9,7 @@ import pytest
 from arm_bench import WAIT, eventually, processes_with
 from guarded_driver import GuardedDriver
 
-from jaka_ros_driver.client import guard as guard_module
+from jaka_ros_driver.client import guard_post
 from jaka_ros_driver.client.guard import BEAT_PERIOD, Guard
 from jaka_ros_driver.client.guard_post import ANSWER_TIMEOUT, GuardPost
 
@@ -65,8 +65,14 @@ def guards():
     return processes_with("jaka_ros_driver.client.guard", "--port\0%d\0" % COMMAND_PORT, "--driver\0%d\0" % os.getpid())
 
 
-def state_of(pid):
-    with open("/proc/%d/stat" % pid) as file:
+def freeze(pid):
+    """Stop a process, and wait until each of its threads has stopped."""
+    os.kill(pid, signal.SIGSTOP)
+    assert eventually(lambda: all(state_of(pid, thread) == "T" for thread in os.listdir("/proc/%d/task" % pid)))
+
+
+def state_of(pid, thread):
+    with open("/proc/%d/task/%s/stat" % (pid, thread)) as file:
         return file.read().rpartition(")")[2].split()[0]
 
 
@@ -105,8 +111,7 @@ def test_a_driver_that_was_held_up_does_not_blame_its_guard(guard):
     beats = Beats(guard)
     beats.until(lambda: guard.health().is_alive)
     pid, = guards()
-    os.kill(pid, signal.SIGSTOP)
-    assert eventually(lambda: state_of(pid) == "T")
+    freeze(pid)
     beats.go_on(0.1)
     beats.now += 30.0  # the driver itself was frozen
     beats.go_on(0.8 * ANSWER_TIMEOUT)
@@ -117,12 +122,10 @@ def test_a_driver_that_was_held_up_does_not_blame_its_guard(guard):
 
 
 def test_a_guard_that_got_no_processor_time_is_waited_for(guard, monkeypatch):
-    from jaka_ros_driver.client import guard_post
     beats = Beats(guard)
     beats.until(lambda: guard.health().is_alive)
     pid, = guards()
-    os.kill(pid, signal.SIGSTOP)
-    assert eventually(lambda: state_of(pid) == "T")
+    freeze(pid)
     monkeypatch.setattr(guard_post, "waits_for_processor", lambda process: process == pid)
     beats.go_on(4.0)
     assert guard.health().replacements == 0
@@ -171,8 +174,9 @@ def test_a_guard_that_cannot_be_started_is_told_and_tried_again(guard, monkeypat
     assert len(guards()) == 1
 
 
-@pytest.mark.parametrize("failing, error", [("_Pipes", OSError("too many files")), ("Thread", RuntimeError("threads"))])
-def test_nothing_that_the_system_refuses_reaches_the_loop(guard, monkeypatch, failing, error):
+@pytest.mark.parametrize("where, failing, error", [
+    (os, "pipe", OSError("too many open files")), (threading, "Thread", RuntimeError("can't start new thread"))])
+def test_nothing_that_the_system_refuses_reaches_the_loop(guard, monkeypatch, where, failing, error):
     beats = Beats(guard)
     beats.until(lambda: guard.health().is_alive)
 
@@ -180,10 +184,7 @@ def test_nothing_that_the_system_refuses_reaches_the_loop(guard, monkeypatch, fa
         raise error
 
     with monkeypatch.context() as patch:
-        if failing == "Thread":
-            patch.setattr(guard_module.threading, "Thread", fail)
-        else:
-            patch.setattr(os, "pipe", fail)
+        patch.setattr(where, failing, fail)
         os.kill(guards()[0], signal.SIGKILL)
         beats.until(lambda: "cannot be started" in guard.health().last_trouble)
     beats.go_on(10.0)

@@ -13,6 +13,7 @@ from jaka_ros_driver.state import RobotState
 STOP_BUTTON = 9
 """The caller who asks for nothing but stops, and waits for no answer before the next one."""
 MAINTAINER = 8
+QUEUERS = 100
 REFUSALS_TO_GIVE_UP = 3
 _TURN_BACK_S = 0.4
 
@@ -120,6 +121,19 @@ class Clients:
             if not self.are_gone:
                 self._clock.after(every, look)
         look()
+
+    def queue(self, caller: int, joint: int, ways: Sequence[float], speed: float, first_waits: bool,
+              apart: float) -> None:
+        """Several moves of one joint, that several callers ask for one after the other."""
+        start = self._joints()
+
+        def move(index: int) -> None:
+            target = _added(start, _six(joint, ways[index]))
+            command, waits = c.JointMove(target, speed, 4.0 + 4.0 * speed), first_waits and index == 0
+            self.ask("move", command, lambda core, call, now: core.move(call, command, waits, now),
+                     QUEUERS + 10 * caller + index, waits)
+        for index in range(len(ways)):
+            self._clock.after(apart * index, lambda index=index: move(index))
 
     def jogging(self, caller: int, frame: int, axis: int, velocity: float, rate: float, duration: float,
                 then_back: bool) -> None:

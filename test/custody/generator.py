@@ -93,6 +93,14 @@ def _linear_move(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
                            "wait": chance.random() < 0.6}
 
 
+def _queue(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    """Moves in one go, each to a place near the start; the same place may come twice."""
+    places = [(chance.choice((0.0, 0.005, 0.1, 0.3)) * chance.choice((-1.0, 1.0))) for _ in range(2)]
+    return "queue", {"joint": chance.randrange(6), "ways": tuple(chance.choice(places) for _ in range(
+        chance.choice((2, 3, 4)))), "speed": _log_uniform(chance, 0.2, 2.0), "first_waits": chance.random() < 0.5,
+        "apart": chance.choice((0.0, 0.05, 0.3))}
+
+
 def _jogging(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
     frame = chance.choice((JogFrame.JOINT, JogFrame.JOINT, JogFrame.BASE, JogFrame.TOOL))
     axis = chance.randrange(6)
@@ -141,7 +149,7 @@ def _procedure(name: str, *values: Any) -> _Draw:
 
 
 CALLS: _Weighted = (
-    (12.0, _joint_move), (5.0, _linear_move), (3.0, _jogging), (6.0, _servo_session), (0.5, _servo_mode(True)),
+    (12.0, _joint_move), (5.0, _linear_move), (2.0, _queue), (3.0, _jogging), (6.0, _servo_session), (0.5, _servo_mode(True)),
     (0.7, _servo_mode(False)), (1.5, _servo_stream), (0.5, _servo_burst), (2.5, _stop), (2.0, _stop_with_move),
     (0.5, _procedure("power", True, True, True, False)), (0.7, _procedure("enable", True, True, True, False)),
     (1.0, _procedure("clear_error", None)), (0.5, _procedure("hand_guiding", True, False, False)),

@@ -25,6 +25,8 @@ MOVING = 2e-3
 """rad/s; an arm with a faster joint moves."""
 AT_REST = 5e-3
 """rad/s; an arm without a faster joint has completed its move."""
+UNSEEN_WAY = 5e-4
+"""rad"""
 UNOWNED = 0.3
 """s that an arm may move without custody: a driver sees late what it sees."""
 REST_AFTER_STOP = 0.5
@@ -41,6 +43,8 @@ _JOINT_TOLERANCE, _POSITION_TOLERANCE, _ANGLE_TOLERANCE = 0.01, 0.002, 0.02
 _SAME_JOINT = 1e-6
 _CYCLE = 0.008
 _HISTORY_S = 3.0
+_LOOK_PERIOD = 0.04
+"""s; what changes slowly is looked at so often: obstacles, calls that are not answered."""
 
 
 class _Quiet(NamedTuple):
@@ -77,6 +81,7 @@ class Judge:
         self._awake_since = clock.now
         self._asleep_for = 0.0
         self._unowned_since: Optional[float] = None
+        self._untold_from: Optional[Vector] = None
         self._obstacle_at = clock.now
         self._seen_at = clock.now
         self._jog_word_at = -1e9
@@ -84,7 +89,8 @@ class Judge:
         self._stops_before = 0
         self._stop_is_owed = False
         self._restarts_seen = 0
-        self._next_scan = clock.now
+        self._next_look = clock.now
+        self._joints_before: Optional[Vector] = None
         self._closed_at: Optional[float] = None
 
     # ---- events of the driver's process ----
@@ -205,21 +211,22 @@ class Judge:
         now, room = self._clock.now, self._room
         plant = room.controller.cabinet.plant
         joints = plant.joint_position
-        if not self._joints or self._joints[-1][1] is not joints:
+        if self._joints_before is not joints:
+            self._joints_before = joints
             self._joints.append((now, joints))
             while len(self._joints) > 2 and self._joints[1][0] < now - _HISTORY_S:
                 self._joints.popleft()
-        if self._has_obstacle(now):
-            self._obstacle_at = now
-        if now >= self._next_scan:
-            self._next_scan = now + 0.25
+        if now >= self._next_look:
+            self._next_look = now + _LOOK_PERIOD
+            if self._has_obstacle(now):
+                self._obstacle_at = now
             self._scan_calls(now)
         if (plant.is_moving and room.mover is DRIVER and not self.driver.is_gone and not room.is_off
                 and max(map(abs, plant.joint_velocity)) > MOVING):
             self.cycles_moving += 1
             self._moving(now, plant)
-        else:
-            self._unowned_since = None
+        elif self._unowned_since is not None or self._untold_from is not None:
+            self._unowned_since = self._untold_from = None
 
     def _has_obstacle(self, now: float) -> bool:
         """No driver could stop the arm now."""
@@ -233,20 +240,26 @@ class Judge:
                 call.was_there = _is_there(call.command, plant)[0]
         if self._closed_at is None:
             self._unowned(now)
-            if not self.driver.is_moving_told:
-                raise RuleBroken("h", now, "the arm moves, and the guard's last word is that it rests")
+            self._untold(now, plant.joint_position)
         for quiet in self._quiet:
             if now > max(quiet.since, self._awake_since) + _CYCLE:
                 raise RuleBroken(quiet.rule, now, "the arm moves at %.4f rad/s, %.3f s %s" % (
                     max(map(abs, plant.joint_velocity)), now - quiet.since + REST_AFTER_STOP, quiet.why))
         if plant.is_jogging and now > max(self._jog_word_at + self._settings.jog_timeout,
-                                          self._obstacle_at + self._recovery) + JOG_SLACK:
+                                          self._obstacle_at + _LOOK_PERIOD + self._recovery) + JOG_SLACK:
             raise RuleBroken("c", now, "the arm is jogged, %.3f s after the last accepted call" % (
                 now - self._jog_word_at))
         if now > max(self._seen_at + self._settings.silence_timeout,
                      self._obstacle_at + self._recovery) + SIGHT_SLACK + REST_AFTER_STOP:
             raise RuleBroken("j", now, "the arm moves, %.3f s after the last readable status frame" % (
                 now - self._seen_at))
+
+    def _untold(self, now: float, joints: Vector) -> None:
+        """Excepted: less than a driver can see, as the last 10 um of a move that is where it is to go already."""
+        if self.driver.is_moving_told or self._untold_from is None:
+            self._untold_from = None if self.driver.is_moving_told else joints
+        elif max([abs(a - b) for a, b in zip(joints, self._untold_from)]) > UNSEEN_WAY:
+            raise RuleBroken("h", now, "the arm moves, and the guard's last word is that it rests")
 
     def _unowned(self, now: float) -> None:
         """Excepted: a pause of the process, judged from its end; coasting after a stop that was carried out.

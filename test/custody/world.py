@@ -120,12 +120,13 @@ class World:
                       self._digest.hexdigest())
 
     def _loop(self) -> None:
-        clock, driver, room, judge = self._clock, self._driver, self._room, self._judge
+        clock, driver = self._clock, self._driver
+        run_cycle, judge_cycle, next_due = self._room.cycle, self._judge.cycle, clock.next_due
         cycles = 1
         next_cycle = BEGIN + CYCLE_TIME
         while not self._is_over:
-            next_tick = _NEVER if driver.is_paused else driver.next_tick
-            due = clock.next_due()
+            next_tick = driver.next_tick if clock.now >= driver.paused_until else _NEVER
+            due = next_due()
             if due <= next_tick and due <= next_cycle:
                 clock.now = due
                 clock.do_next()
@@ -134,8 +135,8 @@ class World:
                 driver.tick()
             else:
                 clock.now = next_cycle
-                room.cycle()
-                judge.cycle()
+                run_cycle()
+                judge_cycle()
                 if self._closing_until is not None:
                     self._say_good_bye()
                 cycles += 1
@@ -221,6 +222,9 @@ class World:
 
     def do_linear_move(self, caller: int, **args: Any) -> None:
         self._clients.linear_move(caller, **args)
+
+    def do_queue(self, caller: int, **args: Any) -> None:
+        self._clients.queue(caller, **args)
 
     def do_jogging(self, caller: int, **args: Any) -> None:
         self._clients.jogging(caller, **args)

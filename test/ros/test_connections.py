@@ -22,7 +22,6 @@ from jaka_msgs.srv import GetIO
 DESCRIPTORS = 256
 SERVED_WITHIN = 2.0
 NODE = """
-import contextlib
 import os
 import time
 import rospy
@@ -32,11 +31,12 @@ from jaka_ros_driver.ros.log_bridge import log_to_ros
 from jaka_ros_driver.ros.service_server import CallCount, ServiceServer, prepare_connections
 
 def hold_all_descriptors(request):
-    held = []
-    with contextlib.suppress(OSError):
-        while True:
+    held, until = [], time.monotonic() + 1.5
+    while time.monotonic() < until:
+        try:
             held.append(os.open("/dev/null", os.O_RDONLY))
-    time.sleep(1.5)
+        except OSError:
+            time.sleep(0.001)
     for descriptor in held:
         os.close(descriptor)
     return TriggerResponse(True, str(len(held)))

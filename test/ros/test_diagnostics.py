@@ -9,7 +9,7 @@ from ros_bench import collecting, eventually
 from jaka_ros_driver.ros import diagnostics
 
 OK, WARN, ERROR, STALE = range(4)
-CHECKS = {"controller link", "status feed", "controller state", "emergency stop", "protective stop", "soft limit",
+CHECKS = {"controller link", "arm", "guard", "status feed", "controller state", "emergency stop", "protective stop", "soft limit",
           "temperature", "servo stream", "kinematic model", "versions"}
 
 
@@ -21,8 +21,9 @@ def reports(arm):
 
 @pytest.fixture
 def healthy(arm, reports):
-    """The arm, all checks OK; whatever a test does to it is undone."""
-    assert eventually(lambda: {level for level, _ in newest(reports).values()} == {OK}), newest(reports)
+    """The arm, all checks OK but that it is simulated and has no guard; whatever a test does to it is undone."""
+    assert eventually(lambda: {name for name, (level, _) in newest(reports).items() if level != OK}
+                      == {"arm", "guard"}), newest(reports)
     yield arm
     arm.simulator.panel("clear_faults")
     arm.simulator.panel("release_emergency_stop")
@@ -46,13 +47,18 @@ def is_of_the_host(message):
 
 def test_every_check_is_reported_with_the_controller_as_hardware_id(arm, reports, healthy):
     assert set(newest(reports)) == CHECKS
-    expected = "127.0.0.1:%d" % arm.simulator.command_port
+    expected = "simulated 127.0.0.1:%d" % arm.simulator.command_port
     assert all(status.hardware_id == expected for status in reports[-1][1].status)
     values = {value.key: value.value for status in reports[-1][1].status for value in status.values}
     assert {"rate, Hz", "age, ms", "jitter p99, ms", "damaged frames", "reconnects", "late cycles of this stream",
             "driver", "controller", "joint 1, deg C"} <= set(values)
     assert 40.0 < float(values["rate, Hz"]) < 135.0
     assert "1.5.14" in values["controller"]
+
+
+def test_a_simulated_arm_and_a_missing_guard_are_warnings_that_cannot_be_missed(reports, healthy):
+    assert newest(reports)["arm"] == (WARN, "SIMULATED: no real arm moves")
+    assert newest(reports)["guard"] == (WARN, "switched off: nothing stops the arm when the driver dies")
 
 
 def test_it_comes_once_a_second(reports):

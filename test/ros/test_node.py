@@ -91,8 +91,8 @@ def test_servo_targets_come_by_topic_as_well(ros_node):
         assert arm.call("servo_move_enable", enable=True).ret == 1
         publisher = rospy.Publisher("/streamed/servo_j_command", JointState, queue_size=1, tcp_nodelay=True)
         assert eventually(lambda: publisher.get_num_connections() > 0)
-        publisher.publish(JointState(position=[0.04] + HOME[1:]))
-        assert eventually(lambda: simulator.state()["joint_position"][0] > 2.2)
+        publisher.publish(JointState(position=[0.02] + HOME[1:]))
+        assert eventually(lambda: simulator.state()["joint_position"][0] > 1.1)
         publisher.unregister()
 
 

@@ -31,6 +31,8 @@ WRONG = [
     ("silence_timeout", 0.01, "0.1 to 30 s"), ("motion_timeout", 0, "0.1 to 86400 s"),
     ("power_timeout", 1e9, "0.1 to 300 s"), ("enable_timeout", "30", "0.1 to 300 s"),
     ("jog_timeout", 3.5, "0.05 to 3 s"), ("jog_timeout", 0, "0.05 to 3 s"), ("servo_timeout", -math.inf, "0.05 to"),
+    ("servo_ahead", 0.0, "0.008 to 2 s"), ("link_loss_stop", -0.1, "0 to 10 s"), ("link_loss_stop", False, "0 to 10 s"),
+    ("simulator", "two words", "identity"), ("simulator", 7, "identity"),
     ("servo_max_joint_jump", 0.0, "0.0001 to 6.3 rad"), ("servo_max_linear_jump", 2.5, "0.0001 to 2 m"),
     ("servo_max_angular_jump", math.nan, "0.0001 to 3.2 rad"), ("realtime_priority", 100, "0 to 99"),
     ("realtime_priority", -1, "0 to 99"), ("realtime_priority", 50.0, "0 to 99"), ("model", {"name": "zu7"}, "one of"),
@@ -70,10 +72,14 @@ def test_one_port_for_both_is_refused():
 
 def test_defaults_and_values_reach_the_client():
     assert config_from({}).client_settings() == ClientSettings("127.0.0.1")
-    given = {"ip": "10.5.5.100", "publish_rate": 100, "jog_timeout": 1, "servo_max_joint_jump": 0.2, "stale_after": 0.3}
+    given = {"ip": "10.5.5.100", "publish_rate": 200, "jog_timeout": 1, "servo_max_joint_jump": 0.2, "stale_after": 0.3}
     settings = config_from(given).client_settings()
-    assert settings == ClientSettings("10.5.5.100", feed_period=0.01, jog_timeout=1.0, servo_max_joint_jump=0.2,
+    assert settings == ClientSettings("10.5.5.100", feed_period=0.005, jog_timeout=1.0, servo_max_joint_jump=0.2,
                                       stale_after=0.3)
+
+
+def test_a_low_rate_of_the_topics_does_not_slow_down_what_custody_sees():
+    assert config_from({"publish_rate": 1}).client_settings().feed_period == 0.008
 
 
 def test_every_setting_of_the_client_is_a_parameter():

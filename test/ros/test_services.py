@@ -37,8 +37,8 @@ GOOD = [
     ("joint_move", text(pose=HOME, **FAST), {"ret": 1},
      lambda s: abs(s["joint_position"][1] - math.degrees(1.5)) < 0.01),
     ("servo_move_enable", "enable: true", {"ret": 1}, lambda s: s["is_servo_active"]),
-    ("servo_j", text(pose=[0.05] + HOME[1:]), {"ret": 1},
-     lambda s: abs(s["joint_position"][0] - math.degrees(0.05)) < 0.01),
+    ("servo_j", text(pose=[0.02] + HOME[1:]), {"ret": 1},
+     lambda s: abs(s["joint_position"][0] - math.degrees(0.02)) < 0.01),
     ("servo_p", beside_the_present_pose, {"ret": 1}, lambda s: True),
     ("servo_move_enable", "enable: false", {"ret": 1}, lambda s: not s["is_servo_active"]),
     ("linear_move", text(pose=LINE, mvvelo=500.0, mvacc=4000.0), {"ret": 1},
@@ -152,7 +152,7 @@ def test_servo_targets_are_followed_and_far_ones_refused(rested):
     assert rested.call("servo_j", pose=near).ret == 1
     assert eventually(lambda: abs(rested.simulator.state()["joint_position"][0] - math.degrees(0.02)) < 0.01)
     far = rested.call("servo_j", pose=[1.0] + HOME[1:])
-    assert far.ret == 0 and "0.9800 rad from the last one" in far.message
+    assert far.ret == 0 and "0.9800 rad away" in far.message
     refused = rested.call("joint_move", pose=HOME, **FAST)
     assert refused.ret == 0 and "servo mode owns the arm's motion" in refused.message
 

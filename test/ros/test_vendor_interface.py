@@ -49,7 +49,7 @@ def test_servo_j_is_an_increment_or_a_target(servoing, is_vendor):
         assert servoing.call("servo_j", pose=[0.01, 0, 0, 0, 0, 0] if is_vendor else [0.02] + HOME[1:]).ret == 1
     assert eventually(lambda: abs(joint_deg(servoing, 1) - math.degrees(0.02)) < 1e-3)
     refused = servoing.call("servo_j", pose=HOME if is_vendor else [0.01, 0, 0, 0, 0, 0])
-    assert refused.ret == 0 and ("increment" if is_vendor else "from the last one") in refused.message
+    assert refused.ret == 0 and ("increment" if is_vendor else "rad away") in refused.message
 
 
 def test_servo_p_is_an_increment_in_mm_or_a_target_in_m(servoing, is_vendor):

@@ -17,7 +17,7 @@ from ..output_file import PathLike
 from ..readers import open_log
 
 DEFAULT_SIMULATION = ("--start", "enabled")
-_NOT_PASSED_ON = ("ip", "command_port", "status_port")
+_NOT_PASSED_ON = ("ip", "command_port", "status_port", "simulator")
 _PARAMETERS_NAME = "rosparam.yaml"
 
 

@@ -143,7 +143,8 @@ class JointServo:
                                      "%.4f rad" % (index + 1, jump, self._max_jump))
             if not follower.arrives_within((value - position,), self._cycles):
                 raise InvalidCommand("refused: joint %d of the servo target is %.4f rad away; the arm would not be "
-                                     "there within %.3g s (servo_ahead)" % (index + 1, jump, self._ahead))
+                                     "there within %.3g s (servo_ahead); send smaller steps"
+                                     % (index + 1, jump, self._ahead))
         self._target, self._is_new = goal, True
 
     @property
@@ -207,7 +208,7 @@ class PoseServo:
         if not (self._linear.arrives_within(away, self._cycles) and self._angular.arrives_within(turn, self._cycles)):
             raise InvalidCommand(
                 "refused: the servo target is %.4f m and %.4f rad away; the arm would not be there within %.3g s "
-                "(servo_ahead)" % (_norm(away), _norm(turn), self._ahead))
+                "(servo_ahead); send smaller steps" % (_norm(away), _norm(turn), self._ahead))
         self._target_position, self._target_rotation = position, rotation
         self._is_new = True
 

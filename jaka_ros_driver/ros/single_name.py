@@ -1,0 +1,87 @@
+"""One node of a name: a second one refuses to start, before the master has the first one end for its sake.
+
+The master lets the newer of two nodes of one name have it and tells the older one to shut down. Where both are to drive
+the same controller, the older one still holds it then, so that the newer one ends as well, and the arm has none.
+"""
+import http.client
+from typing import Any, Sequence
+from xml.parsers.expat import ExpatError
+from xmlrpc.client import Error as XmlRpcError
+from xmlrpc.client import ServerProxy, Transport
+
+import rosgraph
+import rosgraph.names
+
+from jaka_ros_driver.ros.driver_lock import AlreadyDriven
+
+_TIMEOUT = 1.0
+_NOT_ANSWERED = (OSError, XmlRpcError, http.client.HTTPException, ExpatError, ValueError, TypeError)
+
+
+def resolved_node_name(default: str, argv: Sequence[str]) -> str:
+    """The global name that ``rospy.init_node(default)`` will give this process.
+
+    Args:
+        default: The node's own name.
+        argv: The command line, with what roslaunch adds to it: ``__name:=`` and ``__ns:=``; the environment's
+            ``ROS_NAMESPACE`` counts where there is no ``__ns:=``.
+    """
+    name = rosgraph.names.load_mappings(argv).get("__name", default)
+    resolved: str = rosgraph.names.resolve_name(name, rosgraph.names.get_ros_namespace(argv=argv) + "unnamed")
+    return resolved
+
+
+def refuse_second_node(name: str) -> None:
+    """Call before ``rospy.init_node``. Where there is no master, or a dead node of this name, nothing is refused.
+
+    Args:
+        name: The resolved name of the node that is to start.
+
+    Raises:
+        AlreadyDriven: A node of this name lives.
+    """
+    try:
+        uri = _ask(rosgraph.get_master_uri(), "lookupNode", name, name)
+        if not isinstance(uri, str) or not uri:
+            return
+        known_as = _ask(uri, "getName", name)
+        if isinstance(known_as, str) and known_as != name:
+            return  # the node of this name has died, and another node has its port now
+        pid = _ask(uri, "getPid", name)
+    except _NobodyThere:
+        return
+    raise AlreadyDriven(
+        "the node %s runs already (%s at %s); a second one of its name would end it. End it first, or give this one "
+        "another name or namespace" % (name, "pid %d" % pid if isinstance(pid, int) else "it does not answer", uri))
+
+
+def _ask(uri: str, method: str, *arguments: str) -> Any:
+    """What a master or node answers; None where it says no, or does not answer: it may hang, or be stopped.
+
+    Raises:
+        _NobodyThere: Nobody listens at its address.
+    """
+    try:
+        with ServerProxy(uri, transport=_ShortTransport()) as proxy:
+            code, _, value = getattr(proxy, method)(*arguments)
+        return value if code == 1 else None
+    except _NOT_ANSWERED:
+        return None
+
+
+class _NobodyThere(Exception):
+    """The address is deserted."""
+
+
+class _ShortTransport(Transport):
+    """Waits for so long at most; the standard one waits for ever for a process that has been stopped."""
+
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        connection = super().make_connection(host)
+        connection.timeout = _TIMEOUT
+        if connection.sock is None:
+            try:
+                connection.connect()
+            except OSError as error:
+                raise _NobodyThere from error
+        return connection

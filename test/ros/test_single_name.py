@@ -1,0 +1,103 @@
+"""A node's name as rospy will have it, and whether one of that name lives already."""
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import rosgraph
+from import_graph import ROOT
+from ros_bench import WAIT, eventually
+
+from jaka_ros_driver.ros.driver_lock import AlreadyDriven
+from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
+
+NODE = """
+import rospy
+rospy.init_node("first", disable_signals=True)
+print(rospy.get_name(), flush=True)
+rospy.spin()
+"""
+
+
+class Node:
+    def __init__(self, *arguments, **environment):
+        self.process = subprocess.Popen([sys.executable, "-c", NODE, *arguments], cwd=str(ROOT), text=True,
+                                        stdout=subprocess.PIPE, env=dict(os.environ, **environment))
+        self.name = self.process.stdout.readline().strip()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.send_signal(signal.SIGCONT)
+        self.process.kill()
+        self.process.wait(WAIT)
+        self.process.stdout.close()
+
+
+NAMES = [((), {}), (("__name:=other",), {}), (("__ns:=left",), {}), (("__ns:=/left/arm/", "__name:=x"), {}),
+         ((), {"ROS_NAMESPACE": "right"}), (("__ns:=left",), {"ROS_NAMESPACE": "right"}), (("a:=b", "_p:=1"), {})]
+
+
+@pytest.mark.parametrize("arguments, environment", NAMES)
+def test_the_name_is_the_one_that_rospy_gives(ros_master, monkeypatch, arguments, environment):
+    for key, value in environment.items():
+        monkeypatch.setenv(key, value)
+    with Node(*arguments, **environment) as node:
+        assert resolved_node_name("first", ["program", *arguments]) == node.name
+
+
+def test_a_living_node_is_refused_a_second_one_and_lives_on(ros_master):
+    with Node("__ns:=left") as node:
+        with pytest.raises(AlreadyDriven, match=r"/left/first runs already \(pid %d at http" % node.process.pid):
+            refuse_second_node("/left/first")
+        refuse_second_node("/first")
+        refuse_second_node("/left/other")
+        time.sleep(0.3)
+        assert node.process.poll() is None
+
+
+def test_one_that_was_killed_is_not(ros_master):
+    with Node() as node:
+        name = node.name
+        assert rosgraph.Master("/tests").lookupNode(name)
+    assert rosgraph.Master("/tests").lookupNode(name), "the master should not know of its death"
+    refuse_second_node(name)
+
+
+def test_one_that_is_stopped_still_has_its_name(ros_master):
+    with Node("__name:=frozen") as node:
+        node.process.send_signal(signal.SIGSTOP)
+        begin = time.monotonic()
+        with pytest.raises(AlreadyDriven, match="it does not answer"):
+            refuse_second_node("/frozen")
+        assert time.monotonic() - begin < WAIT
+        node.process.send_signal(signal.SIGCONT)
+        assert eventually(lambda: "pid" in refusal("/frozen"))
+
+
+def refusal(name):
+    try:
+        refuse_second_node(name)
+    except AlreadyDriven as error:
+        return str(error)
+    return ""
+
+
+def test_a_port_that_another_node_has_now_is_no_node_of_this_name(ros_master):
+    with Node("__name:=heir") as heir:
+        master = rosgraph.Master("/late")
+        master.registerService("/late/service", "rosrpc://127.0.0.1:1", master.lookupNode(heir.name))
+        try:
+            assert master.lookupNode("/late") == master.lookupNode("/heir")
+            refuse_second_node("/late")
+        finally:
+            master.unregisterService("/late/service", "rosrpc://127.0.0.1:1")
+
+
+@pytest.mark.parametrize("uri", ["http://127.0.0.1:9", "http://no.such.host.invalid:11311", "nonsense", ""])
+def test_without_a_master_nothing_is_refused(monkeypatch, uri):
+    monkeypatch.setenv("ROS_MASTER_URI", uri)
+    refuse_second_node("/first")
