@@ -24,7 +24,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import from the package bes
     "ros": DOMAIN | {"kinematics", "protocol", "client"},
     "bags": GROUND | {"state"},
 }
-OPEN_SOCKETS = ("client/transport", "client/stop_link", "simulation/server", "simulation/proxy",
+OPEN_SOCKETS = ("client/transport", "client/stop_link", "ros/connections", "ros/driver_lock", "simulation/server", "simulation/proxy",
                 "simulation/wire_player", "bags/raw_transport", "bags/tcpros")
 ROS_OUTSIDE_ITS_ROOM = {"bags/rospy_transport.py", "bags/player.py", "bags/regression/driver_client.py"}
 LONGEST = 600

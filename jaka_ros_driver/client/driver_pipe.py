@@ -17,6 +17,7 @@ SILENCE_TIMEOUT = 0.25
 STARVED_TIMEOUT = 1.0
 """s; on a busy host a live driver that gets no time is waited for so long."""
 ANSWER_PERIOD = 0.1
+_STARVED_TURN = 0.05
 _HELD_UP = 0.1
 
 Say = Callable[[str], None]
@@ -107,7 +108,7 @@ class DriverPipe:
                 was_held_up = True  # together with the driver, perhaps, and it is the driver's turn now
                 limit += late + SILENCE_TIMEOUT
             elif limit < STARVED_TIMEOUT and waits_for_processor(self._driver):
-                limit = STARVED_TIMEOUT
+                limit = min(limit + _STARVED_TURN, STARVED_TIMEOUT)
             else:
                 return
 

@@ -348,6 +348,18 @@ def test_the_simulated_controller_that_was_launched_is_driven(bench):
     arm.move(c.JointMove((0.1,) + HOME[1:], 1.0, 4.0))
 
 
+def test_the_simulated_controller_that_was_launched_is_stopped_and_driven_again_after_a_cut(bench, call):
+    one = bench(identity="this-one")
+    arm = one.connect(simulator="this-one", link_loss_stop=0.0)
+    move = call(arm.move, SLOW_MOVE)
+    assert eventually(one.is_moving)
+    one.panel("close", port="command")
+    assert move.failure().cause is StopCause.LINK_LOST
+    assert eventually(lambda: arm.is_ready and arm.motion_owner is None)
+    assert not one.is_moving()
+    arm.move(c.JointMove((0.1,) + HOME[1:], 1.0, 4.0))
+
+
 def test_an_arm_that_somebody_else_moves_is_not_moved(bench):
     one = bench()
     arm = one.connect()

@@ -85,6 +85,12 @@ def test_a_driver_that_gets_no_time_is_waited_for(ends, starved):
     assert silence_of(ends(is_moving=True).pipe) > STARVED_TIMEOUT - 0.01
 
 
+def test_a_driver_that_freezes_while_it_waits_for_its_turn_is_noticed_soon(ends, monkeypatch):
+    froze_at = time.monotonic() + 2 * SILENCE_TIMEOUT
+    monkeypatch.setattr(driver_pipe, "waits_for_processor", lambda process: time.monotonic() < froze_at)
+    assert 2 * SILENCE_TIMEOUT - 0.01 < silence_of(ends(is_moving=True).pipe) < STARVED_TIMEOUT - 0.1
+
+
 def test_a_guard_that_was_held_up_itself_gives_the_driver_another_quarter_of_a_second(ends, idle_host, monkeypatch):
     """As when the whole computer was suspended: the driver could not say anything either."""
     one, wait = ends(is_moving=True), DriverPipe.wait

@@ -35,6 +35,8 @@ JOG_SLACK = 0.3
 SIGHT_SLACK = 0.3
 SHOWN_AGE = 0.15
 """s; so old may a state be that is shown as new, beside the wire's own latency."""
+SHOWN_PERIODS = 3.0
+"""A hiccup of a slow feed that is shorter cannot be told from its usual jitter: so many periods old a state may be."""
 ANSWER_SLACK = 6.0
 """s, over what a call may take by its settings: waiting for rest, polls, repeated questions."""
 FREE_AFTER = 2.0
@@ -73,7 +75,8 @@ class Judge:
         self.cycles_moving = 0
         self.answers: Dict[Tuple[str, str], int] = {}
         low, high = network.terms[Port.STATUS, False].latency
-        self._shown_age = SHOWN_AGE + high + _CYCLE + lateness
+        self._wire_age = high + _CYCLE + lateness
+        self._shown_age = SHOWN_AGE + self._wire_age
         # what ends a connection that is dead and not known to be: a beat, its time-out, the longest pause before
         # another try, a round trip; then the same once more, for a fault that strikes the first try
         self._recovery = 2.0 * (0.25 + settings.reply_timeout + 0.5 + 4.0 * high) + 2.0 * lateness
@@ -180,7 +183,8 @@ class Judge:
         """A state for the publishers."""
         if not is_new:
             return
-        oldest = now - self._shown_age
+        age = max(self._shown_age, SHOWN_PERIODS * self._room.controller.cabinet.feed_period + self._wire_age)
+        oldest = now - age
         until = now
         for since, joints in reversed(self._joints):
             if until < oldest:
@@ -189,7 +193,7 @@ class Judge:
                 return
             until = since
         raise RuleBroken("g", now, "a state is shown as new that the arm was not in within the last %.3f s; %s" % (
-            self._shown_age, self._age_of(state.joint_position, now)))
+            age, self._age_of(state.joint_position, now)))
 
     def _age_of(self, joints: Vector, now: float) -> str:
         until = now

@@ -232,8 +232,9 @@ class ArmCore:
         try:
             running = self.custody.motion
             if not isinstance(running, Servo) or self.custody.is_ending:
+                reason = self.custody.ending_reason or self._servo_end
                 raise InvalidCommand("refused: not in servo mode; servo_move_enable first" + (
-                    " (it ended: %s)" % self._servo_end if self._servo_end else ""))
+                    " (it ended: %s)" % reason if reason else ""))
             limits.check(command, self.model, self.state)
             running.set_target(command, now)
         except JakaError as error:

@@ -80,6 +80,11 @@ class Custody:
         return self._phase in (_Phase.STOPPING, _Phase.SETTLING)
 
     @property
+    def ending_reason(self) -> str:
+        """Why the motion is being stopped, in words; "" where it is not."""
+        return str(self._outcome) if self.is_ending and self._outcome is not None else ""
+
+    @property
     def must_stop(self) -> bool:
         """A stop is still to be accepted."""
         return self._phase is _Phase.STOPPING and self._accepted_at is None
@@ -177,7 +182,9 @@ class Custody:
         elif self._phase is _Phase.STOPPING:
             if now >= self._retry_at and not self._outstanding:
                 self._send_stop(now)
-            if now - self._began_at >= _TELL_AFTER:
+            if now - self._began_at >= _TELL_AFTER and not self._is_told:
+                self._outcome = MotionInterrupted(StopCause.TIMEOUT, "the stop is not accepted; it is sent again and "
+                                                                     "again (%s)" % (self._outcome or "at the end"))
                 self._tell_end()
 
     def sight_lost(self, reason: str, now: float) -> None:

@@ -17,6 +17,8 @@ MAX_BURST = 5
 """Of the frames that arrive in one piece so many, the newest, are shown as new: the others are old news."""
 SILENCE = 0.05
 """s; a longer pause in a feed that is otherwise faster puts what follows in doubt."""
+_SHORTEST_PERIOD = 0.004
+"""s; no controller makes frames faster, so that shorter intervals are those of frames that waited."""
 _RATE_WINDOW = 250
 _USUAL_WINDOW = 9
 _TICK = 1e-6
@@ -135,13 +137,12 @@ class Feed:
         if last is None:
             return True
         interval = now - last
-        if interval > SILENCE:
-            usual = sorted(self._intervals)[len(self._intervals) // 2] if self._intervals else self._period
-            if interval > max(SILENCE, 3.0 * usual):
-                self._is_doubtful = True
-                self._intervals.append(interval)
-                return False
-        self._intervals.append(interval)
-        if self._is_doubtful and interval >= 0.5 * self._period * count:
+        usual = sorted(self._intervals)[len(self._intervals) // 2] if self._intervals else self._period
+        if interval >= _SHORTEST_PERIOD:
+            self._intervals.append(interval)
+        if interval > max(SILENCE, 3.0 * usual):
+            self._is_doubtful = True
+            return False
+        if self._is_doubtful and interval >= max(_SHORTEST_PERIOD, 0.5 * min(self._period, usual)) * count:
             self._is_doubtful = False
         return not self._is_doubtful

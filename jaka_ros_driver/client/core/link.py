@@ -35,8 +35,10 @@ class Link:
         self.retry_at = _NEVER
 
     def start(self, now: float) -> None:
-        """Ask for the first connection."""
-        self.retry_at = now
+        """Ask for a connection, unless there is one."""
+        self._is_stopped = False
+        if not self.is_up:
+            self.retry_at = now
 
     def stop(self, reason: str) -> None:
         """Drop the connection; ask for no more."""

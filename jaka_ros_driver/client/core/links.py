@@ -145,7 +145,8 @@ class Links:
             return
         self._command.opened(now)
         self._channel.open(is_confirmed=not self._settings.simulator)
-        self._custody.link_up(now)
+        if self._channel.is_confirmed:
+            self._custody.link_up(now)
         self._handshake = Running(session.handshake(self._settings, self._actions, self._confirmed), self._channel,
                                   self._handshake_ended, asks_who=True)
         self._handshake.begin(now)
@@ -205,8 +206,9 @@ class Links:
     # ---- inside ----
 
     def _confirmed(self, now: float) -> None:
-        self._channel.is_confirmed = True
-        if self._settings.simulator and not self._status.is_up and self._status.retry_at == _NEVER:
+        if not self._channel.is_confirmed:
+            self._channel.is_confirmed = True
+            self._custody.link_up(now)
             self._status.start(now)
 
     def _handshake_ended(self, about: Any, error: Optional[JakaError], now: float) -> None:

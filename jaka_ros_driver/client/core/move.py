@@ -40,6 +40,7 @@ class _Part:
         self.waits = waits
         self.is_accepted = False
         self.is_answered = False
+        self.was_reached = False
 
 
 class Move(Motion):
@@ -137,13 +138,17 @@ class Move(Motion):
 
     def _look_for_the_end(self, target: MoveCommand, state: RobotState, now: float) -> None:
         """Measured positions decide. ``inpos`` only delays: while it is false, more may come."""
+        self._note_reached(state)
         still = self._custody.stillness.duration(self._accepted_at)
         if still < self.rest_time or not all(part.is_accepted for part in self._parts):
             return
         distance = _relative_distance(target, state)
         has_run = self._has_moved or not self._must_move
         if has_run and distance is not None and distance <= 1.0:
-            if state.is_in_position or (distance <= _NO_DISTANCE and still >= self.rest_time + _SETTLE_TIME):
+            if not self._was_run_through(distance):
+                if still >= START_WINDOW:
+                    self._custody.stop(None, now)
+            elif state.is_in_position or (distance <= _NO_DISTANCE and still >= self.rest_time + _SETTLE_TIME):
                 self._custody.finish(now)
         elif not state.is_in_position:
             return
@@ -154,6 +159,19 @@ class Move(Motion):
         elif still >= max(_SETTLE_TIME, self.rest_time):
             self._custody.stop(MotionInterrupted(
                 StopCause.STOPPED, "the arm came to rest %s from the target" % _distance_text(target, state)), now)
+
+    def _note_reached(self, state: RobotState) -> None:
+        """Of a queue, each target is passed in its turn."""
+        for part in self._parts:
+            if not part.was_reached:
+                distance = _relative_distance(part.command, state)
+                if not part.is_accepted or (distance is not None and distance > 1.0):
+                    return
+                part.was_reached = True
+
+    def _was_run_through(self, distance: float) -> bool:
+        """Of a queue, another part may still begin; a stop makes sure of the end where that cannot be excluded."""
+        return len(self._parts) == 1 or (distance <= _NO_DISTANCE and all(part.was_reached for part in self._parts))
 
     def _look_for_the_start(self, target: MoveCommand, state: RobotState, distance: Optional[float],
                             now: float) -> None:

@@ -62,7 +62,7 @@ def test_who_waits_for_a_motion_that_cannot_be_stopped_is_told_within_a_second()
     story = under_way()
     story.replies["stop_program"] = "2"
     story.core.stop("stop", story.now)
-    assert story.run(1.1, move=1.0).cause("move") is StopCause.STOPPED
+    assert story.run(1.1, move=1.0).cause("move") is StopCause.TIMEOUT
     assert not story.core.is_free
 
 
