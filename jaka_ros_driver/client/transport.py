@@ -203,20 +203,27 @@ class Transport:
         self._events.append(Opened(connection.port))
 
     def _receive(self, connection: _Connection) -> None:
+        """Take all that is there as one piece: of what has waited, only the end tells of now."""
+        pieces: List[bytes] = []
+        reason = ""
         for _ in range(_READS_A_TURN):
             try:
                 data = connection.socket.recv(_RECEIVE_BYTES)
             except BlockingIOError:
-                return
+                break
             except OSError as error:
-                self._end(connection, "%s: %s" % (connection.port.value, error))
-                return
+                reason = "%s: %s" % (connection.port.value, error)
+                break
             if not data:
-                self._end(connection, "%s: closed by the controller" % connection.port.value)
-                return
-            self._events.append(Received(connection.port, data))
+                reason = "%s: closed by the controller" % connection.port.value
+                break
+            pieces.append(data)
             if len(data) < _RECEIVE_BYTES:
-                return
+                break
+        if pieces:
+            self._events.append(Received(connection.port, b"".join(pieces)))
+        if reason:
+            self._end(connection, reason)
 
     def _flush(self, connection: _Connection) -> None:
         try:

@@ -1,5 +1,4 @@
-"""From the rate of the status feed to the wanted one: when to repeat the newest sample, and which samples to leave out.
-"""
+"""From the rate of the status feed to the wanted one: when to repeat the newest sample, which samples to leave out."""
 from collections import deque
 from typing import Deque, Optional
 

@@ -1,4 +1,4 @@
-"""A moving arm is never let go: odd details of the feed, refused and lost replies, races. Verdicts from the true arm."""
+"""A moving arm is never let go: odd details of the feed, refused replies, races. Verdicts from the true arm."""
 import math
 import threading
 import time

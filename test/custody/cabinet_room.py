@@ -50,6 +50,15 @@ def succeeded(reply: bytes) -> bool:
     return b'"errorCode": "0"' in reply
 
 
+class _Held(NamedTuple):
+    """A motion that was accepted and has not begun: not before ``due``, and not until the arm rested for ``rest``, s."""
+
+    due: float
+    rest: float
+    request: Dict[str, Any]
+    who: str
+
+
 class Frame(NamedTuple):
     """What the driver learns when a status frame has arrived whole.
 
@@ -120,7 +129,8 @@ class CabinetRoom:
         self.on_executed: Callable[[Dict[str, Any], bool, str], None] = lambda request, taken, who: None
         self._parser = RequestParser()
         self._client: Optional[Cable] = None
-        self._held: List[Tuple[float, Dict[str, Any], str]] = []
+        self._held: List[_Held] = []
+        self._moved_at = -1e9
         self._last_reply_at = 0.0
         self._next_frame = clock.now
         self._forced_feed_period = forced_feed_period
@@ -145,16 +155,25 @@ class CabinetRoom:
         if self.is_off:
             return
         now = self.clock.now
-        while self._held and self._held[0][0] <= now:
-            _, request, who = self._held.pop(0)
-            self._execute(request, who)
+        if self._held:
+            self._begin_held(now)
         self.controller.step(CYCLE_TIME)
-        if not self.controller.cabinet.plant.is_moving and self.mover is not NOBODY and self.is_idle:
-            self.mover = NOBODY
+        if not self.controller.cabinet.plant.is_moving:
+            if self.mover is not NOBODY and self.is_idle:
+                self.mover = NOBODY
+        else:
+            self._moved_at = now
         if now >= self._next_frame - _SAME_MOMENT:
             period = self.controller.cabinet.feed_period
             self._next_frame = max(self._next_frame + period, now)
             self._send_frame(now)
+
+    def _begin_held(self, now: float) -> None:
+        """Begin with what was accepted before, once its time has come and the arm has rested for a while."""
+        held = self._held[0]
+        if held.due <= now and now - self._moved_at >= held.rest:
+            self._held.pop(0)
+            self._execute(held.request, held.who)
 
     @property
     def is_idle(self) -> bool:
@@ -183,6 +202,7 @@ class CabinetRoom:
         if faults.shown_frames > 0:
             faults.shown_frames -= 1
         is_dropped = now < faults.dropped_until
+        dropped = {name for name in faults.dropped if is_dropped and not (is_shown and name in faults.shown)}
         if is_shown or is_dropped:
             frame.added = faults.shown if is_shown else {}
             frame.dropped = faults.dropped if is_dropped else ()
@@ -193,7 +213,7 @@ class CabinetRoom:
         if faults.mangled_frames > 0:
             faults.mangled_frames -= 1
             return self._mangled(text, faults.mangle), faults.mangle in ("twice", "noise before")
-        return text, not (is_dropped and not _ESSENTIAL_FIELDS.isdisjoint(faults.dropped))
+        return text, _ESSENTIAL_FIELDS.isdisjoint(dropped)
 
     def _honest_text(self) -> bytes:
         """The frame's text; kept while the arm rests and nothing else in it has changed, for speed."""
@@ -280,10 +300,9 @@ class CabinetRoom:
             return self._refusal(request, who)
         if now < faults.refuses_until.get(name, 0.0):
             return self._refusal(request, who)
-        if self._held and (name in PLANNED or name == "jog") and is_motion(request):
-            return self._hold(request, who, self._held[-1][0])
-        if now < faults.starts_late_until and is_motion(request) and (name in PLANNED or name == "jog"):
-            return self._hold(request, who, now + faults.late_start * self._chance.random())
+        can_wait = is_motion(request) and (name in PLANNED or name == "jog")
+        if can_wait and (self._held or now < faults.starts_late_until):
+            return self._hold(request, who)
         return self._execute(request, who)
 
     def _refusal(self, request: Dict[str, Any], who: str) -> bytes:
@@ -292,13 +311,15 @@ class CabinetRoom:
         self.on_executed(request, False, who)
         return encode_object({"errorCode": "2", "errorMsg": "call %s failed" % name, "cmdName": name})
 
-    def _hold(self, request: Dict[str, Any], who: str, until: float) -> bytes:
+    def _hold(self, request: Dict[str, Any], who: str) -> bytes:
         """Say yes now and begin later; a motion that could not begin now is refused as ever."""
         cabinet, name = self.controller.cabinet, str(request["cmdName"])
         if not cabinet.is_enabled or cabinet.emergency_stop or cabinet.protective_stop or cabinet.plant.is_servo_active:
             return self._execute(request, who)
-        self._held.append((until, request, who))
-        self._note("begins later", name, round(until - self.clock.now, 4))
+        late = self.faults.late_start
+        held = _Held(self.clock.now + late * self._chance.random(), late * self._chance.random(), request, who)
+        self._held.append(held)
+        self._note("begins later", name, "by %.4f s, after rest of %.4f s" % (held.due - self.clock.now, held.rest))
         return encode_object({"errorCode": "0", "errorMsg": "", "cmdName": name})
 
     def _execute(self, request: Dict[str, Any], who: str) -> bytes:

@@ -322,6 +322,12 @@ class Judge:
             raise RuleBroken("k", self._clock.now, "the arm rests, all is well, and it is still in custody: %s" % (
                 self.driver.core.motion_owner))
 
+    def must_be_ready(self) -> None:
+        """Everything has been well for a while: whoever wants to move the arm can."""
+        if not self.driver.core.is_ready(self._clock.now):
+            raise RuleBroken("l", self._clock.now, "all is well, and the driver is not ready: %s, %s" % (
+                self.driver.core.link_health(), self.driver.core.feed_health(self._clock.now)))
+
     def all_are_answered(self) -> None:
         """The driver has ended."""
         for call in self.sent.open_calls.values():

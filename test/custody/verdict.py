@@ -13,6 +13,7 @@ RULES: Dict[str, str] = {
     "i": "a stop goes out at once",
     "j": "the arm does not move unseen",
     "k": "an arm at rest is free again",
+    "l": "when all is well, the driver is ready again",
     "contract": "the core keeps its contract with the shell",
 }
 

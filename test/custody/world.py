@@ -174,6 +174,7 @@ class World:
             if call.error is None:
                 self._clock.after(REST_AFTER_STOP + CYCLE_TIME, self._judge.must_rest)
                 self._clock.after(FREE_AFTER, self._judge.must_be_free)
+                self._clock.after(FREE_AFTER, self._judge.must_be_ready)
                 self._clock.after(FREE_AFTER + CYCLE_TIME, self._close)
             elif tries > 1:
                 self._clock.after(1.0, lambda: self._last_stop(tries - 1))

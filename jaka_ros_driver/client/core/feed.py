@@ -15,8 +15,11 @@ from jaka_ros_driver.state import RobotState
 
 MAX_BURST = 5
 """Of the frames that arrive in one piece so many, the newest, are shown as new: the others are old news."""
-SILENCE = 0.05
-"""s; a longer pause in a feed that is otherwise faster puts what follows in doubt."""
+SILENCE = 0.15
+"""s; a longer pause in a feed that is otherwise faster puts what follows in doubt.
+
+After a shorter one all that has waited arrives in one piece, and the newest frames of that are new indeed.
+"""
 _SHORTEST_PERIOD = 0.004
 """s; no controller makes frames faster, so that shorter intervals are those of frames that waited."""
 _RATE_WINDOW = 250
