@@ -16,6 +16,7 @@ from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.simulation.cabinet import Options
 from jaka_ros_driver.simulation.connection import FRAME_BACKLOG_BYTES
 from jaka_ros_driver.simulation.controller import Controller
+from jaka_ros_driver.simulation.events import TargetRejected
 from jaka_ros_driver.simulation.firmware import Firmware
 from jaka_ros_driver.simulation.plant import CYCLE_TIME
 from jaka_ros_driver.simulation.request_parser import RequestParser
@@ -127,6 +128,8 @@ class CabinetRoom:
         self.stop_executed_at = -1e9
         self.motion_executed_at = -1e9
         self.on_executed: Callable[[Dict[str, Any], bool, str], None] = lambda request, taken, who: None
+        self.on_lost_reply: Callable[[], None] = lambda: None
+        self.on_refused_stop: Callable[[], None] = lambda: None
         self._parser = RequestParser()
         self._client: Optional[Cable] = None
         self._held: List[_Held] = []
@@ -279,6 +282,7 @@ class CabinetRoom:
             key = name if name in faults.lost_replies else ""
             faults.lost_replies[key] -= 1
             self._note("lost reply", name)
+            self.on_lost_reply()
             return
         if now < faults.noise_until:
             reply = self._noise(5) + reply if self._chance.random() < 0.5 else reply + reply
@@ -297,6 +301,7 @@ class CabinetRoom:
         is_stop = name == "stop_program"
         if is_stop and (faults.refused_stops > 0 or now < faults.refuses_stop_until):
             faults.refused_stops = max(0, faults.refused_stops - 1)
+            self.on_refused_stop()
             return self._refusal(request, who)
         if now < faults.refuses_until.get(name, 0.0):
             return self._refusal(request, who)
@@ -374,7 +379,7 @@ class CabinetRoom:
             target[joint] = step
             try:
                 self.controller.cabinet.plant.add_joint_move(target, 0.3, 2.0, relative=True)
-            except ValueError:
+            except TargetRejected:
                 return
             self.mover = PENDANT
 

@@ -61,26 +61,11 @@ class NeverFree(Wrapped):
         return not self.has_begun
 
 
-class StopsOnce(Wrapped):
-    """A stop that was refused or lost is not repeated."""
-
-    has_stopped = False
-
-    def change(self, action: Any) -> List[Any]:
-        if isinstance(action, Tell) and action.is_moving:
-            self.has_stopped = False
-        return super().change(action)
-
-    def lets_pass(self, request: Dict[str, Any]) -> bool:
-        is_repeated = request["cmdName"] == "stop_program" and self.has_stopped
-        self.has_stopped = self.has_stopped or request["cmdName"] == "stop_program"
-        return not is_repeated
-
-
-class StopsByFlagOnly(Wrapped):
-    """Stops go out for calls alone, not for what the driver itself notices: no watchdog, no link, no feed."""
+class StopsForCallsOnly(Wrapped):
+    """What the driver itself wants to stop does not go out, and is taken for accepted: watchdog, link, feed, retries."""
 
     is_in_call = False
+    swallowed: Tuple[str, ...] = ()
 
     def stop(self, call: Any, now: float) -> None:
         self.is_in_call = True
@@ -92,8 +77,39 @@ class StopsByFlagOnly(Wrapped):
         return actions
 
     def lets_pass(self, request: Dict[str, Any]) -> bool:
-        ends = request["cmdName"] == "stop_program" or (request["cmdName"] == "jog" and not request["jog_mode"])
-        return self.is_in_call or not ends
+        is_stop = request["cmdName"] == "stop_program" or (request["cmdName"] == "jog" and not request["jog_mode"])
+        if is_stop and self.swallows():
+            self.swallowed += (request["cmdName"],)
+            return False
+        return True
+
+    def swallows(self) -> bool:
+        """This stop does not go out."""
+        return not self.is_in_call
+
+    def tick(self, now: float) -> None:
+        swallowed, self.swallowed = self.swallowed, ()
+        for name in swallowed:
+            reply = {"errorCode": "0", "errorMsg": "", "cmdName": name}
+            self.good.received(Port.COMMAND, json.dumps(reply).encode(), now)
+        self.good.tick(now)
+
+
+class StopsOnce(StopsForCallsOnly):
+    """A stop that was refused or lost is not repeated."""
+
+    has_stopped = False
+
+    def change(self, action: Any) -> List[Any]:
+        if isinstance(action, Tell) and action.is_moving:
+            self.has_stopped = False
+        made = super().change(action)
+        if isinstance(action, Send) and b"stop_program" in action.data:
+            self.has_stopped = True
+        return made
+
+    def swallows(self) -> bool:
+        return self.has_stopped and not self.is_in_call
 
 
 class JogsOn(Wrapped):
@@ -331,9 +347,10 @@ class Defect(NamedTuple):
 
 
 DEFECTS: Tuple[Defect, ...] = (
-    Defect(FreeAtOnce, "a"), Defect(NeverFree, "k"), Defect(StopsOnce, "bcejk"), Defect(StopsByFlagOnly, "cej"),
+    Defect(FreeAtOnce, "a"), Defect(NeverFree, "k"), Defect(StopsOnce, "cm"),
+    Defect(StopsForCallsOnly, "cejm"),
     Defect(JogsOn, "c"), Defect(StopsLater, "i"), Defect(SendsAgain, "b"), Defect(ForgetsStops, "b"),
     Defect(AnswersTwice, "e"), Defect(AnswersNever, "e"), Defect(AnswersGood, "e"), Defect(PowersAgain, "d"),
     Defect(JumpsInServo, "f"), Defect(StreamsOn, "f"), Defect(LeavesLimits, "f"), Defect(ShowsOldAsNew, "g"),
-    Defect(GuardIsNotTold, "h"), Defect(GuardIsToldTooSoon, "h"), Defect(DoesNotSeeSilence, "j"),
+    Defect(GuardIsNotTold, "h"), Defect(GuardIsToldTooSoon, "h"), Defect(DoesNotSeeSilence, "fhj"),
     Defect(ConnectsOnce, "kl"), Defect(Raises, "contract"), Defect(SendsWithoutLink, "contract"))

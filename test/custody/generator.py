@@ -221,6 +221,34 @@ def _drawn(chance: random.Random, choices: _Weighted) -> Tuple[str, Dict[str, An
     return chance.choices([draw for _, draw in choices], weights)[0](chance)
 
 
+def _takes(kind: str, args: Dict[str, Any], jog_timeout: float) -> float:
+    """How long a call has its effect where nothing comes between, about, s."""
+    if kind == "jogging":
+        return float(args["duration"]) * (1.5 if args["then_back"] else 1.0) + jog_timeout + 0.5
+    if kind == "joint_move":
+        return min(5.0, max(map(abs, args["delta"])) / args["speed"] + 0.5)
+    if kind == "linear_move":
+        return min(5.0, max(map(abs, args["shift"])) / args["speed"] + 0.5)
+    if kind == "servo_session":
+        return float(args["duration"]) + 1.0
+    return 1.0 if kind == "queue" else 0.1
+
+
+def _aimed(chance: random.Random, events: Sequence[Event], jog_timeout: float) -> List[Event]:
+    """Trouble at the moments that matter: while a call is under way, or when a jog is to end by itself."""
+    aimed: List[Event] = []
+    for event in events:
+        if "caller" not in event.args or chance.random() > 0.15:
+            continue
+        faults = chance.choice((WIRE_FAULTS, FEED_FAULTS, CONTROLLER_FAULTS, CONTROLLER_FAULTS))
+        at = event.at + chance.choice((0.0, chance.uniform(0.0, 0.01), chance.uniform(0.0, 0.2),
+                                       chance.uniform(0.0, 2.0)))
+        if event.kind == "jogging" and chance.random() < 0.7:
+            at = event.at + event.args["duration"] + jog_timeout + chance.uniform(-0.3, 0.1)
+        aimed.append(Event(at, *_drawn(chance, faults)))
+    return aimed
+
+
 def generate(seed: int) -> Scenario:
     """The scenario of a seed."""
     chance = random.Random(seed)
@@ -230,13 +258,17 @@ def generate(seed: int) -> Scenario:
     for _ in range(3):  # each seed has its taste: some jog most of the time, some stream, some stop
         index = chance.randrange(len(favourites))
         favourites[index] = (favourites[index][0] * chance.choice((0.0, 3.0, 8.0)) + 0.01, favourites[index][1])
-    for caller in range(chance.choice((1, 1, 2, 2, 3, 4))):
+    jog_timeout = chance.choice((3.0, 3.0, 1.0))
+    for caller in range(chance.choice((1, 1, 1, 2, 2, 3, 4))):
         at, busy = chance.uniform(0.0, 1.0), chance.choice((0.3, 1.0, 2.5))
+        patience = chance.choice((0.0, 0.7, 1.0))
         while at < length:
             kind, args = _drawn(chance, favourites)
             events.append(Event(at, kind, dict(args, caller=caller)))
             at += chance.expovariate(1.0 / busy)
-    if chance.random() < 0.5:  # somebody with a hand on the stop button
+            if chance.random() < patience:
+                at += _takes(kind, args, jog_timeout)
+    if chance.random() < 0.35:  # somebody with a hand on the stop button
         at = 0.0
         while at < length:
             at += chance.expovariate(1.0 / chance.choice((1.0, 4.0)))
@@ -249,10 +281,12 @@ def generate(seed: int) -> Scenario:
         while at < length:
             events.append(Event(at, *_drawn(chance, faults)))
             at += chance.expovariate(1.0 / apart)
+    if chance.random() < 0.5:
+        events += _aimed(chance, events, jog_timeout)
     settings = {"feed_period": chance.choice((0.008, 0.03, 0.03, 0.03, 0.1, 0.1)),
                 "reply_timeout": chance.choice((0.9, 0.9, 0.9, 0.4)),
                 "motion_timeout": chance.choice((300.0, 20.0, 4.0)),
-                "jog_timeout": chance.choice((3.0, 3.0, 1.0)),
+                "jog_timeout": jog_timeout,
                 "servo_timeout": chance.choice((10.0, 2.0)),
                 "link_loss_stop": chance.choice((0.3, 0.3, 0.0)),
                 "power_timeout": chance.choice((30.0, 3.0)), "enable_timeout": chance.choice((30.0, 3.0))}

@@ -6,7 +6,7 @@ the core says of itself, but for its answers, which are themselves judged. Each 
 from collections import deque
 from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
-from cabinet_room import DRIVER, CabinetRoom, Frame
+from cabinet_room import DRIVER, STREAMED, CabinetRoom, Frame, is_motion
 from driver_process import Call, DriverProcess
 from sent_rules import SentRules
 from verdict import RuleBroken
@@ -32,6 +32,8 @@ UNOWNED = 0.3
 REST_AFTER_STOP = 0.5
 """s; the longest coast that the generator's motions have is shorter."""
 JOG_SLACK = 0.3
+STOP_AGAIN = 0.2
+"""s; from the last refusal of a stop to the next one."""
 SIGHT_SLACK = 0.3
 SHOWN_AGE = 0.15
 """s; so old may a state be that is shown as new, beside the wire's own latency."""
@@ -45,6 +47,7 @@ _JOINT_TOLERANCE, _POSITION_TOLERANCE, _ANGLE_TOLERANCE = 0.01, 0.002, 0.02
 _SAME_JOINT = 1e-6
 _CYCLE = 0.008
 _HISTORY_S = 3.0
+_NEVER = float("inf")
 _LOOK_PERIOD = 0.04
 """s; what changes slowly is looked at so often: obstacles, calls that are not answered."""
 
@@ -77,17 +80,19 @@ class Judge:
         low, high = network.terms[Port.STATUS, False].latency
         self._wire_age = high + _CYCLE + lateness
         self._shown_age = SHOWN_AGE + self._wire_age
-        # what ends a connection that is dead and not known to be: a beat, its time-out, the longest pause before
-        # another try, a round trip; then the same once more, for a fault that strikes the first try
-        self._recovery = 2.0 * (0.25 + settings.reply_timeout + 0.5 + 4.0 * high) + 2.0 * lateness
+        # to find out that a connection is dead, by a beat and its time-out, or by one that nobody answers; the
+        # longest pause before the next try; a round trip
+        self._relink = (0.25 + settings.reply_timeout + settings.connect_timeout + 0.5 + 4.0 * high + _LOOK_PERIOD
+                        + 2.0 * lateness)
         self._joints: Deque[Tuple[float, Vector]] = deque()
         self._awake_since = clock.now
         self._asleep_for = 0.0
         self._unowned_since: Optional[float] = None
         self._untold_from: Optional[Vector] = None
-        self._obstacle_at = clock.now
+        self._excused_until = clock.now
         self._seen_at = clock.now
         self._jog_word_at = -1e9
+        self._stop_wanted_at = _NEVER
         self._quiet: List[_Quiet] = []
         self._stops_before = 0
         self._stop_is_owed = False
@@ -108,20 +113,19 @@ class Judge:
 
     def resumed(self, now: float) -> None:
         """It goes on."""
-        self._awake_since = self._obstacle_at = now
+        self._awake_since = now
+        self._excused_until = now + self._relink
         self.sent.resumed(now)
 
     def obstacle(self) -> None:
-        """Something stands between the driver and the arm, or did until now."""
-        self._obstacle_at = self._clock.now
+        """Connections may be dead, and the driver has not been told."""
+        self._excused_until = self._clock.now + self._relink
 
     def link_up(self, port: Port, now: float) -> None:
         """A connection has been made."""
 
     def link_lost(self, port: Port, now: float) -> None:
-        """The driver knows that a connection has ended."""
-        if port is Port.COMMAND:
-            self._obstacle_at = now
+        """The driver knows that a connection has ended: by a fault, or because it gave it up itself."""
         self.sent.alarmed(is_fault=False)
 
     def reads_frames(self, frames: Tuple[Frame, ...], now: float) -> None:
@@ -152,9 +156,14 @@ class Judge:
         if not is_open:
             raise RuleBroken("contract", now, "bytes for a command port that is not open: %r" % data[:200])
         for request in self.sent.sends(data, self.driver.is_moving_told, now):
-            if request["cmdName"] == "jog" and request["jog_mode"] != 0:
-                self._jog_word_at = max(self._jog_word_at, now)
-            if request["cmdName"] not in ("servo_j", "servo_p"):
+            name = request["cmdName"]
+            if name == "stop_program":
+                self._stop_wanted_at = min(self._stop_wanted_at, now)
+            elif is_motion(request):
+                self._stop_wanted_at = _NEVER
+                if name == "jog":
+                    self._jog_word_at = max(self._jog_word_at, now)
+            if name not in STREAMED:
                 self._note("sends", request)
         self._quiet = [quiet for quiet in self._quiet if quiet.number > self.sent.last_motion]
 
@@ -222,8 +231,7 @@ class Judge:
                 self._joints.popleft()
         if now >= self._next_look:
             self._next_look = now + _LOOK_PERIOD
-            if self._has_obstacle(now):
-                self._obstacle_at = now
+            self._look_for_obstacles(now)
             self._scan_calls(now)
         if (plant.is_moving and room.mover is DRIVER and not self.driver.is_gone and not room.is_off
                 and max(map(abs, plant.joint_velocity)) > MOVING):
@@ -232,11 +240,18 @@ class Judge:
         elif self._unowned_since is not None or self._untold_from is not None:
             self._unowned_since = self._untold_from = None
 
-    def _has_obstacle(self, now: float) -> bool:
-        """No driver could stop the arm now."""
+    def _look_for_obstacles(self, now: float) -> None:
+        """Until when no driver could have stopped the arm, whatever it does."""
         faults = self._room.faults
-        return (self._room.is_off or not self._network.carries(Port.COMMAND) or self.driver.is_paused
-                or now < faults.refuses_stop_until or faults.refused_stops > 0)
+        if (now < faults.noise_until or now < faults.delays_until or self._room.is_off or self.driver.is_paused
+                or not self._network.carries(Port.COMMAND)):
+            self._excused_until = now + self._relink
+        elif now < faults.refuses_stop_until:
+            self.stop_is_refused()
+
+    def stop_is_refused(self) -> None:
+        """A stop that is refused is to be repeated."""
+        self._excused_until = max(self._excused_until, self._clock.now + STOP_AGAIN)
 
     def _moving(self, now: float, plant: Any) -> None:
         for call in self.sent.open_calls.values():
@@ -250,11 +265,14 @@ class Judge:
                 raise RuleBroken(quiet.rule, now, "the arm moves at %.4f rad/s, %.3f s %s" % (
                     max(map(abs, plant.joint_velocity)), now - quiet.since + REST_AFTER_STOP, quiet.why))
         if plant.is_jogging and now > max(self._jog_word_at + self._settings.jog_timeout,
-                                          self._obstacle_at + _LOOK_PERIOD + self._recovery) + JOG_SLACK:
+                                          self._excused_until) + JOG_SLACK:
             raise RuleBroken("c", now, "the arm is jogged, %.3f s after the last accepted call" % (
                 now - self._jog_word_at))
+        if now > max(self._stop_wanted_at, self._excused_until) + REST_AFTER_STOP:
+            raise RuleBroken("m", now, "the arm moves, %.3f s after the driver sent a stop" % (
+                now - self._stop_wanted_at))
         if now > max(self._seen_at + self._settings.silence_timeout,
-                     self._obstacle_at + self._recovery) + SIGHT_SLACK + REST_AFTER_STOP:
+                     self._excused_until) + SIGHT_SLACK + REST_AFTER_STOP:
             raise RuleBroken("j", now, "the arm moves, %.3f s after the last readable status frame" % (
                 now - self._seen_at))
 
@@ -311,7 +329,7 @@ class Judge:
     # ---- the end ----
 
     def must_rest(self) -> None:
-        """Everything is well again, and nobody wants motion any more."""
+        """Nobody wants motion any more, and nothing stands against a stop; or the driver has ended without its guard."""
         plant = self._room.controller.cabinet.plant
         if plant.is_moving and self._room.mover is DRIVER and max(map(abs, plant.joint_velocity)) > MOVING:
             raise RuleBroken("e", self._clock.now, "the arm has not come to rest at the end")

@@ -14,6 +14,7 @@ RULES: Dict[str, str] = {
     "j": "the arm does not move unseen",
     "k": "an arm at rest is free again",
     "l": "when all is well, the driver is ready again",
+    "m": "what the driver began to stop comes to rest, however often the stop is refused or lost",
     "contract": "the core keeps its contract with the shell",
 }
 

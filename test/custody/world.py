@@ -80,6 +80,7 @@ class World:
             clock, network, chance, make_core(settings, model), settings, judge, scenario.lateness,
             scenario.has_guard, room.guard_stops, self.note)
         judge.driver = driver
+        room.on_lost_reply, room.on_refused_stop = judge.obstacle, judge.stop_is_refused
         network.at_controller, network.controller_lost, network.accepted = room.arrived, room.lost, room.accepted
         network.at_driver, network.driver_lost = driver.arrived, driver.lost
         self._clients = Clients(clock, driver, model)
@@ -204,16 +205,12 @@ class World:
         if driver.is_paused or not (driver.core.is_free or now >= self._closing_until):
             return
         self._closing_until = None
-        plant = self._room.controller.cabinet.plant
-        was_left_moving = not driver.core.is_free
         driver.whenever_awake(driver.core.disconnect)
         driver.leave()
         self.note("the driver has ended", "its guard stops the arm" if driver.is_moving_told else "")
         self._judge.all_are_answered()
-        if not was_left_moving and plant.is_moving:
+        if not driver.is_moving_told:
             self._judge.must_rest()
-        if was_left_moving and not driver.is_moving_told:
-            self._judge.broken("the driver ends while it moves the arm, and does not leave that to its guard")
         self._is_over = True
 
     # ---- what happens: calls ----
