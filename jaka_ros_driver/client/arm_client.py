@@ -242,7 +242,8 @@ class ArmClient:
         Raises:
             InvalidCommand: Not in servo mode, outside the limits, or too far away; nothing moves.
         """
-        self._call(lambda call, now: self._core.servo_target(call, command, now))
+        with self._lock:
+            self._core.set_servo_target(command, time.monotonic())
 
     def stop(self) -> None:
         """Stop all motion, queued motion and programs; leaves servo mode.

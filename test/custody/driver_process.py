@@ -78,7 +78,7 @@ class DriverProcess:
     """
 
     def __init__(self, clock: Clock, network: Network, chance: random.Random, core: Any, settings: ClientSettings,
-                 judge: Any, lateness: float, has_guard: bool, guard_stops: Callable[[], bool],
+                 judge: Any, lateness: float, has_turns: bool, has_guard: bool, guard_stops: Callable[[], bool],
                  note: Callable[..., None]) -> None:
         self.core = core
         self.shown: Optional[RobotState] = None
@@ -89,6 +89,7 @@ class DriverProcess:
         self.next_tick = clock.now
         self._clock, self._network, self._chance = clock, network, chance
         self._settings, self._judge, self._lateness = settings, judge, lateness
+        self._has_turns, self._lost_in_turn = has_turns, False
         self._has_guard, self._guard_stops, self._note = has_guard, guard_stops, note
         self._last_tick = clock.now
         self._tries = dict.fromkeys(Port, 0)
@@ -157,7 +158,7 @@ class DriverProcess:
                 self._unread_bytes[cable.port] += len(arrival.data)
                 self._unread.append(_Unread(cable, arrival.data, arrival.marks))
             return
-        self._read(cable, arrival.data, arrival.marks)
+        self._take([_Unread(cable, arrival.data, arrival.marks)])
 
     def lost(self, cable: Cable) -> None:
         """This host learns that a connection has ended."""
@@ -166,7 +167,7 @@ class DriverProcess:
         if self.is_paused:
             self._unread.append(_Unread(cable, None, ()))
         else:
-            self._ended(cable)
+            self._take([_Unread(cable, None, ())])
 
     # ---- inside ----
 
@@ -174,28 +175,32 @@ class DriverProcess:
         """What waits is taken up: which of it first is chance, as it is between a program's threads."""
         self._note("process goes on")
         self._judge.resumed(self._clock.now)
-        turns = [self._read_all, self._give_all, self.tick]
+        turns = [self._read_all, self._give_all]
+        if not self._has_turns:
+            turns.append(self.tick)
         self._chance.shuffle(turns)
         for turn in turns:
             turn()
 
     def _read_all(self) -> None:
+        """All that waits on a port is one piece, if it is not too much."""
         unread, self._unread = self._unread, []
         self._unread_bytes = dict.fromkeys(Port, 0)
-        for port in Port:
-            data, marks, cable = b"", [], None
+        ports, events = list(Port), []
+        self._chance.shuffle(ports)
+        for port in ports:
+            data, marks, cable = b"", (), None
             for item in [item for item in unread if item.cable.port is port]:
-                if item.data is None or len(data) + len(item.data) > READ_BYTES:
-                    if data and cable is not None:
-                        self._read(cable, data, tuple(marks))
-                    data, marks = b"", []
+                if cable is not None and (item.data is None or len(data) + len(item.data) > READ_BYTES):
+                    events.append(_Unread(cable, data, marks))
+                    data, marks, cable = b"", (), None
                 if item.data is None:
-                    self._ended(item.cable)
+                    events.append(item)
                 else:
-                    data, cable = data + item.data, item.cable
-                    marks += item.marks
-            if data and cable is not None:
-                self._read(cable, data, tuple(marks))
+                    data, marks, cable = data + item.data, marks + item.marks, item.cable
+            if cable is not None:
+                events.append(_Unread(cable, data, marks))
+        self._take(events)
 
     def _give_all(self) -> None:
         waiting, self._waiting = self._waiting, []
@@ -210,20 +215,41 @@ class DriverProcess:
         else:
             action()
 
-    def _read(self, cable: Cable, data: bytes, marks: Tuple[Any, ...]) -> None:
-        if cable is not self.cables[cable.port]:
+    def _take(self, events: List[_Unread]) -> None:
+        """Hand events of the wire to the core: each by itself, or as one turn of a loop that ends in a tick."""
+        if not self._has_turns:
+            for event in events:
+                self._do(self._heard(event))
             return
-        if cable.port is Port.STATUS:
-            self._judge.reads_frames(marks, self._clock.now)
-        self._do(lambda now: self.core.received(cable.port, data, now))
+        heard = [self._heard(event) for event in events]
 
-    def _ended(self, cable: Cable) -> None:
-        if cable is not self.cables[cable.port]:
-            return
-        self.cables[cable.port] = None
-        self._note("lost", cable.port.name)
-        self._judge.link_lost(cable.port, self._clock.now)
-        self._do(lambda now: self.core.closed(cable.port, "connection closed by the controller", now))
+        def turn(now: float) -> None:
+            for tell in heard:
+                tell(now)
+            self._last_tick = now
+            self.core.tick(now)
+        self._lost_in_turn = False
+        self._do(turn)
+        self._lost_in_turn = False
+
+    def _heard(self, event: _Unread) -> Callable[[float], None]:
+        """What the core is told of an event."""
+        cable = event.cable
+
+        def tell(now: float) -> None:
+            if cable is not self.cables[cable.port]:
+                return
+            if event.data is not None:
+                if cable.port is Port.STATUS:
+                    self._judge.reads_frames(event.marks, now)
+                self.core.received(cable.port, event.data, now)
+                return
+            self.cables[cable.port] = None
+            self._lost_in_turn = self._lost_in_turn or cable.port is Port.COMMAND
+            self._note("lost", cable.port.name)
+            self._judge.link_lost(cable.port, now)
+            self.core.closed(cable.port, "connection closed by the controller", now)
+        return tell
 
     def _give(self, call: Call) -> None:
         self._calls += 1
@@ -278,6 +304,8 @@ class DriverProcess:
 
     def _send(self, data: bytes, now: float) -> None:
         cable = self.cables[Port.COMMAND]
+        if cable is None and self._lost_in_turn:
+            return  # it was asked for before the end was told, in the same turn
         self._judge.sends(data, cable is not None, now)
         if cable is not None:
             cable.to_controller.send(data)
@@ -316,7 +344,7 @@ class DriverProcess:
         self._judge.link_up(port, self._clock.now)
         self._do(lambda now: self.core.opened(port, now))
         if not cable.driver_knows:  # it ended before this process looked
-            self._ended(cable)
+            self._take([_Unread(cable, None, ())])
 
     def _close(self, port: Port, reason: str, now: float) -> None:
         self._note("closes", port.name, reason)

@@ -38,6 +38,7 @@ class Scenario:
         latency: Of the wire, from, to, s.
         lateness: Of the driver's timer, at most, s.
         auto_enable: It powers and enables the arm at its start.
+        has_turns: Its shell ticks the core after whatever came from the wire, and only then does what it asks for.
         has_guard: A guard process runs beside it.
         ends: "close" or "leave".
     """
@@ -55,6 +56,7 @@ class Scenario:
     latency: Tuple[float, float] = (0.0001, 0.001)
     lateness: float = 0.0
     auto_enable: bool = False
+    has_turns: bool = False
     has_guard: bool = False
     ends: str = "close"
 
@@ -299,4 +301,4 @@ def generate(seed: int) -> Scenario:
         forced_feed_period=chance.choice((None, None, None, 0.03, 0.1)), full_frames=chance.random() < 0.03,
         latency=chance.choice(((0.0001, 0.0005), (0.0001, 0.001), (0.0005, 0.005))),
         lateness=chance.choice((0.0, 0.0002, 0.002)), auto_enable=is_off or chance.random() < 0.1,
-        has_guard=chance.random() < 0.5, ends=chance.choice(("close", "leave", "close in trouble")))
+        has_turns=chance.random() < 0.5, has_guard=chance.random() < 0.5, ends=chance.choice(("close", "leave", "close in trouble")))

@@ -27,8 +27,8 @@ from jaka_ros_driver.simulation.plant import CYCLE_TIME
 MODEL = "zu7"
 BEGIN = 1000.0
 """s; the host's monotonic clock is not 0 when a driver starts."""
-LONGEST_GOOD_BYE = 3.0
-"""s; a driver that shuts down waits so long for the arm to rest."""
+LONGEST_GOOD_BYE = 1.0
+"""s; a driver that shuts down waits so long for the arm to rest, as ``ArmClient`` does."""
 QUIET_WAIT = 4.0
 TRIES_TO_STOP = 5
 _NEVER = float("inf")
@@ -78,7 +78,7 @@ class World:
         self._judge = judge = Judge(clock, network, room, model, settings, scenario.lateness, self.note)
         self._driver = driver = DriverProcess(
             clock, network, chance, make_core(settings, model), settings, judge, scenario.lateness,
-            scenario.has_guard, room.guard_stops, self.note)
+            scenario.has_turns, scenario.has_guard, room.guard_stops, self.note)
         judge.driver = driver
         room.on_lost_reply, room.on_refused_stop = judge.obstacle, judge.stop_is_refused
         network.at_controller, network.controller_lost, network.accepted = room.arrived, room.lost, room.accepted

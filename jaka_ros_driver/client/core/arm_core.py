@@ -228,19 +228,23 @@ class ArmCore:
 
         Errors: InvalidCommand (not in servo mode, outside the limits, or too far away; nothing moves).
         """
-        self.links.note_time(now)
         try:
-            running = self.custody.motion
-            if not isinstance(running, Servo) or self.custody.is_ending:
-                reason = self.custody.ending_reason or self._servo_end
-                raise InvalidCommand("refused: not in servo mode; servo_move_enable first" + (
-                    " (it ended: %s)" % reason if reason else ""))
-            limits.check(command, self.model, self.state)
-            running.set_target(command, now)
+            self.set_servo_target(command, now)
         except JakaError as error:
             self.actions.answer(call, None, error)
         else:
             self.actions.answer(call)
+
+    def set_servo_target(self, command: Union[c.ServoJoint, c.ServoPose], now: float) -> None:
+        """As ``servo_target``, for a caller who need not wait: raises what that answers. Nothing is sent at once."""
+        self.links.note_time(now)
+        running = self.custody.motion
+        if not isinstance(running, Servo) or self.custody.is_ending:
+            reason = self.custody.ending_reason or self._servo_end
+            raise InvalidCommand("refused: not in servo mode; servo_move_enable first" + (
+                " (it ended: %s)" % reason if reason else ""))
+        limits.check(command, self.model, self.state)
+        running.set_target(command, now)
 
     def stop(self, call: Any, now: float) -> None:
         """Stop all motion, queued motion and programs; leaves servo mode. Answered with the controller's word.

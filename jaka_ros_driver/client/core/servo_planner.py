@@ -56,11 +56,15 @@ class _Follower:
         """The step of this cycle towards a target that is ``away`` from here; ``is_new``: since the last step."""
         if not self._velocity:
             self._velocity = (0.0,) * len(away)
-        wanted = tuple(a / self._period for a in away)
-        if not (is_new and _norm(wanted) <= self._max_speed and _distance(wanted, self._velocity) <= self._max_change):
+        wanted: Tuple[float, ...] = tuple([a / self._period for a in away])
+        if not (is_new and self._takes_at_once(wanted)):
             wanted = self._limited(away)
         self._velocity = wanted
         return tuple(w * self._period for w in wanted)
+
+    def _takes_at_once(self, wanted: Tuple[float, ...]) -> bool:
+        velocity = self._velocity or (0.0,) * len(wanted)
+        return math.hypot(*wanted) <= self._max_speed and math.dist(wanted, velocity) <= self._max_change
 
     @property
     def is_still(self) -> bool:
@@ -68,7 +72,9 @@ class _Follower:
         return not self._velocity or _norm(self._velocity) * self._period <= _ARRIVED
 
     def arrives_within(self, away: Sequence[float], cycles: int) -> bool:
-        """Whether it would reach a target that is ``away`` from here within so many cycles."""
+        """Whether it would reach a new target that is ``away`` from here within so many cycles."""
+        if self._takes_at_once(tuple([a / self._period for a in away])):
+            return True
         twin = _Follower(self._max_speed, self._max_change / self._period, self._period)
         twin._velocity = self._velocity
         for cycle in range(cycles):
@@ -92,11 +98,11 @@ class _Follower:
 
 
 def _norm(values: Sequence[float]) -> float:
-    return math.sqrt(sum(v * v for v in values))
+    return math.hypot(*values)
 
 
 def _distance(a: Sequence[float], b: Sequence[float]) -> float:
-    return math.sqrt(sum((x - y) ** 2 for x, y in zip(a, b)))
+    return math.dist(a, b)
 
 
 class JointServo:
