@@ -199,7 +199,7 @@ def test_a_stop_that_is_refused_is_repeated(bench, call, refusals):
     with pytest.raises(JakaError, match="call stop_program failed"):
         arm.stop()
     assert_in_custody_while_it_moves(one, arm, 0.08 * refusals + 0.5)
-    assert move.failure().cause is StopCause.STOPPED
+    assert move.failure().cause in (StopCause.STOPPED, StopCause.TIMEOUT)  # after 1 s: "the stop is not accepted"
     assert eventually(lambda: arm.motion_owner is None)
     assert not one.is_moving()
     assert len(hostile.stops) >= refusals + 1

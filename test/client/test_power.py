@@ -140,8 +140,8 @@ def test_auto_enable_is_one_act_that_whatever_disturbs_it_ends_for_good(bench, d
     arm.auto_enable()
     assert eventually(lambda: one.requests("power_on"))
     disturb(one, arm)
+    threading.Event().wait(0.5)
     assert eventually(lambda: arm.is_ready)
-    threading.Event().wait(0.2)
     if not arm.fresh_state().is_powered:
         set_power(arm, True)  # an operator's own call: it powers, and enables nothing
     threading.Event().wait(1.0)

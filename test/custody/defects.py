@@ -323,6 +323,15 @@ class ConnectsOnce(Wrapped):
         return [action]
 
 
+class TalksToStrangers(Wrapped):
+    """The controller is asked for its version before it has said who it is."""
+
+    def opened(self, port: Port, now: float) -> None:
+        self.good.opened(port, now)
+        if port is Port.COMMAND:
+            self.good.actions.add(Send(b'{"cmdName": "get_version"}'))
+
+
 class Raises(Wrapped):
     """An error of the core's own comes out of it."""
 
@@ -353,4 +362,4 @@ DEFECTS: Tuple[Defect, ...] = (
     Defect(AnswersTwice, "e"), Defect(AnswersNever, "e"), Defect(AnswersGood, "e"), Defect(PowersAgain, "d"),
     Defect(JumpsInServo, "f"), Defect(StreamsOn, "f"), Defect(LeavesLimits, "f"), Defect(ShowsOldAsNew, "g"),
     Defect(GuardIsNotTold, "h"), Defect(GuardIsToldTooSoon, "h"), Defect(DoesNotSeeSilence, "fhj"),
-    Defect(ConnectsOnce, "kl"), Defect(Raises, "contract"), Defect(SendsWithoutLink, "contract"))
+    Defect(ConnectsOnce, "kl"), Defect(TalksToStrangers, "n"), Defect(Raises, "contract"), Defect(SendsWithoutLink, "contract"))

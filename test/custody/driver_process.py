@@ -8,6 +8,7 @@ import random
 import traceback
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
+from verdict import RuleBroken
 from virtual_clock import Clock
 from wire import Arrival, Cable, Network
 
@@ -276,6 +277,8 @@ class DriverProcess:
         """What the core gives; what it raises is a breach of its contract."""
         try:
             return asked()
+        except RuleBroken:
+            raise
         except JakaError:
             self._judge.broken("an error comes out of the core:\n" + traceback.format_exc())
         except Exception:

@@ -37,6 +37,7 @@ class Scenario:
         full_frames: Frames have all fields; they cost ten times as much.
         latency: Of the wire, from, to, s.
         lateness: Of the driver's timer, at most, s.
+        identity: What the simulated controller says that it is; the settings may ask for another one.
         auto_enable: It powers and enables the arm at its start.
         has_turns: Its shell ticks the core after whatever came from the wire, and only then does what it asks for.
         has_guard: A guard process runs beside it.
@@ -55,6 +56,7 @@ class Scenario:
     full_frames: bool = False
     latency: Tuple[float, float] = (0.0001, 0.001)
     lateness: float = 0.0
+    identity: str = ""
     auto_enable: bool = False
     has_turns: bool = False
     has_guard: bool = False
@@ -292,6 +294,10 @@ def generate(seed: int) -> Scenario:
                 "servo_timeout": chance.choice((10.0, 2.0)),
                 "link_loss_stop": chance.choice((0.3, 0.3, 0.0)),
                 "power_timeout": chance.choice((30.0, 3.0)), "enable_timeout": chance.choice((30.0, 3.0))}
+    is_simulator = chance.random() < 0.08
+    if is_simulator:
+        settings["simulator"] = chance.choice(("twin", "twin", "another"))
+    is_foreign = settings.get("simulator") == "another"
     is_off = chance.random() < 0.15
     has_slow_drives = chance.random() < 0.3
     return Scenario(
@@ -300,5 +306,5 @@ def generate(seed: int) -> Scenario:
         power_delay=8.0 if has_slow_drives else 0.5, enable_delay=4.0 if has_slow_drives else 0.3,
         forced_feed_period=chance.choice((None, None, None, 0.03, 0.1)), full_frames=chance.random() < 0.03,
         latency=chance.choice(((0.0001, 0.0005), (0.0001, 0.001), (0.0005, 0.005))),
-        lateness=chance.choice((0.0, 0.0002, 0.002)), auto_enable=is_off or chance.random() < 0.1,
-        has_turns=chance.random() < 0.5, has_guard=chance.random() < 0.5, ends=chance.choice(("close", "leave", "close in trouble")))
+        lateness=chance.choice((0.0, 0.0002, 0.002)), identity="twin" if is_simulator else "", auto_enable=is_off or chance.random() < 0.1,
+        has_turns=chance.random() < 0.5, has_guard=chance.random() < 0.5, ends="close" if is_foreign else chance.choice(("close", "leave", "close in trouble")))

@@ -71,10 +71,10 @@ class Judge:
     """
 
     def __init__(self, clock: Clock, network: Network, room: CabinetRoom, model: ArmModel, settings: ClientSettings,
-                 lateness: float, note: Callable[..., None]) -> None:
+                 lateness: float, identity: str, note: Callable[..., None]) -> None:
         self._clock, self._network, self._room, self._settings, self._note = clock, network, room, settings, note
         self.driver: DriverProcess
-        self.sent = SentRules(room, model, settings, lateness)
+        self.sent = SentRules(room, model, settings, lateness, identity)
         self.cycles_moving = 0
         self.answers: Dict[Tuple[str, str], int] = {}
         low, high = network.terms[Port.STATUS, False].latency
@@ -127,6 +127,8 @@ class Judge:
     def link_lost(self, port: Port, now: float) -> None:
         """The driver knows that a connection has ended: by a fault, or because it gave it up itself."""
         self.sent.alarmed(is_fault=False)
+        if port is Port.COMMAND:
+            self.sent.knows_controller = False
 
     def reads_frames(self, frames: Tuple[Frame, ...], now: float) -> None:
         """The driver has read the last bytes of these status frames."""
@@ -144,7 +146,8 @@ class Judge:
         """The core is about to get a call."""
         self.sent.called(call)
         self._stops_before = self.sent.stops_seen
-        self._stop_is_owed = call.kind == "stop" and self.driver.cables[Port.COMMAND] is not None
+        self._stop_is_owed = (call.kind == "stop" and self.driver.cables[Port.COMMAND] is not None
+                              and (not self._settings.simulator or self.sent.knows_controller))
 
     def was_called(self, call: Call) -> None:
         """Everything that the core does at once because of this call has been done."""

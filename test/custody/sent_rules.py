@@ -45,12 +45,16 @@ class SentRules:
         last_motion: Number of the call that the newest motion was sent for.
         last_stop: Number of the newest stop call; what was asked before it is not sent any more.
         is_closed: The driver has been told to shut down.
-        alarm: Order of the newest fault, restart or lost link that the driver has learned of; see ``orders``.
-        servo_moved_at: When a servo frame last changed, s.
+        knows_controller: Something else was asked on this connection than who the controller is.
+        open_calls: Those that are not answered, by their numbers.
+        stops_seen: So many stops went out.
     """
 
-    def __init__(self, room: CabinetRoom, model: ArmModel, settings: ClientSettings, lateness: float) -> None:
+    def __init__(self, room: CabinetRoom, model: ArmModel, settings: ClientSettings, lateness: float,
+                 identity: str) -> None:
         self._room, self._model, self._settings, self._lateness = room, model, settings, lateness
+        self._is_foreign = bool(settings.simulator) and settings.simulator != identity
+        self.knows_controller = False
         self.last_motion = 0
         self.last_stop = 0
         self.is_closed = False
@@ -114,6 +118,11 @@ class SentRules:
         requests = requests_in(data)
         for request in requests:
             name = request["cmdName"]
+            if name == "get_simulator_identity":
+                continue
+            self.knows_controller = True
+            if self._is_foreign:
+                raise RuleBroken("n", now, "%s is sent to a controller that says it is another one" % name)
             if name == "stop_program":
                 self.stops_seen += 1
             elif name in self._power_wish:

@@ -15,6 +15,7 @@ RULES: Dict[str, str] = {
     "k": "an arm at rest is free again",
     "l": "when all is well, the driver is ready again",
     "m": "what the driver began to stop comes to rest, however often the stop is refused or lost",
+    "n": "a controller that is not the one that was meant is left alone",
     "contract": "the core keeps its contract with the shell",
 }
 

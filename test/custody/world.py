@@ -72,10 +72,11 @@ class World:
         self._clock = clock = Clock(BEGIN)
         self._chance = chance = random.Random(zlib.crc32(b"world %d" % scenario.seed))
         self._network = network = Network(clock, chance, scenario.latency)
-        options = Options(scenario.power_delay, scenario.enable_delay, Start(scenario.start))
+        options = Options(scenario.power_delay, scenario.enable_delay, Start(scenario.start), identity=scenario.identity)
         self._room = room = CabinetRoom(clock, network, chance, model, FIRMWARES[scenario.firmware], options,
                                         scenario.forced_feed_period, scenario.full_frames, self.note)
-        self._judge = judge = Judge(clock, network, room, model, settings, scenario.lateness, self.note)
+        self._judge = judge = Judge(clock, network, room, model, settings, scenario.lateness, scenario.identity,
+                                    self.note)
         self._driver = driver = DriverProcess(
             clock, network, chance, make_core(settings, model), settings, judge, scenario.lateness,
             scenario.has_turns, scenario.has_guard, room.guard_stops, self.note)
