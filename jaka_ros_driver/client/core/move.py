@@ -98,7 +98,9 @@ class Move(Motion):
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         for part in self._parts:
-            self._answer(part, outcome)
+            was_passed_over = outcome is None and len(self._parts) > 1 and not part.was_reached
+            self._answer(part, MotionInterrupted(StopCause.STOPPED, "its target was not seen to be reached")
+                         if was_passed_over else outcome)
 
     # ---- inside ----
 
