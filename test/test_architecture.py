@@ -24,8 +24,8 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import from the package bes
     "ros": DOMAIN | {"kinematics", "protocol", "client"},
     "bags": GROUND | {"state"},
 }
-OPEN_SOCKETS = ("client/transport", "client/stop_link", "ros/connections", "ros/driver_lock", "simulation/server", "simulation/proxy",
-                "simulation/wire_player", "bags/raw_transport", "bags/tcpros")
+OPEN_SOCKETS = ("client/transport", "client/stop_link", "ros/connections", "ros/driver_lock", "simulation/server",
+                "simulation/proxy", "simulation/wire_player", "bags/raw_transport", "bags/tcpros")
 ROS_OUTSIDE_ITS_ROOM = {"bags/rospy_transport.py", "bags/player.py", "bags/regression/driver_client.py"}
 LONGEST = 600
 WRITTEN = {"", ".launch", ".md", ".msg", ".py", ".rst", ".sh", ".srv", ".toml", ".txt", ".xml", ".yaml"}
@@ -103,3 +103,17 @@ def test_imports_in_functions_and_relative_ones_are_seen():
                      "def f():\n    import socket, rospy.names\n")
     assert set(imported_names(tree, PACKAGE / "bags")) == {
         "jaka_ros_driver.bags.tcpros", "jaka_ros_driver.client.transport.Link", "socket", "rospy.names"}
+
+
+def test_no_module_of_the_driver_imports_itself_in_a_circle():
+    """``bags`` has circles of old; nothing else may."""
+    names = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in modules(PACKAGE)
+             if room_of(path) != "bags"}
+    needs = {name: {other for other in names if other != name and any(
+        got == other or got.startswith(other + ".") for got in imports_of(path))} for name, path in names.items()}
+    while True:
+        free = {name for name, others in needs.items() if not others & set(needs)}
+        if not free:
+            break
+        needs = {name: others for name, others in needs.items() if name not in free}
+    assert not needs, "in circles: %s" % ", ".join(sorted(needs))

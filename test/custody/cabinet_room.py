@@ -5,8 +5,9 @@ not: a stop that is refused, a reply that is late or lost, a motion that begins 
 that says what is not so.
 """
 import random
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Optional
 
+from status_feed import FeedFaults, StatusFeed, noise
 from virtual_clock import Clock
 from wire import Arrival, Cable, Network
 
@@ -14,26 +15,17 @@ from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.simulation.cabinet import Options
-from jaka_ros_driver.simulation.connection import FRAME_BACKLOG_BYTES
 from jaka_ros_driver.simulation.controller import Controller
 from jaka_ros_driver.simulation.events import TargetRejected
 from jaka_ros_driver.simulation.firmware import Firmware
 from jaka_ros_driver.simulation.plant import CYCLE_TIME
 from jaka_ros_driver.simulation.request_parser import RequestParser
-from jaka_ros_driver.simulation.status_frame import StatusFrame, all_field_names
 
 DRIVER, GUARD, PENDANT, HAND, NOBODY = "driver", "guard", "pendant", "hand", "nobody"
 """Who moves the arm."""
 
 PLANNED = frozenset(("joint_move", "moveL"))
 STREAMED = frozenset(("servo_j", "servo_p"))
-_NEEDED_FIELDS = frozenset((
-    "drag_status", "errcode", "errmsg", "joint_actual_position", "actual_position", "interp_state", "enabled",
-    "paused", "current_tool_id", "current_user_id", "on_soft_limit", "emergency_stop", "powered_on", "inpos",
-    "protective_stop"))
-_ESSENTIAL_FIELDS = frozenset((
-    "joint_actual_position", "powered_on", "enabled", "inpos", "emergency_stop", "protective_stop"))
-_SAME_MOMENT = 1e-6
 
 
 def is_motion(request: Dict[str, Any]) -> bool:
@@ -52,7 +44,7 @@ def succeeded(reply: bytes) -> bool:
 
 
 class _Held(NamedTuple):
-    """A motion that was accepted and has not begun: not before ``due``, and not until the arm rested for ``rest``, s."""
+    """A motion that was accepted and has not begun: not before ``due``, nor until the arm rested for ``rest``, s."""
 
     due: float
     rest: float
@@ -60,24 +52,8 @@ class _Held(NamedTuple):
     who: str
 
 
-class Frame(NamedTuple):
-    """What the driver learns when a status frame has arrived whole.
-
-    Attributes:
-        made_at: s.
-        is_readable: It is whole and has all that a driver needs.
-        shows_fault: An emergency or protective stop stands in it.
-        is_restarted: It is of a controller that has been started anew since the frame before.
-    """
-
-    made_at: float
-    is_readable: bool
-    shows_fault: bool
-    restarts: int
-
-
 class Faults:
-    """What is wrong with the controller at present; times are ends, s."""
+    """What is wrong with the command port at present; times are ends, s."""
 
     def __init__(self) -> None:
         self.refuses_stop_until = 0.0
@@ -88,19 +64,7 @@ class Faults:
         self.lost_replies: Dict[str, int] = {}
         self.late_start = 0.0
         self.starts_late_until = 0.0
-        self.shown: Dict[str, Any] = {}
-        self.shown_until = 0.0
-        self.shown_frames = 0
-        self.dropped: Tuple[str, ...] = ()
-        self.dropped_until = 0.0
-        self.silent_until = 0.0
-        self.mangled_frames = 0
-        self.mangle = ""
         self.noise_until = 0.0
-
-    def heal(self) -> None:
-        """Nothing is wrong any more."""
-        self.__init__()  # type: ignore[misc]
 
 
 class CabinetRoom:
@@ -108,10 +72,10 @@ class CabinetRoom:
 
     Attributes:
         controller: The simulated controller's core.
-        faults: What is wrong with it.
+        faults: What is wrong with its command port.
+        feed: Its status feed.
         mover: Who started the motion under way.
         is_off: Without power.
-        restarts: How often it was started anew.
         stop_executed_at: When it last carried a stop out, s.
         motion_executed_at: When it last began to carry a motion out, s.
     """
@@ -124,7 +88,6 @@ class CabinetRoom:
         self.faults = Faults()
         self.mover = NOBODY
         self.is_off = False
-        self.restarts = 0
         self.stop_executed_at = -1e9
         self.motion_executed_at = -1e9
         self.on_executed: Callable[[Dict[str, Any], bool, str], None] = lambda request, taken, who: None
@@ -135,23 +98,9 @@ class CabinetRoom:
         self._held: List[_Held] = []
         self._moved_at = -1e9
         self._last_reply_at = 0.0
-        self._next_frame = clock.now
-        self._forced_feed_period = forced_feed_period
-        self._full_frames = full_frames
-        self._kept_text: Tuple[Any, bytes] = (None, b"")
-        self._prepare()
+        self.feed = StatusFeed(clock, network, chance, self.controller, forced_feed_period, full_frames)
 
     # ---- time ----
-
-    def _prepare(self) -> None:
-        """After each start of the controller."""
-        cabinet = self.controller.cabinet
-        cabinet.slow_feed(self._forced_feed_period)
-        if not self._full_frames:
-            for name in all_field_names(cabinet.firmware):
-                if name not in _NEEDED_FIELDS:
-                    cabinet.memory.field_switches[name] = False
-        self.frame: StatusFrame = self.controller.feed_frame
 
     def cycle(self) -> None:
         """One cycle of the controller, and a status frame where one is due."""
@@ -166,10 +115,7 @@ class CabinetRoom:
                 self.mover = NOBODY
         else:
             self._moved_at = now
-        if now >= self._next_frame - _SAME_MOMENT:
-            period = self.controller.cabinet.feed_period
-            self._next_frame = max(self._next_frame + period, now)
-            self._send_frame(now)
+        self.feed.cycle()
 
     def _begin_held(self, now: float) -> None:
         """Begin with what was accepted before, once its time has come and the arm has rested for a while."""
@@ -185,66 +131,10 @@ class CabinetRoom:
         return (plant.is_in_position and not plant.is_servo_active and not plant.is_hand_guided
                 and not plant.is_jogging and not self._held)
 
-    # ---- the status feed ----
-
-    def _send_frame(self, now: float) -> None:
-        clients = [cable for cable in self._network.on(Port.STATUS) if cable.controller_knows]
-        faults = self.faults
-        if not clients or now < faults.silent_until:
-            return
-        cabinet = self.controller.cabinet
-        text, is_readable = self._frame_text(now)
-        frame = Frame(now, is_readable, cabinet.emergency_stop or cabinet.protective_stop, self.restarts)
-        for cable in clients:
-            if cable.to_driver.unsent_bytes <= FRAME_BACKLOG_BYTES:
-                cable.to_driver.send(text, frame)
-
-    def _frame_text(self, now: float) -> Tuple[bytes, bool]:
-        faults, frame = self.faults, self.frame
-        is_shown = now < faults.shown_until or faults.shown_frames > 0
-        if faults.shown_frames > 0:
-            faults.shown_frames -= 1
-        is_dropped = now < faults.dropped_until
-        dropped = {name for name in faults.dropped if is_dropped and not (is_shown and name in faults.shown)}
-        if is_shown or is_dropped:
-            frame.added = faults.shown if is_shown else {}
-            frame.dropped = faults.dropped if is_dropped else ()
-            text = frame.text()
-            frame.added, frame.dropped = {}, ()
-        else:
-            text = self._honest_text()
-        if faults.mangled_frames > 0:
-            faults.mangled_frames -= 1
-            return self._mangled(text, faults.mangle), faults.mangle in ("twice", "noise before")
-        return text, _ESSENTIAL_FIELDS.isdisjoint(dropped)
-
-    def _honest_text(self) -> bytes:
-        """The frame's text; kept while the arm rests and nothing else in it has changed, for speed."""
-        cabinet = self.controller.cabinet
-        plant, memory = cabinet.plant, cabinet.memory
-        key = (plant.joint_position, plant.is_in_position, plant.is_hand_guided, plant.is_moving, cabinet.is_powered,
-               cabinet.is_enabled, cabinet.emergency_stop, cabinet.protective_stop, cabinet.program_state,
-               cabinet.is_paused, memory.tool_id, memory.user_frame_id, cabinet.alarms.shown(), plant.motion_line,
-               plant.add_error_line, memory.tools[memory.tool_id].pose,
-               memory.user_frames[memory.user_frame_id].pose, self.restarts)
-        if key != self._kept_text[0]:
-            self._kept_text = key, self.frame.text()
-        return self._kept_text[1]
-
-    def _mangled(self, text: bytes, how: str) -> bytes:
-        if how == "noise":
-            return self._noise(len(text) // 2)
-        if how == "noise before":
-            return self._noise(20) + text
-        if how == "cut off":
-            return text[:self._chance.randrange(1, len(text))]
-        if how == "twice":
-            return text + text
-        middle = self._chance.randrange(20, len(text) - 1)  # a byte of it is wrong
-        return text[:middle] + b"\xff" + text[middle + 1:]
-
-    def _noise(self, count: int) -> bytes:
-        return bytes([self._chance.randrange(0x80, 0x100) for _ in range(count)])
+    def heal(self) -> None:
+        """Nothing is wrong any more, and no button is pressed."""
+        self.faults, self.feed.faults = Faults(), FeedFaults()
+        self.controller.cabinet.release_emergency_stop()
 
     # ---- the command port ----
 
@@ -285,7 +175,7 @@ class CabinetRoom:
             self.on_lost_reply()
             return
         if now < faults.noise_until:
-            reply = self._noise(5) + reply if self._chance.random() < 0.5 else reply + reply
+            reply = noise(self._chance, 5) + reply if self._chance.random() < 0.5 else reply + reply
         at = now + (faults.reply_delay * self._chance.random() if now < faults.delays_until else 0.0)
         self._last_reply_at = at = max(at, self._last_reply_at)
         if at > now:
@@ -403,11 +293,9 @@ class CabinetRoom:
 
     def _boot(self) -> None:
         self.controller.restart()
-        self.restarts += 1
         self.is_off = self._network.is_off = False
         self.mover = NOBODY
-        self._next_frame = self.clock.now
-        self._prepare()
+        self.feed.start()
         for port in Port:  # an end that still believes in its connection is told otherwise at its next word
             for cable in self._network.on(port):
                 cable.cut(driver_learns=True, controller_learns=False)

@@ -62,7 +62,7 @@ class NeverFree(Wrapped):
 
 
 class StopsForCallsOnly(Wrapped):
-    """What the driver itself wants to stop does not go out, and is taken for accepted: watchdog, link, feed, retries."""
+    """A stop of the driver's own (watchdog, link, feed, repetition) does not go out, and is taken for accepted."""
 
     is_in_call = False
     swallowed: Tuple[str, ...] = ()
@@ -356,10 +356,10 @@ class Defect(NamedTuple):
 
 
 DEFECTS: Tuple[Defect, ...] = (
-    Defect(FreeAtOnce, "a"), Defect(NeverFree, "k"), Defect(StopsOnce, "cm"),
-    Defect(StopsForCallsOnly, "cejm"),
+    Defect(FreeAtOnce, "a"), Defect(NeverFree, "k"), Defect(StopsOnce, "cm"), Defect(StopsForCallsOnly, "cejm"),
     Defect(JogsOn, "bc"), Defect(StopsLater, "i"), Defect(SendsAgain, "b"), Defect(ForgetsStops, "b"),
     Defect(AnswersTwice, "e"), Defect(AnswersNever, "e"), Defect(AnswersGood, "e"), Defect(PowersAgain, "d"),
     Defect(JumpsInServo, "f"), Defect(StreamsOn, "f"), Defect(LeavesLimits, "f"), Defect(ShowsOldAsNew, "g"),
     Defect(GuardIsNotTold, "h"), Defect(GuardIsToldTooSoon, "h"), Defect(DoesNotSeeSilence, "fhj"),
-    Defect(ConnectsOnce, "kl"), Defect(TalksToStrangers, "n"), Defect(Raises, "contract"), Defect(SendsWithoutLink, "contract"))
+    Defect(ConnectsOnce, "kl"), Defect(TalksToStrangers, "n"), Defect(Raises, "contract"),
+    Defect(SendsWithoutLink, "contract"))

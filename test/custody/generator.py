@@ -153,8 +153,9 @@ def _procedure(name: str, *values: Any) -> _Draw:
 
 
 CALLS: _Weighted = (
-    (12.0, _joint_move), (5.0, _linear_move), (2.0, _queue), (3.0, _jogging), (6.0, _servo_session), (0.5, _servo_mode(True)),
-    (0.7, _servo_mode(False)), (1.5, _servo_stream), (0.5, _servo_burst), (2.5, _stop), (2.0, _stop_with_move),
+    (12.0, _joint_move), (5.0, _linear_move), (2.0, _queue), (3.0, _jogging), (6.0, _servo_session),
+    (0.5, _servo_mode(True)), (0.7, _servo_mode(False)), (1.5, _servo_stream), (0.5, _servo_burst), (2.5, _stop),
+    (2.0, _stop_with_move),
     (0.5, _procedure("power", True, True, True, False)), (0.7, _procedure("enable", True, True, True, False)),
     (1.0, _procedure("clear_error", None)), (0.5, _procedure("hand_guiding", True, False, False)),
     (0.3, _procedure("tool_frame", 1, 2)), (0.3, _procedure("user_frame", 1, 2)), (0.3, _procedure("payload", 1.0)),
@@ -306,5 +307,6 @@ def generate(seed: int) -> Scenario:
         power_delay=8.0 if has_slow_drives else 0.5, enable_delay=4.0 if has_slow_drives else 0.3,
         forced_feed_period=chance.choice((None, None, None, 0.03, 0.1)), full_frames=chance.random() < 0.03,
         latency=chance.choice(((0.0001, 0.0005), (0.0001, 0.001), (0.0005, 0.005))),
-        lateness=chance.choice((0.0, 0.0002, 0.002)), identity="twin" if is_simulator else "", auto_enable=is_off or chance.random() < 0.1,
-        has_turns=chance.random() < 0.5, has_guard=chance.random() < 0.5, ends="close" if is_foreign else chance.choice(("close", "leave", "close in trouble")))
+        lateness=chance.choice((0.0, 0.0002, 0.002)), identity="twin" if is_simulator else "",
+        auto_enable=is_off or chance.random() < 0.1, has_turns=chance.random() < 0.5, has_guard=chance.random() < 0.5,
+        ends="close" if is_foreign else chance.choice(("close", "leave", "close in trouble")))

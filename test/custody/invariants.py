@@ -6,9 +6,10 @@ the core says of itself, but for its answers, which are themselves judged. Each 
 from collections import deque
 from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
-from cabinet_room import DRIVER, STREAMED, CabinetRoom, Frame, is_motion
+from cabinet_room import DRIVER, STREAMED, CabinetRoom, is_motion
 from driver_process import Call, DriverProcess
 from sent_rules import SentRules
+from status_feed import Frame
 from verdict import RuleBroken
 from virtual_clock import Clock
 from wire import Network
@@ -39,6 +40,8 @@ SHOWN_AGE = 0.15
 """s; so old may a state be that is shown as new, beside the wire's own latency."""
 SHOWN_PERIODS = 3.0
 """A hiccup of a slow feed that is shorter cannot be told from its usual jitter: so many periods old a state may be."""
+STOP_ANSWER_SLACK = 0.1
+"""s, over the time-out of the reply: nothing else holds the answer to a stop up."""
 ANSWER_SLACK = 6.0
 """s, over what a call may take by its settings: waiting for rest, polls, repeated questions."""
 FREE_AFTER = 2.0
@@ -322,6 +325,8 @@ class Judge:
 
     def _longest(self, call: Call) -> float:
         settings = self._settings
+        if call.kind in ("stop", "servo_target"):
+            return settings.reply_timeout + STOP_ANSWER_SLACK
         longest = 2.0 * settings.reply_timeout + ANSWER_SLACK
         if call.kind == "move" and call.waits:
             longest += settings.motion_timeout
@@ -332,13 +337,15 @@ class Judge:
     # ---- the end ----
 
     def must_rest(self) -> None:
-        """Nobody wants motion any more, and nothing stands against a stop; or the driver has ended without its guard."""
+        """Nobody wants motion any more, and nothing stands against a stop; or the driver is gone, and no guard acts."""
         plant = self._room.controller.cabinet.plant
         if plant.is_moving and self._room.mover is DRIVER and max(map(abs, plant.joint_velocity)) > MOVING:
             raise RuleBroken("e", self._clock.now, "the arm has not come to rest at the end")
 
     def must_be_free(self) -> None:
         """As ``must_rest``; and there is nothing left to guard."""
+        if self._room.controller.cabinet.plant.is_servo_active:
+            raise RuleBroken("k", self._clock.now, "all is well, and the controller is still in servo mode")
         if not self.driver.core.is_free or self.driver.is_moving_told:
             raise RuleBroken("k", self._clock.now, "the arm rests, all is well, and it is still in custody: %s" % (
                 self.driver.core.motion_owner))

@@ -37,12 +37,16 @@ KEPT: Dict[str, Scenario] = {
     "a queue that comes by its last target was taken for done": _scenario(
         (1.0, "late_start", {"delay": 1.5, "duration": 8.0}),
         (1.5, "queue", {"caller": 0, "joint": 0, "ways": (0.1, 0.3, 0.1), "speed": 2.0, "first_waits": False,
-                        "apart": 0.0}), settings=_SETTINGS),
+                        "apart": 0.0}), seed=3, settings=_SETTINGS),
     "a move that was stopped at the pendant was completed by the one behind it": _scenario(
         (1.0, "linear_move", _linear_move((0.0, 0.0, 0.0), (0.07, 0.0, 0.0), 0.023, True)),
         (1.085, "pendant_stop", {}),
         (1.31, "linear_move", _linear_move((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.06, False, caller=2)),
         settings=_SETTINGS),
+    "a move that never began was completed while the feed did not tell the pose": _scenario(
+        (1.0, "late_start", {"delay": 1.5, "duration": 8.0}),
+        (1.5, "linear_move", _linear_move((0.02, 0.0, 0.0), (0.0, 0.0, 0.0), 0.04, True)),
+        (2.0, "feed_drops", {"fields": ("actual_position",), "duration": 2.0}), seed=8, settings=_SETTINGS),
     "a move was told that it is stopped while every stop was refused": _scenario(
         (1.0, "refuse_stop_for", {"duration": 4.0}), (1.1, "joint_move", _joint_move(5, -3.0, 1.0, True)),
         (1.35, "stop", {"caller": 9}),

@@ -177,7 +177,8 @@ class SentRules:
     def _within_limits(self, name: str, joints: Sequence[float], now: float) -> None:
         for index, (value, (low, high)) in enumerate(zip(joints, self._model.joint_limits)):
             if not low - _WIRE_ROUNDING <= value <= high + _WIRE_ROUNDING:
-                raise RuleBroken("f", now, "%s takes joint %d to %.6f rad, outside its limits" % (name, index + 1, value))
+                raise RuleBroken("f", now, "%s takes joint %d to %.6f rad, outside its limits" % (
+                    name, index + 1, value))
 
     # ---- servo frames ----
 

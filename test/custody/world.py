@@ -72,7 +72,8 @@ class World:
         self._clock = clock = Clock(BEGIN)
         self._chance = chance = random.Random(zlib.crc32(b"world %d" % scenario.seed))
         self._network = network = Network(clock, chance, scenario.latency)
-        options = Options(scenario.power_delay, scenario.enable_delay, Start(scenario.start), identity=scenario.identity)
+        options = Options(scenario.power_delay, scenario.enable_delay, Start(scenario.start),
+                          identity=scenario.identity)
         self._room = room = CabinetRoom(clock, network, chance, model, FIRMWARES[scenario.firmware], options,
                                         scenario.forced_feed_period, scenario.full_frames, self.note)
         self._judge = judge = Judge(clock, network, room, model, settings, scenario.lateness, scenario.identity,
@@ -166,9 +167,8 @@ class World:
     def _heal(self) -> None:
         self.note("all is well again")
         self._judge.obstacle()
-        self._room.faults.heal()
+        self._room.heal()
         self._network.heal()
-        self._room.controller.cabinet.release_emergency_stop()
 
     def _last_stop(self, tries: int) -> None:
         """Somebody stops what is still under way; a driver that does not know yet that all is well gets time."""
@@ -300,17 +300,17 @@ class World:
     # ---- what happens: the feed ----
 
     def do_feed_shows(self, what: Dict[str, Any], frames: int = 0, duration: float = 0.0) -> None:
-        faults = self._room.faults
+        faults = self._room.feed.faults
         faults.shown, faults.shown_frames, faults.shown_until = what, frames, self._clock.now + duration
 
     def do_feed_drops(self, fields: Tuple[str, ...], duration: float) -> None:
-        self._room.faults.dropped, self._room.faults.dropped_until = fields, self._clock.now + duration
+        self._room.feed.faults.dropped, self._room.feed.faults.dropped_until = fields, self._clock.now + duration
 
     def do_feed_silent(self, duration: float) -> None:
-        self._room.faults.silent_until = self._clock.now + duration
+        self._room.feed.faults.silent_until = self._clock.now + duration
 
     def do_feed_mangled(self, how: str, frames: int) -> None:
-        self._room.faults.mangle, self._room.faults.mangled_frames = how, frames
+        self._room.feed.faults.mangle, self._room.feed.faults.mangled_frames = how, frames
 
     # ---- what happens: the controller, and people beside it ----
 

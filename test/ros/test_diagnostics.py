@@ -9,8 +9,8 @@ from ros_bench import collecting, eventually
 from jaka_ros_driver.ros import diagnostics
 
 OK, WARN, ERROR, STALE = range(4)
-CHECKS = {"controller link", "arm", "guard", "status feed", "controller state", "emergency stop", "protective stop", "soft limit",
-          "temperature", "servo stream", "kinematic model", "versions"}
+CHECKS = {"controller link", "arm", "guard", "status feed", "controller state", "emergency stop", "protective stop",
+          "soft limit", "temperature", "servo stream", "kinematic model", "versions"}
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,5 @@
 """The launch files: documented arguments, ip alone drives a real arm, the demo, the tree of frames for display."""
+import contextlib
 import math
 import xml.etree.ElementTree as ElementTree
 
@@ -6,8 +7,9 @@ import pytest
 import roslaunch
 import rospy
 from import_graph import ROOT
-from ros_bench import Arm, collecting, eventually
+from ros_bench import Arm, SimulatorProcess, collecting, eventually
 from tf2_msgs.msg import TFMessage
+from wire_verdict import WireVerdict
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward
@@ -107,6 +109,18 @@ def test_the_demo_runs(ros_node, launch, free_ports):
     arm.wait_until_seen()
     assert eventually(lambda: arm.listen("robot_states", 1)[0].power_state == 1)
     assert eventually(lambda: arm.call("joint_move", pose=[0.1, 1.5, -1.5, 1.5, 1.5, 0.0], mvvelo=3.0, mvacc=12.0).ret)
+
+
+def test_the_demo_leaves_another_controller_on_its_ports_alone(ros_node, launch, tmp_path):
+    log = tmp_path / "wire.mcap"
+    with contextlib.closing(SimulatorProcess("--log", str(log))) as another:
+        launch("demo.launch", "command_port:=%d" % another.command_port, "status_port:=%d" % another.status_port)
+        arm = Arm(None)
+        assert eventually(lambda: "not the simulated one" in arm.call(
+            "joint_move", pose=[0.1, 1.5, -1.5, 1.5, 1.5, 0.0], mvvelo=3.0, mvacc=12.0).message)
+        assert not arm.call("power", data=True).success
+        assert not another.state()["is_powered"]
+    assert {request["cmdName"] for _, request in WireVerdict(log).received()} == {"get_simulator_identity"}
 
 
 def test_display_has_one_tree_from_base_to_tool_that_equals_ours(ros_node, launch, free_ports):

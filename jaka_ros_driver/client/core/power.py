@@ -1,16 +1,14 @@
 """Power, enabling and alarms: the way to an arm that can move. Nothing here acts without being called."""
 import logging
-from typing import TYPE_CHECKING, Callable, List
+from typing import Callable, List
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core.arm_access import ArmAccess
 from jaka_ros_driver.client.core.motion import event_text
 from jaka_ros_driver.client.core.procedure import Ask, Now, Procedure, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
-
-if TYPE_CHECKING:
-    from jaka_ros_driver.client.core.arm_core import ArmCore
 
 _CLEAR_TIMEOUT = 3.0
 _NEVER = float("inf")
@@ -30,7 +28,7 @@ def missing_for_motion(state: RobotState) -> List[str]:
     return missing
 
 
-def set_power(core: "ArmCore", on: bool) -> Procedure:
+def set_power(core: ArmAccess, on: bool) -> Procedure:
     """Energise the drives, or stop, disable and de-energise them; ends when the arm reports it.
 
     Raises:
@@ -49,7 +47,7 @@ def set_power(core: "ArmCore", on: bool) -> Procedure:
     yield from _switch_power(core, False)
 
 
-def set_enabled(core: "ArmCore", on: bool) -> Procedure:
+def set_enabled(core: ArmAccess, on: bool) -> Procedure:
     """Release the brakes and hold torque, or the reverse; ends when the arm reports it.
 
     Raises:
@@ -66,7 +64,7 @@ def set_enabled(core: "ArmCore", on: bool) -> Procedure:
     yield from _switch_drives(core, on)
 
 
-def clear_error(core: "ArmCore") -> Procedure:
+def clear_error(core: ArmAccess) -> Procedure:
     """Clear alarms and the protective stop; energises nothing.
 
     Returns:
@@ -87,7 +85,7 @@ def clear_error(core: "ArmCore") -> Procedure:
     return missing_for_motion(state)
 
 
-def auto_enable(core: "ArmCore") -> Procedure:
+def auto_enable(core: ArmAccess) -> Procedure:
     """Power and enable a healthy arm once, as soon as it is seen for the first time; a sick one is left alone.
 
     It is one act: whatever disturbs it (a stop, a fault, a restart, a lost link, an operator's call) ends it for good.
@@ -117,7 +115,7 @@ def _nothing() -> None:
     pass
 
 
-def _switch_power(core: "ArmCore", on: bool, check: Callable[[], None] = _nothing) -> Procedure:
+def _switch_power(core: ArmAccess, on: bool, check: Callable[[], None] = _nothing) -> Procedure:
     check()
     if (yield from _state(core)).is_powered is not on:
         yield Ask(c.SetPower(on))
@@ -125,7 +123,7 @@ def _switch_power(core: "ArmCore", on: bool, check: Callable[[], None] = _nothin
                           "power on" if on else "power off", check)
 
 
-def _switch_drives(core: "ArmCore", on: bool, check: Callable[[], None] = _nothing) -> Procedure:
+def _switch_drives(core: ArmAccess, on: bool, check: Callable[[], None] = _nothing) -> Procedure:
     check()
     if (yield from _state(core)).is_enabled is not on:
         yield Ask(c.SetEnabled(on))
@@ -140,7 +138,7 @@ def _refuse_under_stop(state: RobotState, what: str) -> None:
         raise InvalidCommand("refused to %s: protective stop; clear_err first" % what)
 
 
-def _come_to_rest(core: "ArmCore") -> Procedure:
+def _come_to_rest(core: ArmAccess) -> Procedure:
     """The controller disables an arm at rest only (controller protocol 5.1)."""
     if not core.custody.is_free or not (yield from _state(core)).is_in_position:
         now = yield Now()
@@ -152,11 +150,11 @@ def _come_to_rest(core: "ArmCore") -> Procedure:
         raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not come to rest within %.0f s" % _CLEAR_TIMEOUT)
 
 
-def _state(core: "ArmCore") -> Procedure:
+def _state(core: ArmAccess) -> Procedure:
     return core.fresh_state((yield Now()))
 
 
-def _seen(core: "ArmCore", predicate: Callable[[RobotState], bool], timeout: float,
+def _seen(core: ArmAccess, predicate: Callable[[RobotState], bool], timeout: float,
           check: Callable[[], None] = _nothing) -> Procedure:
     """Wait for a state, that comes after now, of which the predicate holds; False after the time-out."""
     begun = yield Now()
@@ -168,7 +166,7 @@ def _seen(core: "ArmCore", predicate: Callable[[RobotState], bool], timeout: flo
     return (yield Until(holds, timeout))
 
 
-def _await(core: "ArmCore", predicate: Callable[[RobotState], bool], timeout: float, what: str,
+def _await(core: ArmAccess, predicate: Callable[[RobotState], bool], timeout: float, what: str,
            check: Callable[[], None]) -> Procedure:
     if not (yield from _seen(core, predicate, timeout, check)):
         state = core.state

@@ -1,15 +1,13 @@
 """Settings that are read back: the controller's "accepted" is not yet "set". Each ends in a sentence for the user."""
 import math
-from typing import TYPE_CHECKING, Any, Callable, Optional, Sequence
+from typing import Any, Callable, Optional, Sequence
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core.arm_access import ArmAccess
 from jaka_ros_driver.client.core.procedure import Ask, Now, Procedure, Until
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import IoBank, RobotState
-
-if TYPE_CHECKING:
-    from jaka_ros_driver.client.core.arm_core import ArmCore
 
 _TIMEOUT = 2.0
 _LENGTH_TOLERANCE = 1e-5
@@ -23,7 +21,7 @@ class ReadBackMismatch(JakaError):
     """The controller accepted a setting and holds another value."""
 
 
-def set_tool_frame(core: "ArmCore", command: c.SetToolFrame, activate: bool) -> Procedure:
+def set_tool_frame(core: ArmAccess, command: c.SetToolFrame, activate: bool) -> Procedure:
     """Store a tool frame and, with ``activate``, make it the active one.
 
     Raises:
@@ -38,7 +36,7 @@ def set_tool_frame(core: "ArmCore", command: c.SetToolFrame, activate: bool) -> 
     return "tool %d %s%s" % (command.tool_id, "set and active" if activate else "set", told)
 
 
-def set_user_frame(core: "ArmCore", command: c.SetUserFrame, activate: bool) -> Procedure:
+def set_user_frame(core: ArmAccess, command: c.SetUserFrame, activate: bool) -> Procedure:
     """Store a user frame and, with ``activate``, make it the active one; errors as ``set_tool_frame``."""
     yield Ask(core.audited(command))
     told = yield from _compare(c.Query.USER_FRAMES, "user frame %d" % command.user_frame_id,
@@ -49,7 +47,7 @@ def set_user_frame(core: "ArmCore", command: c.SetUserFrame, activate: bool) -> 
     return "user frame %d %s%s" % (command.user_frame_id, "set and active" if activate else "set", told)
 
 
-def set_payload(core: "ArmCore", tool_id: int, command: c.SetPayload) -> Procedure:
+def set_payload(core: ArmAccess, tool_id: int, command: c.SetPayload) -> Procedure:
     """Select the tool and set the load at it; errors as ``set_tool_frame``."""
     core.audited(command)
     unseen = yield from _select_tool(core, tool_id)
@@ -58,7 +56,7 @@ def set_payload(core: "ArmCore", tool_id: int, command: c.SetPayload) -> Procedu
     return "payload of tool %d set: %g kg%s" % (tool_id, command.mass, told or unseen)
 
 
-def set_collision_level(core: "ArmCore", level: int) -> Procedure:
+def set_collision_level(core: ArmAccess, level: int) -> Procedure:
     """Set the collision sensitivity, 0 off; errors as ``set_tool_frame``."""
     yield Ask(core.audited(c.SetCollisionLevel(level)))
     told = yield from _compare(c.Query.COLLISION_LEVEL, "collision level",
@@ -66,7 +64,7 @@ def set_collision_level(core: "ArmCore", level: int) -> Procedure:
     return ("collision detection off" if level == 0 else "collision level %d" % level) + told
 
 
-def set_hand_guiding(core: "ArmCore", active: bool) -> Procedure:
+def set_hand_guiding(core: ArmAccess, active: bool) -> Procedure:
     """Switch hand guiding; ends when the arm reports it.
 
     Raises:
@@ -86,7 +84,7 @@ def set_hand_guiding(core: "ArmCore", active: bool) -> Procedure:
     return "hand guiding %s%s" % ("on" if active else "off", told)
 
 
-def set_digital_output(core: "ArmCore", command: c.SetDigitalOutput) -> Procedure:
+def set_digital_output(core: ArmAccess, command: c.SetDigitalOutput) -> Procedure:
     """Switch an output and see it switched; errors as ``set_tool_frame``."""
     yield Ask(core.audited(command))
     told = yield from _await_output(core, lambda s: s.io.digital_outputs, command.bank, command.index,
@@ -94,7 +92,7 @@ def set_digital_output(core: "ArmCore", command: c.SetDigitalOutput) -> Procedur
     return "digital output %d of %s is %d%s" % (command.index, command.bank.name.lower(), command.value, told)
 
 
-def set_analog_output(core: "ArmCore", command: c.SetAnalogOutput) -> Procedure:
+def set_analog_output(core: ArmAccess, command: c.SetAnalogOutput) -> Procedure:
     """Set an output and see it set; errors as ``set_tool_frame``."""
     yield Ask(core.audited(command))
     told = yield from _await_output(core, lambda s: s.io.analog_outputs, command.bank, command.index, command.value,
@@ -102,7 +100,7 @@ def set_analog_output(core: "ArmCore", command: c.SetAnalogOutput) -> Procedure:
     return "analog output %d of %s is %g%s" % (command.index, command.bank.name.lower(), command.value, told)
 
 
-def _select_tool(core: "ArmCore", tool_id: int) -> Procedure:
+def _select_tool(core: ArmAccess, tool_id: int) -> Procedure:
     yield Ask(core.audited(c.SelectTool(tool_id)))
     return (yield from _await(core, lambda s: s.tool_id, tool_id, "tool"))
 
@@ -117,7 +115,7 @@ def _compare(query: c.Query, what: str, difference: Callable[[Any], str]) -> Pro
     return ""
 
 
-def _await(core: "ArmCore", read: Callable[[RobotState], Any], wanted: Any, what: str,
+def _await(core: ArmAccess, read: Callable[[RobotState], Any], wanted: Any, what: str,
            query: Optional[c.Query] = None) -> Procedure:
     """See the feed show the value; where it does not carry it, ask, or say that it could not be verified."""
     if read(core.fresh_state((yield Now()))) is None:
@@ -137,7 +135,7 @@ def _ask_instead(query: c.Command, wanted: Any, what: str, tolerance: float = 0.
     return ""
 
 
-def _await_feed(core: "ArmCore", holds: Callable[[RobotState], bool],
+def _await_feed(core: ArmAccess, holds: Callable[[RobotState], bool],
                 otherwise: Callable[[RobotState], str]) -> Procedure:
     begun = yield Now()
 
@@ -148,7 +146,7 @@ def _await_feed(core: "ArmCore", holds: Callable[[RobotState], bool],
         raise ReadBackMismatch("the controller accepted it but " + otherwise(core.fresh_state((yield Now()))))
 
 
-def _await_output(core: "ArmCore", bank_of: Callable[[RobotState], Any], bank: IoBank, index: int, value: float,
+def _await_output(core: ArmAccess, bank_of: Callable[[RobotState], Any], bank: IoBank, index: int, value: float,
                   tolerance: float, query: c.Command) -> Procedure:
     """Look at the status feed, or ask where the feed does not carry the output."""
     values: Sequence[float] = bank_of(core.fresh_state((yield Now()))).get(bank, ())
