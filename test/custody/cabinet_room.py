@@ -4,6 +4,7 @@ The core is the product's own. What is put around it here are the faults of a re
 not: a stop that is refused, a reply that is late or lost, a motion that begins long after it was accepted, a feed
 that says what is not so.
 """
+import contextlib
 import random
 from typing import Any, Callable, Dict, List, NamedTuple, Optional
 
@@ -19,6 +20,7 @@ from jaka_ros_driver.simulation.controller import Controller
 from jaka_ros_driver.simulation.events import TargetRejected
 from jaka_ros_driver.simulation.firmware import Firmware
 from jaka_ros_driver.simulation.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.replies import Refused
 from jaka_ros_driver.simulation.request_parser import RequestParser
 
 DRIVER, GUARD, PENDANT, HAND, NOBODY = "driver", "guard", "pendant", "hand", "nobody"
@@ -43,6 +45,10 @@ def succeeded(reply: bytes) -> bool:
     return b'"errorCode": "0"' in reply
 
 
+def _refused(name: str) -> bytes:
+    return encode_object({"errorCode": "2", "errorMsg": "call %s failed" % name, "cmdName": name})
+
+
 class _Held(NamedTuple):
     """A motion that was accepted and has not begun: not before ``due``, nor until the arm rested for ``rest``, s."""
 
@@ -59,6 +65,7 @@ class Faults:
         self.refuses_stop_until = 0.0
         self.refused_stops = 0
         self.refuses_until: Dict[str, float] = {}
+        self.lies_until: Dict[str, float] = {}
         self.reply_delay = 0.0
         self.delays_until = 0.0
         self.lost_replies: Dict[str, int] = {}
@@ -195,6 +202,10 @@ class CabinetRoom:
             return self._refusal(request, who)
         if now < faults.refuses_until.get(name, 0.0):
             return self._refusal(request, who)
+        if now < faults.lies_until.get(name, 0.0) and is_motion(request):
+            self._execute(request, who)
+            self._note("says that it did not")
+            return _refused(name)
         can_wait = is_motion(request) and (name in PLANNED or name == "jog")
         if can_wait and (self._held or now < faults.starts_late_until):
             return self._hold(request, who)
@@ -204,7 +215,7 @@ class CabinetRoom:
         name = str(request.get("cmdName"))
         self._note("refuses", name)
         self.on_executed(request, False, who)
-        return encode_object({"errorCode": "2", "errorMsg": "call %s failed" % name, "cmdName": name})
+        return _refused(name)
 
     def _hold(self, request: Dict[str, Any], who: str) -> bytes:
         """Say yes now and begin later; a motion that could not begin now is refused as ever."""
@@ -272,6 +283,22 @@ class CabinetRoom:
             except TargetRejected:
                 return
             self.mover = PENDANT
+
+    def pause_at_pendant(self, duration: float) -> None:
+        """Somebody holds the motion under way, and lets it go on later, if it is still there."""
+        self.controller.cabinet.pause()
+        self.clock.after(duration, self._resume)
+
+    def _resume(self) -> None:
+        with contextlib.suppress(Refused):
+            self.controller.cabinet.resume()
+
+    def guide_at_arm(self, joint: int, velocity: float, duration: float) -> None:
+        """Somebody takes the arm by the hand, with the button on it."""
+        with contextlib.suppress(Refused):
+            self.controller.cabinet.set_hand_guiding(True)
+            self.push(joint, velocity, 0.5 * duration)
+            self.clock.after(duration, lambda: self.controller.cabinet.set_hand_guiding(False))
 
     def push(self, joint: int, velocity: float, duration: float) -> None:
         """Somebody pushes the arm; it gives way in hand guiding only."""

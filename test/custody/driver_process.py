@@ -246,7 +246,7 @@ class DriverProcess:
                 self.core.received(cable.port, event.data, now)
                 return
             self.cables[cable.port] = None
-            self._lost_in_turn = self._lost_in_turn or cable.port is Port.COMMAND
+            self._lost_in_turn = self._has_turns and (self._lost_in_turn or cable.port is Port.COMMAND)
             self._note("lost", cable.port.name)
             self._judge.link_lost(cable.port, now)
             self.core.closed(cable.port, "connection closed by the controller", now)

@@ -216,7 +216,11 @@ CONTROLLER_FAULTS: _Weighted = (
     (2.0, _with("hit", force=(150.0,))),
     (2.0, _with("pendant_stop")),
     (0.7, _with("pendant_move", joint=(0, 3, 5), step=(0.1, -0.3))),
-    (1.0, _with("push", joint=(0, 4), velocity=(0.2, -0.3), duration=(0.3, 2.0))))
+    (1.0, _with("push", joint=(0, 4), velocity=(0.2, -0.3), duration=(0.3, 2.0))),
+    (0.5, _with("guide_at_arm", joint=(0, 4), velocity=(0.2, -0.3), duration=(0.3, 2.0))),
+    (1.0, _with("pendant_pause", duration={"low": 0.1, "high": 5.0})),
+    (1.0, _with("rapid_rate", rate=(0.0, 0.05, 0.3), duration={"low": 0.1, "high": 5.0})),
+    (1.0, _with("lying_refusal", command=("joint_move", "moveL", "jog", "servo_move"), duration=_BRIEF)))
 DRIVER_FAULTS: _Weighted = ((1.0, _with("pause", duration={"low": 0.02, "high": 2.0})),
                             (0.05, _with("pause", duration={"low": 1.0, "high": 30.0})))
 

@@ -349,6 +349,19 @@ class World:
     def do_push(self, joint: int, velocity: float, duration: float) -> None:
         self._room.push(joint, velocity, duration)
 
+    def do_guide_at_arm(self, joint: int, velocity: float, duration: float) -> None:
+        self._room.guide_at_arm(joint, velocity, duration)
+
+    def do_pendant_pause(self, duration: float) -> None:
+        self._room.pause_at_pendant(duration)
+
+    def do_rapid_rate(self, rate: float, duration: float) -> None:
+        self._room.controller.cabinet.plant.set_rapid_rate(rate)
+        self._clock.after(duration, lambda: self._room.controller.cabinet.plant.set_rapid_rate(1.0))
+
+    def do_lying_refusal(self, command: str, duration: float) -> None:
+        self._room.faults.lies_until[command] = self._clock.now + duration
+
     # ---- what happens: the driver's process ----
 
     def do_pause(self, duration: float) -> None:
