@@ -366,14 +366,17 @@ class ArmCore:
 
         Raises:
             InvalidCommand: Somebody else has the arm, and keeps it.
+            ConnectionLost: Whether the arm rests is not known.
         """
-        is_at_rest = self.custody.stillness.duration() >= REST_TIME
-        if self.custody.is_free and self._setting is None and not self._stops_under_way and is_at_rest:
-            return True
         if self.custody.motion is not None and not self.custody.is_ending:
             raise InvalidCommand("refused: %s owns the arm's motion; wait for its end or stop it first"
                                  % self.custody.motion.owner.value)
+        if self.custody.is_free and self._setting is None and not self._stops_under_way:
+            self.fresh_state(now)
+            if self.custody.stillness.duration() >= REST_TIME:
+                return True
         if now - asked_at >= _WAIT_FOR_REST:
+            self.fresh_state(now)
             owner = self.motion_owner
             raise InvalidCommand("refused: the arm has not come to rest within %.1f s; %s" % (
                 _WAIT_FOR_REST, "it moves, and not by this driver" if owner is None
