@@ -179,12 +179,12 @@ class Move(Motion):
                             now: float) -> None:
         if now - self._accepted_at < START_WINDOW:
             return
-        if distance is None or distance <= 1.0:
+        if distance is not None and distance <= 1.0:
             self._custody.stop(None, now)
-        else:
-            self._custody.stop(MotionInterrupted(
-                StopCause.FAULT, "accepted, but the arm did not move; it is %s from the target"
-                % _distance_text(target, state)), now)
+            return
+        where = ("it is %s from the target" % _distance_text(target, state) if distance is not None
+                 else "the controller does not tell how far it is from the target")
+        self._custody.stop(MotionInterrupted(StopCause.FAULT, "accepted, but the arm did not move; " + where), now)
 
 
 def _joint_distance(a: RobotState, b: RobotState) -> float:
