@@ -368,9 +368,10 @@ class ArmCore:
             InvalidCommand: Somebody else has the arm, and keeps it.
             ConnectionLost: Whether the arm rests is not known.
         """
-        if self.custody.motion is not None and not self.custody.is_ending:
+        motion = self.custody.motion
+        if motion is not None and not self.custody.is_ending and not motion.is_leaving:
             raise InvalidCommand("refused: %s owns the arm's motion; wait for its end or stop it first"
-                                 % self.custody.motion.owner.value)
+                                 % motion.owner.value)
         if self.custody.is_free and self._setting is None and not self._stops_under_way:
             self.fresh_state(now)
             if self.custody.stillness.duration() >= REST_TIME:

@@ -27,11 +27,13 @@ class Motion:
         owner: Its name.
         rest_time: How long the joints must be still to show that it has ended, s.
         deadline: When its time is over, s; infinite where it has no limit.
+        is_leaving: It comes to its end by itself: who wants the arm waits for that.
     """
 
     owner = MotionOwner.MOVE
     rest_time = REST_TIME
     deadline = _NEVER
+    is_leaving = False
 
     def begin(self, now: float) -> None:
         """Send its first command.

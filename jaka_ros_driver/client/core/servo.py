@@ -77,6 +77,7 @@ class Servo(Motion):
         """Come to rest at the last target, then leave servo mode; ``call`` (None for nobody) is answered then."""
         if call is not None:
             self._calls.append(call)
+        self.is_leaving = True
         if self._leave_reason is None:
             self._leave_reason = reason
 
