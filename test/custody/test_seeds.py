@@ -6,10 +6,6 @@ import simulate
 import world
 
 CHUNKS, CHUNK = 30, 10
-KEPT_SEEDS = {
-}
-"""Seeds that once broke a rule, and why. A change of the generator gives a seed another meaning; what must stay as it
-was is in ``kept_scenarios``."""
 
 
 @pytest.mark.parametrize("chunk", range(CHUNKS))
@@ -19,12 +15,6 @@ def test_no_seed_breaks_a_rule(chunk):
     broken = ["seed %d: %s\n    %s" % (one.seed, one.broken, simulate.rerun_command(one.seed))
               for one in outcomes if one.broken]
     assert not broken, "\n".join(broken)
-
-
-@pytest.mark.parametrize("seed", sorted(KEPT_SEEDS))
-def test_what_once_failed_does_not_again(seed):
-    outcome = simulate.run_seed(seed)
-    assert not outcome.broken, "%s\n    %s" % (outcome.broken, simulate.rerun_command(seed))
 
 
 @pytest.mark.parametrize("name", sorted(kept_scenarios.KEPT))
