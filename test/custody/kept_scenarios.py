@@ -30,6 +30,10 @@ KEPT: Dict[str, Scenario] = {
     "a feed that is faster than asked for was never believed again after a pause": _scenario(
         (1.0, "pause", {"duration": 0.3}), (2.0, "joint_move", _joint_move(0, 0.3, 1.0, True)),
         settings=dict(_SETTINGS, feed_period=0.1), forced_feed_period=0.03),
+    "beside a simulated controller a status port that was lost was not connected again": _scenario(
+        (2.0, "cut", {"port": "COMMAND", "driver_learns": True, "controller_learns": True}),
+        (4.0, "cut", {"port": "STATUS", "driver_learns": True, "controller_learns": True}),
+        settings=dict(_SETTINGS, simulator="twin"), identity="twin"),
     "a queued move that began late found nobody in custody": _scenario(
         (1.5, "queue", {"caller": 0, "joint": 0, "ways": (0.1, 0.105), "speed": 1.0, "first_waits": False,
                         "apart": 0.05}),
