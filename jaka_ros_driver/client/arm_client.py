@@ -168,6 +168,11 @@ class ArmClient:
             return self._core.feed_health(time.monotonic())
 
     @property
+    def is_simulated(self) -> Optional[bool]:
+        """The controller is a simulated one; None before that is known."""
+        return self._core.is_simulated
+
+    @property
     def is_servo_active(self) -> bool:
         """The controller is in servo mode; False while that is not known."""
         return self._core.is_servo_active

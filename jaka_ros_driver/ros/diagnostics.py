@@ -61,7 +61,7 @@ class Diagnostics:
 
     def _run(self) -> None:
         while not self._closing.wait(PERIOD):
-            self._name_hardware(self._arm.link_health.is_simulated)
+            self._name_hardware(self._arm.is_simulated)
             try:
                 self._updater.force_update()
             except Exception:  # one message that cannot be sent must not be the last one
@@ -96,7 +96,7 @@ class Diagnostics:
         status.add("damaged replies", str(health.damaged_replies))
 
     def _arm_kind(self, status: DiagnosticStatusWrapper) -> None:
-        is_simulated = self._arm.link_health.is_simulated
+        is_simulated = self._arm.is_simulated
         if is_simulated is None:
             status.summary(OK, "not known yet whether real or simulated")
         elif is_simulated:

@@ -24,11 +24,7 @@ class FeedFiller:
     def arrived(self, now: float) -> None:
         """A new sample has been published."""
         self._arrivals.append(now)
-        intervals = sorted(b - a for a, b in zip(self._arrivals, list(self._arrivals)[1:]))
-        was_slow = self._is_slow
-        self._is_slow = len(intervals) >= _ENOUGH and (
-            intervals[len(intervals) // 2] > _SLOW * self._period
-            and (self._arrivals[-1] - self._arrivals[0]) / len(intervals) > _SLOW * self._period)
+        was_slow, self._is_slow = self._is_slow, self._intervals_are_long()
         if not was_slow:
             self._credit, self._counted_at = 1.0, now
         self._count(now)
@@ -49,6 +45,13 @@ class FeedFiller:
         """The feed has ended; nothing is known of the next one."""
         self._arrivals.clear()
         self._is_slow = False
+
+    def _intervals_are_long(self) -> bool:
+        arrivals, longest = list(self._arrivals), _SLOW * self._period
+        count = len(arrivals) - 1
+        if count < _ENOUGH or arrivals[-1] - arrivals[0] <= longest * count:  # the mean is the cheaper to tell
+            return False
+        return sorted([b - a for a, b in zip(arrivals, arrivals[1:])])[count // 2] > longest
 
     def _count(self, now: float) -> None:
         self._credit = min(1.0, self._credit + (now - self._counted_at) / self._period)

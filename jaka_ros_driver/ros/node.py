@@ -89,7 +89,7 @@ class Driver:
 
     def tell_kind(self) -> None:
         """Say whether the arm is real or simulated, in the log and on a latched topic, whenever that is learnt."""
-        is_simulated = self._arm.link_health.is_simulated
+        is_simulated = self._arm.is_simulated
         if is_simulated is None or is_simulated is self._is_simulated:
             return
         self._is_simulated = is_simulated

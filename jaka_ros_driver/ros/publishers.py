@@ -1,6 +1,7 @@
 """The state topics and transforms: every new sample as it arrives, in the thread of the arm's client.
 
-Nothing is published of a state that is stale, or while the status link is down.
+Nothing is published of a state that is stale, or while the status link is down. A message that nobody subscribes to
+is not made: half of the time of a frame would go into those.
 """
 from typing import Any, List, NamedTuple, Optional
 
@@ -19,7 +20,7 @@ from jaka_ros_driver.ros.frame_table import FrameTable
 from jaka_ros_driver.ros.params import TF_ALL, TF_NONE, DriverConfig
 from jaka_ros_driver.ros.stamps import StampClock
 from jaka_ros_driver.ros.velocity import VelocityEstimate
-from jaka_ros_driver.state import RobotState, Vector
+from jaka_ros_driver.state import RobotState
 
 _QUEUE = 10
 _EARLY = 0.0005
@@ -90,7 +91,7 @@ class StatePublishers(LoopTask):
             self._filler.repeated(now)
 
     def _arrived(self, state: RobotState, is_new: bool) -> None:
-        estimate = self._velocity.update(state)
+        self._velocity.add(state)
         if not is_new or not self._thinner.takes(state.received_at):
             return
         stamp = self._clock.stamp(state.received_at)
@@ -102,8 +103,10 @@ class StatePublishers(LoopTask):
         self._newest = sample
         self._publish(sample)
         self._filler.arrived(state.received_at)
-        self._publish_joint_states(state, stamp, estimate)
-        if self._tf is not None:
+        if self._joint_states.get_num_connections():
+            velocity = state.joint_velocity if state.joint_velocity is not None else self._velocity.value()
+            self._joint_states.publish(convert.joint_position(state, stamp, self._joint_names, velocity))
+        if self._tf is not None and self._tf.get_num_connections():
             self._tf.publish(TFMessage(self._transforms(state, stamp)))
 
     def _publish(self, sample: Sample) -> None:
@@ -111,10 +114,6 @@ class StatePublishers(LoopTask):
             self._tool_position.publish(sample.tool_position)
         self._joint_position.publish(sample.joint_position)
         self._robot_states.publish(sample.robot_states)
-
-    def _publish_joint_states(self, state: RobotState, stamp: rospy.Time, estimate: Optional[Vector]) -> None:
-        velocity = state.joint_velocity if state.joint_velocity is not None else estimate
-        self._joint_states.publish(convert.joint_position(state, stamp, self._joint_names, velocity))
 
     def _transforms(self, state: RobotState, stamp: rospy.Time) -> List[TransformStamped]:
         names = self._names

@@ -21,13 +21,16 @@ class VelocityEstimate:
         self._positions: Deque[Vector] = deque(maxlen=_WINDOW)
         self._arrivals: Deque[float] = deque(maxlen=_TIMING_WINDOW)
 
-    def update(self, state: RobotState) -> Optional[Vector]:
-        """The velocity at this sample, rad/s, shape (6,); None until there are enough samples."""
+    def add(self, state: RobotState) -> None:
+        """Take the next sample."""
         if self._arrivals and state.received_at - self._arrivals[-1] > _GAP:
             self._positions.clear()
             self._arrivals.clear()
         self._positions.append(state.joint_position)
         self._arrivals.append(state.received_at)
+
+    def value(self) -> Optional[Vector]:
+        """The velocity at the newest sample, rad/s, shape (6,); None until there are enough samples."""
         if len(self._positions) < _WINDOW:
             return None
         interval = (self._arrivals[-1] - self._arrivals[0]) / (len(self._arrivals) - 1)

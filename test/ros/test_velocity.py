@@ -9,8 +9,11 @@ from jaka_ros_driver.state import RobotState
 
 
 def estimates(path, arrivals):
-    estimate = VelocityEstimate()
-    return [estimate.update(RobotState(path(t), True, True, True, False, False, received_at=at)) for t, at in arrivals]
+    estimate, found = VelocityEstimate(), []
+    for t, at in arrivals:
+        estimate.add(RobotState(path(t), True, True, True, False, False, received_at=at))
+        found.append(estimate.value())
+    return found
 
 
 def line(t):

@@ -108,6 +108,11 @@ class ArmCore:
         """The controller is in servo mode; False while that is not known."""
         return self.links.is_servo_active
 
+    @property
+    def is_simulated(self) -> Optional[bool]:
+        """The controller is a simulated one; None before that is known."""
+        return self.links.about.is_simulated
+
     def fresh_state(self, now: float) -> RobotState:
         """The newest state.
 
