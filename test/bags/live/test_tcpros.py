@@ -129,10 +129,9 @@ def test_the_stamp_is_the_time_of_arrival_not_of_reading(wire):
     sent_at = time.time_ns()
     wire.send(struct.pack("<I", 3) + b"abc")
     arrived_by = time.time_ns()
-    while time.time_ns() < arrived_by + 50000000:  # the reader is late
-        pass
+    time.sleep(1.0)  # the reader is late
     wire.read(lambda: wire.heard)
-    assert sent_at <= wire.heard[0][1] < arrived_by + 40000000
+    assert sent_at <= wire.heard[0][1] < arrived_by + 900000000
 
 
 def test_a_publisher_that_closes_is_a_lost_connection(wire):
