@@ -30,9 +30,6 @@ class ArmAccess(Protocol):
     def audited(self, command: Command) -> Command:
         """The command, if it keeps the model's limits."""
 
-    def require_drives(self, state: RobotState) -> None:
-        """InvalidCommand where something stands against motion."""
-
     def stop_own(self, now: float) -> None:
         """A stop that nobody is answered for."""
 

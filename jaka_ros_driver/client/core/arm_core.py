@@ -5,21 +5,21 @@ controller's reply, the end is evidence in the status feed. A stop waits for nob
 and only that: a motion asked after it begins when the arm has come to rest.
 """
 import logging
-from typing import Any, Callable, List, NamedTuple, Optional, Union
+from typing import Any, Callable, List, Optional, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core import power
 from jaka_ros_driver.client.core.actions import Action, Actions, Port
+from jaka_ros_driver.client.core.admission import Admission, Enter
 from jaka_ros_driver.client.core.channel import Channel, in_order
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.feed import FeedHealth
 from jaka_ros_driver.client.core.jog import Jog
 from jaka_ros_driver.client.core.links import LinkHealth, Links
-from jaka_ros_driver.client.core.motion import MotionOwner, standing_cause
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.procedure import Ask, Procedure, Running
 from jaka_ros_driver.client.core.servo import Servo, left_servo_mode
-from jaka_ros_driver.client.core.stillness import REST_TIME
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics import limits
@@ -28,16 +28,6 @@ from jaka_ros_driver.state import RobotState
 
 AT_REST_ONLY = (c.SetToolFrame, c.SelectTool, c.SetUserFrame, c.SelectUserFrame, c.SetPayload, c.SetHandGuiding)
 """They change what a motion under way means, or what the arm carries."""
-_WAIT_FOR_REST = 1.5
-"""s; a motion waits so long for the arm to come to rest from what was before it."""
-
-
-class _Waiting(NamedTuple):
-    """A call that waits for the arm to be free and at rest."""
-
-    call: Any
-    enter: Callable[[float], None]
-    deadline: float
 
 
 class ArmCore:
@@ -57,13 +47,10 @@ class ArmCore:
         self.model = model
         self.actions = Actions()
         self.channel = Channel(self.actions, settings.reply_timeout)
-        self.custody = Custody(self.actions, self.channel, settings, self._retry_waiting)
+        self.custody = Custody(self.actions, self.channel, settings, self._freed)
         self.links = Links(settings, self.actions, self.channel, self.custody, self._disturb)
+        self._admission = Admission(self.actions, self.custody, self.links)
         self._running: List[Running] = []
-        self._waiting: List[_Waiting] = []
-        self._setting: Optional[Running] = None
-        self._stops_under_way = 0
-        self._is_guided = False
         self._is_closing = False
         self._servo_end = ""
         self.disturbances = 0
@@ -88,9 +75,7 @@ class ArmCore:
     @property
     def motion_owner(self) -> Optional[MotionOwner]:
         """What moves the arm on behalf of this driver."""
-        if self.custody.motion is not None:
-            return self.custody.motion.owner
-        return MotionOwner.SETTING if self._setting is not None else None
+        return self._admission.owner
 
     @property
     def late_servo_cycles(self) -> int:
@@ -135,11 +120,9 @@ class ArmCore:
 
     def next_deadline(self) -> float:
         """When ``tick`` is due, s."""
-        due = min(self.custody.deadline, self.links.deadline)
+        due = min(self.custody.deadline, self.links.deadline, self._admission.deadline)
         for running in self._running:
             due = min(due, running.deadline)
-        for waiting in self._waiting:
-            due = min(due, waiting.deadline)
         return due
 
     # ---- events of the shell ----
@@ -170,7 +153,7 @@ class ArmCore:
         self.links.note_time(now)
         self.links.received(port, data, now)
         self._tick_running(now)
-        self._retry_waiting(now)
+        self._admission.retry(now)
 
     def tick(self, now: float) -> None:
         """Let time pass."""
@@ -178,7 +161,7 @@ class ArmCore:
         self.links.tick(now)
         self.custody.tick(now)
         self._tick_running(now)
-        self._retry_waiting(now)
+        self._admission.retry(now)
 
     # ---- calls: each is answered once ----
 
@@ -189,25 +172,25 @@ class ArmCore:
         MotionInterrupted (accepted, and not completed), ReplyTimeout, ConnectionLost.
         """
         def enter(at: float) -> None:
-            state = self._require_ready_to_move(at)
+            state = self._admission.require_ready_to_move(at)
             running = self.custody.motion
             if not wait and isinstance(running, Move) and not self.custody.is_ending:
                 running.add(command, call, at)
-            elif self._may_begin(call, enter, now, at):
+            elif self._admission.may_begin(call, enter, now, at):
                 self.custody.begin(Move(self.custody, command, call, wait, state), at)
         self._enter(call, enter, now, command)
 
     def jog(self, call: Any, command: c.Jog, now: float) -> None:
         """Begin a jog, or keep the same one going; answered on acceptance. Errors as ``move``."""
         def enter(at: float) -> None:
-            state = self._require_ready_to_move(at)
+            state = self._admission.require_ready_to_move(at)
             running = self.custody.motion
             if isinstance(running, Jog) and not self.custody.is_ending:
                 if running.command == command:
                     running.again(call, at)
                     return
                 self.custody.stop(MotionInterrupted(StopCause.STOPPED, "another jog replaces it"), at)
-            if self._may_begin(call, enter, now, at):
+            if self._admission.may_begin(call, enter, now, at):
                 self.custody.begin(Jog(self.custody, command, call, state), at)
         self._enter(call, enter, now, command)
 
@@ -221,10 +204,10 @@ class ArmCore:
             if isinstance(running, Servo) and not self.custody.is_ending:
                 running.join(call) if active else running.leave(call, "its client left")
             elif active:
-                state = self._require_ready_to_move(at)
-                if self._may_begin(call, enter, now, at):
+                state = self._admission.require_ready_to_move(at)
+                if self._admission.may_begin(call, enter, now, at):
                     self.custody.begin(Servo(self.custody, self.model, call, state, self._servo_mode_is), at)
-            elif self._may_begin(call, enter, now, at):
+            elif self._admission.may_begin(call, enter, now, at):
                 self._begin(Running(self._leave_servo_mode(), self.channel, self._answerer(call)), at)
         self._enter(call, enter, now)
 
@@ -259,7 +242,7 @@ class ArmCore:
         """
         self.links.note_time(now)
         self.note_operator("a stop")
-        self._end_waiting(MotionInterrupted(StopCause.STOPPED))
+        self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
         if not self.custody.is_free:
             self.custody.stop_for(call, now)
         else:
@@ -273,14 +256,13 @@ class ArmCore:
         def enter(at: float) -> None:
             if not exclusive:
                 self._begin(Running(procedure, self.channel, self._answerer(call)), at)
-            elif self._may_begin(call, enter, now, at):
+            elif self._admission.may_begin(call, enter, now, at):
                 def ended(result: Any, error: Optional[JakaError], end: float) -> None:
-                    self._setting = None
+                    self._admission.is_setting = False
                     self.actions.answer(call, result, error)
-                    self._retry_waiting(end)
-                running = Running(procedure, self.channel, ended)
-                self._setting = running
-                self._begin(running, at)
+                    self._admission.retry(end)
+                self._admission.is_setting = True
+                self._begin(Running(procedure, self.channel, ended), at)
         self._enter(call, enter, now)
 
     def ask(self, command: c.Command) -> Procedure:
@@ -297,7 +279,7 @@ class ArmCore:
         self._is_closing = True
         self.links.close()
         ended = MotionInterrupted(StopCause.SHUTDOWN)
-        self._end_waiting(ended)
+        self._admission.end_waiting(ended)
         self.custody.stop(ended, now)
         for running in list(self._running):
             running.throw(ConnectionLost(StopCause.SHUTDOWN.value), now)
@@ -317,19 +299,9 @@ class ArmCore:
         limits.check(command, self.model)
         return command
 
-    def require_drives(self, state: RobotState) -> None:
-        """See that the drives are ready.
-
-        Raises:
-            InvalidCommand: Something stands against motion.
-        """
-        cause = standing_cause(state)
-        if cause is not None:
-            raise InvalidCommand("refused, the arm cannot move: %s" % cause)
-
     def stop_own(self, now: float) -> None:
         """A stop that nobody is answered for."""
-        self._end_waiting(MotionInterrupted(StopCause.STOPPED))
+        self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
         if self.custody.is_free:
             self._stop_free_arm(None, now)
         else:
@@ -341,11 +313,11 @@ class ArmCore:
 
     def hand_guiding_was_set(self, active: bool) -> None:
         """The controller took it; not every feed tells."""
-        self._is_guided = active
+        self._admission.is_guided = active
 
     # ---- inside: calls ----
 
-    def _enter(self, call: Any, enter: Callable[[float], None], now: float,
+    def _enter(self, call: Any, enter: Enter, now: float,
                command: Optional[c.Command] = None) -> None:
         self.links.note_time(now)
         try:
@@ -357,61 +329,16 @@ class ArmCore:
         except JakaError as error:
             self.actions.answer(call, None, error)
 
-    def _require_ready_to_move(self, now: float) -> RobotState:
-        state = self.fresh_state(now)
-        self.require_drives(state)
-        if state.is_hand_guided or (state.is_hand_guided is None and self._is_guided):
-            raise InvalidCommand("refused: hand guiding owns the arm's motion; switch it off first")
-        if not self.links.is_up:
-            raise ConnectionLost("no link to the controller: " + self.links.last_error)
-        return state
-
-    def _may_begin(self, call: Any, enter: Callable[[float], None], asked_at: float, now: float) -> bool:
-        """Whether something new may begin; else the call waits for the end of what comes to rest.
-
-        Raises:
-            InvalidCommand: Somebody else has the arm, and keeps it.
-            ConnectionLost: Whether the arm rests is not known.
-        """
-        motion = self.custody.motion
-        if motion is not None and not self.custody.is_ending and not motion.is_leaving:
-            raise InvalidCommand("refused: %s owns the arm's motion; wait for its end or stop it first"
-                                 % motion.owner.value)
-        if self.custody.is_free and self._setting is None and not self._stops_under_way:
-            self.fresh_state(now)
-            if self.custody.stillness.duration() >= REST_TIME:
-                return True
-        if now - asked_at >= _WAIT_FOR_REST:
-            self.fresh_state(now)
-            owner = self.motion_owner
-            raise InvalidCommand("refused: the arm has not come to rest within %.1f s; %s" % (
-                _WAIT_FOR_REST, "it moves, and not by this driver" if owner is None
-                else "%s is still being ended" % owner.value))
-        self._waiting.append(_Waiting(call, enter, asked_at + _WAIT_FOR_REST))
-        return False
-
-    def _retry_waiting(self, now: float) -> None:
-        if not self._waiting:
-            return
-        waiting, self._waiting = self._waiting, []
-        for one in waiting:
-            try:
-                one.enter(now)
-            except JakaError as error:
-                self.actions.answer(one.call, None, error)
-
-    def _end_waiting(self, error: JakaError) -> None:
-        waiting, self._waiting = self._waiting, []
-        for one in waiting:
-            self.actions.answer(one.call, None, error)
+    def _freed(self, now: float) -> None:
+        self._admission.retry(now)
 
     def _stop_free_arm(self, call: Any, now: float) -> None:
         """A stop where this driver moves nothing: a program, the pendant, or servo mode of somebody else."""
         def replied(_result: Any, error: Optional[JakaError], at: float) -> None:
-            self._stops_under_way -= 1
+            self._admission.stops_under_way -= 1
             if call is not None:
                 self.actions.answer(call, None, error)
-            self._retry_waiting(at)
+            self._admission.retry(at)
         halts: List[c.Command] = [c.SetServoMode(False)] if self.links.is_servo_active else []
         halts.append(c.Stop())
         try:
@@ -420,7 +347,7 @@ class ArmCore:
             if call is not None:
                 self.actions.answer(call, None, error)
             return
-        self._stops_under_way += 1
+        self._admission.stops_under_way += 1
 
     def _answerer(self, call: Any) -> Callable[[Any, Optional[JakaError], float], None]:
         return lambda result, error, _now: self.actions.answer(call, result, error)

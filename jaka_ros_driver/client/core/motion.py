@@ -4,7 +4,7 @@ from typing import List, Optional
 
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME
 from jaka_ros_driver.commands import Command
-from jaka_ros_driver.errors import MotionInterrupted, StopCause
+from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
 
 _NEVER = float("inf")
@@ -91,6 +91,17 @@ def standing_cause(state: RobotState) -> Optional[MotionInterrupted]:
     if not state.is_enabled:
         return MotionInterrupted(StopCause.NOT_ENABLED, event_text(state))
     return None
+
+
+def require_drives(state: RobotState) -> None:
+    """See that the drives are ready.
+
+    Raises:
+        InvalidCommand: Something stands against motion.
+    """
+    cause = standing_cause(state)
+    if cause is not None:
+        raise InvalidCommand("refused, the arm cannot move: %s" % cause)
 
 
 def event_text(state: RobotState) -> str:

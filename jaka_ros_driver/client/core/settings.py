@@ -4,6 +4,7 @@ from typing import Any, Callable, Optional, Sequence
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_access import ArmAccess
+from jaka_ros_driver.client.core.motion import require_drives
 from jaka_ros_driver.client.core.procedure import Ask, Now, Procedure, Until
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
@@ -77,7 +78,7 @@ def set_hand_guiding(core: ArmAccess, active: bool) -> Procedure:
         state = core.fresh_state((yield Now()))
         if state.is_hand_guided:
             return "hand guiding on"
-        core.require_drives(state)
+        require_drives(state)
     yield Ask(c.SetHandGuiding(active))
     core.hand_guiding_was_set(active)
     told = yield from _await(core, lambda s: s.is_hand_guided, active, "hand guiding", c.Query.HAND_GUIDING)
