@@ -132,9 +132,9 @@ class Servo(Motion):
             self._confirming.begin(now)
             return
         self._send_frame(self._stream, now)
-        silent = now - self._last_target_at
-        if silent > self._custody.settings.servo_timeout:
-            self.leave(None, "no servo target for %.1f s" % silent)
+        timeout = self._custody.settings.servo_timeout
+        if now - self._last_target_at > timeout:
+            self.leave(None, "no servo target for %.1f s" % timeout)
 
     def halts(self) -> List[Command]:
         self._next_frame = _NEVER
