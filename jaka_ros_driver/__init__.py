@@ -12,3 +12,5 @@ simulation          the simulated controller
 ros                 the node: parameters, services, topics, diagnostics
 bags                state logs: record, play, convert, inspect, compare
 """
+
+__version__ = "0.2.0"
