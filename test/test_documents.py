@@ -96,6 +96,27 @@ def test_every_citation_leads_to_a_section():
     assert not [one for one in found if one[2] not in known[one[1]]]
 
 
+def test_every_row_of_the_interface_document_that_a_type_cites_is_there():
+    rows = text_of(DOCS / CITED["interface document"])
+    cited = [(path.name, name) for path in sorted((ROOT / "jaka_msgs").rglob("*.*"))
+             if path.suffix in (".msg", ".srv")
+             for name in re.findall(r"interface document V2\.\d, (?:topic )?(\w+)\)", text_of(path))]
+    assert len(cited) > 8
+    assert not [one for one in cited if "`~%s`" % one[1] not in rows]
+
+
+def test_every_page_that_code_names_is_there():
+    named = {(path.relative_to(ROOT).as_posix(), name) for folder in ("jaka_ros_driver", "tools", "test", "launch")
+             for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".launch", ".test")
+             for name in re.findall(r"\bdocs/[\w/-]+\.(?:md|py)\b", text_of(path))}
+    assert named and not [one for one in named if one[1] not in ELSEWHERE and not (ROOT / one[1]).exists()]
+
+
+def test_examples_are_python_3_8():
+    for path in (DOCS / "examples").glob("*.py"):
+        ast.parse(text_of(path), feature_version=(3, 8))
+
+
 def test_the_sections_of_the_command_table_are_those_of_the_pages():
     text = text_of(DOCS / "simulation.md").partition("<!-- commands -->")[2].partition("<!-- end -->")[0]
     cells = [line.split("|")[2].strip() for line in text.splitlines() if line.startswith("| `")]
@@ -127,6 +148,10 @@ def test_the_newest_closed_version_of_the_changelog_is_that_of_the_packages():
     tree = ast.parse(text_of(ROOT / "jaka_ros_driver" / "__init__.py"))
     assert [ast.literal_eval(node.value) for node in tree.body if isinstance(node, ast.Assign)
             and getattr(node.targets[0], "id", "") == "__version__"] == [version()]
+
+
+def test_the_log_tools_have_the_same_version():
+    assert pytest.importorskip("jaka_bag").__version__ == version()
 
 
 # ---- what contributors are told ----
