@@ -7,12 +7,12 @@ from typing import Any, Dict, List, Optional
 
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import model_names
-from jaka_ros_driver.simulation import proxy
-from jaka_ros_driver.simulation.firmware import FIRMWARES
-from jaka_ros_driver.simulation.panel import ACTIONS
-from jaka_ros_driver.simulation.priority import raise_priority
-from jaka_ros_driver.simulation.server import LOOPBACK, ask_panel
+from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.server.panel import ACTIONS
+from jaka_ros_driver.simulation.server.server import LOOPBACK, ask_panel
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
+from jaka_ros_driver.wire import proxy
+from jaka_ros_driver.wire.priority import raise_priority
 
 
 def main(argv: Optional[List[str]] = None) -> int:

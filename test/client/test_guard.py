@@ -10,9 +10,9 @@ from arm_bench import WAIT, eventually, fill
 from guarded_driver import ROOT, GuardedDriver
 
 from jaka_ros_driver.client.process_state import waits_for_processor
-from jaka_ros_driver.simulation.command_spec import CommandSpec
-from jaka_ros_driver.simulation.command_table import COMMANDS
-from jaka_ros_driver.simulation.replies import Refused
+from jaka_ros_driver.simulation.controller.command_spec import CommandSpec
+from jaka_ros_driver.simulation.controller.command_table import COMMANDS
+from jaka_ros_driver.simulation.controller.replies import Refused
 
 
 @pytest.fixture

@@ -15,13 +15,13 @@ from wire import Arrival, Cable, Network
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.protocol.framing import encode_object
-from jaka_ros_driver.simulation.cabinet import Options
-from jaka_ros_driver.simulation.controller import Controller
-from jaka_ros_driver.simulation.events import TargetRejected
-from jaka_ros_driver.simulation.firmware import Firmware
-from jaka_ros_driver.simulation.plant import CYCLE_TIME
-from jaka_ros_driver.simulation.replies import Refused
-from jaka_ros_driver.simulation.request_parser import RequestParser
+from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.controller.cabinet import Options
+from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.firmware import Firmware
+from jaka_ros_driver.simulation.controller.replies import Refused
+from jaka_ros_driver.simulation.server.request_parser import RequestParser
 
 DRIVER, GUARD, PENDANT, HAND, NOBODY = "driver", "guard", "pendant", "hand", "nobody"
 """Who moves the arm."""

@@ -6,9 +6,9 @@ from virtual_clock import Clock
 from wire import Network
 
 from jaka_ros_driver.client.core.actions import Port
-from jaka_ros_driver.simulation.connection import FRAME_BACKLOG_BYTES
-from jaka_ros_driver.simulation.controller import Controller
-from jaka_ros_driver.simulation.status_frame import all_field_names
+from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.status_frame import all_field_names
+from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES
 
 _NEEDED_FIELDS = frozenset((
     "drag_status", "errcode", "errmsg", "joint_actual_position", "actual_position", "interp_state", "enabled",

@@ -20,9 +20,9 @@ from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model
-from jaka_ros_driver.simulation.cabinet import Options, Start
-from jaka_ros_driver.simulation.firmware import FIRMWARES
-from jaka_ros_driver.simulation.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.controller.cabinet import Options, Start
+from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 
 MODEL = "zu7"
 BEGIN = 1000.0

@@ -15,10 +15,10 @@ from jaka_ros_driver.kinematics.rotations import (
 )
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.framing import encode_object, parse_object
-from jaka_ros_driver.simulation.cabinet import Options, Start
-from jaka_ros_driver.simulation.controller import Controller
-from jaka_ros_driver.simulation.firmware import FIRMWARES
-from jaka_ros_driver.simulation.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.controller.cabinet import Options, Start
+from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 
 QUARTER = math.pi / 2.0
 
