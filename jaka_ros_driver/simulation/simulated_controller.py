@@ -14,8 +14,8 @@ from typing import Any, Dict, Optional, Type
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
 from jaka_ros_driver.simulation.arm.plant import Starvation
-from jaka_ros_driver.simulation.controller.cabinet import Options, Start
 from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.controller_state import Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.server import panel
 from jaka_ros_driver.simulation.server.cycle_clock import MIN_FEED_PERIOD_S

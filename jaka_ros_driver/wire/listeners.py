@@ -6,7 +6,7 @@ from typing import Dict, Tuple
 _BACKLOG = 16
 
 
-class Doors:
+class Listeners:
     """Listening sockets by port name, registered for reading with the name as their data.
 
     Attributes:

@@ -17,7 +17,7 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional
 
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.protocol.framing import ObjectStream
-from jaka_ros_driver.wire.listeners import Doors
+from jaka_ros_driver.wire.listeners import Listeners
 from jaka_ros_driver.wire.log import clock_offset_ns, read_log
 from jaka_ros_driver.wire.priority import raise_priority
 from jaka_ros_driver.wire.script import PORTS, Piece, RecordedConnection, WireScript, wire_script
@@ -80,7 +80,7 @@ class WirePlayer:
         self._speed = speed
         self._notice = notice
         self._selector = selectors.DefaultSelector()
-        self._doors = Doors(self._selector)
+        self._listeners = Listeners(self._selector)
         self._clients: Dict[socket.socket, _Client] = {}
         self._coming = {port: deque(script.connections[port]) for port in PORTS}
         self._begin: Optional[float] = None
@@ -90,8 +90,8 @@ class WirePlayer:
         self._is_running = True
         self._is_over = False
         for port in PORTS:
-            self._doors.add(port, LOOPBACK, ports.get(port, 0))
-        self.port_numbers = self._doors.numbers
+            self._listeners.add(port, LOOPBACK, ports.get(port, 0))
+        self.port_numbers = self._listeners.numbers
 
     def stop(self) -> None:
         """End ``run`` within half a second; also from a signal handler."""
@@ -110,7 +110,7 @@ class WirePlayer:
         finally:
             for client in list(self._clients.values()):
                 self._drop(client, "close")
-            self._doors.close()
+            self._listeners.close()
             self._selector.close()
 
     def _now(self) -> float:
@@ -211,9 +211,9 @@ class WirePlayer:
         for port, coming in self._coming.items():
             busy = any(client.recorded.port == port for client in self._clients.values())
             if coming and (busy or coming[0].opened - _EARLY_S <= now):
-                self._doors.open(port)
+                self._listeners.open(port)
             else:
-                self._doors.shut(port)
+                self._listeners.shut(port)
         if not self._is_over and self._is_done(now):
             self._is_over = True
             replies = self._script.replies

@@ -15,7 +15,7 @@ from typing import Any, Dict, List, Optional
 
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.voice import Voice
-from jaka_ros_driver.wire.listeners import Doors
+from jaka_ros_driver.wire.listeners import Listeners
 from jaka_ros_driver.wire.log import WireLog
 from jaka_ros_driver.wire.priority import raise_priority
 
@@ -66,17 +66,17 @@ class Proxy:
         self._log = log
         self._voice = Voice("jaka_sim proxy")
         self._selector = selectors.DefaultSelector()
-        self._doors = Doors(self._selector)
+        self._listeners = Listeners(self._selector)
         self._sides: List[_Side] = []
         self._count = 0
         self._is_running = True
         try:
             for port in CONTROLLER_PORTS:
-                self._doors.add(port, host, ports[port])
+                self._listeners.add(port, host, ports[port])
         except OSError:
-            self._doors.close()
+            self._listeners.close()
             raise
-        self.port_numbers = self._doors.numbers
+        self.port_numbers = self._listeners.numbers
 
     def stop(self) -> None:
         """End ``run`` within half a second; also from a signal handler."""
@@ -98,7 +98,7 @@ class Proxy:
             for side in list(self._sides):
                 if side.is_client:
                     self._end(side)
-            self._doors.close()
+            self._listeners.close()
             self._selector.close()
             self._voice.close(_SAY_S)
 

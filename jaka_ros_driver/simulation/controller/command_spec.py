@@ -3,7 +3,7 @@ import enum
 from typing import Any, Callable, Dict, NamedTuple, Optional, Union
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.cabinet import Cabinet
+from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import Reply
 
 SIMULATED_ONLY = "simulated controllers only"
@@ -23,7 +23,7 @@ class Then(enum.Enum):
     SHUT_DOWN = "turn the cabinet off"
 
 
-Handler = Callable[[Cabinet, Arguments], Union[None, Dict[str, Any], Held]]
+Handler = Callable[[ControllerState, Arguments], Union[None, Dict[str, Any], Held]]
 
 
 class CommandSpec(NamedTuple):
@@ -45,16 +45,16 @@ class CommandSpec(NamedTuple):
     then: Then = Then.NOTHING
 
 
-def plain(action: Callable[[Cabinet], None]) -> Handler:
+def plain(action: Callable[[ControllerState], None]) -> Handler:
     """A handler without parameters and without a reply of its own."""
-    def handle(cabinet: Cabinet, _arguments: Arguments) -> Optional[Reply]:
-        action(cabinet)
+    def handle(state: ControllerState, _arguments: Arguments) -> Optional[Reply]:
+        action(state)
         return None
     return handle
 
 
-def query(answer: Callable[[Cabinet], Reply]) -> Handler:
+def query(answer: Callable[[ControllerState], Reply]) -> Handler:
     """A handler without parameters that answers."""
-    def handle(cabinet: Cabinet, _arguments: Arguments) -> Optional[Reply]:
-        return answer(cabinet)
+    def handle(state: ControllerState, _arguments: Arguments) -> Optional[Reply]:
+        return answer(state)
     return handle

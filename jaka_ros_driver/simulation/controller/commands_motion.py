@@ -5,8 +5,8 @@ from jaka_ros_driver.commands import JogFrame
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.arm.plant import JogMode, ServoFilter
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.cabinet import Cabinet
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain, query
+from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import SERVO_ONLY, Refused, Reply
 from jaka_ros_driver.simulation.controller.wire_units import pose_from_wire
 from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, mm_to_m
@@ -18,15 +18,15 @@ MIN_RATE = 1e-3
 _RAPID_RATE_DECIMALS = 4
 
 
-def _move(command: str, queue: Callable[[Cabinet, Arguments], bool]) -> Handler:
+def _move(command: str, queue: Callable[[ControllerState, Arguments], bool]) -> Handler:
     """A queued move: refused where the arm takes none, "call <cmd> failed" for a bad target, never latched."""
-    def handle(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
-        cabinet.require_motion(command)
+    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+        state.require_motion(command)
         try:
-            queue(cabinet, arguments)
+            queue(state, arguments)
         except TargetRejected as error:
             raise Refused() from error
-        cabinet.moved()
+        state.moved()
         return None
     return handle
 
@@ -51,41 +51,41 @@ def _line(arguments: Arguments) -> Optional[int]:
     return arguments.integer("executing_line_id") if arguments.has("executing_line_id") else None
 
 
-def _joint_move(cabinet: Cabinet, arguments: Arguments) -> bool:
+def _joint_move(state: ControllerState, arguments: Arguments) -> bool:
     arguments.number("tol", 0.0)
-    return cabinet.plant.add_joint_move(
+    return state.plant.add_joint_move(
         all_deg_to_rad(arguments.vector("jointPosition", 6)), deg_to_rad(_rate(arguments, "speed")),
         _optional_rate(arguments, "accel", deg_to_rad), arguments.flag("relFlag", False), _line(arguments))
 
 
-def _end_move(cabinet: Cabinet, arguments: Arguments) -> bool:
-    return cabinet.plant.add_end_move(
+def _end_move(state: ControllerState, arguments: Arguments) -> bool:
+    return state.plant.add_end_move(
         pose_from_wire(arguments.vector("endPosition", 6)), deg_to_rad(_rate(arguments, "speed")),
         _optional_rate(arguments, "accel", deg_to_rad), _line(arguments))
 
 
-def _linear_move(cabinet: Cabinet, arguments: Arguments) -> bool:
-    return cabinet.plant.add_linear_move(
+def _linear_move(state: ControllerState, arguments: Arguments) -> bool:
+    return state.plant.add_linear_move(
         pose_from_wire(arguments.vector("cartPosition", 6)), mm_to_m(_rate(arguments, "speed")),
         _optional_rate(arguments, "accel", mm_to_m), arguments.flag("relFlag", False),
         _optional(arguments, "tol", mm_to_m), _optional_rate(arguments, "ori_vel", deg_to_rad),
         _optional_rate(arguments, "ori_acc", deg_to_rad), _line(arguments))
 
 
-def _arc_move(cabinet: Cabinet, arguments: Arguments) -> bool:
+def _arc_move(state: ControllerState, arguments: Arguments) -> bool:
     arguments.number("tol", 0.0)
-    return cabinet.plant.add_arc_move(
+    return state.plant.add_arc_move(
         pose_from_wire(arguments.vector("pos_mid", 6)), pose_from_wire(arguments.vector("pos_end", 6)),
         mm_to_m(_rate(arguments, "speed")), _optional_rate(arguments, "accel", mm_to_m),
         arguments.flag("relFlag", False), arguments.integer("circle_cnt", 0), arguments.integer("circle_mode", 0),
         _line(arguments))
 
 
-def _jog(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
+def _jog(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
     mode = arguments.integer("jog_mode")
     coord_map, axis = arguments.integer("coord_map", 1), arguments.integer("jnum", 0)
     if mode == _JOG_STOP:
-        cabinet.stop_jog()
+        state.stop_jog()
         return None
     velocity = _rate(arguments, "jogvel")
     position = arguments.number("poscmd") if mode in (JogMode.STEP, JogMode.ABSOLUTE) else None
@@ -93,48 +93,48 @@ def _jog(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
         raise Refused()
     frame = _JOG_FRAMES[coord_map]
     to_si = mm_to_m if frame is not JogFrame.JOINT and axis < 3 else deg_to_rad
-    cabinet.require_motion("jog")
+    state.require_motion("jog")
     try:
-        taken = cabinet.plant.jog(JogMode(mode), frame, axis, to_si(velocity),
+        taken = state.plant.jog(JogMode(mode), frame, axis, to_si(velocity),
                                   None if position is None else to_si(position))
     except TargetRejected as error:
         raise Refused() from error
     if taken:
-        cabinet.jogged(frame, axis)
+        state.jogged(frame, axis)
     return None
 
 
-def _servo_move(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
+def _servo_move(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
     if not arguments.flag("relFlag"):
-        cabinet.plant.leave_servo()
+        state.plant.leave_servo()
         return None
-    cabinet.require_drives()
-    if not cabinet.plant.is_servo_active:
-        cabinet.plant.enter_servo()
+    state.require_drives()
+    if not state.plant.is_servo_active:
+        state.plant.enter_servo()
     return None
 
 
-def _servo_point(vendor_name: str, append: Callable[[Cabinet, Arguments, bool, int], bool]) -> Handler:
+def _servo_point(vendor_name: str, append: Callable[[ControllerState, Arguments, bool, int], bool]) -> Handler:
     """A point outside servo mode is refused in the vendor's words; one over 180 deg/s is ignored, not refused."""
-    def handle(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
+    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
         relative, cycles = arguments.flag("relFlag", False), arguments.integer("stepNum", 1)
-        if not cabinet.plant.is_servo_active:
+        if not state.plant.is_servo_active:
             raise Refused("-1", SERVO_ONLY % vendor_name)
-        cabinet.require_drives()
+        state.require_drives()
         try:
-            append(cabinet, arguments, relative, cycles)
+            append(state, arguments, relative, cycles)
         except TargetRejected as error:
             raise Refused() from error
         return None
     return handle
 
 
-def _servo_joint(cabinet: Cabinet, arguments: Arguments, relative: bool, cycles: int) -> bool:
-    return cabinet.plant.servo_joint(all_deg_to_rad(arguments.vector("jointPosition", 6)), relative, cycles)
+def _servo_joint(state: ControllerState, arguments: Arguments, relative: bool, cycles: int) -> bool:
+    return state.plant.servo_joint(all_deg_to_rad(arguments.vector("jointPosition", 6)), relative, cycles)
 
 
-def _servo_pose(cabinet: Cabinet, arguments: Arguments, relative: bool, cycles: int) -> bool:
-    return cabinet.plant.servo_pose(pose_from_wire(arguments.vector("catPosition", 6)), relative, cycles)
+def _servo_pose(state: ControllerState, arguments: Arguments, relative: bool, cycles: int) -> bool:
+    return state.plant.servo_pose(pose_from_wire(arguments.vector("catPosition", 6)), relative, cycles)
 
 
 def _same(value: float) -> float:
@@ -154,67 +154,67 @@ _FILTER_PARAMETERS: Dict[ServoFilter, Tuple[Tuple[str, Callable[[float], float]]
 """Keys and units of each filter: controller protocol 5.6.6, SDK client 8."""
 
 
-def _set_servo_filter(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
+def _set_servo_filter(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
     number = arguments.integer("filter_type")
     if number not in tuple(ServoFilter):
         raise Refused()
     kind = ServoFilter(number)
     parameters = {key: to_si(_rate(arguments, key)) for key, to_si in _FILTER_PARAMETERS[kind]}
-    if cabinet.plant.is_servo_active:
+    if state.plant.is_servo_active:
         raise Refused("-1", "set_servo_move_filter command can not be excuted in servo move mode")
     try:
-        cabinet.plant.set_servo_filter(kind, **parameters)
+        state.plant.set_servo_filter(kind, **parameters)
     except TargetRejected as error:
         raise Refused() from error
     return None
 
 
-def _rapid_rate(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
+def _rapid_rate(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
     rate = round(arguments.number("rate_value"), _RAPID_RATE_DECIMALS)
     try:
-        cabinet.plant.set_rapid_rate(rate)
+        state.plant.set_rapid_rate(rate)
     except TargetRejected as error:
         raise Refused() from error
     return None
 
 
-def _wait_complete(cabinet: Cabinet, _arguments: Arguments) -> Held:
-    return Held(lambda: cabinet.plant.is_in_position)
+def _wait_complete(state: ControllerState, _arguments: Arguments) -> Held:
+    return Held(lambda: state.plant.is_in_position)
 
 
-def _motion_planner(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
+def _motion_planner(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
     """-1 off and 1 S-curve, both as far as ruckig is installed, 0 trapezoid; for the moves and jogs to come."""
     kind = arguments.integer("type")
     if kind not in (-1, 0, 1):
         raise Refused()
-    cabinet.memory.settings["set_motion_planner", 0] = {"type": kind}
-    cabinet.plant.set_jerk_limited(kind != 0)
+    state.memory.settings["set_motion_planner", 0] = {"type": kind}
+    state.plant.set_jerk_limited(kind != 0)
     return None
 
 
-def _motion_state(cabinet: Cabinet) -> Reply:
-    plant = cabinet.plant
-    motion_line, add_error_line = cabinet.executing_lines()
-    return {"inpos": plant.is_in_position, "paused": cabinet.is_paused, "queue": plant.queue_length,
+def _motion_state(state: ControllerState) -> Reply:
+    plant = state.plant
+    motion_line, add_error_line = state.executing_lines()
+    return {"inpos": plant.is_in_position, "paused": state.is_paused, "queue": plant.queue_length,
             "active_queue": min(1, plant.queue_length), "motion_line": motion_line, "err_add_line": add_error_line,
-            "queue_full": False, "isOnLimit": plant.on_soft_limit, "isInEstop": cabinet.emergency_stop,
-            "isInCollision": cabinet.protective_stop}
+            "queue_full": False, "isOnLimit": plant.on_soft_limit, "isInEstop": state.emergency_stop,
+            "isInCollision": state.protective_stop}
 
 
-def _hand_guiding(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
-    cabinet.set_hand_guiding(arguments.flag("enable_flag"))
+def _hand_guiding(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    state.set_hand_guiding(arguments.flag("enable_flag"))
     return None
 
 
-def _torque_feedforward(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
+def _torque_feedforward(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
     """Stored only: the simulated arm has no dynamics."""
-    cabinet.memory.settings["torque_feedforward", 0] = {
+    state.memory.settings["torque_feedforward", 0] = {
         "grvCurrent": list(arguments.vector("grvCurrent", 6)), "includeGrvFlag": arguments.integer("includeGrvFlag", 0)}
     return None
 
 
-def _drag_status(cabinet: Cabinet) -> Reply:
-    return {"drag_status": cabinet.plant.is_hand_guided}
+def _drag_status(state: ControllerState) -> Reply:
+    return {"drag_status": state.plant.is_hand_guided}
 
 
 MOTION_COMMANDS: Tuple[CommandSpec, ...] = (
@@ -223,14 +223,14 @@ MOTION_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("moveL", "5.4.1", _move("moveL", _linear_move)),
     CommandSpec("movc", "5.4.2", _move("movc", _arc_move)),
     CommandSpec("set_motion_planner", "5.4.3", _motion_planner),
-    CommandSpec("stop_program", "5.4.4", plain(Cabinet.stop)),
-    CommandSpec("pause_program", "5.4.5", plain(Cabinet.pause)),
-    CommandSpec("resume_program", "5.4.5", plain(Cabinet.resume)),
+    CommandSpec("stop_program", "5.4.4", plain(ControllerState.stop)),
+    CommandSpec("pause_program", "5.4.5", plain(ControllerState.pause)),
+    CommandSpec("resume_program", "5.4.5", plain(ControllerState.resume)),
     CommandSpec("wait_complete", "5.4.6", _wait_complete),
     CommandSpec("get_motion_state", "5.4.7", query(_motion_state)),
     CommandSpec("jog", "5.5", _jog),
     CommandSpec("servo_move", "5.6.1", _servo_move),
-    CommandSpec("is_in_servomove", "5.6.2", query(lambda cabinet: {"in_servomove": cabinet.plant.is_servo_active})),
+    CommandSpec("is_in_servomove", "5.6.2", query(lambda state: {"in_servomove": state.plant.is_servo_active})),
     CommandSpec("servo_j", "5.6.3", _servo_point("servoj", _servo_joint)),
     CommandSpec("servo_p", "5.6.4", _servo_point("servop", _servo_pose)),
     CommandSpec("set_servo_move_filter", "5.6.6", _set_servo_filter),
@@ -239,6 +239,6 @@ MOTION_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("drag_status", "5.8", query(_drag_status)),
     CommandSpec("get_drag_status", "5.8", query(_drag_status)),
     CommandSpec("rapid_rate", "5.10", _rapid_rate),
-    CommandSpec("get_rapid_rate", "5.10", query(lambda cabinet: {
-        "rapid_rate": cabinet.plant.rapid_rate, "rate_value": cabinet.plant.rapid_rate})),
+    CommandSpec("get_rapid_rate", "5.10", query(lambda state: {
+        "rapid_rate": state.plant.rapid_rate, "rate_value": state.plant.rapid_rate})),
 )

@@ -6,8 +6,8 @@ Where a reply's keys are not known, they are those of the setter: the SDK reads 
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.cabinet import Cabinet
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, query
+from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused, Reply
 
 _MAX_INDEX = 63
@@ -104,17 +104,17 @@ def _place(arguments: Arguments, selector: str) -> int:
 
 
 def _setter(setting: _Setting) -> Handler:
-    def handle(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
+    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
         place = _place(arguments, setting.selector)
-        cabinet.memory.settings[setting.setter, place] = {key.name: key.read(arguments) for key in setting.keys}
+        state.memory.settings[setting.setter, place] = {key.name: key.read(arguments) for key in setting.keys}
         return None
     return handle
 
 
 def _getter(setting: _Setting) -> Handler:
-    def handle(cabinet: Cabinet, arguments: Arguments) -> Reply:
+    def handle(state: ControllerState, arguments: Arguments) -> Reply:
         place = _place(arguments, setting.selector)
-        stored = cabinet.memory.settings.get((setting.setter, place), {})
+        stored = state.memory.settings.get((setting.setter, place), {})
         reply: Dict[str, Any] = {setting.selector: place} if setting.selector else {}
         reply.update((key.name, stored.get(key.name, key.default)) for key in setting.keys)
         return reply
@@ -134,41 +134,41 @@ _SOFT_LIMIT_KEYS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 _ADMITTANCE_KEYS = ("opt", "ftUser", "ftConstant", "ftNnormalTrack", "ftReboundFK")
 
 
-def _set_soft_limit(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
+def _set_soft_limit(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
     limits = arguments.raw("torqueSensorSoftLimit")
     if not isinstance(limits, dict):
         raise BadParameter("torqueSensorSoftLimit is no object")
     numbers = Arguments(limits)
-    cabinet.memory.settings["set_torque_sensor_soft_limit", 0] = {key: numbers.number(key) for key in _SOFT_LIMIT_KEYS}
+    state.memory.settings["set_torque_sensor_soft_limit", 0] = {key: numbers.number(key) for key in _SOFT_LIMIT_KEYS}
     return None
 
 
-def _soft_limit(cabinet: Cabinet) -> Reply:
+def _soft_limit(state: ControllerState) -> Reply:
     zeros = dict.fromkeys(_SOFT_LIMIT_KEYS, 0.0)
-    return {"torqueSensorSoftLimit": cabinet.memory.settings.get(("set_torque_sensor_soft_limit", 0), zeros)}
+    return {"torqueSensorSoftLimit": state.memory.settings.get(("set_torque_sensor_soft_limit", 0), zeros)}
 
 
-def _set_admittance(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
+def _set_admittance(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
     axis = arguments.integer("axis")
     if not 0 <= axis < 6:
         raise Refused()
     values = {key: arguments.number(key) for key in _ADMITTANCE_KEYS}
-    cabinet.memory.settings["set_admit_ctrl_config", axis] = values
+    state.memory.settings["set_admit_ctrl_config", axis] = values
     return None
 
 
-def _admittance(cabinet: Cabinet) -> Reply:
+def _admittance(state: ControllerState) -> Reply:
     zeros = dict.fromkeys(_ADMITTANCE_KEYS, 0.0)
     return {"admit_ctrl_config": [
-        dict(cabinet.memory.settings.get(("set_admit_ctrl_config", axis), zeros)) for axis in range(6)]}
+        dict(state.memory.settings.get(("set_admit_ctrl_config", axis), zeros)) for axis in range(6)]}
 
 
-def _names(cabinet: Cabinet, what: str) -> Dict[str, Any]:
-    return cabinet.memory.settings.setdefault((what, 0), {})
+def _names(state: ControllerState, what: str) -> Dict[str, Any]:
+    return state.memory.settings.setdefault((what, 0), {})
 
 
-def _add_signal(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
-    signals, name = _names(cabinet, "signals"), arguments.text("tio_signal_name")
+def _add_signal(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    signals, name = _names(state, "signals"), arguments.text("tio_signal_name")
     values = {key: arguments.integer(arguments.first_of("tio_signal_" + key, "_" + key, key))
               for key in ("chnId", "sigType", "sigAddr", "frequency")
               if key != "frequency"}
@@ -179,29 +179,29 @@ def _add_signal(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
     return None
 
 
-def _delete_signal(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
-    if _names(cabinet, "signals").pop(arguments.text("tio_signal_name"), None) is None:
+def _delete_signal(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    if _names(state, "signals").pop(arguments.text("tio_signal_name"), None) is None:
         raise Refused()
     return None
 
 
-def _signals(cabinet: Cabinet) -> Reply:
-    return {"signals": [dict(values, tio_signal_name=name) for name, values in _names(cabinet, "signals").items()]}
+def _signals(state: ControllerState) -> Reply:
+    return {"signals": [dict(values, tio_signal_name=name) for name, values in _names(state, "signals").items()]}
 
 
-def _sample_mode(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
+def _sample_mode(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
     mode, name = arguments.flag("mode"), arguments.text("filename")
-    files = _names(cabinet, "trajectories")
+    files = _names(state, "trajectories")
     if mode and name not in files:
         if len(files) >= _MAX_TRAJECTORIES:
             raise Refused()
         files[name] = True
-    cabinet.memory.settings["set_traj_sample_mode", 0] = {"mode": int(mode)}
+    state.memory.settings["set_traj_sample_mode", 0] = {"mode": int(mode)}
     return None
 
 
-def _rename_trajectory(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
-    files, source, target = _names(cabinet, "trajectories"), arguments.text("src"), arguments.text("dest")
+def _rename_trajectory(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    files, source, target = _names(state, "trajectories"), arguments.text("src"), arguments.text("dest")
     files.pop(source, None)
     if target not in files and len(files) >= _MAX_TRAJECTORIES:
         raise Refused()
@@ -210,16 +210,16 @@ def _rename_trajectory(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply
 
 
 def _with_file(act: Callable[[Dict[str, Any], str], object]) -> Handler:
-    def handle(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
-        act(_names(cabinet, "trajectories"), arguments.text("fileName"))
+    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+        act(_names(state, "trajectories"), arguments.text("fileName"))
         return None
     return handle
 
 
-def _identify_payload(cabinet: Cabinet, arguments: Arguments) -> Optional[Reply]:
+def _identify_payload(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
     """Taken, and over at once: the simulated sensor weighs nothing."""
     arguments.vector("jointPosition", 6)
-    cabinet.require_motion("start_torq_sensor_payload_identify")
+    state.require_motion("start_torq_sensor_payload_identify")
     return None
 
 
@@ -235,14 +235,14 @@ SETTING_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("get_tio_signals", "5.11", query(_signals)),
     CommandSpec("set_traj_sample_mode", "SDK client 8", _sample_mode),
     CommandSpec("get_traj_sample_status", "SDK client 8", query(
-        lambda cabinet: {"sampleStatus": cabinet.memory.settings.get(("set_traj_sample_mode", 0), {}).get("mode", 0)})),
+        lambda state: {"sampleStatus": state.memory.settings.get(("set_traj_sample_mode", 0), {}).get("mode", 0)})),
     CommandSpec("get_exist_traj_file_name", "SDK client 8", query(
-        lambda cabinet: {"trajFileName": list(_names(cabinet, "trajectories"))})),
+        lambda state: {"trajFileName": list(_names(state, "trajectories"))})),
     CommandSpec("rename_traj_file_name", "SDK client 8", _rename_trajectory),
     CommandSpec("remove_traj_file", "SDK client 8", _with_file(lambda files, name: files.pop(name, None))),
     CommandSpec("generate_traj_exe_file", "SDK client 8", _with_file(lambda files, name: None)),
     CommandSpec("start_torq_sensor_payload_identify", "SDK client 8", _identify_payload),
-    CommandSpec("get_torq_sensor_identify_staus", "SDK client 8", query(lambda cabinet: {"identify_status": 0})),
+    CommandSpec("get_torq_sensor_identify_staus", "SDK client 8", query(lambda state: {"identify_status": 0})),
     CommandSpec("get_torq_sensor_payload_identify_result", "SDK client 8", query(
-        lambda cabinet: {"mass": 0.0, "centroid": [0.0, 0.0, 0.0]})),
+        lambda state: {"mass": 0.0, "centroid": [0.0, 0.0, 0.0]})),
 )

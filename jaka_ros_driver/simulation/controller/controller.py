@@ -10,9 +10,9 @@ from jaka_ros_driver.protocol.framing import JsonObject, encode_object
 from jaka_ros_driver.protocol.status import encode_frame
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.cabinet import Cabinet, Options, Start
 from jaka_ros_driver.simulation.controller.command_spec import Held, Then
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
+from jaka_ros_driver.simulation.controller.controller_state import ControllerState, Options, Start
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.memory import Memory
 from jaka_ros_driver.simulation.controller.replies import (
@@ -27,7 +27,7 @@ from jaka_ros_driver.simulation.controller.status_frame import StatusFrame
 from jaka_ros_driver.state import Vector
 
 
-class Outcome(NamedTuple):
+class RequestResult(NamedTuple):
     """What a request leads to.
 
     Attributes:
@@ -57,12 +57,12 @@ class Controller:
         self._firmware = firmware
         self._options = options
         self.failures = 0
-        self.cabinet = Cabinet(model, firmware, options, Memory(), joint_position)
+        self.state = ControllerState(model, firmware, options, Memory(), joint_position)
         self._build_frames({}, ())
 
     def _build_frames(self, added: Mapping[str, Any], dropped: Tuple[str, ...]) -> None:
-        self.feed_frame = StatusFrame(self.cabinet)
-        self.polled_frame = StatusFrame(self.cabinet, polled=True)
+        self.feed_frame = StatusFrame(self.state)
+        self.polled_frame = StatusFrame(self.state, polled=True)
         self.change_fields(added, dropped)
 
     def change_fields(self, added: Mapping[str, Any], dropped: Tuple[str, ...]) -> None:
@@ -72,18 +72,18 @@ class Controller:
 
     def restart(self) -> None:
         """As after a power cut: without drive power, where the arm stands, with what the memory holds."""
-        old = self.cabinet
+        old = self.state
         options = dataclasses.replace(self._options, start=Start.OFF)
-        self.cabinet = Cabinet(old.model, self._firmware, options, old.memory, old.plant.joint_position)
+        self.state = ControllerState(old.model, self._firmware, options, old.memory, old.plant.joint_position)
         if old.emergency_stop:
-            self.cabinet.press_emergency_stop()
+            self.state.press_emergency_stop()
         self._build_frames(self.feed_frame.added, self.feed_frame.dropped)
 
     def step(self, dt: float) -> None:
         """Let dt seconds of simulated time pass."""
-        self.cabinet.step(dt)
+        self.state.step(dt)
 
-    def execute(self, request: Union[JsonObject, FramingError]) -> Outcome:
+    def execute(self, request: Union[JsonObject, FramingError]) -> RequestResult:
         """Carry out one request; every request has a reply, and one that is not understood moves nothing.
 
         A bug in a handler ends as the controller's own "Exception:function call failed", with a traceback on
@@ -92,20 +92,20 @@ class Controller:
         name = request.get("cmdName") if isinstance(request, dict) else None
         spec = COMMANDS.get(name) if isinstance(name, str) else None
         if spec is None or (spec.modern_only and not self._firmware.is_modern):
-            return Outcome(name if isinstance(name, str) else None, encode_object(not_understood()))
+            return RequestResult(name if isinstance(name, str) else None, encode_object(not_understood()))
         try:
-            fields = spec.handler(self.cabinet, Arguments(request))  # type: ignore[arg-type]
+            fields = spec.handler(self.state, Arguments(request))  # type: ignore[arg-type]
         except BadParameter:
-            return Outcome(spec.name, encode_object(not_understood()))
+            return RequestResult(spec.name, encode_object(not_understood()))
         except Refused as refusal:
-            return Outcome(spec.name, encode_object(refused(spec.name, refusal)))
+            return RequestResult(spec.name, encode_object(refused(spec.name, refusal)))
         except Exception:
             self.failures += 1
             traceback.print_exc(file=sys.stderr)
-            return Outcome(spec.name, encode_object(not_understood()))
+            return RequestResult(spec.name, encode_object(not_understood()))
         if isinstance(fields, Held):
-            return Outcome(spec.name, _encode(accepted(spec.name, {})), fields.until)
-        return Outcome(spec.name, _encode(accepted(spec.name, fields or {})), None, spec.then)
+            return RequestResult(spec.name, _encode(accepted(spec.name, {})), fields.until)
+        return RequestResult(spec.name, _encode(accepted(spec.name, fields or {})), None, spec.then)
 
 
 def _encode(reply: Reply) -> bytes:

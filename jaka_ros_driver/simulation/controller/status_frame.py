@@ -7,7 +7,7 @@ when its value changed: most of a frame are I/O arrays that seldom do.
 import json
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
-from jaka_ros_driver.simulation.controller.cabinet import Cabinet
+from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.wire_units import FEED_DECIMALS, joints_to_wire, pose_to_wire
 from jaka_ros_driver.units import all_m_to_mm, m_to_mm
@@ -15,7 +15,7 @@ from jaka_ros_driver.units import all_m_to_mm, m_to_mm
 MAX_POLLED_BYTES = 8990
 """Longest frame that the maker's SDK takes from the polled port (SDK client 1.3)."""
 
-_Field = Tuple[str, Callable[[Cabinet], Any]]
+_Field = Tuple[str, Callable[[ControllerState], Any]]
 
 _JOINT_TEMPERATURE = 31.0
 _JOINTS_AT_REST = tuple((0.4, 48.0, _JOINT_TEMPERATURE, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0) for _ in range(6))
@@ -35,40 +35,40 @@ def errcode_text(code: int) -> str:
 
 
 def _io(key: str) -> _Field:
-    return key, lambda cabinet: cabinet.io.array(key)
+    return key, lambda state: state.io.array(key)
 
 
-def _flag(test: Callable[[Cabinet], Any]) -> Callable[[Cabinet], int]:
-    return lambda cabinet: int(bool(test(cabinet)))
+def _flag(test: Callable[[ControllerState], Any]) -> Callable[[ControllerState], int]:
+    return lambda state: int(bool(test(state)))
 
 
-def _torque_sensor(force_rows: int) -> Callable[[Cabinet], Any]:
-    def value(cabinet: Cabinet) -> Any:
-        load = cabinet.memory.sensor_payload
+def _torque_sensor(force_rows: int) -> Callable[[ControllerState], Any]:
+    def value(state: ControllerState) -> Any:
+        load = state.memory.sensor_payload
         return ((0, _SENSOR_ADDRESS, (load.mass, all_m_to_mm(load.centroid))), (0, 0) + (_NO_FORCE,) * force_rows)
     return value
 
 
-def _velocity(cabinet: Cabinet) -> List[float]:
-    return joints_to_wire(cabinet.plant.joint_velocity, FEED_DECIMALS)
+def _velocity(state: ControllerState) -> List[float]:
+    return joints_to_wire(state.plant.joint_velocity, FEED_DECIMALS)
 
 
-def _task_mode(cabinet: Cabinet) -> int:
+def _task_mode(state: ControllerState) -> int:
     """1 manual, 2 automatic, 4 hand guiding (controller protocol 6.2)."""
-    if cabinet.plant.is_hand_guided:
+    if state.plant.is_hand_guided:
         return 4
-    return 2 if cabinet.program_state else 1
+    return 2 if state.program_state else 1
 
 
-_COMMANDED_JOINTS: _Field = ("joint_position", lambda cabinet: joints_to_wire(
-    cabinet.plant.joint_position_commanded, FEED_DECIMALS))
-_COMMANDED_POSE: _Field = ("position", lambda cabinet: pose_to_wire(cabinet.plant.tcp_pose_commanded(), FEED_DECIMALS))
-_KEYS: _Field = ("tio_key", lambda cabinet: _NO_KEYS)
+_COMMANDED_JOINTS: _Field = ("joint_position", lambda state: joints_to_wire(
+    state.plant.joint_position_commanded, FEED_DECIMALS))
+_COMMANDED_POSE: _Field = ("position", lambda state: pose_to_wire(state.plant.tcp_pose_commanded(), FEED_DECIMALS))
+_KEYS: _Field = ("tio_key", lambda state: _NO_KEYS)
 _EXTENSION_OFF: Dict[str, Any] = {"status": 0, "setup": (), "num": (0, 0, 0, 0), "pinmap": (), "mode": 0}
-_EXTENSION: _Field = ("extio", lambda cabinet: _EXTENSION_OFF)
+_EXTENSION: _Field = ("extio", lambda state: _EXTENSION_OFF)
 _LINES: Tuple[_Field, ...] = (
-    ("motion_line", lambda cabinet: cabinet.executing_lines()[0]),
-    ("err_add_line", lambda cabinet: cabinet.executing_lines()[1]))
+    ("motion_line", lambda state: state.executing_lines()[0]),
+    ("err_add_line", lambda state: state.executing_lines()[1]))
 _VELOCITY: _Field = ("instVel", _velocity)
 _FIELD_BUS: Tuple[_Field, ...] = tuple(_io(key) for key in (
     "relay_io", "mb_slave_din", "mb_slave_dout", "mb_slave_ain", "mb_slave_aout", "pn_dev_din", "pn_dev_dout",
@@ -81,46 +81,46 @@ def _feed_fields(modern: bool) -> Tuple[_Field, ...]:
         return fields if modern else ()
 
     return (
-        ("drag_status", lambda cabinet: cabinet.plant.is_hand_guided),
-        ("errcode", lambda cabinet: errcode_text(cabinet.alarms.shown()[0])),
-        ("errmsg", lambda cabinet: cabinet.alarms.shown()[1]),
-        ("monitor_data", lambda cabinet: _MONITOR_DATA),
+        ("drag_status", lambda state: state.plant.is_hand_guided),
+        ("errcode", lambda state: errcode_text(state.alarms.shown()[0])),
+        ("errmsg", lambda state: state.alarms.shown()[1]),
+        ("monitor_data", lambda state: _MONITOR_DATA),
         ("torqsensor", _torque_sensor(3 if modern else 2)),
-        ("joint_actual_position", lambda cabinet: joints_to_wire(cabinet.plant.joint_position, FEED_DECIMALS)),
+        ("joint_actual_position", lambda state: joints_to_wire(state.plant.joint_position, FEED_DECIMALS)),
         *only(_COMMANDED_JOINTS),
-        ("actual_position", lambda cabinet: pose_to_wire(cabinet.plant.tcp_pose(), FEED_DECIMALS)),
+        ("actual_position", lambda state: pose_to_wire(state.plant.tcp_pose(), FEED_DECIMALS)),
         *only(_COMMANDED_POSE),
         _io("din"), _io("dout"), _io("ain"), _io("aout"), _io("tio_din"), _io("tio_dout"), _io("tio_ain"),
         *only(_KEYS),
-        ("task_state", lambda cabinet: cabinet.task_state),
-        ("homed", lambda cabinet: _HOMED),
+        ("task_state", lambda state: state.task_state),
+        ("homed", lambda state: _HOMED),
         ("task_mode", _task_mode),
-        ("interp_state", lambda cabinet: int(cabinet.program_state)),
-        ("enabled", lambda cabinet: cabinet.is_enabled),
-        ("paused", lambda cabinet: cabinet.is_paused),
-        ("rapidrate", lambda cabinet: float(cabinet.plant.rapid_rate)),
-        ("current_tool_id", lambda cabinet: cabinet.memory.tool_id),
-        ("current_user_id", lambda cabinet: cabinet.memory.user_frame_id),
-        ("on_soft_limit", _flag(lambda cabinet: cabinet.plant.on_soft_limit)),
-        ("emergency_stop", _flag(lambda cabinet: cabinet.emergency_stop)),
-        ("drag_near_limit", lambda cabinet: [int(near) for near in cabinet.plant.near_limit]),
-        ("funcdi", lambda cabinet: _FUNCTION_INPUTS),
-        ("powered_on", _flag(lambda cabinet: cabinet.is_powered)),
-        ("inpos", lambda cabinet: cabinet.plant.is_in_position),
-        ("motion_mode", lambda cabinet: 1),
-        ("curr_tcp_trans_vel", lambda cabinet: round(m_to_mm(cabinet.plant.tcp_speed), FEED_DECIMALS)),
-        ("protective_stop", _flag(lambda cabinet: cabinet.protective_stop)),
-        ("point_key", lambda cabinet: 0),
-        ("netState", lambda cabinet: 1),
-        *only(*_LINES, _VELOCITY, *_FIELD_BUS, ("tio_rs_signals", lambda cabinet: _NO_SIGNALS), _EXTENSION),
+        ("interp_state", lambda state: int(state.program_state)),
+        ("enabled", lambda state: state.is_enabled),
+        ("paused", lambda state: state.is_paused),
+        ("rapidrate", lambda state: float(state.plant.rapid_rate)),
+        ("current_tool_id", lambda state: state.memory.tool_id),
+        ("current_user_id", lambda state: state.memory.user_frame_id),
+        ("on_soft_limit", _flag(lambda state: state.plant.on_soft_limit)),
+        ("emergency_stop", _flag(lambda state: state.emergency_stop)),
+        ("drag_near_limit", lambda state: [int(near) for near in state.plant.near_limit]),
+        ("funcdi", lambda state: _FUNCTION_INPUTS),
+        ("powered_on", _flag(lambda state: state.is_powered)),
+        ("inpos", lambda state: state.plant.is_in_position),
+        ("motion_mode", lambda state: 1),
+        ("curr_tcp_trans_vel", lambda state: round(m_to_mm(state.plant.tcp_speed), FEED_DECIMALS)),
+        ("protective_stop", _flag(lambda state: state.protective_stop)),
+        ("point_key", lambda state: 0),
+        ("netState", lambda state: 1),
+        *only(*_LINES, _VELOCITY, *_FIELD_BUS, ("tio_rs_signals", lambda state: _NO_SIGNALS), _EXTENSION),
     )
 
 
 _FEED = {modern: _feed_fields(modern) for modern in (False, True)}
 _SDK_NEEDS: Tuple[_Field, ...] = (_COMMANDED_JOINTS, _COMMANDED_POSE, _KEYS, *_LINES, _VELOCITY, *_FIELD_BUS)
-_POLLED_INSTEAD: Dict[str, Callable[[Cabinet], Any]] = {
+_POLLED_INSTEAD: Dict[str, Callable[[ControllerState], Any]] = {
     "torqsensor": _torque_sensor(3),
-    "extio": lambda cabinet: None,
+    "extio": lambda state: None,
 }
 """Fields whose shape makes the SDK crash when it is not the one it expects; null is taken (SDK client 1.8)."""
 
@@ -139,15 +139,15 @@ class StatusFrame:
         added: Fields put behind the others, as a wire fault.
     """
 
-    def __init__(self, cabinet: Cabinet, polled: bool = False) -> None:
+    def __init__(self, state: ControllerState, polled: bool = False) -> None:
         """Begin with no field dropped or added.
 
         Args:
-            cabinet: Where the values come from.
+            state: Where the values come from.
             polled: True for the frame of the polled port.
         """
-        self._cabinet = cabinet
-        fields = _FEED[cabinet.firmware.is_modern]
+        self._state = state
+        fields = _FEED[state.firmware.is_modern]
         if polled:
             fields = tuple((name, _POLLED_INSTEAD.get(name, value)) for name, value in fields)
             present = frozenset(name for name, _ in fields)
@@ -160,8 +160,8 @@ class StatusFrame:
 
     def fields(self) -> Dict[str, Any]:
         """The fields without ``len``, in order."""
-        switches = self._cabinet.memory.field_switches
-        values = {name: value(self._cabinet) for name, value in self._fields
+        switches = self._state.memory.field_switches
+        values = {name: value(self._state) for name, value in self._fields
                   if switches.get(name, True) and name not in self.dropped}
         values.update(self.added)
         return values

@@ -49,11 +49,11 @@ def handle(server: Server, request: Dict[str, Any]) -> Answer:
 
 
 def _press(server: Server, _request: Dict[str, Any]) -> None:
-    server.controller.cabinet.press_emergency_stop()
+    server.controller.state.press_emergency_stop()
 
 
 def _release(server: Server, _request: Dict[str, Any]) -> None:
-    server.controller.cabinet.release_emergency_stop()
+    server.controller.state.release_emergency_stop()
 
 
 def _joint(arguments: Arguments) -> int:
@@ -66,12 +66,12 @@ def _joint(arguments: Arguments) -> int:
 def _hit(server: Server, request: Dict[str, Any]) -> Answer:
     arguments = Arguments(request)
     joint = _joint(arguments) if arguments.has("joint") else None
-    return {"noticed": server.controller.cabinet.hit(arguments.number("force", 150.0), joint)}
+    return {"noticed": server.controller.state.hit(arguments.number("force", 150.0), joint)}
 
 
 def _push(server: Server, request: Dict[str, Any]) -> Answer:
     arguments = Arguments(request)
-    pushed = server.controller.cabinet.push(
+    pushed = server.controller.state.push(
         _joint(arguments), deg_to_rad(arguments.number("velocity")), arguments.number("duration", 1.0))
     return {"pushed": pushed}
 
@@ -81,7 +81,7 @@ def _set_input(server: Server, request: Dict[str, Any]) -> None:
     bank, signal = arguments.text("bank", "cabinet"), arguments.text("signal", "digital")
     if bank not in BANK_NAMES or signal not in ("digital", "analog"):
         raise InvalidCommand("bank is one of %s, signal digital or analog" % ", ".join(BANK_NAMES))
-    server.controller.cabinet.io.set(signal, False, BANK_NAMES.index(bank), arguments.integer("index"),
+    server.controller.state.io.set(signal, False, BANK_NAMES.index(bank), arguments.integer("index"),
                                      arguments.number("value"))
 
 
@@ -96,7 +96,7 @@ def _fault(server: Server, request: Dict[str, Any]) -> Answer:
 def _clear_faults(server: Server, _request: Dict[str, Any]) -> None:
     server.faults.clear()
     server.controller.change_fields({}, ())
-    server.controller.cabinet.slow_feed(None)
+    server.controller.state.slow_feed(None)
 
 
 def _ports(request: Dict[str, Any]) -> Tuple[str, ...]:
@@ -137,7 +137,7 @@ def _slow_feed(server: Server, request: Dict[str, Any]) -> None:
     rate = Arguments(request).number("rate")
     if not 0.0 < rate <= 1000.0:
         raise InvalidCommand("rate is %g Hz; it must be within 0..1000" % rate)
-    server.controller.cabinet.slow_feed(1.0 / rate)
+    server.controller.state.slow_feed(1.0 / rate)
 
 
 def _fields(server: Server, request: Dict[str, Any]) -> None:
@@ -148,27 +148,27 @@ def _fields(server: Server, request: Dict[str, Any]) -> None:
 
 
 def _state(server: Server, _request: Dict[str, Any]) -> Answer:
-    cabinet = server.controller.cabinet
-    code, text = cabinet.alarms.shown()
+    state = server.controller.state
+    code, text = state.alarms.shown()
     return {"state": {
-        "simulated_s": round(cabinet.now, 6), "is_powered": cabinet.is_powered, "is_enabled": cabinet.is_enabled,
-        "emergency_stop": cabinet.emergency_stop, "protective_stop": cabinet.protective_stop,
+        "simulated_s": round(state.now, 6), "is_powered": state.is_powered, "is_enabled": state.is_enabled,
+        "emergency_stop": state.emergency_stop, "protective_stop": state.protective_stop,
         "errcode": errcode_text(code), "errmsg": text,
-        "joint_position": joints_to_wire(cabinet.plant.joint_position, QUERY_DECIMALS),
-        "joint_velocity": joints_to_wire(cabinet.plant.joint_velocity, QUERY_DECIMALS),
-        "tcp_pose": pose_to_wire(cabinet.plant.tcp_pose(), QUERY_DECIMALS),
-        "tcp_speed": round(m_to_mm(cabinet.plant.tcp_speed), QUERY_DECIMALS),
-        "is_moving": cabinet.plant.is_moving, "is_in_position": cabinet.plant.is_in_position,
-        "queue_length": cabinet.plant.queue_length, "is_servo_active": cabinet.plant.is_servo_active,
-        "is_hand_guided": cabinet.plant.is_hand_guided, "collision_level": cabinet.memory.collision_level,
-        "payload": {"mass": cabinet.memory.payload.mass}, "tool_id": cabinet.memory.tool_id,
-        "user_frame_id": cabinet.memory.user_frame_id,
-        "digital_outputs": list(cabinet.io.array("dout")), "analog_outputs": list(cabinet.io.array("aout"))}}
+        "joint_position": joints_to_wire(state.plant.joint_position, QUERY_DECIMALS),
+        "joint_velocity": joints_to_wire(state.plant.joint_velocity, QUERY_DECIMALS),
+        "tcp_pose": pose_to_wire(state.plant.tcp_pose(), QUERY_DECIMALS),
+        "tcp_speed": round(m_to_mm(state.plant.tcp_speed), QUERY_DECIMALS),
+        "is_moving": state.plant.is_moving, "is_in_position": state.plant.is_in_position,
+        "queue_length": state.plant.queue_length, "is_servo_active": state.plant.is_servo_active,
+        "is_hand_guided": state.plant.is_hand_guided, "collision_level": state.memory.collision_level,
+        "payload": {"mass": state.memory.payload.mass}, "tool_id": state.memory.tool_id,
+        "user_frame_id": state.memory.user_frame_id,
+        "digital_outputs": list(state.io.array("dout")), "analog_outputs": list(state.io.array("aout"))}}
 
 
 def _events(server: Server, _request: Dict[str, Any]) -> Answer:
     return {"events": [{"simulated_s": round(past.at, 6), "code": errcode_text(past.event.code),
-                        "text": past.event.text} for past in server.controller.cabinet.alarms.past]}
+                        "text": past.event.text} for past in server.controller.state.alarms.past]}
 
 
 def _wire(server: Server, _request: Dict[str, Any]) -> Answer:

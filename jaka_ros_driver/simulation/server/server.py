@@ -21,7 +21,7 @@ from jaka_ros_driver.simulation.controller.controller import Controller
 from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, Connection, HeldReply
 from jaka_ros_driver.simulation.server.cycle_clock import CycleClock
 from jaka_ros_driver.simulation.server.faults import PORTS, Delivery, Effect, FaultScript
-from jaka_ros_driver.wire.listeners import Doors
+from jaka_ros_driver.wire.listeners import Listeners
 from jaka_ros_driver.wire.log import WireLog
 
 PANEL = "panel"
@@ -74,7 +74,7 @@ class Server:
         self._log = log
         self._panel_handler: Optional[PanelHandler] = None
         self._selector = selectors.EpollSelector()
-        self._doors = Doors(self._selector)
+        self._listeners = Listeners(self._selector)
         self._sockets: Dict[Connection, socket.socket] = {}
         self._count = 0
         self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
@@ -91,7 +91,7 @@ class Server:
     @property
     def port_numbers(self) -> Dict[str, int]:
         """Name of a port to its number, once open."""
-        return self._doors.numbers
+        return self._listeners.numbers
 
     # --- life -------------------------------------------------------------------------------------------------------
 
@@ -109,9 +109,9 @@ class Server:
         try:
             for port, number in (("command", self._addresses.command), ("status", self._addresses.status),
                                  ("poll", self._addresses.poll)):
-                self._doors.add(port, host, number)
+                self._listeners.add(port, host, number)
             if self._addresses.panel is not None:
-                self._doors.add(PANEL, LOOPBACK, self._addresses.panel)
+                self._listeners.add(PANEL, LOOPBACK, self._addresses.panel)
         except OSError:
             self.close()
             raise
@@ -171,7 +171,7 @@ class Server:
         self._is_closed = True
         for connection in list(self._sockets):
             self._drop(connection)
-        self._doors.close()
+        self._listeners.close()
         self._selector.close()
         self._wake_receive.close()
         self._wake_send.close()
@@ -224,9 +224,9 @@ class Server:
         for _ in range(cycles):
             self.controller.step(CYCLE_TIME)
         if cycles and self._log:
-            self._log.joints(time.monotonic_ns(), self.controller.cabinet.now,
-                             self.controller.cabinet.plant.joint_position)
-        if self._clock.frame_is_due(now, self.controller.cabinet.feed_period):
+            self._log.joints(time.monotonic_ns(), self.controller.state.now,
+                             self.controller.state.plant.joint_position)
+        if self._clock.frame_is_due(now, self.controller.state.feed_period):
             self._send_frames(now)
 
     def _take_calls(self) -> None:
@@ -265,7 +265,7 @@ class Server:
         if port == "command":
             for replaced in present:
                 self._drop(replaced)
-            self.controller.cabinet.client_connected()
+            self.controller.state.client_connected()
 
     def _drop(self, connection: Connection) -> None:
         client = self._sockets.pop(connection, None)
@@ -286,7 +286,7 @@ class Server:
     def _client_lost(self) -> None:
         """A command connection ended or fell silent for good; in a cabinet that is off nothing follows."""
         if not self.is_off and not self._has_client():
-            self.controller.cabinet.client_lost()
+            self.controller.state.client_lost()
 
     def _note(self, connection: Connection, what: str) -> None:
         if self._log:
@@ -349,7 +349,7 @@ class Server:
         if reply.then is not Then.NOTHING:
             connection.post([Delivery(b"", now, Effect.CLOSE)])
         if reply.then is Then.SHUT_DOWN:
-            self._calls.put(lambda: self.shut_down(None) if PANEL in self._doors.numbers else self._end())
+            self._calls.put(lambda: self.shut_down(None) if PANEL in self._listeners.numbers else self._end())
             self._wake()
 
     def _answer_poll(self, connection: Connection, now: float) -> None:
@@ -426,7 +426,7 @@ class Server:
         until = time.monotonic() + duration
         self._stalled_until.update((port, until) for port in ports)
         if "command" in ports and duration > 0.0 and not self.is_off and self._has_client():
-            self.controller.cabinet.client_lost()
+            self.controller.state.client_lost()
 
     def end_connections(self, ports: Tuple[str, ...], effect: Effect) -> int:
         """Close, reset or half-open every connection of these ports now; how many there were."""
@@ -441,7 +441,7 @@ class Server:
         """Refuse new connections on these ports for so long, s of wall time."""
         until = time.monotonic() + duration
         for port in ports:
-            self._doors.shut(port)
+            self._listeners.shut(port)
             self._refusing_until[port] = until
 
     def shut_down(self, down: Optional[float], silent: bool = False) -> None:
@@ -454,7 +454,7 @@ class Server:
         self.is_off = True
         self.end_connections(PORTS, Effect.HALF_OPEN if silent else Effect.CLOSE)
         for port in PORTS:
-            self._doors.shut(port)
+            self._listeners.shut(port)
         self._boot_at = None if down is None else time.monotonic() + down
 
     def boot(self) -> None:
@@ -470,17 +470,17 @@ class Server:
             connection.resets = True
             self._drop(connection)
         for port in PORTS:
-            self._doors.open(port)
+            self._listeners.open(port)
 
     def _end_of_faults(self, now: float) -> None:
         for port in [port for port, until in self._stalled_until.items() if now >= until]:
             del self._stalled_until[port]
             if port == "command" and self._has_client():
-                self.controller.cabinet.client_back()
+                self.controller.state.client_back()
         for port in [port for port, until in self._refusing_until.items() if now >= until]:
             del self._refusing_until[port]
             if not self.is_off:
-                self._doors.open(port)
+                self._listeners.open(port)
         if self._boot_at is not None and now >= self._boot_at:
             self.boot()
 

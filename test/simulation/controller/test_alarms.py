@@ -4,7 +4,7 @@ import pytest
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.controller import alarms
-from jaka_ros_driver.simulation.controller.cabinet import Cabinet, Options, Start
+from jaka_ros_driver.simulation.controller.controller_state import ControllerState, Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.memory import Memory
 
@@ -66,24 +66,24 @@ def test_list_of_past_events_is_bounded():
 
 
 def test_singularity_is_a_protective_stop(monkeypatch):
-    cabinet = Cabinet(load_model("zu7"), FIRMWARES["1.5.14"], Options(start=Start.ENABLED), Memory())
+    state = ControllerState(load_model("zu7"), FIRMWARES["1.5.14"], Options(start=Start.ENABLED), Memory())
     told = [[events.event(events.SINGULARITY_PROTECTIVE_STOP)]]
-    monkeypatch.setattr(cabinet.plant, "take_events", lambda: told.pop() if told else [])
-    cabinet.step(0.008)
-    assert cabinet.protective_stop and cabinet.alarms.shown()[0] == 0x0F0018
-    cabinet.clear_error()
-    assert not cabinet.protective_stop and cabinet.alarms.shown() == NOTHING
+    monkeypatch.setattr(state.plant, "take_events", lambda: told.pop() if told else [])
+    state.step(0.008)
+    assert state.protective_stop and state.alarms.shown()[0] == 0x0F0018
+    state.clear_error()
+    assert not state.protective_stop and state.alarms.shown() == NOTHING
 
 
 def test_line_that_leaves_the_reach_ends_with_an_event():
     """From one side of the base to the other, the straight line passes through it."""
-    cabinet = Cabinet(load_model("zu7"), FIRMWARES["1.5.14"], Options(start=Start.ENABLED), Memory())
-    home = cabinet.plant.tcp_pose()
+    state = ControllerState(load_model("zu7"), FIRMWARES["1.5.14"], Options(start=Start.ENABLED), Memory())
+    home = state.plant.tcp_pose()
     x, y, z = home.position
-    cabinet.plant.add_linear_move(type(home)((-x, -y, z), home.rpy), 0.5)
+    state.plant.add_linear_move(type(home)((-x, -y, z), home.rpy), 0.5)
     for _ in range(2000):
-        cabinet.step(0.008)
-        if cabinet.alarms.shown()[0]:
+        state.step(0.008)
+        if state.alarms.shown()[0]:
             break
-    assert cabinet.alarms.shown()[0] in (events.LINEAR_MOVE_FAILED, events.SINGULARITY_PROTECTIVE_STOP)
-    assert cabinet.plant.queue_length == 0
+    assert state.alarms.shown()[0] in (events.LINEAR_MOVE_FAILED, events.SINGULARITY_PROTECTIVE_STOP)
+    assert state.plant.queue_length == 0

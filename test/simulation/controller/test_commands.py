@@ -36,7 +36,7 @@ def test_data_is_the_whole_frame_with_the_length_of_the_reply(make_arm):
             raw += client.socket.recv(65536)
         assert raw.startswith(b'{"len": %d, ' % len(raw))
         reply = client.ask("get_data")
-    assert list(reply)[1:-3] == list(all_field_names(arm.server.controller.cabinet.firmware))[:34]
+    assert list(reply)[1:-3] == list(all_field_names(arm.server.controller.state.firmware))[:34]
     assert reply["errorCode"] == "0" and reply["joint_actual_position"] == HOME
 
 

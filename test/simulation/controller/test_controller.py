@@ -12,9 +12,9 @@ from import_graph import ROOT, outside_imports
 
 from jaka_ros_driver.errors import FramingError
 from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.simulation.controller.cabinet import Options, Start
 from jaka_ros_driver.simulation.controller.command_spec import Then
 from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.controller_state import Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 
 OFTEN = ("joint_move", "moveL", "movc", "end_move", "jog", "servo_move", "servo_j", "servo_p", "stop_program",
@@ -39,7 +39,7 @@ def test_quit_and_shutdown_say_what_follows():
 
 def test_bug_in_a_handler_is_answered_and_told(monkeypatch, capsys):
     controller = make()
-    monkeypatch.setattr(controller.cabinet.plant, "forward", lambda joints: 1 / 0)
+    monkeypatch.setattr(controller.state.plant, "forward", lambda joints: 1 / 0)
     outcome = controller.execute({"cmdName": "kine_forward", "jointPosition": [0.0] * 6})
     assert json.loads(outcome.reply)["errorCode"] == "1" and controller.failures == 1
     assert "ZeroDivisionError" in capsys.readouterr().err
@@ -51,7 +51,7 @@ def test_enabling_right_after_disabling_ends_enabled():
     controller.execute({"cmdName": "enable_robot"})
     for _ in range(100):
         controller.step(0.008)
-    assert controller.cabinet.is_enabled
+    assert controller.state.is_enabled
 
 
 def some_number(chance):
@@ -87,24 +87,24 @@ def test_random_commands_never_break_it_nor_leave_the_limits(seed, model, firmwa
     for _ in range(600):
         outcome = controller.execute(some_request(chance))
         codes.add(json.loads(outcome.reply)["errorCode"])
-        cabinet, event = controller.cabinet, chance.random()
+        state, event = controller.state, chance.random()
         if event < 0.02:
-            cabinet.hit(500.0)
+            state.hit(500.0)
         elif event < 0.03:
-            cabinet.press_emergency_stop()
-            cabinet.release_emergency_stop()
+            state.press_emergency_stop()
+            state.release_emergency_stop()
         elif event < 0.07:
             for command in ("clear_error", "power_on", "enable_robot", "stop_program"):
                 controller.execute({"cmdName": command})
         elif event < 0.15:
-            cabinet.push(chance.randrange(6), chance.uniform(-1.0, 1.0), 0.1)
+            state.push(chance.randrange(6), chance.uniform(-1.0, 1.0), 0.1)
         elif event < 0.16:
             controller.restart()
         for _ in range(chance.randrange(8)):
             controller.step(0.008)
         frame = controller.feed_frame.text()
         assert json.loads(frame)["len"] == len(frame)
-        for angle, (low, high) in zip(controller.cabinet.plant.joint_position, cabinet.model.joint_limits):
+        for angle, (low, high) in zip(controller.state.plant.joint_position, state.model.joint_limits):
             assert low - 1e-3 <= angle <= high + 1e-3
     assert controller.failures == 0, capsys.readouterr().err
     assert {"0", "1", "2"} <= codes
@@ -118,8 +118,8 @@ def fingerprint():
         told.update(outcome.reply)
         event = chance.random()
         if event < 0.05:
-            chance.choice([controller.cabinet.client_lost, controller.cabinet.client_back,
-                           controller.cabinet.client_connected, lambda: controller.cabinet.hit(500.0)])()
+            chance.choice([controller.state.client_lost, controller.state.client_back,
+                           controller.state.client_connected, lambda: controller.state.hit(500.0)])()
         elif event < 0.15:
             for command in ("clear_error", "power_on", "enable_robot"):
                 told.update(controller.execute({"cmdName": command}).reply)

@@ -7,8 +7,8 @@ from raw_client import RawClient, wait_for
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
-from jaka_ros_driver.simulation.controller.cabinet import LinkLoss, Options, Start
 from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.controller_state import LinkLoss, Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 
 FAR = [170.0, 90.0, -90.0, 90.0, 90.0, 0.0]
@@ -18,7 +18,7 @@ PAUSE, ABORT = 1, 2
 @pytest.fixture
 def controller():
     made = Controller(load_model("zu7"), FIRMWARES["1.5.14"], Options(0.1, 0.1, Start.ENABLED))
-    made.cabinet.client_connected()
+    made.state.client_connected()
     return made
 
 
@@ -42,52 +42,52 @@ def pass_time(controller, seconds):
 
 def goes_on(controller):
     pass_time(controller, 3.0)
-    return controller.cabinet.plant.queue_length == 1 and controller.cabinet.plant.is_moving
+    return controller.state.plant.queue_length == 1 and controller.state.plant.is_moving
 
 
 def test_lost_client_ends_its_motion_after_its_delay_of_simulated_time(controller):
     protect(controller, 0.4)
     move(controller)
     pass_time(controller, 1.0)
-    controller.cabinet.client_lost()
+    controller.state.client_lost()
     pass_time(controller, 0.392)
-    assert controller.cabinet.plant.queue_length == 1
+    assert controller.state.plant.queue_length == 1
     pass_time(controller, 0.016)
-    assert controller.cabinet.plant.queue_length == 0
+    assert controller.state.plant.queue_length == 0
     pass_time(controller, 1.0)
-    assert not controller.cabinet.plant.is_moving
+    assert not controller.state.plant.is_moving
 
 
 def test_lost_client_pauses_where_it_asked_for_that(controller):
     protect(controller, 0.1, PAUSE)
     move(controller)
-    controller.cabinet.client_lost()
+    controller.state.client_lost()
     pass_time(controller, 1.0)
-    assert controller.cabinet.is_paused and not controller.cabinet.plant.is_moving
-    assert controller.cabinet.plant.queue_length == 1
+    assert controller.state.is_paused and not controller.state.plant.is_moving
+    assert controller.state.plant.queue_length == 1
 
 
 def test_without_a_wish_motion_survives_its_client(controller):
     move(controller)
-    controller.cabinet.client_lost()
+    controller.state.client_lost()
     assert goes_on(controller)
 
 
 def test_setting_ends_with_its_client(controller):
     protect(controller, 0.1)
-    controller.cabinet.client_lost()
-    controller.cabinet.client_connected()
-    assert (controller.cabinet.link_loss, controller.cabinet.link_loss_delay) == (LinkLoss.KEEP, 0.0)
+    controller.state.client_lost()
+    controller.state.client_connected()
+    assert (controller.state.link_loss, controller.state.link_loss_delay) == (LinkLoss.KEEP, 0.0)
     move(controller)
-    controller.cabinet.client_lost()
+    controller.state.client_lost()
     assert goes_on(controller)
 
 
 def test_next_client_is_not_stopped_by_the_timer_of_the_last(controller):
     protect(controller, 0.3)
-    controller.cabinet.client_lost()
+    controller.state.client_lost()
     pass_time(controller, 0.1)
-    controller.cabinet.client_connected()
+    controller.state.client_connected()
     move(controller)
     assert goes_on(controller)
 
@@ -95,50 +95,50 @@ def test_next_client_is_not_stopped_by_the_timer_of_the_last(controller):
 def test_client_that_is_replaced_is_not_lost(controller):
     protect(controller, 0.0)
     move(controller)
-    controller.cabinet.client_connected()
+    controller.state.client_connected()
     assert goes_on(controller)
 
 
 def test_client_that_is_back_in_time_is_not_lost_and_keeps_its_setting(controller):
     protect(controller, 0.3)
     move(controller)
-    controller.cabinet.client_lost()
+    controller.state.client_lost()
     pass_time(controller, 0.25)
-    controller.cabinet.client_back()
+    controller.state.client_back()
     assert goes_on(controller)
-    controller.cabinet.client_lost()
+    controller.state.client_lost()
     pass_time(controller, 0.32)
-    assert controller.cabinet.plant.queue_length == 0
+    assert controller.state.plant.queue_length == 0
 
 
 def test_loss_told_again_does_not_begin_anew(controller):
     protect(controller, 0.3)
     move(controller)
-    controller.cabinet.client_lost()
+    controller.state.client_lost()
     pass_time(controller, 0.2)
-    controller.cabinet.client_lost()
+    controller.state.client_lost()
     pass_time(controller, 0.12)
-    assert controller.cabinet.plant.queue_length == 0
+    assert controller.state.plant.queue_length == 0
 
 
 def test_client_that_was_back_too_late_can_be_lost_once_more(controller):
     protect(controller, 0.3)
     move(controller)
-    controller.cabinet.client_lost()
+    controller.state.client_lost()
     pass_time(controller, 1.0)
-    controller.cabinet.client_back()
+    controller.state.client_back()
     move(controller)
     assert goes_on(controller)
-    controller.cabinet.client_lost()
+    controller.state.client_lost()
     pass_time(controller, 0.32)
-    assert controller.cabinet.plant.queue_length == 0
+    assert controller.state.plant.queue_length == 0
 
 
 def test_restart_forgets_it(controller):
     protect(controller, 0.3)
-    controller.cabinet.client_lost()
+    controller.state.client_lost()
     controller.restart()
-    assert controller.cabinet.link_loss is LinkLoss.KEEP
+    assert controller.state.link_loss is LinkLoss.KEEP
 
 
 # --- over sockets, where the arm is twenty times faster than time -----------------------------------------------------

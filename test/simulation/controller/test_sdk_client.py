@@ -93,8 +93,8 @@ def test_polled_frame_never_outgrows_what_the_sdk_takes(make_arm):
     arm = make_arm(firmware="1.7")
 
     def fill():
-        io = arm.server.controller.cabinet.io
-        fresh = IoBanks(arm.server.controller.cabinet.firmware)
+        io = arm.server.controller.state.io
+        fresh = IoBanks(arm.server.controller.state.firmware)
         for bank in range(7):
             for index in range(200):
                 for output in (False, True):

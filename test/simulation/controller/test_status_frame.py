@@ -6,8 +6,8 @@ import pytest
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.protocol.status import encode_frame, parse_status
-from jaka_ros_driver.simulation.controller.cabinet import Options, Start
 from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.controller_state import Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.status_frame import MAX_POLLED_BYTES, all_field_names
 
@@ -55,8 +55,8 @@ def test_text_is_what_python_writes_and_len_is_exact(firmware, kind):
         if step == 5:
             simulated.execute({"cmdName": "joint_move", "jointPosition": [20, 90, -90, 90, 90, 0], "speed": 90})
         if step == 20:
-            simulated.cabinet.io.set("digital", True, 0, 3, 1)
-            simulated.cabinet.hit(500.0)
+            simulated.state.io.set("digital", True, 0, 3, 1)
+            simulated.state.hit(500.0)
         simulated.step(0.008)
         text = frame.text()
         assert json.loads(text)["len"] == len(text)
@@ -90,6 +90,6 @@ def test_frame_reads_as_the_state_it_tells():
     simulated = controller("1.7")
     state = parse_status(json.loads(simulated.feed_frame.text()), 1.0)
     assert state.is_enabled and state.is_powered and state.is_in_position and not state.has_fault
-    assert state.joint_position == pytest.approx(simulated.cabinet.plant.joint_position, abs=1e-7)
-    assert state.tcp_position == pytest.approx(simulated.cabinet.plant.tcp_pose().position, abs=1e-7)
+    assert state.joint_position == pytest.approx(simulated.state.plant.joint_position, abs=1e-7)
+    assert state.tcp_position == pytest.approx(simulated.state.plant.tcp_pose().position, abs=1e-7)
     assert state.joint_temperature == (31.0,) * 6

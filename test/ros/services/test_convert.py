@@ -34,11 +34,11 @@ from jaka_ros_driver.kinematics.rotations import (
     rotation_vector_from_rpy,
 )
 from jaka_ros_driver.ros import convert
-from jaka_ros_driver.ros.convert import Payload, Requests, Terminal
+from jaka_ros_driver.ros.convert import Payload, RequestDecoder, Terminal
 from jaka_ros_driver.state import IoBank, RobotState
 
 MODEL = load_model("zu7")
-DOCUMENTED, VENDOR = Requests(MODEL), Requests(MODEL, is_vendor=True)
+DOCUMENTED, VENDOR = RequestDecoder(MODEL), RequestDecoder(MODEL, is_vendor=True)
 NAN, INF = math.nan, math.inf
 HOME = [0.0, 1.5, -1.5, 1.5, 1.5, 0.0]
 STATE = RobotState(tuple(HOME), True, True, True, False, False, tcp_position=(0.4, -0.1, 0.3), tcp_rpy=(0.1, 0.2, 0.3))
@@ -74,7 +74,7 @@ def test_linear_move_is_mm_and_a_rotation_vector():
     ("minicobo", 1000.0, 8000.0, math.pi / 2.0, 4.0 * math.pi)])
 def test_a_linear_move_turns_as_fast_as_its_speed_moves_a_point_100_mm_off(name, mm_s, mm_s2, rad_s, rad_s2):
     model = load_model(name)
-    command = Requests(model).linear_move(move(pose=[400.0, 0.0, 300.0, 0.0, 0.0, 1.5], mvvelo=mm_s, mvacc=mm_s2))
+    command = RequestDecoder(model).linear_move(move(pose=[400.0, 0.0, 300.0, 0.0, 0.0, 1.5], mvvelo=mm_s, mvacc=mm_s2))
     assert (command.angular_speed, command.angular_acceleration) == pytest.approx((rad_s, rad_s2))
     assert (command.turn_speed, command.turn_acceleration) == (command.angular_speed, command.angular_acceleration)
     limits.check(command, model)
@@ -155,70 +155,72 @@ def test_kinematics_are_rad_mm_and_rpy():
 # ---- what is refused ----
 
 REFUSED = [
-    (Requests.joint_move, move(pose=HOME[:5]), r"pose has 5 values; it must have 6"),
-    (Requests.joint_move, move(pose=[]), r"pose has 0 values"),
-    (Requests.joint_move, move(pose=HOME + [0.0]), r"pose has 7 values"),
-    (Requests.joint_move, move(pose=HOME[:5] + [NAN]), r"pose\[5\] is nan; it must be a finite number"),
-    (Requests.joint_move, move(pose=[INF] + HOME[1:]), r"pose\[0\] is inf"),
-    (Requests.joint_move, move(mvvelo=0.0), r"mvvelo is 0; it must be above 0"),
-    (Requests.joint_move, move(mvvelo=-0.1), r"mvvelo is -0.1"),
-    (Requests.joint_move, move(mvacc=0.0), r"mvacc is 0"),
-    (Requests.joint_move, move(mvacc=NAN), r"mvacc is nan"),
-    (Requests.linear_move, move(pose=HOME[:3]), r"pose has 3 values"),
-    (Requests.linear_move, move(mvvelo=INF), r"mvvelo is inf"),
-    (Requests.linear_move, move(mvacc=-1.0), r"mvacc is -1"),
-    (Requests.jog, jog(coord_mode=3), r"coord_mode is 3; valid: 0 joint, 1 base, 2 tool"),
-    (Requests.jog, jog(coord_mode=-1), r"coord_mode is -1"),
-    (Requests.jog, jog(index=12), r"index is 12; valid: 0 to 11"),
-    (Requests.jog, jog(index=-1), r"index is -1"),
-    (Requests.jog, jog(mvvelo=0.0), r"mvvelo is 0"),
-    (Requests.jog, jog(mvvelo=-0.5), r"mvvelo is -0.5"),
-    (Requests.jog, jog(mvvelo=0.0, mvacc=-0.5), r"mvacc is -0.5"),
-    (Requests.jog, jog(mvvelo=NAN), r"mvvelo is nan"),
-    (Requests.servo_joint, ServoMoveRequest(HOME[:5]), r"pose has 5 values"),
-    (Requests.servo_joint, ServoMoveRequest([NAN] * 6), r"pose\[0\] is nan"),
-    (Requests.servo_pose, ServoMoveRequest([0.1] * 7), r"pose has 7 values"),
-    (Requests.servo_pose, ServoMoveRequest([INF] * 6), r"pose\[0\] is inf"),
-    (Requests.tool_frame, SetTcpFrameRequest([0.0] * 6, 0), r"tool_num is 0; valid: 1 to 11"),
-    (Requests.tool_frame, SetTcpFrameRequest([0.0] * 6, 12), r"tool_num is 12"),
-    (Requests.tool_frame, SetTcpFrameRequest([0.0] * 5, 1), r"pose has 5 values"),
-    (Requests.linear_move, move(pose=[400.0, 0.0, 300.0, 0.0, -1e38, 0.0]),
+    (RequestDecoder.joint_move, move(pose=HOME[:5]), r"pose has 5 values; it must have 6"),
+    (RequestDecoder.joint_move, move(pose=[]), r"pose has 0 values"),
+    (RequestDecoder.joint_move, move(pose=HOME + [0.0]), r"pose has 7 values"),
+    (RequestDecoder.joint_move, move(pose=HOME[:5] + [NAN]), r"pose\[5\] is nan; it must be a finite number"),
+    (RequestDecoder.joint_move, move(pose=[INF] + HOME[1:]), r"pose\[0\] is inf"),
+    (RequestDecoder.joint_move, move(mvvelo=0.0), r"mvvelo is 0; it must be above 0"),
+    (RequestDecoder.joint_move, move(mvvelo=-0.1), r"mvvelo is -0.1"),
+    (RequestDecoder.joint_move, move(mvacc=0.0), r"mvacc is 0"),
+    (RequestDecoder.joint_move, move(mvacc=NAN), r"mvacc is nan"),
+    (RequestDecoder.linear_move, move(pose=HOME[:3]), r"pose has 3 values"),
+    (RequestDecoder.linear_move, move(mvvelo=INF), r"mvvelo is inf"),
+    (RequestDecoder.linear_move, move(mvacc=-1.0), r"mvacc is -1"),
+    (RequestDecoder.jog, jog(coord_mode=3), r"coord_mode is 3; valid: 0 joint, 1 base, 2 tool"),
+    (RequestDecoder.jog, jog(coord_mode=-1), r"coord_mode is -1"),
+    (RequestDecoder.jog, jog(index=12), r"index is 12; valid: 0 to 11"),
+    (RequestDecoder.jog, jog(index=-1), r"index is -1"),
+    (RequestDecoder.jog, jog(mvvelo=0.0), r"mvvelo is 0"),
+    (RequestDecoder.jog, jog(mvvelo=-0.5), r"mvvelo is -0.5"),
+    (RequestDecoder.jog, jog(mvvelo=0.0, mvacc=-0.5), r"mvacc is -0.5"),
+    (RequestDecoder.jog, jog(mvvelo=NAN), r"mvvelo is nan"),
+    (RequestDecoder.servo_joint, ServoMoveRequest(HOME[:5]), r"pose has 5 values"),
+    (RequestDecoder.servo_joint, ServoMoveRequest([NAN] * 6), r"pose\[0\] is nan"),
+    (RequestDecoder.servo_pose, ServoMoveRequest([0.1] * 7), r"pose has 7 values"),
+    (RequestDecoder.servo_pose, ServoMoveRequest([INF] * 6), r"pose\[0\] is inf"),
+    (RequestDecoder.tool_frame, SetTcpFrameRequest([0.0] * 6, 0), r"tool_num is 0; valid: 1 to 11"),
+    (RequestDecoder.tool_frame, SetTcpFrameRequest([0.0] * 6, 12), r"tool_num is 12"),
+    (RequestDecoder.tool_frame, SetTcpFrameRequest([0.0] * 5, 1), r"pose has 5 values"),
+    (RequestDecoder.linear_move, move(pose=[400.0, 0.0, 300.0, 0.0, -1e38, 0.0]),
      r"pose\[3\], \[4\] and \[5\] are \(0, -1e\+38, 0\), .* 1e\+38 rad; valid: at most 6.28318531 rad"),
-    (Requests.linear_move, move(pose=[400.0, 0.0, 300.0, 3.7, 3.7, 3.7]), r"rotation vector of 6.40858799 rad"),
-    (Requests.linear_move, move(pose=[400.0, 0.0, 300.0, 1.7e308, 1.7e308, 0.0]), r"rotation vector of inf rad"),
-    (Requests.tool_frame, SetTcpFrameRequest([0.0] * 5 + [180.0], 1), r"rotation vector of 180 rad; valid"),
-    (Requests.user_frame, SetUserFrameRequest([0.0] * 3 + [1e30] * 3, 1), r"rotation vector of 1.73205081e\+30 rad"),
-    (Requests.tool_frame, SetTcpFrameRequest([NAN] * 6, 1), r"pose\[0\] is nan"),
-    (Requests.user_frame, SetUserFrameRequest([0.0] * 6, 0), r"user_num is 0; valid: 1 to 10"),
-    (Requests.user_frame, SetUserFrameRequest([0.0] * 6, 11), r"user_num is 11"),
-    (Requests.user_frame, SetUserFrameRequest([], 1), r"pose has 0 values"),
-    (Requests.payload, SetPayloadRequest(-1, 1.0, 0.0, 0.0, 0.0), r"tool_num is -1; valid: 0 to 11"),
-    (Requests.payload, SetPayloadRequest(12, 1.0, 0.0, 0.0, 0.0), r"tool_num is 12"),
-    (Requests.payload, SetPayloadRequest(1, -0.1, 0.0, 0.0, 0.0), r"mass is -0.1 kg; valid: 0 to 100 kg"),
-    (Requests.payload, SetPayloadRequest(1, 1e30, 0.0, 0.0, 0.0), r"mass is 1e\+30 kg; valid: 0 to 100 kg"),
-    (Requests.payload, SetPayloadRequest(1, 1.0, 0.0, 0.0, 2001.0), r"centroid\[2\] is 2.001 m; valid: -2 to 2 m"),
-    (Requests.payload, SetPayloadRequest(1, NAN, 0.0, 0.0, 0.0), r"mass is nan"),
-    (Requests.payload, SetPayloadRequest(1, 1.0, INF, 0.0, 0.0), r"xc is inf"),
-    (Requests.collision_level, SetCollisionRequest(True, 9), r"value is 9; valid: 10 to 100"),
-    (Requests.collision_level, SetCollisionRequest(True, 101), r"value is 101"),
-    (Requests.output, SetIORequest("Digital", 0, 0, 1.0), r"signal is 'Digital'; valid: digital, analog"),
-    (Requests.output, SetIORequest("digital", 3, 0, 1.0), r"type is 3; valid: 0 cabinet, 1 tool, 2 extension"),
-    (Requests.output, SetIORequest("digital", 0, -1, 1.0), r"index is -1; valid: 0 to 1023"),
-    (Requests.output, SetIORequest("analog", 0, 0, NAN), r"value is nan"),
-    (Requests.terminal, GetIORequest("", 0, 0, 0), r"signal is ''"),
-    (Requests.terminal, GetIORequest("digital", 2, 0, 0), r"path is 2; valid: 0 to 1"),
-    (Requests.terminal, GetIORequest("digital", 0, -1, 0), r"type is -1"),
-    (Requests.terminal, GetIORequest("digital", 0, 0, -1), r"index is -1"),
-    (Requests.terminal, GetIORequest("digital", 0, 0, 1024), r"index is 1024; valid: 0 to 1023"),
-    (Requests.output, SetIORequest("digital", 0, 2 ** 31 - 1, 1.0), r"index is 2147483647; valid: 0 to 1023"),
-    (Requests.forward, GetFKRequest(HOME[:5]), r"joint has 5 values"),
-    (Requests.forward, GetFKRequest([NAN] * 6), r"joint\[0\] is nan"),
-    (Requests.inverse, GetIKRequest(HOME[:1], [0.0] * 6), r"ref_joint has 1 values"),
-    (Requests.inverse, GetIKRequest(HOME, [0.0] * 5), r"cartesian_pose has 5 values"),
-    (Requests.inverse, GetIKRequest(HOME, [INF] * 6), r"cartesian_pose\[0\] is inf"),
-    (Requests.servo_joint_topic, JointState(position=HOME[:5]), r"position has 5 values"),
-    (Requests.servo_joint_topic, JointState(name=["joint_1"] * 6, position=HOME), r"name is .*valid: joint_1"),
-    (Requests.servo_joint_topic, JointState(name=list(c.JOINTS), position=HOME[:5]), r"valid: joint_1"),
+    (RequestDecoder.linear_move, move(pose=[400.0, 0.0, 300.0, 3.7, 3.7, 3.7]), r"rotation vector of 6.40858799 rad"),
+    (RequestDecoder.linear_move, move(pose=[400.0, 0.0, 300.0, 1.7e308, 1.7e308, 0.0]), r"rotation vector of inf rad"),
+    (RequestDecoder.tool_frame, SetTcpFrameRequest([0.0] * 5 + [180.0], 1), r"rotation vector of 180 rad; valid"),
+    (RequestDecoder.user_frame, SetUserFrameRequest([0.0] * 3 + [1e30] * 3, 1),
+     r"rotation vector of 1.73205081e\+30 rad"),
+    (RequestDecoder.tool_frame, SetTcpFrameRequest([NAN] * 6, 1), r"pose\[0\] is nan"),
+    (RequestDecoder.user_frame, SetUserFrameRequest([0.0] * 6, 0), r"user_num is 0; valid: 1 to 10"),
+    (RequestDecoder.user_frame, SetUserFrameRequest([0.0] * 6, 11), r"user_num is 11"),
+    (RequestDecoder.user_frame, SetUserFrameRequest([], 1), r"pose has 0 values"),
+    (RequestDecoder.payload, SetPayloadRequest(-1, 1.0, 0.0, 0.0, 0.0), r"tool_num is -1; valid: 0 to 11"),
+    (RequestDecoder.payload, SetPayloadRequest(12, 1.0, 0.0, 0.0, 0.0), r"tool_num is 12"),
+    (RequestDecoder.payload, SetPayloadRequest(1, -0.1, 0.0, 0.0, 0.0), r"mass is -0.1 kg; valid: 0 to 100 kg"),
+    (RequestDecoder.payload, SetPayloadRequest(1, 1e30, 0.0, 0.0, 0.0), r"mass is 1e\+30 kg; valid: 0 to 100 kg"),
+    (RequestDecoder.payload, SetPayloadRequest(1, 1.0, 0.0, 0.0, 2001.0),
+     r"centroid\[2\] is 2.001 m; valid: -2 to 2 m"),
+    (RequestDecoder.payload, SetPayloadRequest(1, NAN, 0.0, 0.0, 0.0), r"mass is nan"),
+    (RequestDecoder.payload, SetPayloadRequest(1, 1.0, INF, 0.0, 0.0), r"xc is inf"),
+    (RequestDecoder.collision_level, SetCollisionRequest(True, 9), r"value is 9; valid: 10 to 100"),
+    (RequestDecoder.collision_level, SetCollisionRequest(True, 101), r"value is 101"),
+    (RequestDecoder.output, SetIORequest("Digital", 0, 0, 1.0), r"signal is 'Digital'; valid: digital, analog"),
+    (RequestDecoder.output, SetIORequest("digital", 3, 0, 1.0), r"type is 3; valid: 0 cabinet, 1 tool, 2 extension"),
+    (RequestDecoder.output, SetIORequest("digital", 0, -1, 1.0), r"index is -1; valid: 0 to 1023"),
+    (RequestDecoder.output, SetIORequest("analog", 0, 0, NAN), r"value is nan"),
+    (RequestDecoder.terminal, GetIORequest("", 0, 0, 0), r"signal is ''"),
+    (RequestDecoder.terminal, GetIORequest("digital", 2, 0, 0), r"path is 2; valid: 0 to 1"),
+    (RequestDecoder.terminal, GetIORequest("digital", 0, -1, 0), r"type is -1"),
+    (RequestDecoder.terminal, GetIORequest("digital", 0, 0, -1), r"index is -1"),
+    (RequestDecoder.terminal, GetIORequest("digital", 0, 0, 1024), r"index is 1024; valid: 0 to 1023"),
+    (RequestDecoder.output, SetIORequest("digital", 0, 2 ** 31 - 1, 1.0), r"index is 2147483647; valid: 0 to 1023"),
+    (RequestDecoder.forward, GetFKRequest(HOME[:5]), r"joint has 5 values"),
+    (RequestDecoder.forward, GetFKRequest([NAN] * 6), r"joint\[0\] is nan"),
+    (RequestDecoder.inverse, GetIKRequest(HOME[:1], [0.0] * 6), r"ref_joint has 1 values"),
+    (RequestDecoder.inverse, GetIKRequest(HOME, [0.0] * 5), r"cartesian_pose has 5 values"),
+    (RequestDecoder.inverse, GetIKRequest(HOME, [INF] * 6), r"cartesian_pose\[0\] is inf"),
+    (RequestDecoder.servo_joint_topic, JointState(position=HOME[:5]), r"position has 5 values"),
+    (RequestDecoder.servo_joint_topic, JointState(name=["joint_1"] * 6, position=HOME), r"name is .*valid: joint_1"),
+    (RequestDecoder.servo_joint_topic, JointState(name=list(c.JOINTS), position=HOME[:5]), r"valid: joint_1"),
 ]
 
 
@@ -232,15 +234,16 @@ def test_refused(requests, read, request_, message):
 
 AUDITED = [
     # read in full, refused by the audit that follows
-    (Requests.linear_move, move(pose=[1e38, 0.0, 300.0, 0.0, 0.0, 0.0], mvvelo=100, mvacc=100), "target.position"),
-    (Requests.servo_pose, ServoMoveRequest([0.4, -3e38, 0.3, 0.0, 0.0, 0.0]), "target.position"),
-    (Requests.servo_pose, ServoMoveRequest([0.4, 0.0, 0.3, 0.0, 1e38, 0.0]), "target.rpy"),
-    (Requests.tool_frame, SetTcpFrameRequest([1e38, 0.0, 0.0, 0.0, 0.0, 0.0], 1), "pose.position"),
-    (Requests.user_frame, SetUserFrameRequest([10001.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1), "pose.position"),
-    (Requests.output, SetIORequest("analog", 0, 0, 1e38), "value"),
-    (Requests.forward, GetFKRequest([0.0] * 5 + [1e38]), "joint_position"),
-    (Requests.inverse, GetIKRequest([0.0] * 5 + [13.0], [400.0, 0.0, 300.0, 0.0, 0.0, 0.0]), "reference"),
-    (Requests.inverse, GetIKRequest([0.0] * 6, [400.0, 0.0, 1e38, 0.0, 0.0, 0.0]), "target.position"),
+    (RequestDecoder.linear_move, move(pose=[1e38, 0.0, 300.0, 0.0, 0.0, 0.0], mvvelo=100, mvacc=100),
+     "target.position"),
+    (RequestDecoder.servo_pose, ServoMoveRequest([0.4, -3e38, 0.3, 0.0, 0.0, 0.0]), "target.position"),
+    (RequestDecoder.servo_pose, ServoMoveRequest([0.4, 0.0, 0.3, 0.0, 1e38, 0.0]), "target.rpy"),
+    (RequestDecoder.tool_frame, SetTcpFrameRequest([1e38, 0.0, 0.0, 0.0, 0.0, 0.0], 1), "pose.position"),
+    (RequestDecoder.user_frame, SetUserFrameRequest([10001.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1), "pose.position"),
+    (RequestDecoder.output, SetIORequest("analog", 0, 0, 1e38), "value"),
+    (RequestDecoder.forward, GetFKRequest([0.0] * 5 + [1e38]), "joint_position"),
+    (RequestDecoder.inverse, GetIKRequest([0.0] * 5 + [13.0], [400.0, 0.0, 300.0, 0.0, 0.0, 0.0]), "reference"),
+    (RequestDecoder.inverse, GetIKRequest([0.0] * 6, [400.0, 0.0, 1e38, 0.0, 0.0, 0.0]), "target.position"),
 ]
 
 
@@ -264,7 +267,7 @@ def test_a_whole_turn_as_float32_is_read():
 @pytest.mark.parametrize("name", ["zu3", "zu7", "pro16", "minicobo", "s12"])
 def test_a_limit_given_as_float32_is_the_limit(name):
     model = load_model(name)
-    requests = Requests(model)
+    requests = RequestDecoder(model)
     for side in (0, 1):
         target = [float32(pair[side]) for pair in model.joint_limits]
         command = requests.joint_move(move(pose=target))

@@ -17,8 +17,8 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
-from jaka_ros_driver.simulation.controller.cabinet import Options
 from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.controller_state import Options
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.replies import Refused
 from jaka_ros_driver.simulation.server.request_parser import RequestParser
@@ -74,7 +74,7 @@ class Faults:
         self.noise_until = 0.0
 
 
-class CabinetRoom:
+class ControllerRoom:
     """The controller, its clients, and people beside it.
 
     Attributes:
@@ -117,7 +117,7 @@ class CabinetRoom:
         if self._held:
             self._begin_held(now)
         self.controller.step(CYCLE_TIME)
-        if not self.controller.cabinet.plant.is_moving:
+        if not self.controller.state.plant.is_moving:
             if self.mover is not NOBODY and self.is_idle:
                 self.mover = NOBODY
         else:
@@ -134,14 +134,14 @@ class CabinetRoom:
     @property
     def is_idle(self) -> bool:
         """Nothing moves, waits to move, or can be streamed to."""
-        plant = self.controller.cabinet.plant
+        plant = self.controller.state.plant
         return (plant.is_in_position and not plant.is_servo_active and not plant.is_hand_guided
                 and not plant.is_jogging and not self._held)
 
     def heal(self) -> None:
         """Nothing is wrong any more, and no button is pressed."""
         self.faults, self.feed.faults = Faults(), FeedFaults()
-        self.controller.cabinet.release_emergency_stop()
+        self.controller.state.release_emergency_stop()
 
     # ---- the command port ----
 
@@ -154,13 +154,13 @@ class CabinetRoom:
                 other.close_by_controller()
         self._client = cable
         self._parser = RequestParser()
-        self.controller.cabinet.client_connected()
+        self.controller.state.client_connected()
 
     def lost(self, cable: Cable) -> None:
         """A client's connection has ended."""
         if cable is self._client:
             self._client = None
-            self.controller.cabinet.client_lost()
+            self.controller.state.client_lost()
 
     def arrived(self, cable: Cable, arrival: Arrival) -> None:
         """Bytes of a client."""
@@ -219,8 +219,8 @@ class CabinetRoom:
 
     def _hold(self, request: Dict[str, Any], who: str) -> bytes:
         """Say yes now and begin later; a motion that could not begin now is refused as ever."""
-        cabinet, name = self.controller.cabinet, str(request["cmdName"])
-        if not cabinet.is_enabled or cabinet.emergency_stop or cabinet.protective_stop or cabinet.plant.is_servo_active:
+        state, name = self.controller.state, str(request["cmdName"])
+        if not state.is_enabled or state.emergency_stop or state.protective_stop or state.plant.is_servo_active:
             return self._execute(request, who)
         late = self.faults.late_start
         held = _Held(self.clock.now + late * self._chance.random(), late * self._chance.random(), request, who)
@@ -255,54 +255,54 @@ class CabinetRoom:
         self._client = None
         self._answer({"cmdName": "servo_move", "relFlag": 0}, GUARD)
         is_stopped = succeeded(self._answer({"cmdName": "stop_program"}, GUARD))
-        self.controller.cabinet.client_lost()
+        self.controller.state.client_lost()
         return is_stopped
 
     def press_emergency_stop(self) -> None:
         """The button."""
         self._held = []
-        self.controller.cabinet.press_emergency_stop()
+        self.controller.state.press_emergency_stop()
 
     def hit(self, force: float) -> None:
         """Somebody stands in the way."""
-        if self.controller.cabinet.hit(force):
+        if self.controller.state.hit(force):
             self._held = []
 
     def stop_at_pendant(self) -> None:
         """Somebody stops the program at the pendant; it is not this driver's stop."""
         self._held = []
-        self.controller.cabinet.stop()
+        self.controller.state.stop()
 
     def move_at_pendant(self, joint: int, step: float) -> None:
         """Somebody moves an idle arm from the pendant."""
-        if self.is_idle and self.controller.cabinet.is_enabled:
+        if self.is_idle and self.controller.state.is_enabled:
             target = [0.0] * 6
             target[joint] = step
             try:
-                self.controller.cabinet.plant.add_joint_move(target, 0.3, 2.0, relative=True)
+                self.controller.state.plant.add_joint_move(target, 0.3, 2.0, relative=True)
             except TargetRejected:
                 return
             self.mover = PENDANT
 
     def pause_at_pendant(self, duration: float) -> None:
         """Somebody holds the motion under way, and lets it go on later, if it is still there."""
-        self.controller.cabinet.pause()
+        self.controller.state.pause()
         self.clock.after(duration, self._resume)
 
     def _resume(self) -> None:
         with contextlib.suppress(Refused):
-            self.controller.cabinet.resume()
+            self.controller.state.resume()
 
     def guide_at_arm(self, joint: int, velocity: float, duration: float) -> None:
         """Somebody takes the arm by the hand, with the button on it."""
         with contextlib.suppress(Refused):
-            self.controller.cabinet.set_hand_guiding(True)
+            self.controller.state.set_hand_guiding(True)
             self.push(joint, velocity, 0.5 * duration)
-            self.clock.after(duration, lambda: self.controller.cabinet.set_hand_guiding(False))
+            self.clock.after(duration, lambda: self.controller.state.set_hand_guiding(False))
 
     def push(self, joint: int, velocity: float, duration: float) -> None:
         """Somebody pushes the arm; it gives way in hand guiding only."""
-        if self.controller.cabinet.push(joint, velocity, duration):
+        if self.controller.state.push(joint, velocity, duration):
             self.mover = HAND
 
     def power_cut(self, down: float, silent: bool) -> None:

@@ -7,7 +7,7 @@ _ENOUGH = 3
 _SLOW = 1.05
 
 
-class FeedFiller:
+class StateRepeater:
     """Counts publications against the wanted rate; pure, it is told the time.
 
     A feed counts as slow when both mean and median of its last intervals are more than 5 % above the period: jitter
@@ -55,7 +55,7 @@ class FeedFiller:
         self._counted_at = now
 
 
-class FeedThinner:
+class StateThinner:
     """Leaves samples out where fewer are wanted than come; pure, it is told the time.
 
     The driver itself always looks at the whole feed: custody of a moving arm does not depend on what is published.

@@ -26,11 +26,11 @@ from jaka_msgs.srv import (
 )
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import JakaError, ProtocolError
-from jaka_ros_driver.ros.convert import VENDOR_IO_FAILURE, VENDOR_KINEMATICS_FAILURE, Requests, wire_pose
-from jaka_ros_driver.ros.evidence import Call, Evidence
-from jaka_ros_driver.ros.operations import Operations, Outcome
-from jaka_ros_driver.ros.service_server import CallCount, ServiceServer
-from jaka_ros_driver.ros.servo_move_wire import ServoMoveWithSpeed
+from jaka_ros_driver.ros.convert import VENDOR_IO_FAILURE, VENDOR_KINEMATICS_FAILURE, RequestDecoder, wire_pose
+from jaka_ros_driver.ros.services.call_publisher import Call, CallPublisher
+from jaka_ros_driver.ros.services.service_handlers import Outcome, ServiceHandlers
+from jaka_ros_driver.ros.services.service_server import CallCount, ServiceServer
+from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed
 
 _LOG = logging.getLogger(__name__)
 
@@ -105,32 +105,32 @@ class ServiceSpec(NamedTuple):
 
     name: str
     srv_type: Any
-    to_command: Callable[[Requests, Any], Any]
-    perform: Callable[[Operations, Any], Outcome]
+    to_command: Callable[[RequestDecoder, Any], Any]
+    perform: Callable[[ServiceHandlers, Any], Outcome]
     report: Callable[[Any, Outcome, bool], None] = as_ret
 
 
 SERVICES: Tuple[ServiceSpec, ...] = (
-    ServiceSpec("linear_move", Move, Requests.linear_move, Operations.move),
-    ServiceSpec("joint_move", Move, Requests.joint_move, Operations.move),
-    ServiceSpec("jog", Move, Requests.jog, Operations.jog),
-    ServiceSpec("servo_move_enable", ServoMoveEnable, Requests.servo_mode, Operations.servo_mode),
-    ServiceSpec("servo_p", ServoMove, Requests.servo_pose, Operations.servo_target),
-    ServiceSpec("servo_j", ServoMove, Requests.servo_joint, Operations.servo_target),
-    ServiceSpec("stop_move", Empty, Requests.nothing, Operations.stop, as_exception),
-    ServiceSpec("set_toolframe", SetTcpFrame, Requests.tool_frame, Operations.tool_frame),
-    ServiceSpec("set_userframe", SetUserFrame, Requests.user_frame, Operations.user_frame),
-    ServiceSpec("set_payload", SetPayload, Requests.payload, Operations.payload),
-    ServiceSpec("drag_mode", SetBool, Requests.switch, Operations.hand_guiding, as_success),
-    ServiceSpec("drag_move", SetBool, Requests.switch, Operations.hand_guiding, as_success),
-    ServiceSpec("set_collisionlevel", SetCollision, Requests.collision_level, Operations.collision_level),
-    ServiceSpec("set_io", SetIO, Requests.output, Operations.output),
-    ServiceSpec("get_io", GetIO, Requests.terminal, Operations.read, as_value),
-    ServiceSpec("clear_err", ClearErr, Requests.nothing, Operations.clear_error),
-    ServiceSpec("get_fk", GetFK, Requests.forward, Operations.forward, as_pose),
-    ServiceSpec("get_ik", GetIK, Requests.inverse, Operations.inverse, as_joints),
-    ServiceSpec("power", SetBool, Requests.switch, Operations.power, as_success),
-    ServiceSpec("enable", SetBool, Requests.switch, Operations.enable, as_success),
+    ServiceSpec("linear_move", Move, RequestDecoder.linear_move, ServiceHandlers.move),
+    ServiceSpec("joint_move", Move, RequestDecoder.joint_move, ServiceHandlers.move),
+    ServiceSpec("jog", Move, RequestDecoder.jog, ServiceHandlers.jog),
+    ServiceSpec("servo_move_enable", ServoMoveEnable, RequestDecoder.servo_mode, ServiceHandlers.servo_mode),
+    ServiceSpec("servo_p", ServoMove, RequestDecoder.servo_pose, ServiceHandlers.servo_target),
+    ServiceSpec("servo_j", ServoMove, RequestDecoder.servo_joint, ServiceHandlers.servo_target),
+    ServiceSpec("stop_move", Empty, RequestDecoder.nothing, ServiceHandlers.stop, as_exception),
+    ServiceSpec("set_toolframe", SetTcpFrame, RequestDecoder.tool_frame, ServiceHandlers.tool_frame),
+    ServiceSpec("set_userframe", SetUserFrame, RequestDecoder.user_frame, ServiceHandlers.user_frame),
+    ServiceSpec("set_payload", SetPayload, RequestDecoder.payload, ServiceHandlers.payload),
+    ServiceSpec("drag_mode", SetBool, RequestDecoder.switch, ServiceHandlers.hand_guiding, as_success),
+    ServiceSpec("drag_move", SetBool, RequestDecoder.switch, ServiceHandlers.hand_guiding, as_success),
+    ServiceSpec("set_collisionlevel", SetCollision, RequestDecoder.collision_level, ServiceHandlers.collision_level),
+    ServiceSpec("set_io", SetIO, RequestDecoder.output, ServiceHandlers.output),
+    ServiceSpec("get_io", GetIO, RequestDecoder.terminal, ServiceHandlers.read, as_value),
+    ServiceSpec("clear_err", ClearErr, RequestDecoder.nothing, ServiceHandlers.clear_error),
+    ServiceSpec("get_fk", GetFK, RequestDecoder.forward, ServiceHandlers.forward, as_pose),
+    ServiceSpec("get_ik", GetIK, RequestDecoder.inverse, ServiceHandlers.inverse, as_joints),
+    ServiceSpec("power", SetBool, RequestDecoder.switch, ServiceHandlers.power, as_success),
+    ServiceSpec("enable", SetBool, RequestDecoder.switch, ServiceHandlers.enable, as_success),
 )
 OTHER_DEFINITIONS: Dict[Any, Tuple[Any, ...]] = {ServoMove: (ServoMoveWithSpeed,)}
 """Definitions under which clients may have been built, besides the one of jaka_msgs."""
@@ -139,10 +139,10 @@ OTHER_DEFINITIONS: Dict[Any, Tuple[Any, ...]] = {ServoMove: (ServoMoveWithSpeed,
 class Services:
     """All services of the table on one arm."""
 
-    def __init__(self, requests: Requests, operations: Operations, evidence: Evidence) -> None:
-        self._requests = requests
-        self._operations = operations
-        self._evidence = evidence
+    def __init__(self, decoder: RequestDecoder, handlers: ServiceHandlers, call_publisher: CallPublisher) -> None:
+        self._decoder = decoder
+        self._handlers = handlers
+        self._call_publisher = call_publisher
         self._calls = CallCount()
         self._servers: List[ServiceServer] = []
 
@@ -166,21 +166,21 @@ class Services:
             try:
                 outcome = self._outcome(spec, request)
                 response = spec.srv_type._response_class()
-                spec.report(response, outcome, self._requests.is_vendor)
+                spec.report(response, outcome, self._decoder.is_vendor)
             except rospy.ServiceException as error:
-                self._evidence.failed(call, str(error))
+                self._call_publisher.failed(call, str(error))
                 raise
             except Exception as error:
-                self._evidence.failed(call, "internal error: %r" % error)
+                self._call_publisher.failed(call, "internal error: %r" % error)
                 raise
-            self._evidence.answered(call, response, outcome)
+            self._call_publisher.answered(call, response, outcome)
             return response
 
         return handle
 
     def _outcome(self, spec: ServiceSpec, request: Any) -> Outcome:
         try:
-            outcome = spec.perform(self._operations, spec.to_command(self._requests, request))
+            outcome = spec.perform(self._handlers, spec.to_command(self._decoder, request))
             if outcome.value is not None:
                 require_float32(outcome.value)
             return outcome

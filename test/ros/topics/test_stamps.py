@@ -1,7 +1,7 @@
 """Stamps are arrival times in ROS time, and strictly increase."""
 import rospy
 
-from jaka_ros_driver.ros.stamps import StampClock
+from jaka_ros_driver.ros.topics.stamps import StampClock
 
 EPOCH = 1_700_000_000
 
@@ -47,6 +47,6 @@ def test_a_clock_that_is_set_back_is_followed_with_a_warning(caplog):
     before = clock.stamp(host.monotonic)
     host.offset_ns -= 3600 * 10 ** 9
     host.monotonic += 0.008
-    with caplog.at_level("WARNING", "jaka_ros_driver.ros.stamps"):
+    with caplog.at_level("WARNING", "jaka_ros_driver.ros.topics.stamps"):
         after = clock.stamp(host.monotonic)
     assert (before - after).to_sec() > 3599 and "set back by 3599.99" in caplog.text

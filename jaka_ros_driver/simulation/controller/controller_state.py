@@ -74,7 +74,7 @@ class Options:
     identity: str = ""
 
 
-class Cabinet:
+class ControllerState:
     """The controller as its commands find it: owner of the arm, who gates everything that reaches it.
 
     Attributes:

@@ -107,12 +107,12 @@ def test_a_stop_that_cannot_be_delivered_is_a_service_error(ros_node, simulator_
     arm = Arm(simulator_of_its_own, "/cut_off_driver")
     with DriverProcess("cut_off_driver", **on(arm.simulator, guard=False)):
         arm.wait_until_seen()
-        with evidence_of(arm) as evidence:
+        with evidence_of(arm) as call_publisher:
             arm.simulator.close()
             with pytest.raises(rospy.ServiceException, match="link|connect"):
                 eventually(lambda: arm.call("stop_move") and False)
-            assert eventually(lambda: evidence() and not evidence()[-1].success)
-    failed = evidence()[-1]
+            assert eventually(lambda: call_publisher() and not call_publisher()[-1].success)
+    failed = call_publisher()[-1]
     assert failed.service == "/cut_off_driver/stop_move" and failed.error and bytes(failed.response) == b""
 
 

@@ -14,11 +14,11 @@ from jaka_ros_driver.client.arm_client import ArmClient, LoopTask
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.ros import convert
-from jaka_ros_driver.ros.feed_filler import FeedFiller, FeedThinner
 from jaka_ros_driver.ros.frame_table import FrameTable
 from jaka_ros_driver.ros.params import TF_ALL, TF_NONE, DriverConfig
-from jaka_ros_driver.ros.stamps import StampClock
-from jaka_ros_driver.ros.velocity import VelocityEstimate
+from jaka_ros_driver.ros.topics.stamps import StampClock
+from jaka_ros_driver.ros.topics.state_repeater import StateRepeater, StateThinner
+from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
 from jaka_ros_driver.state import RobotState, Vector
 
 _QUEUE = 10
@@ -65,8 +65,8 @@ class StatePublishers(LoopTask):
         self._robot_states = _publisher("~robot_states", RobotMsg)
         self._joint_states = _publisher(config.joint_states_topic, JointState)
         self._tf = _publisher("/tf", TFMessage) if config.publish_tf != TF_NONE else None
-        self._filler = FeedFiller(1.0 / config.publish_rate)
-        self._thinner = FeedThinner(1.0 / config.publish_rate, arm.settings.feed_period)
+        self._repeater = StateRepeater(1.0 / config.publish_rate)
+        self._thinner = StateThinner(1.0 / config.publish_rate, arm.settings.feed_period)
         self._newest: Optional[Sample] = None
 
     def start(self) -> None:
@@ -76,7 +76,7 @@ class StatePublishers(LoopTask):
 
     def due(self) -> Optional[float]:
         """When the newest sample is to be published once more, monotonic s; None while the feed is fast enough."""
-        due = self._filler.next_repeat()
+        due = self._repeater.next_repeat()
         return None if due is None or self._newest is None else due - _EARLY
 
     def run(self, now: float) -> None:
@@ -84,10 +84,10 @@ class StatePublishers(LoopTask):
         newest = self._newest
         if newest is None or now - newest.received_at > self._config.stale_after or (
                 not self._arm.link_health.status_is_up):
-            self._filler.forget()
+            self._repeater.forget()
         else:
             self._publish(newest)
-            self._filler.repeated(now)
+            self._repeater.repeated(now)
 
     def _arrived(self, state: RobotState, is_new: bool) -> None:
         estimate = self._velocity.update(state)
@@ -101,7 +101,7 @@ class StatePublishers(LoopTask):
             convert.robot_states(state, self._arm.is_servo_active, self._config.is_vendor))
         self._newest = sample
         self._publish(sample)
-        self._filler.arrived(state.received_at)
+        self._repeater.arrived(state.received_at)
         self._publish_joint_states(state, stamp, estimate)
         if self._tf is not None:
             self._tf.publish(TFMessage(self._transforms(state, stamp)))

@@ -12,7 +12,7 @@ import rospy
 from rospy.impl import registration, tcpros_base, tcpros_service
 
 from jaka_ros_driver.protocol.texts import printable
-from jaka_ros_driver.ros.connections import CALLERS, keep_serving
+from jaka_ros_driver.ros.connections import SERVICE_CONNECTIONS, keep_serving
 
 _LOG = logging.getLogger(__name__)
 
@@ -74,20 +74,20 @@ class ServiceServer(rospy.Service):
 
     def handle(self, transport: Any, header: Dict[str, str]) -> None:
         """Serve one connection, in its thread, until it ends."""
-        transport.guest = CALLERS.enter(transport.socket)
+        transport.connection = SERVICE_CONNECTIONS.add(transport.socket)
         try:
             super().handle(transport, header)
         except (rospy.exceptions.TransportException, OSError) as error:
             _LOG.debug("%s: connection of %s ended: %s", self.resolved_name, header["callerid"], error)
         finally:
             transport.close()
-            CALLERS.leave(transport.guest)
+            SERVICE_CONNECTIONS.remove(transport.connection)
 
     def _handle_request(self, transport: Any, request: Any) -> None:
-        transport.guest.is_busy_now()
+        transport.connection.is_busy_now()
         with self._calls.one():
             super()._handle_request(transport, request)
-        transport.guest.is_idle_now()
+        transport.connection.is_idle_now()
 
     def _write_service_error(self, transport: Any, err_msg: str) -> None:
         """Also where the response could not be serialised: what of it was must not precede the next response."""

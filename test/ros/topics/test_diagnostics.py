@@ -6,7 +6,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from diagnostic_updater import DiagnosticStatusWrapper
 from ros_bench import collecting, eventually
 
-from jaka_ros_driver.ros import diagnostics
+from jaka_ros_driver.ros.topics import diagnostics
 
 OK, WARN, ERROR, STALE = range(4)
 CHECKS = {"controller link", "arm", "guard", "status feed", "controller state", "emergency stop", "protective stop",

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import rospy
 
 from jaka_msgs.msg import ServiceCall
-from jaka_ros_driver.ros.operations import Outcome
+from jaka_ros_driver.ros.services.service_handlers import Outcome
 
 _QUEUE = 200
 
@@ -21,7 +21,7 @@ class Call(NamedTuple):
     received_at: float
 
 
-class Evidence:
+class CallPublisher:
     """Publishes ``~service_calls``; costs next to nothing while nobody listens."""
 
     def __init__(self) -> None:

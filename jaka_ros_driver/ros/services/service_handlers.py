@@ -28,7 +28,7 @@ class Outcome:
     is_success: bool = True
 
 
-class Operations:
+class ServiceHandlers:
     """The driver's services on one arm. Every method raises a JakaError where it fails."""
 
     def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameTable) -> None:

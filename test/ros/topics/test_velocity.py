@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from jaka_ros_driver.ros.velocity import VelocityEstimate
+from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
 from jaka_ros_driver.state import RobotState
 
 

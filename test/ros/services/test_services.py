@@ -8,7 +8,7 @@ from ros_bench import HOME, eventually, evidence_of, rosservice
 
 from jaka_msgs.srv import Move, MoveRequest, MoveResponse
 from jaka_ros_driver.kinematics.arm_models import reference_values
-from jaka_ros_driver.ros.services import SERVICES
+from jaka_ros_driver.ros.services.service_table import SERVICES
 
 FAST = {"mvvelo": 3.0, "mvacc": 12.0}
 LINE = [420.0, 100.0, 370.0, 2.2214, -2.2214, 0.0]
@@ -172,11 +172,11 @@ def test_the_reference_values_of_real_controllers(arm, row):
 
 
 def test_every_call_leaves_its_evidence(arm):
-    with evidence_of(arm) as evidence:
+    with evidence_of(arm) as call_publisher:
         arm.call("joint_move", pose=HOME, **FAST)
         arm.call("joint_move", pose=HOME[:5], **FAST)
-        assert eventually(lambda: len(evidence()) == 2)
-    good, bad = evidence()
+        assert eventually(lambda: len(call_publisher()) == 2)
+    good, bad = call_publisher()
     assert good.success and good.error == "" and not bad.success and "5 values" in bad.error
     for message in (good, bad):
         assert message.service == arm.name + "/joint_move" and message.service_type == "jaka_msgs/Move"

@@ -3,22 +3,22 @@ import random
 
 import pytest
 
-from jaka_ros_driver.ros.feed_filler import FeedFiller
+from jaka_ros_driver.ros.topics.state_repeater import StateRepeater
 
 PERIOD = 0.008
 
 
 def play(arrivals, until):
     """Times of (arrivals, repeats), the filler driven as its thread drives it."""
-    filler, repeats = FeedFiller(PERIOD), []
+    repeater, repeats = StateRepeater(PERIOD), []
     for arrival in list(arrivals) + [until]:
-        due = filler.next_repeat()
+        due = repeater.next_repeat()
         while due is not None and due < arrival:
-            filler.repeated(due)
+            repeater.repeated(due)
             repeats.append(due)
-            due = filler.next_repeat()
+            due = repeater.next_repeat()
         if arrival < until:
-            filler.arrived(arrival)
+            repeater.arrived(arrival)
     return repeats
 
 
@@ -60,11 +60,11 @@ def test_a_feed_that_becomes_fast_again_is_filled_no_more():
 
 
 def test_after_forgetting_nothing_is_repeated_until_the_feed_is_known_again():
-    filler = FeedFiller(PERIOD)
+    repeater = StateRepeater(PERIOD)
     for n in range(10):
-        filler.arrived(n * 0.03)
-    assert filler.next_repeat() is not None
-    filler.forget()
-    assert filler.next_repeat() is None
-    filler.arrived(1.0)
-    assert filler.next_repeat() is None
+        repeater.arrived(n * 0.03)
+    assert repeater.next_repeat() is not None
+    repeater.forget()
+    assert repeater.next_repeat() is None
+    repeater.arrived(1.0)
+    assert repeater.next_repeat() is None

@@ -17,7 +17,7 @@ from import_graph import ROOT
 from ros_bench import HOME, eventually, evidence_of
 
 from jaka_msgs.srv import ServoMove, ServoMoveResponse
-from jaka_ros_driver.ros.servo_move_wire import ServoMoveWithSpeed, ServoMoveWithSpeedRequest
+from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed, ServoMoveWithSpeedRequest
 
 WITH_SPEED = "float32[] pose\nfloat32[] speed\n---\nint16 ret\nstring message\n"
 REFUSAL = "not in servo mode"
@@ -104,13 +104,13 @@ def test_a_python_client_of_either_definition(arm, dynamic_service, service):
     (ServoMoveWithSpeed._md5sum, floats(*HOME) + floats(1.0, 2.0)), ("*", floats(*HOME)),
     ("*", floats(*HOME) + floats(1.0))], ids=["ours", "theirs", "theirs with speed", "any", "any, with speed"])
 def test_a_client_by_its_bytes(arm, md5sum, body):
-    with evidence_of(arm) as evidence:
+    with evidence_of(arm) as call_publisher:
         header, responses = raw_call(arm.name + "/servo_j", md5sum, body, persistent=True, count=3)
-        assert eventually(lambda: len(evidence()) == 3)
+        assert eventually(lambda: len(call_publisher()) == 3)
     assert all(response.ret == 0 and REFUSAL in response.message for response in responses)
     known = ServoMove._md5sum if md5sum == "*" else md5sum
     assert header["md5sum"] == known and header["type"] == "jaka_msgs/ServoMove"
-    for call in evidence():
+    for call in call_publisher():
         assert call.md5sum == known and call.caller == "/raw_client"
         assert md5sum == "*" or bytes(call.request) == body
 
@@ -155,10 +155,10 @@ def cpp_client(request, tmp_path_factory):
 
 @pytest.mark.parametrize("service", ["servo_j", "servo_p"])
 def test_a_cpp_client_of_either_definition(arm, cpp_client, service):
-    with evidence_of(arm) as evidence:
+    with evidence_of(arm) as call_publisher:
         done = subprocess.run([str(cpp_client), "%s/%s" % (arm.name, service), *map(str, HOME)],
                               stdout=subprocess.PIPE, text=True, timeout=60)
-        assert eventually(lambda: len(evidence()) == 4)
+        assert eventually(lambda: len(call_publisher()) == 4)
     assert done.returncode == 0
     assert [line.startswith("0 ") and REFUSAL in line for line in done.stdout.splitlines()] == [True] * 4, done.stdout
 
