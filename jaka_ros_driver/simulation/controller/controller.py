@@ -47,7 +47,7 @@ class Controller:
     """A simulated controller without its sockets.
 
     Attributes:
-        cabinet: Its state.
+        state: What commands change.
         feed_frame: Builds the frames of the status feed.
         polled_frame: Builds the frames of the polled port.
         failures: Requests whose handling ended in a bug of this program.
