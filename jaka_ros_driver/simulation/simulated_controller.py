@@ -19,8 +19,9 @@ from jaka_ros_driver.simulation.controller.controller_state import Options, Star
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.server import panel
 from jaka_ros_driver.simulation.server.cycle_clock import MIN_FEED_PERIOD_S
-from jaka_ros_driver.simulation.server.server import LOOPBACK, Addresses, Server
+from jaka_ros_driver.simulation.server.server import Addresses, Server
 from jaka_ros_driver.wire.log import WireLog
+from jaka_ros_driver.wire.sockets import LOOPBACK
 
 MAX_TIME_SCALE = 100.0
 _IDENTITY = re.compile(r"[!-~]{1,256}\Z")

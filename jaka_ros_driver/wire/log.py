@@ -15,6 +15,7 @@ import time
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
 
 from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.state import Vector
 
 FLUSH_INTERVAL_S = 0.5
@@ -22,7 +23,6 @@ _QUEUE_LIMIT = 200000
 _JOINTS_TOPIC = "/joints"
 _CLOCK = "clock"
 _OFFSET = "realtime_minus_monotonic_ns"
-_PORTS = ("command", "status", "poll", "panel")
 
 _WIRE_SCHEMA = {
     "type": "object", "title": "jaka.WireBytes", "properties": {
@@ -107,7 +107,8 @@ class WireLog:
             return number
 
         wire, joints = schema(_WIRE_SCHEMA), schema(_JOINTS_SCHEMA)
-        channels = {"/wire/" + port: self._writer.register_channel("/wire/" + port, "json", wire) for port in _PORTS}
+        channels = {"/wire/" + port: self._writer.register_channel("/wire/" + port, "json", wire)
+                    for port in (*PORTS, "panel")}
         channels[_JOINTS_TOPIC] = self._writer.register_channel(_JOINTS_TOPIC, "json", joints)
         return channels
 

@@ -7,9 +7,7 @@ stands still where the driver is late with a request that moved the arm, for ``P
 import argparse
 import json
 import selectors
-import signal
 import socket
-import struct
 import sys
 import time
 from collections import deque
@@ -17,20 +15,20 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional
 
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.protocol.framing import ObjectStream
+from jaka_ros_driver.protocol.ports import PORTS
+from jaka_ros_driver.wire import sockets
 from jaka_ros_driver.wire.listeners import Listeners
 from jaka_ros_driver.wire.log import clock_offset_ns, read_log
-from jaka_ros_driver.wire.priority import raise_priority
-from jaka_ros_driver.wire.script import PORTS, Piece, RecordedConnection, WireScript, wire_script
+from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
+from jaka_ros_driver.wire.script import Piece, RecordedConnection, WireScript, wire_script
+from jaka_ros_driver.wire.sockets import LOOPBACK
 
-LOOPBACK = "127.0.0.1"
-_READ_BYTES = 65536
 _EARLY_S = 0.05
 """A port opens so long before its next recorded connection, so that a client that keeps trying finds it in time."""
 _GRACE_S = 2.0
 PATIENCE_S = 5.0
 """Wall time; then the request is taken for one that this driver does not make."""
 _IDLE_S = 0.5
-_RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 
 
 class _Client:
@@ -156,10 +154,10 @@ class WirePlayer:
         return 0.0 if client.recorded.port == "command" else client.shift
 
     def _accept(self, listener: Any, port: str) -> None:
-        try:
-            link, _ = listener.accept()
-        except OSError:
+        accepted = sockets.accept(listener)
+        if accepted is None:
             return
+        link, _ = accepted
         if not self._coming[port]:
             link.close()
             return
@@ -167,19 +165,14 @@ class WirePlayer:
         if self._begin is None:
             self._begin = time.monotonic() - recorded.opened / self._speed
             self._notice(Progress("begin", {"monotonic_s": self._begin, "start_ns": self._script.start_ns}))
-        link.setblocking(False)
-        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         client = _Client(link, recorded, max(0.0, self._now() - recorded.opened), _GRACE_S * self._speed)
         self._clients[link] = client
         self._selector.register(link, selectors.EVENT_READ, client)
 
     def _read(self, client: _Client) -> None:
-        try:
-            data = client.link.recv(_READ_BYTES)
-        except BlockingIOError:
+        data = sockets.receive(client.link)
+        if data is None:
             return
-        except OSError:
-            data = b""
         if not data:
             self._drop(client, "close")
         elif client.recorded.port == "command":
@@ -230,10 +223,7 @@ class WirePlayer:
 
     def _send(self, client: _Client) -> None:
         try:
-            while client.unsent:
-                client.unsent = client.unsent[client.link.send(client.unsent):]
-        except BlockingIOError:
-            return
+            client.unsent = sockets.send(client.link, client.unsent)
         except OSError:
             self._drop(client, "close")
 
@@ -250,9 +240,7 @@ class WirePlayer:
             self._selector.unregister(client.link)
         except KeyError:  # a half open one was taken out before
             pass
-        if how == "reset":
-            client.link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)
-        client.link.close()
+        sockets.close(client.link, is_reset=how == "reset")
 
 
 def _print(progress: Progress) -> None:
@@ -283,12 +271,10 @@ def main(argv: Optional[List[str]] = None) -> int:
         offset = clock_offset_ns(options.log)
         numbers: Dict[str, int] = {port: getattr(options, port + "_port") for port in PORTS}
         player = WirePlayer(script, options.speed, numbers, _print)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda _number, _frame: player.stop())
+        stop_on_signals(player.stop)
         raise_priority(False)
-        print(json.dumps({"duration_s": script.duration, "start_ns": script.start_ns,
-                          "realtime_minus_monotonic_ns": offset,
-                          **{"%s_port" % port: number for port, number in player.port_numbers.items()}}), flush=True)
+        print_ports(player.port_numbers, duration_s=script.duration, start_ns=script.start_ns,
+                    realtime_minus_monotonic_ns=offset)
         player.run()
     except (JakaError, OSError) as error:
         print("wire_player: error: %s" % error, file=sys.stderr)

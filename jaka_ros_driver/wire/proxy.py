@@ -5,27 +5,24 @@ log is a wire log, as the simulated controller writes it, which ``jaka_bag repla
 connection, the other side's is ended too.
 """
 import argparse
-import json
 import selectors
-import signal
 import socket
 import sys
 import time
 from typing import Any, Dict, List, Optional
 
+from jaka_ros_driver.background_log import StandardErrorLog
 from jaka_ros_driver.errors import JakaError
-from jaka_ros_driver.voice import Voice
+from jaka_ros_driver.protocol.ports import PORT_NUMBERS, PORTS
+from jaka_ros_driver.wire import sockets
 from jaka_ros_driver.wire.listeners import Listeners
 from jaka_ros_driver.wire.log import WireLog
-from jaka_ros_driver.wire.priority import raise_priority
+from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
+from jaka_ros_driver.wire.sockets import LOOPBACK
 
-LOOPBACK = "127.0.0.1"
-CONTROLLER_PORTS = {"command": 10001, "status": 10000, "poll": 10004}
-"""Controller protocol 1."""
-_READ_BYTES = 65536
 _CONNECT_S = 3.0
 _IDLE_S = 0.5
-_SAY_S = 0.5
+_LOG_TIMEOUT_S = 0.5
 _MOST_BACKLOG = 4 << 20
 
 
@@ -64,14 +61,14 @@ class Proxy:
         self._controller = controller
         self._controller_ports = controller_ports
         self._log = log
-        self._voice = Voice("jaka_sim proxy")
+        self._errors = StandardErrorLog("jaka_sim proxy")
         self._selector = selectors.DefaultSelector()
         self._listeners = Listeners(self._selector)
         self._sides: List[_Side] = []
         self._count = 0
         self._is_running = True
         try:
-            for port in CONTROLLER_PORTS:
+            for port in PORTS:
                 self._listeners.add(port, host, ports[port])
         except OSError:
             self._listeners.close()
@@ -100,39 +97,35 @@ class Proxy:
                     self._end(side)
             self._listeners.close()
             self._selector.close()
-            self._voice.close(_SAY_S)
+            self._errors.close(_LOG_TIMEOUT_S)
 
     def _accept(self, listener: Any, port: str) -> None:
-        try:
-            link, address = listener.accept()
-        except OSError:
+        accepted = sockets.accept(listener)
+        if accepted is None:
             return
+        link, peer = accepted
         try:
             controller = socket.create_connection((self._controller, self._controller_ports[port]), _CONNECT_S)
         except OSError as error:
             link.close()
-            self._voice.say("the controller's %s port: %s" % (port, error))
+            self._errors.write("the controller's %s port: %s" % (port, error))
             return
+        sockets.prepare(controller)
         self._count += 1
         sides = [_Side(link, port, self._count, True), _Side(controller, port, self._count, False)]
         sides[0].peer, sides[1].peer = sides[1], sides[0]
         for side in sides:
-            side.link.setblocking(False)
-            side.link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._selector.register(side.link, selectors.EVENT_READ, side)
         self._sides += sides
-        self._log.event(time.monotonic_ns(), port, self._count, "open", "%s:%d" % address[:2])
+        self._log.event(time.monotonic_ns(), port, self._count, "open", peer)
 
     def _read(self, side: _Side) -> None:
         if side not in self._sides:
             return
-        try:
-            data = side.link.recv(_READ_BYTES)
-        except BlockingIOError:
-            return
-        except OSError:
-            data = b""
+        data = sockets.receive(side.link)
         now = time.monotonic_ns()
+        if data is None:
+            return
         if not data:
             self._finish(side)
             return
@@ -147,10 +140,7 @@ class Proxy:
         if side not in self._sides:
             return
         try:
-            while side.unsent:
-                side.unsent = side.unsent[side.link.send(side.unsent):]
-        except BlockingIOError:
-            pass
+            side.unsent = sockets.send(side.link, side.unsent)
         except OSError:
             self._end(side)
             return
@@ -208,7 +198,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser.add_argument("controller", metavar="ADDRESS", help="of the controller")
     parser.add_argument("--log", metavar="FILE.mcap", required=True, help="the wire log to write")
     parser.add_argument("--host", default=LOOPBACK, metavar="ADDRESS", help="where to listen; default loopback only")
-    for port, number in CONTROLLER_PORTS.items():
+    for port, number in PORT_NUMBERS.items():
         parser.add_argument("--%s-port" % port, type=int, default=number, metavar="N",
                             help="where to listen; 0 for a free port, default %d" % number)
         parser.add_argument("--controller-%s-port" % port, type=int, default=number, metavar="N",
@@ -218,12 +208,11 @@ def main(argv: Optional[List[str]] = None) -> int:
         log = WireLog(options["log"])
         try:
             proxy = Proxy(options["controller"],
-                          {port: options["controller_%s_port" % port] for port in CONTROLLER_PORTS}, options["host"],
-                          {port: options["%s_port" % port] for port in CONTROLLER_PORTS}, log)
-            for number in (signal.SIGINT, signal.SIGTERM):
-                signal.signal(number, lambda _number, _frame: proxy.stop())
+                          {port: options["controller_%s_port" % port] for port in PORTS}, options["host"],
+                          {port: options["%s_port" % port] for port in PORTS}, log)
+            stop_on_signals(proxy.stop)
             raise_priority(False)
-            print(json.dumps({"%s_port" % port: number for port, number in proxy.port_numbers.items()}), flush=True)
+            print_ports(proxy.port_numbers)
             proxy.run()
         finally:
             log.close()

@@ -9,11 +9,11 @@ from collections import deque
 from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.protocol.ports import PORTS
+from jaka_ros_driver.units import NS_PER_S
 from jaka_ros_driver.wire.log import TrueJoints, WireEvent
 
-PORTS = ("command", "status", "poll")
 STREAMED = ("status", "poll")
-_NS_PER_S = 1e9
 _ENDS = ("close", "reset", "half open")
 _CAUSES = frozenset((
     "power_on", "power_off", "enable_robot", "disable_robot", "clear_error", "joint_move", "moveL", "movc", "end_move",
@@ -60,7 +60,14 @@ class Reply(NamedTuple):
 
 
 def cut_objects(pieces: Sequence[Piece]) -> List[Tuple[float, bytes, Dict[str, Any]]]:
-    """The JSON objects in a stream: time of the last byte, raw bytes with what stands before, the object."""
+    """Cut the JSON objects out of a recorded stream.
+
+    ``protocol.framing.ObjectStream`` cannot serve here: a recording is played byte for byte, so bytes between objects,
+    objects that are damaged, and text that is not UTF-8 must be kept, and each byte belongs to one object's piece.
+
+    Returns:
+        For each object: the time of its last byte, s; its raw bytes, with those that stand before it; the object.
+    """
     raw = b"".join(piece.data for piece in pieces)
     ends: List[Tuple[int, float]] = []
     total = 0
@@ -165,20 +172,20 @@ def wire_script(log: Sequence[Union[WireEvent, TrueJoints]]) -> WireScript:
     replies = Replies()
     found: List[Tuple[float, str, Reply]] = []
     for (port, _), some in sorted(by_connection.items(), key=lambda entry: entry[1][0].time_ns):
-        pieces = {what: tuple(Piece((event.time_ns - start_ns) / _NS_PER_S, event.data) for event in some
+        pieces = {what: tuple(Piece((event.time_ns - start_ns) / NS_PER_S, event.data) for event in some
                               if event.what == what) for what in ("in", "out")}
         end = next((event for event in some if event.what in _ENDS), None)
         paired = _paired(pieces["in"], pieces["out"]) if port == "command" else []
         found += paired
         connections[port].append(RecordedConnection(
-            port, (some[0].time_ns - start_ns) / _NS_PER_S, pieces["out"] if port in STREAMED else (),
-            None if end is None else (end.time_ns - start_ns) / _NS_PER_S, "close" if end is None else end.what,
+            port, (some[0].time_ns - start_ns) / NS_PER_S, pieces["out"] if port in STREAMED else (),
+            None if end is None else (end.time_ns - start_ns) / NS_PER_S, "close" if end is None else end.what,
             len(paired)))
     found.sort(key=lambda entry: entry[0])
     for _, name, reply in found:
         replies.add(name, reply)
     causes = tuple(Cause(at, name) for at, name, _ in found if name in _CAUSES)
-    duration = max((event.time_ns - start_ns) / _NS_PER_S for event in events)
+    duration = max((event.time_ns - start_ns) / NS_PER_S for event in events)
     return WireScript(connections, replies, causes, duration, start_ns)
 
 

@@ -5,10 +5,12 @@ from typing import Callable
 
 import rospy
 
+from jaka_ros_driver.units import NS_PER_S
+
 _LOG = logging.getLogger(__name__)
 
-_TICK = 1000
-_SET_BACK = 10 ** 9
+_TICK_NS = 1000
+_SET_BACK_NS = NS_PER_S
 
 
 class StampClock:
@@ -27,12 +29,12 @@ class StampClock:
     def stamp(self, received_at: float) -> rospy.Time:
         """The ROS time of the monotonic time ``received_at``, s; later than the one before."""
         ago = self._monotonic() - received_at
-        nanoseconds = max(0, self._now().to_nsec() - int(ago * 1e9))
+        nanoseconds = max(0, self._now().to_nsec() - int(ago * NS_PER_S))
         if nanoseconds <= self._last:
-            if self._last - nanoseconds > _SET_BACK:
+            if self._last - nanoseconds > _SET_BACK_NS:
                 _LOG.warning("the system's clock was set back by %.3f s; stamps follow it",
-                             (self._last - nanoseconds) / 1e9)
+                             (self._last - nanoseconds) / NS_PER_S)
             else:
-                nanoseconds = self._last + _TICK
+                nanoseconds = self._last + _TICK_NS
         self._last = nanoseconds
-        return rospy.Time(nanoseconds // 10 ** 9, nanoseconds % 10 ** 9)
+        return rospy.Time(*divmod(nanoseconds, NS_PER_S))

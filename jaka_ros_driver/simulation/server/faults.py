@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.units import ms_to_s
 
-PORTS = ("command", "status", "poll")
 _LEN = re.compile(rb'"len": (\d+)')
 
 

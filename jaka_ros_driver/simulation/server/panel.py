@@ -6,12 +6,13 @@ Angles are deg and lengths mm here, as on the wire of the controller. ``ACTIONS`
 from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.io_banks import BANK_NAMES
 from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused
 from jaka_ros_driver.simulation.controller.status_frame import errcode_text
 from jaka_ros_driver.simulation.controller.wire_units import QUERY_DECIMALS, joints_to_wire, pose_to_wire
-from jaka_ros_driver.simulation.server.faults import PORTS, Effect
+from jaka_ros_driver.simulation.server.faults import Effect
 from jaka_ros_driver.simulation.server.server import Server
 from jaka_ros_driver.units import deg_to_rad, m_to_mm, ms_to_s
 

@@ -6,15 +6,14 @@ bytes that may still grow into an object are waited for. What follows an error i
 document ends, so that one bad document gives one error; a ``{`` that cannot belong to it begins the next request, also
 one that would stand in a string which nobody closed.
 Neither splitting nor gluing changes the outcome. Time is told by the caller.
+
+``protocol.framing.ObjectStream`` cannot serve here: it knows of an error only when the object's last brace has come.
 """
-import json
 import re
-from typing import List, NoReturn, Optional, Tuple, Union
+from typing import List, Optional, Tuple
 
 from jaka_ros_driver.errors import FramingError
-from jaka_ros_driver.protocol.framing import JsonObject, parse_object
-
-Item = Union[JsonObject, FramingError]
+from jaka_ros_driver.protocol.framing import STRICT_DECODER, Item, JsonObject, parse_object
 
 MAX_REQUEST_BYTES = 1 << 16
 """Longest request accepted; the longest one known is below 400 bytes (SDK client 8)."""
@@ -54,13 +53,6 @@ _NUMBER_STEPS = {state: {byte: following for group, following in steps.items() f
 _NUMBER_ENDS = frozenset((_ZERO, _INTEGER, _FRACTION, _EXPONENT))
 
 
-def _refuse_constant(name: str) -> NoReturn:
-    raise ValueError(name)
-
-
-_DECODER = json.JSONDecoder(parse_constant=_refuse_constant)
-
-
 def _whole_object(data: bytes, text: str, start: int) -> Tuple[Optional[JsonObject], int]:
     """The object that lies whole in the data, and where it ends; None where the byte-by-byte way must judge.
 
@@ -70,7 +62,7 @@ def _whole_object(data: bytes, text: str, start: int) -> Tuple[Optional[JsonObje
         start: Where its brace stands.
     """
     try:
-        value, end = _DECODER.raw_decode(text, start)
+        value, end = STRICT_DECODER.raw_decode(text, start)
     except (ValueError, RecursionError):
         return None, start
     is_plain = end - start <= MAX_REQUEST_BYTES and data[start:end].isascii()

@@ -8,31 +8,31 @@ import queue
 import select
 import selectors
 import socket
-import struct
 import threading
 import time
 import zlib
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.errors import ConnectionLost, FramingError
+from jaka_ros_driver.protocol.ports import PORT_NUMBERS, PORTS
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
 from jaka_ros_driver.simulation.controller.command_spec import Then
 from jaka_ros_driver.simulation.controller.controller import Controller
 from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, Connection, HeldReply
 from jaka_ros_driver.simulation.server.cycle_clock import CycleClock
-from jaka_ros_driver.simulation.server.faults import PORTS, Delivery, Effect, FaultScript
+from jaka_ros_driver.simulation.server.faults import Delivery, Effect, FaultScript
+from jaka_ros_driver.wire import sockets
 from jaka_ros_driver.wire.listeners import Listeners
 from jaka_ros_driver.wire.log import WireLog
+from jaka_ros_driver.wire.sockets import LOOPBACK
 
 PANEL = "panel"
-LOOPBACK = "127.0.0.1"
 _READ_BYTES = 4096
 _REQUESTS_A_TURN = 20
 _MAX_CLIENTS = 32
 _IDLE_S = 1.0
 _COMPRESSION = 1
 _LONGEST_ANSWER = 1 << 18
-_RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 
 PanelHandler = Callable[[Dict[str, Any]], Dict[str, Any]]
 
@@ -49,9 +49,9 @@ class Addresses(NamedTuple):
     """
 
     host: str = LOOPBACK
-    command: int = 10001
-    status: int = 10000
-    poll: int = 10004
+    command: int = PORT_NUMBERS["command"]
+    status: int = PORT_NUMBERS["status"]
+    poll: int = PORT_NUMBERS["poll"]
     panel: Optional[int] = None
 
 
@@ -247,18 +247,16 @@ class Server:
         return [connection for connection in self._sockets if connection.port == port]
 
     def _accept(self, port: str, listener: Any) -> None:
-        try:
-            client, address = listener.accept()
-        except OSError:
+        accepted = sockets.accept(listener)
+        if accepted is None:
             return
-        client.setblocking(False)
-        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        client, peer = accepted
         present = [connection for connection in self._clients(port) if not connection.is_half_open]
         if (port == "command" and self._refuse_second and present) or len(self._clients(port)) >= _MAX_CLIENTS:
             client.close()
             return
         self._count += 1
-        connection = Connection(port, self._count, "%s:%d" % address[:2])
+        connection = Connection(port, self._count, peer)
         self._sockets[connection] = client
         self._selector.register(client, selectors.EVENT_READ, connection)
         self._note(connection, "open")
@@ -272,9 +270,7 @@ class Server:
         if client is None:
             return
         self._unwatch(client)
-        if connection.resets:
-            client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)
-        client.close()
+        sockets.close(client, connection.resets)
         self._note(connection, "reset" if connection.resets else "close")
         if connection.port == "command" and not connection.is_half_open:
             self._client_lost()
@@ -295,12 +291,9 @@ class Server:
     def _read(self, connection: Connection, now: float) -> None:
         if connection.is_half_open or self._is_stalled(connection.port, now):
             return
-        try:
-            data = self._sockets[connection].recv(_READ_BYTES)
-        except BlockingIOError:
+        data = sockets.receive(self._sockets[connection], _READ_BYTES)
+        if data is None:
             return
-        except OSError:
-            data = b""
         if not data:
             self._drop(connection)
             return
