@@ -15,11 +15,11 @@ import argparse
 import sys
 from typing import List, Optional
 
+from jaka_ros_driver.background_log import StandardErrorLog
 from jaka_ros_driver.client.arm_stopper import ArmStopper
 from jaka_ros_driver.client.driver_pipe import DriverPipe, Say
-from jaka_ros_driver.voice import Voice
 
-_SAY_TIMEOUT = 0.5
+_LOG_TIMEOUT_S = 0.5
 
 
 def watch(pipe: DriverPipe, stopper: ArmStopper, say: Say) -> None:
@@ -43,10 +43,10 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser.add_argument("--driver", required=True, type=int, help="process id of the driver")
     parser.add_argument("--moving", action="store_true", help="the driver moves the arm already")
     args = parser.parse_args(argv)
-    voice = Voice("guard")
+    log = StandardErrorLog("guard")
     pipe = DriverPipe(sys.stdin.fileno(), sys.stdout.fileno(), args.driver, args.moving)
-    watch(pipe, ArmStopper(args.host, args.port, args.status_port, voice.say), voice.say)
-    voice.close(_SAY_TIMEOUT)
+    watch(pipe, ArmStopper(args.host, args.port, args.status_port, log.write), log.write)
+    log.close(_LOG_TIMEOUT_S)
     return 0
 
 

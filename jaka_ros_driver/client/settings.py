@@ -1,8 +1,8 @@
 """How the client talks to one controller; the numbers that a user may change."""
 from dataclasses import dataclass
 
-COMMAND_PORT = 10001
-STATUS_PORT = 10000
+from jaka_ros_driver.protocol.ports import PORT_NUMBERS
+
 FEED_PERIOD = 0.008
 
 
@@ -35,8 +35,8 @@ class ClientSettings:
     """
 
     host: str
-    command_port: int = COMMAND_PORT
-    status_port: int = STATUS_PORT
+    command_port: int = PORT_NUMBERS["command"]
+    status_port: int = PORT_NUMBERS["status"]
     connect_timeout: float = 1.0
     reply_timeout: float = 0.9
     silence_timeout: float = 0.8

@@ -3,6 +3,10 @@
 Both streams return damage as values, in its place among the objects, so that nothing after it is lost.
 How the bytes were split over ``feed`` calls changes neither the objects nor the number of errors.
 Memory is bounded: bytes that cannot become an object are dropped.
+
+Two other places cut objects, because they promise something else. ``simulation/server/request_parser.py`` reports a
+byte that cannot belong to an object as soon as it comes, where ``ObjectStream`` waits for the closing brace.
+``wire/script.py`` has the whole stream at hand and must keep every byte of it, those of damaged objects included.
 """
 import json
 import re
@@ -29,8 +33,8 @@ def _refuse_constant(name: str) -> NoReturn:
     raise ValueError("%s is not JSON" % name)
 
 
-_DECODER = json.JSONDecoder(parse_constant=_refuse_constant)
-"""One for all frames: to make it takes as long as to parse a short reply."""
+STRICT_DECODER = json.JSONDecoder(parse_constant=_refuse_constant)
+"""Refuses NaN and Infinity. One object for all texts: to make one takes as long as to parse a short reply."""
 
 
 def parse_object(text: bytes) -> JsonObject:
@@ -40,7 +44,7 @@ def parse_object(text: bytes) -> JsonObject:
         FramingError: The text is anything else.
     """
     try:
-        value = _DECODER.decode(text.decode("utf-8"))
+        value = STRICT_DECODER.decode(text.decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise FramingError("not a JSON object: %s" % error) from error
     if not isinstance(value, dict):

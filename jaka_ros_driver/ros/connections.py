@@ -24,15 +24,15 @@ _LOG = logging.getLogger(__name__)
 
 MOST_DESCRIPTORS = 65536
 """What the soft limit is raised to where the hard one allows it; threads and memory end before."""
-GREETING_TIMEOUT = 5.0
+HANDSHAKE_TIMEOUT_S = 5.0
 """s; a ROS client sends its whole greeting at once."""
-MOST_GREETINGS = 64
+MOST_HANDSHAKES = 64
 """Connections that have not said what they want; no cell has as many clients that all start at once."""
 MOST_CONNECTIONS = 2000
 """Of each other kind; each has a thread."""
 _XMLRPC_TIMEOUT = 60.0
 """s without a request; masters and nodes connect again by themselves."""
-_LONGEST_GREETING = 1 << 20
+_LONGEST_HANDSHAKE = 1 << 20
 _BACKLOG = 128
 _NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _CLOSED = (errno.EBADF, errno.EINVAL, errno.ENOTSOCK)
@@ -42,7 +42,7 @@ _LOG_PERIOD = 10.0
 _BUSY = float("inf")
 
 
-class Guest:
+class PooledConnection:
     """One connection of a Crowd.
 
     Attributes:
@@ -64,7 +64,7 @@ class Guest:
         self.idle_since = time.monotonic()
 
 
-class Crowd:
+class ConnectionPool:
     """Connections of one kind: when there are more than ``most``, the one that has been idle longest has to go.
 
     It is only shut down here, which wakes the thread that reads it; that thread closes it and calls ``leave``.
@@ -75,35 +75,35 @@ class Crowd:
         self.most = most
         self._what = what
         self._lock = threading.Lock()
-        self._guests: Dict[Guest, None] = {}
+        self._connections: Dict[PooledConnection, None] = {}
         self._told_at = -_BUSY
 
-    def enter(self, sock: Any) -> Guest:
+    def add(self, sock: Any) -> PooledConnection:
         """One more; it never has to make room for those who are there."""
-        guest = Guest(sock, time.monotonic())
+        connection = PooledConnection(sock, time.monotonic())
         with self._lock:
-            too_many = len(self._guests) + 1 - self.most
+            too_many = len(self._connections) + 1 - self.most
             for _ in range(too_many):
-                self._shed_one()
-            self._guests[guest] = None
-        return guest
+                self._close_oldest()
+            self._connections[connection] = None
+        return connection
 
-    def leave(self, guest: Guest) -> None:
+    def remove(self, connection: PooledConnection) -> None:
         """It is closed."""
         with self._lock:
-            self._guests.pop(guest, None)
+            self._connections.pop(connection, None)
 
-    def shed_one(self, least_idle: float) -> bool:
+    def close_oldest(self, least_idle: float) -> bool:
         """Make room; False where nobody has been idle so long, s."""
         with self._lock:
-            return self._shed_one(least_idle)
+            return self._close_oldest(least_idle)
 
-    def _shed_one(self, least_idle: float = 0.0) -> bool:
+    def _close_oldest(self, least_idle: float = 0.0) -> bool:
         now = time.monotonic()
-        oldest = min(self._guests, key=lambda guest: guest.idle_since, default=None)
+        oldest = min(self._connections, key=lambda connection: connection.idle_since, default=None)
         if oldest is None or now - oldest.idle_since < least_idle:
             return False
-        del self._guests[oldest]
+        del self._connections[oldest]
         _shut_down(oldest.sock)
         if now - self._told_at > _LOG_PERIOD:
             self._told_at = now
@@ -111,12 +111,12 @@ class Crowd:
         return True
 
 
-CALLERS = Crowd("service connections", MOST_CONNECTIONS)
-_GREETINGS = Crowd("connections that have not said what they want", MOST_GREETINGS)
-_XMLRPC = Crowd("XML-RPC connections", MOST_CONNECTIONS)
+SERVICE_CONNECTIONS = ConnectionPool("service connections", MOST_CONNECTIONS)
+_HANDSHAKES = ConnectionPool("connections that have not said what they want", MOST_HANDSHAKES)
+_XMLRPC_CONNECTIONS = ConnectionPool("XML-RPC connections", MOST_CONNECTIONS)
 
 
-class _Listeners:
+class _TopicConnections:
     """Connections of topics. Nobody knows how idle they are, so that the new one has to go when there are too many."""
 
     def __init__(self, most: int) -> None:
@@ -124,7 +124,7 @@ class _Listeners:
         self._lock = threading.Lock()
         self._sockets: List[socket.socket] = []
 
-    def enter(self, sock: socket.socket) -> bool:
+    def add(self, sock: socket.socket) -> bool:
         """False where there is no room."""
         with self._lock:
             self._sockets = [other for other in self._sockets if other.fileno() >= 0]
@@ -134,7 +134,7 @@ class _Listeners:
             return True
 
 
-_LISTENERS = _Listeners(MOST_CONNECTIONS)
+_TOPIC_CONNECTIONS = _TopicConnections(MOST_CONNECTIONS)
 
 
 def keep_serving(service_handler: Callable[[Any, Any, Dict[str, str]], Optional[str]]) -> None:
@@ -150,10 +150,10 @@ def keep_serving(service_handler: Callable[[Any, Any, Dict[str, str]], Optional[
     tcpros_base.start_tcpros_server()
     server = tcpros_base.init_tcpros_server()
     server.service_connection_handler = service_handler
-    door = server.tcp_ros_server
-    door.server_sock.listen(_BACKLOG)
-    door.inbound_handler = lambda sock, address: _greet_in_background(server, sock, address)
-    door.server_sock = _Door(door.server_sock)
+    listener = server.tcp_ros_server
+    listener.server_sock.listen(_BACKLOG)
+    listener.inbound_handler = lambda sock, address: _shake_hands_in_background(server, sock, address)
+    listener.server_sock = _AcceptingSocket(listener.server_sock)
     _prepare_xmlrpc()
 
 
@@ -173,10 +173,10 @@ def _raise_descriptor_limit() -> int:
 
 def _share_out(descriptors: int) -> None:
     """A quarter stays for the controller, the log and what else opens files."""
-    CALLERS.most = min(MOST_CONNECTIONS, descriptors // 2)
-    _GREETINGS.most = min(MOST_GREETINGS, descriptors // 16)
-    _XMLRPC.most = min(MOST_CONNECTIONS, descriptors // 16)
-    _LISTENERS.most = min(MOST_CONNECTIONS, descriptors // 8)
+    SERVICE_CONNECTIONS.most = min(MOST_CONNECTIONS, descriptors // 2)
+    _HANDSHAKES.most = min(MOST_HANDSHAKES, descriptors // 16)
+    _XMLRPC_CONNECTIONS.most = min(MOST_CONNECTIONS, descriptors // 16)
+    _TOPIC_CONNECTIONS.most = min(MOST_CONNECTIONS, descriptors // 8)
 
 
 def _make_room() -> None:
@@ -184,13 +184,13 @@ def _make_room() -> None:
 
     Who has just come is spared: the descriptor that it got would go to the next one, which would be no better.
     """
-    for crowd in (_GREETINGS, _XMLRPC, CALLERS):
-        if crowd.shed_one(_JUST_COME):
+    for pool in (_HANDSHAKES, _XMLRPC_CONNECTIONS, SERVICE_CONNECTIONS):
+        if pool.close_oldest(_JUST_COME):
             break
     time.sleep(_RETRY_PERIOD)
 
 
-class _Door:
+class _AcceptingSocket:
     """The listening socket of rospy's TCPServer, whose accept fails only when it is closed."""
 
     def __init__(self, sock: socket.socket) -> None:
@@ -213,31 +213,31 @@ class _Door:
                     time.sleep(_RETRY_PERIOD)
 
 
-def _greet_in_background(server: Any, sock: socket.socket, address: Any) -> None:
-    guest = _GREETINGS.enter(sock)
+def _shake_hands_in_background(server: Any, sock: socket.socket, address: Any) -> None:
+    connection = _HANDSHAKES.add(sock)
     try:
-        threading.Thread(target=_greet, args=(server, guest, address), name="greeting", daemon=True).start()
+        threading.Thread(target=_shake_hands, args=(server, connection, address), name="greeting", daemon=True).start()
     except RuntimeError:  # no more threads: the accepting one must not end with it
-        _GREETINGS.leave(guest)
+        _HANDSHAKES.remove(connection)
         sock.close()
         _make_room()
 
 
-def _greet(server: Any, guest: Guest, address: Any) -> None:
+def _shake_hands(server: Any, connection: PooledConnection, address: Any) -> None:
     """What rospy's TCPROSServer does with a connection, with a bound on how long the peer may take."""
-    sock = guest.sock
+    sock = connection.sock
     try:
-        header = _read_greeting(sock, time.monotonic() + GREETING_TIMEOUT)
+        header = _read_handshake(sock, time.monotonic() + HANDSHAKE_TIMEOUT_S)
     except (OSError, ValueError, struct.error, rosgraph.network.ROSHandshakeException) as error:
         _LOG.debug("connection of %s ended before it said what it wants: %s", address, error)
         sock.close()
         return
     finally:
-        _GREETINGS.leave(guest)
+        _HANDSHAKES.remove(connection)
     try:
         refusal: Optional[str]
-        if "topic" in header and not _LISTENERS.enter(sock):
-            refusal = "this node has %d subscribers, and room for no more" % _LISTENERS.most
+        if "topic" in header and not _TOPIC_CONNECTIONS.add(sock):
+            refusal = "this node has %d subscribers, and room for no more" % _TOPIC_CONNECTIONS.most
         elif "topic" in header:
             refusal = server.topic_connection_handler(sock, address, header)
         elif "service" in header:
@@ -256,11 +256,11 @@ def _greet(server: Any, guest: Guest, address: Any) -> None:
         sock.close()
 
 
-def _read_greeting(sock: socket.socket, deadline: float) -> Dict[str, str]:
+def _read_handshake(sock: socket.socket, deadline: float) -> Dict[str, str]:
     """The connection header, and not a byte more: a first request may follow at once."""
     size_bytes = _read_exactly(sock, 4, deadline)
     size, = struct.unpack("<I", size_bytes)
-    if size > _LONGEST_GREETING:
+    if size > _LONGEST_HANDSHAKE:
         raise ValueError("a greeting of %d bytes" % size)
     header: Dict[str, str] = rosgraph.network.decode_ros_handshake_header(
         size_bytes + _read_exactly(sock, size, deadline))
@@ -290,7 +290,7 @@ def _prepare_xmlrpc() -> None:
     server = rosgraph.xmlrpc.ThreadingXMLRPCServer
     rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler.timeout = _XMLRPC_TIMEOUT
     accept, process, close = server.get_request, server.process_request, server.shutdown_request
-    guests: Dict[Any, Guest] = {}
+    connections: Dict[Any, PooledConnection] = {}
 
     def get_request(self: Any) -> Any:
         try:
@@ -301,13 +301,13 @@ def _prepare_xmlrpc() -> None:
             raise
 
     def process_request(self: Any, request: Any, client_address: Any) -> None:
-        guests[request] = _XMLRPC.enter(request)
+        connections[request] = _XMLRPC_CONNECTIONS.add(request)
         process(self, request, client_address)
 
     def shutdown_request(self: Any, request: Any) -> None:
-        guest = guests.pop(request, None)
-        if guest is not None:
-            _XMLRPC.leave(guest)
+        connection = connections.pop(request, None)
+        if connection is not None:
+            _XMLRPC_CONNECTIONS.remove(connection)
         close(self, request)
 
     server.get_request, server.process_request, server.shutdown_request = get_request, process_request, shutdown_request

@@ -58,7 +58,7 @@ class Payload(NamedTuple):
     load: c.SetPayload
 
 
-class Requests:
+class RequestDecoder:
     """Requests of the services as commands; every method raises InvalidCommand with the field and what is valid.
 
     Attributes:

@@ -16,21 +16,21 @@ from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.urdf import urdf_from_model
-from jaka_ros_driver.ros.convert import Requests
-from jaka_ros_driver.ros.diagnostics import Diagnostics
+from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.driver_lock import DriverLock
-from jaka_ros_driver.ros.evidence import Evidence
 from jaka_ros_driver.ros.frame_table import FrameTable
 from jaka_ros_driver.ros.log_bridge import log_to_ros
 from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
-from jaka_ros_driver.ros.operations import Operations
 from jaka_ros_driver.ros.params import DriverConfig, config_from
-from jaka_ros_driver.ros.publishers import FrameNames, StatePublishers
-from jaka_ros_driver.ros.service_server import prepare_connections
-from jaka_ros_driver.ros.services import Services
-from jaka_ros_driver.ros.servo_topics import ServoTopics
+from jaka_ros_driver.ros.services.call_publisher import CallPublisher
+from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
+from jaka_ros_driver.ros.services.service_server import prepare_connections
+from jaka_ros_driver.ros.services.service_table import Services
 from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
+from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
+from jaka_ros_driver.ros.topics.servo_topics import ServoTopics
+from jaka_ros_driver.ros.topics.state_publishers import FrameNames, StatePublishers
 
 _LOG = logging.getLogger(__name__)
 
@@ -57,10 +57,10 @@ class Driver:
         self._guard = Guard(config.ip, config.command_port, config.status_port) if config.guard else None
         self._arm = ArmClient(config.client_settings(), model, self._guard)
         self._frames = FrameTable(self._arm)
-        requests = Requests(model, config.is_vendor)
+        decoder = RequestDecoder(model, config.is_vendor)
         self._publishers = StatePublishers(self._arm, config, self._frames)
-        self._services = Services(requests, Operations(self._arm, config, self._frames), Evidence())
-        self._topics = ServoTopics(self._arm, requests, FrameNames(config))
+        self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames), CallPublisher())
+        self._topics = ServoTopics(self._arm, decoder, FrameNames(config))
         self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames))
         self._master_watch = MasterWatch(self._set_description)
         self._simulated = rospy.Publisher("~simulated", Bool, queue_size=1, latch=True)

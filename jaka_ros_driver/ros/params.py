@@ -10,9 +10,10 @@ import re
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, List, Mapping, NamedTuple, Optional, Tuple
 
-from jaka_ros_driver.client.settings import COMMAND_PORT, STATUS_PORT, ClientSettings
+from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import InvalidCommand, JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, load_model_file, model_names
+from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.units import ms_to_s, s_to_ms
 
 DOCUMENTED, VENDOR = "documented", "vendor"
@@ -122,8 +123,8 @@ class DriverConfig:
     """Everything that a user can set; the fields are the private parameters, documented in docs/parameters.md."""
 
     ip: str = _parameter("127.0.0.1", "text", "", "host name or IPv4 address", "Address of the controller.", _host)
-    command_port: int = _integer(COMMAND_PORT, 1, 65535, "Its request and reply port.")
-    status_port: int = _integer(STATUS_PORT, 1, 65535, "Its status feed.")
+    command_port: int = _integer(PORT_NUMBERS["command"], 1, 65535, "Its request and reply port.")
+    status_port: int = _integer(PORT_NUMBERS["status"], 1, 65535, "Its status feed.")
     model: str = _parameter("zu7", "text", "", "one of " + ", ".join(model_names()),
                             "The arm; its limits are the audit of every command.", _model)
     dh_file: str = _parameter("", "text", "", "empty, or path of a model file",

@@ -13,14 +13,15 @@ from typing import Any, Dict, Optional, Type
 
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
-from jaka_ros_driver.simulation import panel
-from jaka_ros_driver.simulation.cabinet import Options, Start
-from jaka_ros_driver.simulation.controller import Controller
-from jaka_ros_driver.simulation.cycle_clock import MIN_FEED_PERIOD_S
-from jaka_ros_driver.simulation.firmware import FIRMWARES
-from jaka_ros_driver.simulation.plant import Starvation
-from jaka_ros_driver.simulation.server import LOOPBACK, Addresses, Server
-from jaka_ros_driver.simulation.wire_log import WireLog
+from jaka_ros_driver.simulation.arm.plant import Starvation
+from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.controller_state import Options, Start
+from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.server import panel
+from jaka_ros_driver.simulation.server.cycle_clock import MIN_FEED_PERIOD_S
+from jaka_ros_driver.simulation.server.server import Addresses, Server
+from jaka_ros_driver.wire.log import WireLog
+from jaka_ros_driver.wire.sockets import LOOPBACK
 
 MAX_TIME_SCALE = 100.0
 _IDENTITY = re.compile(r"[!-~]{1,256}\Z")

@@ -4,9 +4,9 @@ from typing import List
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.rotations import Transform
-from jaka_ros_driver.simulation.arm_frames import ArmFrames
-from jaka_ros_driver.simulation.events import PlantEvent
-from jaka_ros_driver.simulation.plant import CYCLE_TIME, HOME, Plant
+from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames
+from jaka_ros_driver.simulation.arm.events import PlantEvent
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME, HOME, Plant
 
 ZU7 = load_model("zu7")
 NO_TURN = (0.0, 0.0, 0.0)

@@ -1,0 +1,116 @@
+"""Runs one route: speed changes, pauses and stops along it, never beside it."""
+from typing import Optional, Sequence
+
+from jaka_ros_driver.simulation.arm import events
+from jaka_ros_driver.simulation.arm.arm_frames import same_joints
+from jaka_ros_driver.simulation.arm.events import PlantEvent
+from jaka_ros_driver.simulation.arm.profiles import Profile, stopping_way
+from jaka_ros_driver.simulation.arm.routes import Route
+from jaka_ros_driver.state import Vector
+
+_OVERSPEED = 1.05  # a joint faster than its limit by this factor means that the path runs into a singularity
+_NO_CHANGE = 1e-9
+
+
+class Follower:
+    """One route under way.
+
+    Attributes:
+        route: What is followed.
+        joints: Where the arm is on it, rad (6,).
+        is_ending: True once it was told to stop for good.
+        fault: Set where the path turned out not to be passable; the joints then are those before it.
+    """
+
+    def __init__(self, route: Route, max_joint_speed: Sequence[float], jerk_limited: bool) -> None:
+        self.route = route
+        self.joints = route.start_joints
+        self.is_ending = False
+        self.fault: Optional[PlantEvent] = None
+        self._profile = Profile(jerk_limited)
+        self._joint_limits = [speed * _OVERSPEED for speed in max_joint_speed]
+        self._aimed_at = (-1.0, -1.0, -1.0)
+        self._is_braking = False
+
+    @property
+    def way(self) -> float:
+        """Parameter of the route where the arm is."""
+        return self._profile.position
+
+    @property
+    def speed(self) -> float:
+        """Of the parameter."""
+        return self._profile.velocity
+
+    @property
+    def is_done(self) -> bool:
+        """True at the end of the route, or at rest after ``end``."""
+        return self.way >= self.route.length or (self.is_ending and self._profile.at_rest)
+
+    @property
+    def is_at_end(self) -> bool:
+        """True at the end of the route."""
+        return self.way >= self.route.length
+
+    def take_limits_of(self, route: Route) -> bool:
+        """Go on along a route of the same geometry with its limits; False where it is another, or ends too soon."""
+        needed = stopping_way(self.speed, route.stopping_acceleration(self.way, 0.0), self._profile.jerk_time)
+        here = route.joints_at(self.way, self.joints)
+        if route.length <= self.way + needed or here is None or not same_joints(here, self.joints):
+            return False
+        self.route = route
+        return True
+
+    def end(self) -> Vector:
+        """Slow down for good; returns the joints where it will stand."""
+        self.is_ending = True
+        return self.joints_at_rest(self._brake())
+
+    def joints_at_rest(self, way: float) -> Vector:
+        """Joints at a parameter ahead; those at hand where it has none."""
+        return self.route.joints_at(way, self.joints) or self.joints
+
+    def _brake(self) -> float:
+        """Slow down along the path; returns the parameter where it will stand."""
+        self._is_braking = True
+        self._aimed_at = (-1.0, -1.0, -1.0)
+        profile, route = self._profile, self.route
+        acceleration = route.stopping_acceleration(profile.position, 0.0)
+        ahead = stopping_way(profile.velocity, acceleration, profile.jerk_time)
+        acceleration = route.stopping_acceleration(profile.position, ahead)
+        where = profile.brake(acceleration)
+        if where > route.length:
+            profile.aim(route.length, max(profile.velocity, _NO_CHANGE), acceleration)
+            where = route.length
+        return where
+
+    def step(self, dt: float, rate: float) -> Vector:
+        """One cycle at a share of the speed; returns the joints.
+
+        Rate 0 slows down to a standstill and waits; a higher rate goes on once the standstill is reached.
+        """
+        if not self.is_ending:
+            self._steer(rate)
+        way = self._profile.step(dt)
+        joints = self.route.joints_at(way, self.joints)
+        if joints is None or not all(
+                -limit <= (b - a) / dt <= limit for a, b, limit in zip(self.joints, joints, self._joint_limits)):
+            self.fault = events.event(events.SINGULARITY)
+            return self.joints
+        self.joints = joints
+        return joints
+
+    def _steer(self, rate: float) -> None:
+        profile, route = self._profile, self.route
+        if rate <= 0.0:
+            if not self._is_braking:
+                self._brake()
+            return
+        if self._is_braking and not profile.at_rest:
+            return
+        self._is_braking = False
+        speed, acceleration = route.limits(profile.position, profile.velocity, profile.jerk_time)
+        aim = (route.length, rate * speed, acceleration)
+        if aim != self._aimed_at:
+            profile.aim(*aim)
+            self._aimed_at = aim
