@@ -12,11 +12,11 @@ from ros_bench import HOME
 from jaka_msgs.srv import MoveRequest
 from jaka_ros_driver.client.arm_client import LoopTask
 from jaka_ros_driver.commands import JointMove
-from jaka_ros_driver.ros.convert import Requests
+from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.frame_table import FrameTable
-from jaka_ros_driver.ros.operations import Operations
 from jaka_ros_driver.ros.params import config_from
-from jaka_ros_driver.ros.services import SERVICES, Services
+from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
+from jaka_ros_driver.ros.services.service_table import SERVICES, Services
 
 PACKAGE = import_graph.ROOT / "jaka_ros_driver"
 PAGE = (import_graph.ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
@@ -68,7 +68,7 @@ class Trace(LoopTask):
         sys.setprofile(None)
 
 
-class NoEvidence:
+class NoCallPublisher:
     def answered(self, *_):
         pass
 
@@ -82,7 +82,7 @@ def trace(tmp_path_factory, ros_node):
     try:
         arm = bench.connect()
         config = config_from({"ip": "127.0.0.1"})
-        services = Services(Requests(arm.model), Operations(arm, config, FrameTable(arm)), NoEvidence())
+        services = Services(RequestDecoder(arm.model), ServiceHandlers(arm, config, FrameTable(arm)), NoCallPublisher())
         (spec,) = [row for row in SERVICES if row.name == "joint_move"]
         handle = services._handler(spec)
         recording = Trace(arm)
