@@ -11,15 +11,16 @@ from import_graph import ROOT
 
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md")) + [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
-CITED = {"controller protocol": "controller-protocol.md", "sdk client": "sdk-client.md",
-         "interface document": "interface.md"}
+CITED = {"controller protocol": "controller-protocol.md", "sdk client": "sdk-client.md", "interface": "interface.md"}
+"""How comments and pages cite, by the subject or by the page: ``controller protocol 4.3``,
+``docs/controller-protocol.md section 4.3``."""
 LINK = re.compile(r"\[[^\]\n]*\]\(([^)\s]+)\)")
 PATH = re.compile(r"`((?:docs|jaka_msgs|jaka_ros_driver|launch|test|tools|\.ci)/[\w./*-]*)`")
 COMING = ("tools/jaka_bag/", "tools/jaka_regression/")
 PAGE_NAME = re.compile(r"`([\w-]+\.md)`")
 SECTION = r"\d+(?:\.\d+)*"
-CITATION = re.compile(r"\b(controller protocol|SDK client|interface document),? (%s(?:(?:, | to | and )%s)*)"
-                      % (SECTION, SECTION), re.IGNORECASE)
+CITATION = re.compile(r"\b(controller[ -]protocol|SDK[ -]client|interface)(?: document|\.md)?,? (?:sections? )?"
+                      r"(%s(?:(?:, | to | and )%s)*)" % (SECTION, SECTION), re.IGNORECASE)
 ELSEWHERE = {"docs/en/guide/errinfo.md", "errinfo.md"}  # of the maker's own documentation
 
 
@@ -86,7 +87,7 @@ def citations():
             if path.suffix in (".py", ".srv", ".msg", ".md", ".yaml") and path != Path(__file__):
                 for what, numbers in CITATION.findall(flat(text_of(path))):
                     for number in re.findall(SECTION, numbers):
-                        yield path.relative_to(ROOT).as_posix(), what.lower(), number
+                        yield path.relative_to(ROOT).as_posix(), what.lower().replace("-", " "), number
 
 
 def test_every_citation_leads_to_a_section():
@@ -97,7 +98,7 @@ def test_every_citation_leads_to_a_section():
 
 
 def test_every_row_of_the_interface_document_that_a_type_cites_is_there():
-    rows = text_of(DOCS / CITED["interface document"])
+    rows = text_of(DOCS / CITED["interface"])
     cited = [(path.name, name) for path in sorted((ROOT / "jaka_msgs").rglob("*.*"))
              if path.suffix in (".msg", ".srv")
              for name in re.findall(r"interface document V2\.\d, (?:topic )?(\w+)\)", text_of(path))]
@@ -125,7 +126,7 @@ def test_the_sections_of_the_command_table_are_those_of_the_pages():
     for cell in cells:
         number = re.search(SECTION, cell)
         if number:
-            assert number.group() in (sdk if cell.startswith("SDK client") else protocol), cell
+            assert number.group() in (sdk if cell.lower().startswith("sdk") else protocol), cell
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name if page.parent != ROOT else "/" + page.name)

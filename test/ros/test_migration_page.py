@@ -12,6 +12,8 @@ from ros_bench import SimulatorProcess
 
 PAGE = import_graph.ROOT / "docs" / "migration.md"
 ARM = "ip:=10.5.5.100"
+OLD = "{ [ ! -e catkin_ws/devel ] || . catkin_ws/devel/setup.bash; }"
+"""What a reader has in the shell before: the old workspace."""
 CELL = """<launch>
   <arg name="ip"/>
   <include file="$(find jaka_driver)/launch/robot_start_launch.launch">
@@ -53,7 +55,9 @@ def shell(cell, ros_master):
     """Nothing of the shell that runs the tests: no other workspace, no other interpreter."""
     environment = {"PATH": "/usr/bin:/bin", "HOME": str(cell), "ROS_HOME": str(cell), "LANG": "C.UTF-8",
                    "ROS_LANG_DISABLE": "geneus:genlisp:gennodejs", "ROS_MASTER_URI": ros_master, "ROS_IP": "127.0.0.1"}
-    one = Shell(cell, environment)
+    one = Shell(cell, environment, OLD)
+    code, said = one.run("catkin_make -C catkin_ws")
+    assert code == 0, said
     yield one
     one.close()
 
@@ -96,14 +100,17 @@ def test_each_command_of_the_page(shell, cell, free_ports):
                 assert code == 0, "%s\n%s" % (line, said)
                 assert "ret: 0" not in said and "success: False" not in said, "%s\n%s" % (line, said)
                 if line.startswith(". "):
-                    shell.prelude = line
+                    shell.prelude = "%s && %s" % (OLD, line)
+                    assert shell.run("rospack find jaka_driver")[0] == 0, "the old workspace is not in force any more"
+                elif line.startswith("rosmsg show"):
+                    assert "motion_state" in said, "the old workspace's messages are in front"
                 elif "tool_position" in line:
                     is_mm = background == "trial"
                     assert is_mm is (largest_number(said) > 20.0), said
                 elif "--nodes" in line:
                     assert said.split() == ["/jaka_sim", "/jaka_driver"] or said.split() == ["/jaka_driver"], said
                 elif line == "rm -r jaka_ws":
-                    shell.prelude = "true"
+                    shell.prelude = OLD
     assert ran > 30
     assert (cell / "cell.launch").read_text() == CELL
 
