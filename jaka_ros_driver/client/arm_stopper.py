@@ -1,4 +1,6 @@
-"""The guard at work: carries out on real connections what stopping.py decides, and answers the driver meanwhile."""
+"""The part of the guard that stops the arm: carries out on real connections what stopping.py decides, and answers the
+driver meanwhile.
+"""
 import select
 import time
 from typing import List, Optional, Union
@@ -26,7 +28,7 @@ class Feed:
         self.link: Optional[FeedLink] = None
 
     def serve(self, stopping: Stopping, is_ready: bool, now: float) -> None:
-        """Tell what the feed shows, or why it shows nothing."""
+        """Tell ``stopping`` what the feed shows, or why it shows nothing."""
         try:
             if self.link is None:
                 self._connect(now)
@@ -57,7 +59,7 @@ class Feed:
             stopping.saw_nothing(link.trouble)
 
     def close(self) -> None:
-        """End the connection, if there is one."""
+        """Close the connection, if there is one."""
         if self.link is not None:
             self.link.close()
             self.link = None
@@ -67,7 +69,7 @@ class ArmStopper:
     """Stops the arm, and answers the driver meanwhile."""
 
     def __init__(self, host: str, command_port: int, status_port: int, say: Say) -> None:
-        """Find the controller's addresses now: looking a name up may take long, when the arm must be stopped."""
+        """Resolve the controller's name now, because that may take too long when the arm must be stopped."""
         self._host = host
         self._ports = (command_port, status_port)
         self._say = say
@@ -81,7 +83,7 @@ class ArmStopper:
             self._say(str(error))
 
     def stop(self, pipe: DriverPipe) -> None:
-        """Stop the arm; returns when nothing is left to be done."""
+        """Stop the arm; returns when that is done or given up."""
         if not self._addresses[0]:
             self._find_addresses()
         pipe.answer(STOPPING)
@@ -106,7 +108,7 @@ class ArmStopper:
 
 
 class _Work:
-    """The command port while the arm is being stopped: carries the steps out, and tells what comes of them."""
+    """The command port while the arm is being stopped: carries out the steps and tells their results."""
 
     def __init__(self, stopping: Stopping, addresses: List[Address]) -> None:
         self.stopping = stopping
@@ -156,7 +158,7 @@ def _next_of(addresses: List[Address], tries: int) -> Address:
 
 
 def _ready_of(pipe: DriverPipe, *lines: Optional[Line]) -> List[_Source]:
-    """Those that need attention now, or within 20 ms."""
+    """Those connections that are ready now or within 20 ms."""
     reading: List[_Source] = [] if pipe.is_closed else [pipe]
     writing: List[_Source] = []
     for line in lines:

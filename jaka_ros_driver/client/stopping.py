@@ -1,7 +1,7 @@
-"""How the guard stops an arm whose driver is dead or frozen, step by step: no socket, no thread, no clock.
+"""Decides step by step how the guard stops an arm whose driver is dead or frozen; it has no socket, thread or clock.
 
-The stop is repeated until the controller accepts it. An accepted stop is not believed before the status feed shows
-the arm at rest: while it moves on, the stop is sent again.
+The stop is repeated until the controller accepts it, and again as long as the status feed does not show the arm at
+rest.
 """
 import enum
 import math
@@ -17,13 +17,15 @@ from jaka_ros_driver.state import RobotState
 
 GIVE_UP_AFTER = 60.0
 LOCKED_OUT_AFTER = 0.25
-"""s of being turned away by the controller, until the frozen driver's connection is taken for the reason."""
+"""s; when the controller has turned the guard away for this time, the frozen driver's connection is assumed to be the
+reason.
+"""
 CONFIRM_AFTER = 0.5
-"""s from an accepted stop to the next one, where the arm is not seen at rest by then."""
+"""s; when the arm is not seen at rest this time after an accepted stop, the stop is sent again."""
 BLIND_STOPS = 3
-"""So many accepted stops must do where the status feed cannot be read."""
+"""Number of accepted stops that suffice where the status feed cannot be read."""
 STILL_FOR = 0.12
-"""s; the arm is at rest when the status feed has shown it still for so long."""
+"""s; the arm counts as at rest when the status feed has shown it still for this time."""
 _BLIND_AFTER = 0.5
 _CONNECT_TIMEOUT = 1.0
 _REPLY_TIMEOUT = 1.0
@@ -58,9 +60,9 @@ class _Link(enum.Enum):
 
 
 class Stopping:
-    """One stop of the arm, from the moment at which its driver fell silent until it is seen at rest.
+    """One stop of the arm, from the moment at which its driver fell silent until the arm is seen at rest.
 
-    The shell asks for the next ``step``, carries it out, and tells what comes of it.
+    The caller asks for the next ``step``, carries it out, and tells the result.
     """
 
     def __init__(self, now: float, say: Callable[[str], None]) -> None:
@@ -103,7 +105,7 @@ class Stopping:
         return Step.CONNECT
 
     def request(self, now: float) -> bytes:
-        """What to send: the stop, and before it the end of servo mode, in which a stop is not enough."""
+        """The request to send: first the end of servo mode, in which a stop alone has no effect, then the stop."""
         commands = (SetServoMode(False), Stop())
         for command in commands:
             self._exchange.sent(codec.command_name(command), now, _REPLY_TIMEOUT, command)
@@ -152,7 +154,7 @@ class Stopping:
 
         Args:
             reason: In words.
-            is_turned_away: The controller is there and does not want the connection.
+            is_turned_away: The controller is reachable but refused or ended the connection.
             now: s.
         """
         if not is_turned_away or self._has_replied:
@@ -167,14 +169,14 @@ class Stopping:
             self._say_once(reason)
 
     def replied(self, item: Item, now: float) -> None:
-        """A reply has come, or bytes in its place."""
+        """A reply has come, or bytes that are none."""
         self._has_replied, self._locked_out_since = True, None
         if isinstance(item, FramingError):
             self._refused("a reply cannot be read: %s" % item, now)
             return
         request = self._exchange.answered(item)
         if request is None or not isinstance(request.waiter, Stop):
-            return  # out of servo mode, or not in it: both will do
+            return  # servo mode was left, or was not on: both are fine
         try:
             codec.raise_if_rejected(request.name, item)
         except JakaError as error:
@@ -203,7 +205,7 @@ class Stopping:
         self._feed_trouble = reason
 
     def _say_once(self, text: str) -> None:
-        """What is tried many times a second is told once."""
+        """Log a text once, though its cause may come many times a second."""
         if text not in self._said:
             self._said.add(text)
             self._say(text)

@@ -146,7 +146,7 @@ class ControllerRoom:
     # ---- the command port ----
 
     def accepted(self, cable: Cable) -> None:
-        """A client has connected; the newest has the command port (controller protocol 1)."""
+        """A client has connected; the newest has the command port (docs/controller-protocol.md section 1)."""
         if cable.port is not Port.COMMAND:
             return
         for other in self._network.on(Port.COMMAND):

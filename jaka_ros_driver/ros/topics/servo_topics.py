@@ -1,6 +1,7 @@
 """Servo targets by topic: streaming without the cost of a service call each.
 
-Targets are absolute and SI in both interfaces. A refused one moves nothing; the refusal is logged and counted.
+Targets are absolute and in SI units in both interfaces. A refused target moves nothing; the refusal is logged and
+counted.
 """
 from typing import Any, Callable
 
@@ -26,7 +27,7 @@ class ServoTopics:
         self.refused = 0
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Subscribe."""
         for name, kind, to_command in (("~servo_j_command", JointState, self._decoder.servo_joint_topic),
                                        ("~servo_p_command", PoseStamped, self._pose_target)):
             rospy.Subscriber(name, kind, self._taker(name, to_command), queue_size=1, tcp_nodelay=True)

@@ -7,13 +7,13 @@ from jaka_ros_driver.state import RobotState, Vector
 _WINDOW = 8
 _TIMING_WINDOW = 32
 _GAP = 0.1
-"""s; across a longer gap nothing is known of the velocity."""
+"""s; after a longer gap between samples the estimate begins anew."""
 
 
 class VelocityEstimate:
     """Slope of the least-squares line through the last 8 samples: a filtered difference, about 30 ms late at 125 Hz.
 
-    Samples are taken for equidistant, at the mean interval of the last 32: arrival times jitter, the controller's
+    Samples are assumed to be equidistant, with the mean interval of the last 32: arrival times jitter, the controller's
     cycle does not.
     """
 
