@@ -207,12 +207,6 @@ def _data() -> Dict[str, Any]:
     return data
 
 
-def reference_values() -> List[Dict[str, Any]]:
-    """Joint angles and poses printed by real controllers (mm, rad), each with its source."""
-    values: List[Dict[str, Any]] = _data()["reference_values"]
-    return values
-
-
 def _read_yaml(path: str) -> Any:
     import yaml  # here, because most users of this module's classes never read a file
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

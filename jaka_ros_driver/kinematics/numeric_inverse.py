@@ -99,7 +99,7 @@ class _JointSixSearch:
     def __init__(self, dh: Sequence[DhRow], target: Transform) -> None:
         _, row2, row3, row4, row5, row6 = dh
         self._target = target
-        self._d1, self._upper, self._offset, self._d4, self._d5 = dh[0].d, row2.a, row2.d + row3.d, row4.d, row5.d
+        self._upper, self._offset, self._d4, self._d5 = row2.a, row2.d + row3.d, row4.d, row5.d
         zx, zy, zz, px, py, pz = target[2], target[5], target[8], target[9], target[10], target[11]
         self._wrist = px - row6.d * zx, py - row6.d * zy, pz - row6.d * zz - dh[0].d
 

@@ -28,14 +28,12 @@ class Route:
         length: Of the parameter.
         start_joints: rad (6,).
         end_joints: Joints at the end of the whole path, rad (6,).
-        end_pose: ``base_t_tool`` there; None for joint motion.
         break_event: The event to report at ``length`` where the path ends early; None otherwise.
     """
 
     length: float
     start_joints: Vector
     end_joints: Vector
-    end_pose: Optional[Transform] = None
     break_event: Optional[PlantEvent] = None
 
     def __init__(self) -> None:
@@ -126,7 +124,6 @@ class JointRoute(Route):
             if rate:
                 top = min(top, joint_speed / abs(rate))
                 strongest = min(strongest, joint_acceleration / abs(rate))
-        self._top = top
         self._set_stretches([Stretch(self.length, min(speed, top), min(acceleration, strongest), strongest)])
 
     def joints_at(self, way: float, reference: Sequence[float]) -> Optional[Vector]:
@@ -142,11 +139,6 @@ class JointRoute(Route):
 
     def moves_left(self, way: float) -> int:
         return 1
-
-    def set_speed(self, speed: float) -> None:
-        """Change the speed, rad/s, lowered to what the joints can do."""
-        stretch = self._stretches[0]
-        self._set_stretches([stretch._replace(speed=min(speed, self._top))])
 
 
 class _Piece(NamedTuple):
@@ -224,7 +216,7 @@ class CartesianRoute(Route):
 
     def _take_end(self, scan: PathScan) -> None:
         last = self._pieces[-1]
-        self.end_joints, self.end_pose = scan.joints, last.leg.end
+        self.end_joints = scan.joints
         self.length = last.begin + last.leg.length
         if scan.broken is not None:
             self.length = last.begin + scan.broken.way

@@ -4,7 +4,7 @@ section 4.3, code 1).
 Keys that nobody asks for are ignored (docs/controller-protocol.md section 2).
 """
 import math
-from typing import Any, List, Optional, Tuple
+from typing import Any, Optional
 
 from jaka_ros_driver.protocol.framing import JsonObject
 from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused
@@ -101,10 +101,6 @@ class Arguments:
         if key not in self._request:
             raise BadParameter("%s is missing" % key)
         return self._request[key]
-
-    def kept(self, keys: Tuple[str, ...]) -> List[Tuple[str, Any]]:
-        """Those of ``keys`` that the request has, each with its value as it came."""
-        return [(key, self._request[key]) for key in keys if key in self._request]
 
 
 def _finite(key: str, value: Any) -> float:
