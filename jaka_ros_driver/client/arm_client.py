@@ -20,11 +20,11 @@ from jaka_ros_driver.state import RobotState
 
 _LOG = logging.getLogger(__name__)
 
-_LONGEST_WAIT = 0.02
+_LONGEST_WAIT_S = 0.02
 """s; longest pause of the thread. The guard is told at least this often that the driver lives, and the core notices by
 longer pauses that it was held up.
 """
-_REST_TIMEOUT = 1.0
+_REST_TIMEOUT_S = 1.0
 """s; how long ``close`` waits for the arm to come to rest."""
 
 StateListener = Callable[[RobotState, bool], None]
@@ -111,7 +111,7 @@ class ArmClient:
         with self._lock:
             self._core.close(time.monotonic())
             self._perform()
-        deadline = time.monotonic() + _REST_TIMEOUT
+        deadline = time.monotonic() + _REST_TIMEOUT_S
         while self._thread.is_alive() and not self._core.is_free and time.monotonic() < deadline:
             time.sleep(0.002)
         if not self._core.is_free:
@@ -316,7 +316,7 @@ class ArmClient:
 
     def _turn(self) -> None:
         now = time.monotonic()
-        due = min([now + _LONGEST_WAIT] + [at for at in (task.due() for task in self._tasks) if at is not None])
+        due = min([now + _LONGEST_WAIT_S] + [at for at in (task.due() for task in self._tasks) if at is not None])
         with self._lock:
             self._wakes_at = due = min(due, self._core.next_deadline())
         self._transport.wait(due - now)

@@ -10,9 +10,9 @@ from jaka_ros_driver.client.stop_link import Address, FeedLink, Line, StopLink, 
 from jaka_ros_driver.client.stopping import Step, Stopping
 from jaka_ros_driver.errors import ConnectionLost
 
-_TURN = 0.02
-_FEED_PERIOD = 0.25
-_FEED_TIMEOUT = 1.0
+_TURN_S = 0.02
+_FEED_PERIOD_S = 0.25
+_FEED_TIMEOUT_S = 1.0
 
 _Source = Union[DriverPipe, Line]
 
@@ -34,17 +34,17 @@ class Feed:
                 self._connect(now)
             elif is_ready:
                 self._read(self.link, stopping, now)
-            elif now - self._heard_at > _FEED_TIMEOUT:
-                raise ConnectionLost("status port: silent for %.1f s" % _FEED_TIMEOUT)
+            elif now - self._heard_at > _FEED_TIMEOUT_S:
+                raise ConnectionLost("status port: silent for %.1f s" % _FEED_TIMEOUT_S)
         except ConnectionLost as error:
             self.close()
-            self._next_at = now + _FEED_PERIOD
+            self._next_at = now + _FEED_PERIOD_S
             stopping.saw_nothing(str(error))
 
     def _connect(self, now: float) -> None:
         if now < self._next_at:
             return
-        self._next_at, self._heard_at = now + _FEED_PERIOD, now
+        self._next_at, self._heard_at = now + _FEED_PERIOD_S, now
         self.link = FeedLink(_next_of(self._addresses, self._tries))
         self._tries += 1
 
@@ -164,5 +164,5 @@ def _ready_of(pipe: DriverPipe, *lines: Optional[Line]) -> List[_Source]:
     for line in lines:
         if line is not None:
             (writing if line.is_connecting else reading).append(line)
-    readable, writable, _ = select.select(reading, writing, [], _TURN)
+    readable, writable, _ = select.select(reading, writing, [], _TURN_S)
     return readable + writable

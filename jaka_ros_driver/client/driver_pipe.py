@@ -13,12 +13,12 @@ MOVING, IDLE, FAREWELL = b"m", b"i", b"q"
 """The driver's words: it moves the arm; it does not; it ends in good order."""
 WATCHING, STOPPING = b".", b"!"
 """The guard's answers: it watches the driver; it is stopping the arm."""
-SILENCE_TIMEOUT = 0.25
-STARVED_TIMEOUT = 1.0
-"""s; used in place of ``SILENCE_TIMEOUT`` where the driver lives but gets no processor time."""
-ANSWER_PERIOD = 0.1
-_STARVED_TURN = 0.05
-_HELD_UP = 0.1
+SILENCE_TIMEOUT_S = 0.25
+STARVED_TIMEOUT_S = 1.0
+"""s; used in place of ``SILENCE_TIMEOUT_S`` where the driver lives but gets no processor time."""
+ANSWER_PERIOD_S = 0.1
+_STARVED_TURN_S = 0.05
+_HELD_UP_S = 0.1
 
 Say = Callable[[str], None]
 
@@ -45,7 +45,7 @@ class DriverPipe:
         self._answers = answers
         self._driver = driver
         self._heard_at = time.monotonic()
-        self._answered_at = -ANSWER_PERIOD
+        self._answered_at = -ANSWER_PERIOD_S
         self.is_moving = is_moving
         self.is_closed = False
         self.has_left = False
@@ -77,7 +77,7 @@ class DriverPipe:
         self._heard_at = now
         self.has_left = self.has_left or FAREWELL in words
         self.is_moving = words[-1:] == MOVING
-        if now - self._answered_at >= ANSWER_PERIOD:
+        if now - self._answered_at >= ANSWER_PERIOD_S:
             self._say_answer(now)
 
     def answer(self, answer: bytes) -> None:
@@ -94,21 +94,21 @@ class DriverPipe:
 
     def wait_for_silence(self) -> None:
         """Wait until the driver has ended, or is silent while it moves the arm."""
-        limit = SILENCE_TIMEOUT
+        limit = SILENCE_TIMEOUT_S
         was_held_up = False
         while not self.is_over:
             asked_at = time.monotonic()
             patience = max(0.0, self._heard_at + limit - asked_at)
             if self.wait(patience if self.is_moving else None):
-                limit = SILENCE_TIMEOUT
+                limit = SILENCE_TIMEOUT_S
                 was_held_up = False
                 continue
             late = time.monotonic() - asked_at - patience
-            if late > _HELD_UP and not was_held_up:
+            if late > _HELD_UP_S and not was_held_up:
                 was_held_up = True  # perhaps the driver was, too; it gets another chance to speak
-                limit += late + SILENCE_TIMEOUT
-            elif limit < STARVED_TIMEOUT and waits_for_processor(self._driver):
-                limit = min(limit + _STARVED_TURN, STARVED_TIMEOUT)
+                limit += late + SILENCE_TIMEOUT_S
+            elif limit < STARVED_TIMEOUT_S and waits_for_processor(self._driver):
+                limit = min(limit + _STARVED_TURN_S, STARVED_TIMEOUT_S)
             else:
                 return
 
@@ -118,7 +118,7 @@ class DriverPipe:
             return Driver.BACK
         if self.is_closed:
             return Driver.DEAD
-        return Driver.BACK if time.monotonic() - self._heard_at < SILENCE_TIMEOUT else Driver.SILENT
+        return Driver.BACK if time.monotonic() - self._heard_at < SILENCE_TIMEOUT_S else Driver.SILENT
 
     def end_driver(self, say: Say) -> None:
         """Kill the driver, if it is still silent and still the parent of this process, so that its process id is still

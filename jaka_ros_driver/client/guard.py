@@ -13,14 +13,14 @@ from typing import Callable, List, Optional, Tuple
 
 from jaka_ros_driver.client import guard_process
 from jaka_ros_driver.client.driver_pipe import FAREWELL, IDLE, MOVING
-from jaka_ros_driver.client.guard_post import ANSWER_TIMEOUT, BEAT_PERIOD, START_TIMEOUT, GuardPost
+from jaka_ros_driver.client.guard_post import ANSWER_TIMEOUT_S, BEAT_PERIOD_S, START_TIMEOUT_S, GuardPost
 
 _LOG = logging.getLogger(__name__)
 
-HELD_UP = 0.3
+HELD_UP_S = 0.3
 """s; after a longer gap between two beats the driver itself was held up, so the guard's silence is not counted."""
-_EXIT_TIMEOUT = 2.0
-_RESTART_PERIODS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
+_EXIT_TIMEOUT_S = 2.0
+_RESTART_PERIODS_S = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 
 @dataclass(frozen=True)
@@ -86,10 +86,10 @@ class Guard:
         """
         with self._lock:
             gap = now - self._beat_at
-            if gap < BEAT_PERIOD or self._is_closing:
+            if gap < BEAT_PERIOD_S or self._is_closing:
                 return
             self._beat_at = now
-            news = self._attend(now, gap > HELD_UP)
+            news = self._attend(now, gap > HELD_UP_S)
         for level, text in news:
             _LOG.log(level, "guard process: %s", text)
 
@@ -107,7 +107,7 @@ class Guard:
             self._is_closing = True
             post, self._post = self._post, None
         if self._starter is not None:
-            self._starter.join(_EXIT_TIMEOUT)
+            self._starter.join(_EXIT_TIMEOUT_S)
         if self._word == MOVING:
             self._leave_the_arm_to(post)
         elif post is not None:
@@ -126,7 +126,7 @@ class Guard:
         silent = now - post.heard_at
         if post.has_ended:
             return self._dismiss(post, "has ended", now)
-        if silent > ANSWER_TIMEOUT and silent > post.silence_limit():
+        if silent > ANSWER_TIMEOUT_S and silent > post.silence_limit():
             return self._dismiss(post, "does not answer for %.1f s" % silent, now)
         if has_taken_over:
             self._trouble = "found this driver silent while the arm moved, and stopped the arm"
@@ -142,9 +142,9 @@ class Guard:
         self._dismissed.append(post)
         self._post = None
         self._trouble = trouble
-        if now - post.began_at > START_TIMEOUT and post.has_answered:
+        if now - post.began_at > START_TIMEOUT_S and post.has_answered:
             self._failures = 0
-        self._start_at = now + _RESTART_PERIODS[min(self._failures, len(_RESTART_PERIODS) - 1)]
+        self._start_at = now + _RESTART_PERIODS_S[min(self._failures, len(_RESTART_PERIODS_S) - 1)]
         self._failures += 1
         return [(logging.ERROR, trouble + ", and is replaced")] + (self._replace(now) if now >= self._start_at else [])
 
@@ -160,7 +160,7 @@ class Guard:
         except (OSError, RuntimeError) as error:  # no more files, no more threads
             if post is not None:
                 post.leave()
-            self._start_at = now + _RESTART_PERIODS[-1]
+            self._start_at = now + _RESTART_PERIODS_S[-1]
             self._trouble = "cannot be started: %s" % error
             return [(logging.ERROR, self._trouble)]
         self._post = post
@@ -181,7 +181,7 @@ class Guard:
         except (OSError, ValueError, subprocess.SubprocessError) as error:
             _LOG.error("guard process: cannot be started: %s", error)
         for old in dismissed:
-            old.has_exited(_EXIT_TIMEOUT)
+            old.has_exited(_EXIT_TIMEOUT_S)
 
     def _leave_the_arm_to(self, post: Optional[GuardPost]) -> None:
         if post is None or not post.answers_now():
@@ -199,11 +199,11 @@ class Guard:
 
 def _send_away(post: GuardPost) -> None:
     post.say(FAREWELL)
-    if post.has_exited(_EXIT_TIMEOUT):
+    if post.has_exited(_EXIT_TIMEOUT_S):
         post.leave()
         return
     post.listen(0.0)
     if not post.is_stopping:  # one that is stopping the arm finishes that first
         post.kill()
-        post.has_exited(_EXIT_TIMEOUT)
+        post.has_exited(_EXIT_TIMEOUT_S)
     post.leave()

@@ -10,12 +10,12 @@ from typing import List, Optional, Tuple
 from jaka_ros_driver.client.driver_pipe import MOVING, STOPPING
 from jaka_ros_driver.client.process_state import waits_for_processor
 
-BEAT_PERIOD = 0.02
-ANSWER_TIMEOUT = 1.0
+BEAT_PERIOD_S = 0.02
+ANSWER_TIMEOUT_S = 1.0
 """s; a guard that does not answer for this time is replaced."""
-STARVED_ANSWER_TIMEOUT = 5.0
-"""s; used in place of ``ANSWER_TIMEOUT`` where the guard lives but gets no processor time."""
-START_TIMEOUT = 10.0
+STARVED_ANSWER_TIMEOUT_S = 5.0
+"""s; used in place of ``ANSWER_TIMEOUT_S`` where the guard lives but gets no processor time."""
+START_TIMEOUT_S = 10.0
 _READ_BYTES = 4096
 
 
@@ -96,20 +96,20 @@ class GuardPost:
     def silence_limit(self) -> float:
         """How long the guard may be silent at present, s."""
         if not self.has_answered:
-            return START_TIMEOUT
+            return START_TIMEOUT_S
         process = self._process
-        return STARVED_ANSWER_TIMEOUT if process and waits_for_processor(process.pid) else ANSWER_TIMEOUT
+        return STARVED_ANSWER_TIMEOUT_S if process and waits_for_processor(process.pid) else ANSWER_TIMEOUT_S
 
     def answers_now(self) -> bool:
-        """Ask the guard and wait for its answer, ``ANSWER_TIMEOUT`` at most. True also where the process is still
+        """Ask the guard and wait for its answer, ``ANSWER_TIMEOUT_S`` at most. True also where the process is still
         starting.
         """
         self.listen(self.heard_at)
         if not self.has_answered:
             return not self.has_ended
-        for _ in range(int(ANSWER_TIMEOUT / BEAT_PERIOD)):
+        for _ in range(int(ANSWER_TIMEOUT_S / BEAT_PERIOD_S)):
             self.say(MOVING)
-            if select.select([self._answers], [], [], BEAT_PERIOD)[0]:
+            if select.select([self._answers], [], [], BEAT_PERIOD_S)[0]:
                 self.listen(self.heard_at)
                 return not self.has_ended
         return False

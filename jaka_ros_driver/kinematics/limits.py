@@ -41,14 +41,14 @@ TCP_ACCELERATION_CEILING = 8.0
 """m/s2 (8000 mm/s2), the maker's advice (docs/controller-protocol.md section 5.4.1)."""
 UNKNOWN_TCP_SPEED_CEILING = 1.5
 """m/s, for models without tcp_max_speed: the lowest that any full-size arm has (Zu3)."""
-SERVO_PERIOD = 0.008
+SERVO_PERIOD_S = 0.008
 """s, one servo cycle (docs/controller-protocol.md section 5.6.5)."""
 TOOL_IDS = (1, 11)
 USER_FRAME_IDS = (1, 10)
 """Ids that can be set (docs/interface.md section 2); 0, the flange and the base, can only be selected."""
-FEED_PERIODS = (0.001, 10.0)
+FEED_PERIODS_S = (0.001, 10.0)
 """s; the wire carries whole ms (docs/controller-protocol.md section 6.1)."""
-LINK_LOSS_TIMES = (0.0, 10.0)
+LINK_LOSS_TIMES_S = (0.0, 10.0)
 """s; with a longer time the stop of an arm that has lost its client would protect nobody."""
 
 Checker = Callable[[Any, ArmModel, Optional[RobotState]], None]
@@ -217,7 +217,7 @@ def _servo_joint(command: commands.ServoJoint, model: ArmModel, state: Optional[
     _flag("relative", command.relative)
     _integer("cycles", command.cycles, *SERVO_CYCLES)
     if command.relative:
-        reach = JOINT_SPEED_CEILING * SERVO_PERIOD * command.cycles
+        reach = JOINT_SPEED_CEILING * SERVO_PERIOD_S * command.cycles
         for n, increment in enumerate(command.joint_position):
             _number("joint_position[%d] (increment over %d cycles)" % (n, command.cycles), increment,
                     -reach, reach, "rad")
@@ -315,8 +315,8 @@ _CHECKERS: Dict[type, Checker] = {
     commands.SetDigitalOutput: _set_digital_output,
     commands.SetAnalogOutput: _set_analog_output,
     commands.SetRapidRate: _within("rate", (0.0, 1.0), ""),
-    commands.SetFeedPeriod: _within("period", FEED_PERIODS, "s"),
-    commands.SetLinkLoss: _within("seconds", LINK_LOSS_TIMES, "s"),
+    commands.SetFeedPeriod: _within("period", FEED_PERIODS_S, "s"),
+    commands.SetLinkLoss: _within("seconds", LINK_LOSS_TIMES_S, "s"),
     commands.ForwardKinematics: _forward_kinematics,
     commands.InverseKinematics: _inverse_kinematics,
     commands.Query: _nothing,

@@ -33,15 +33,15 @@ MOST_HANDSHAKES = 64
 """Most connections whose handshake is not complete; no cell has as many clients that start at the same time."""
 MOST_CONNECTIONS = 2000
 """Most connections of each other kind; each has a thread."""
-_XMLRPC_TIMEOUT = 60.0
+_XMLRPC_TIMEOUT_S = 60.0
 """s without a request, after which an XML-RPC connection is closed; masters and nodes connect again by themselves."""
 _LONGEST_HANDSHAKE = 1 << 20
 _BACKLOG = 128
 _NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _CLOSED = (errno.EBADF, errno.EINVAL, errno.ENOTSOCK)
-_RETRY_PERIOD = 0.01
-_JUST_COME = 1.0
-_LOG_PERIOD = 10.0
+_RETRY_PERIOD_S = 0.01
+_JUST_COME_S = 1.0
+_LOG_PERIOD_S = 10.0
 _BUSY = float("inf")
 
 
@@ -108,7 +108,7 @@ class ConnectionPool:
             return False
         del self._connections[oldest]
         _shut_down(oldest.sock)
-        if now - self._told_at > _LOG_PERIOD:
+        if now - self._told_at > _LOG_PERIOD_S:
             self._told_at = now
             _LOG.warning("too many %s: those that have been idle longest are closed", self._what)
         return True
@@ -192,9 +192,9 @@ def _make_room() -> None:
     New connections are spared: the next connection would take the descriptor, and nothing would be gained.
     """
     for pool in (_HANDSHAKES, _XMLRPC_CONNECTIONS, SERVICE_CONNECTIONS):
-        if pool.close_oldest(_JUST_COME):
+        if pool.close_oldest(_JUST_COME_S):
             break
-    time.sleep(_RETRY_PERIOD)
+    time.sleep(_RETRY_PERIOD_S)
 
 
 class _AcceptingSocket:
@@ -217,7 +217,7 @@ class _AcceptingSocket:
                 if error.errno in _NO_ROOM:
                     _make_room()
                 else:  # an error of this peer or the network: accept(2) says to try again
-                    time.sleep(_RETRY_PERIOD)
+                    time.sleep(_RETRY_PERIOD_S)
 
 
 def _shake_hands_in_background(server: Any, sock: socket.socket, address: Any) -> None:
@@ -295,7 +295,7 @@ def _prepare_xmlrpc() -> None:
     The class is changed, because rospy keeps no reference to the running server.
     """
     server = rosgraph.xmlrpc.ThreadingXMLRPCServer
-    rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler.timeout = _XMLRPC_TIMEOUT
+    rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler.timeout = _XMLRPC_TIMEOUT_S
     accept, process, close = server.get_request, server.process_request, server.shutdown_request
     connections: Dict[Any, PooledConnection] = {}
 

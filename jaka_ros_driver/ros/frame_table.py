@@ -12,8 +12,8 @@ from jaka_ros_driver.state import RobotState
 
 _LOG = logging.getLogger(__name__)
 
-_CHECK_PERIOD = 0.2
-_READ_PERIOD = 5.0
+_CHECK_PERIOD_S = 0.2
+_READ_PERIOD_S = 5.0
 """s; a frame that was changed at the controller's own panel is noticed after this time at most."""
 
 Frames = Tuple[Transform, ...]
@@ -71,16 +71,16 @@ class FrameTable:
             self._tools = self._users = None
 
     def _run(self) -> None:
-        waited = _READ_PERIOD
+        waited = _READ_PERIOD_S
         while not self._is_closing:
             connections = self._arm.link_health.connections
-            if waited >= _READ_PERIOD or self._wake.is_set() or connections != self._connections:
+            if waited >= _READ_PERIOD_S or self._wake.is_set() or connections != self._connections:
                 self._wake.clear()
                 waited = 0.0
                 self._connections = connections
                 self._read_all()
-            self._wake.wait(_CHECK_PERIOD)
-            waited += _CHECK_PERIOD
+            self._wake.wait(_CHECK_PERIOD_S)
+            waited += _CHECK_PERIOD_S
 
     def _read_all(self) -> None:
         changes = self._changes

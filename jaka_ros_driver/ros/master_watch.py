@@ -14,13 +14,13 @@ from rospy.impl import registration
 
 _LOG = logging.getLogger(__name__)
 
-_PERIOD = 1.0
+_PERIOD_S = 1.0
 
 
 class MasterWatch:
     """Polls the master; after its restart registers all publishers, subscribers and services again."""
 
-    def __init__(self, on_new_master: Callable[[], None], period: float = _PERIOD) -> None:
+    def __init__(self, on_new_master: Callable[[], None], period: float = _PERIOD_S) -> None:
         """Prepare; ``start`` begins.
 
         Args:

@@ -15,7 +15,7 @@ import rosgraph.names
 
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven
 
-_TIMEOUT = 1.0
+_TIMEOUT_S = 1.0
 _NOT_ANSWERED = (OSError, XmlRpcError, http.client.HTTPException, ExpatError, ValueError, TypeError)
 
 
@@ -80,7 +80,7 @@ class _ShortTransport(Transport):
 
     def make_connection(self, host: Any) -> http.client.HTTPConnection:
         connection = super().make_connection(host)
-        connection.timeout = _TIMEOUT
+        connection.timeout = _TIMEOUT_S
         if connection.sock is None:
             try:
                 connection.connect()

@@ -20,10 +20,10 @@ from jaka_ros_driver.units import s_to_ms
 _LOG = logging.getLogger(__name__)
 
 OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
-PERIOD = 1.0
+PERIOD_S = 1.0
 _SLOW_FEED = 0.95
 """Share of the wanted rate below which the feed is reported as slow."""
-_MAX_JITTER = 0.004
+_MAX_JITTER_S = 0.004
 _WARM, _HOT = 70.0, 80.0
 """deg C of a joint or the cabinet, above which a warning or an error is reported. No source gives limits; the
 controller itself protects the arm.
@@ -62,7 +62,7 @@ class Diagnostics:
             self._thread.join()
 
     def _run(self) -> None:
-        while not self._closing.wait(PERIOD):
+        while not self._closing.wait(PERIOD_S):
             self._name_hardware(self._arm.link_health.is_simulated)
             try:
                 self._updater.force_update()
@@ -131,7 +131,7 @@ class Diagnostics:
             status.summary(WARN, "%d damaged frames in the last second" % damaged_now)
         elif health.rate < _SLOW_FEED * self._config.publish_rate:
             status.summary(WARN, "slow: %.1f Hz" % health.rate)
-        elif health.jitter > _MAX_JITTER:
+        elif health.jitter > _MAX_JITTER_S:
             status.summary(WARN, "jitter %.1f ms" % s_to_ms(health.jitter))
         else:
             status.summary(OK, "%.1f Hz" % health.rate)

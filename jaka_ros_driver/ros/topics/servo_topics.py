@@ -14,7 +14,7 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 
-_LOG_PERIOD = 1.0
+_LOG_PERIOD_S = 1.0
 
 
 class ServoTopics:
@@ -42,5 +42,5 @@ class ServoTopics:
                 self._arm.servo_target(to_command(message))
             except JakaError as error:
                 self.refused += 1
-                rospy.logwarn_throttle(_LOG_PERIOD, "%s: %s" % (name, error))
+                rospy.logwarn_throttle(_LOG_PERIOD_S, "%s: %s" % (name, error))
         return take

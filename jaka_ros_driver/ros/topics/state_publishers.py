@@ -22,7 +22,7 @@ from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
 from jaka_ros_driver.state import RobotState, Vector
 
 _QUEUE = 10
-_EARLY = 0.0005
+_EARLY_S = 0.0005
 """s; a repeat is published this much early at most, because the timer is no more exact."""
 
 
@@ -79,7 +79,7 @@ class StatePublishers(LoopTask):
     def due(self) -> Optional[float]:
         """When the newest sample is to be published again, monotonic time, s; None while the feed is fast enough."""
         due = self._repeater.next_repeat()
-        return None if due is None or self._newest is None else due - _EARLY
+        return None if due is None or self._newest is None else due - _EARLY_S
 
     def run(self, now: float) -> None:
         """Publish the newest sample again, with its own stamp, unless it is stale."""

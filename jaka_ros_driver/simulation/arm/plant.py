@@ -25,11 +25,11 @@ from jaka_ros_driver.simulation.arm.limit_watch import NEAR_LIMIT, LimitWatch
 from jaka_ros_driver.simulation.arm.motion_queue import MotionQueue
 from jaka_ros_driver.simulation.arm.moves import DEFAULT_JOINT_ACCELERATION, positive, same_pose, tool_pace, tool_rate
 from jaka_ros_driver.simulation.arm.routes import JointRoute
-from jaka_ros_driver.simulation.arm.servo import CYCLE_TIME, ServoStream, Starvation
+from jaka_ros_driver.simulation.arm.servo import CYCLE_TIME_S, ServoStream, Starvation
 from jaka_ros_driver.simulation.arm.servo_filters import ServoFilter, checked_parameters, make_filter
 from jaka_ros_driver.state import Vector
 
-__all__ = ["CYCLE_TIME", "HOME", "JogMode", "NEAR_LIMIT", "Plant", "ServoFilter", "Starvation"]
+__all__ = ["CYCLE_TIME_S", "HOME", "JogMode", "NEAR_LIMIT", "Plant", "ServoFilter", "Starvation"]
 
 HOME = (0.0, math.pi / 2, -math.pi / 2, math.pi / 2, math.pi / 2, 0.0)
 """rad (6,); a position away from the singularities of the main family."""
@@ -62,7 +62,7 @@ class Plant:
         self._frames = ArmFrames(model)
         self._joints: Vector = finite_six("joint_position", joint_position)
         self._before = self._joints
-        self._dt = CYCLE_TIME
+        self._dt = CYCLE_TIME_S
         self._velocity = _STILL
         self._queue = MotionQueue(self._frames, jerk_limited)
         self._servo: Optional[ServoStream] = None
@@ -457,7 +457,7 @@ class Plant:
 
     # --- time -------------------------------------------------------------------------------------------------------
 
-    def step(self, dt: float = CYCLE_TIME) -> None:
+    def step(self, dt: float = CYCLE_TIME_S) -> None:
         """Let dt seconds pass: one cycle."""
         self._unsettled -= dt
         joints = self._next_joints(dt)

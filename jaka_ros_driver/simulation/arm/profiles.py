@@ -7,7 +7,7 @@ import importlib
 import math
 from typing import Any, Optional
 
-JERK_TIME = 0.05
+JERK_TIME_S = 0.05
 """s; with ruckig, the time in which acceleration builds up or fades. No vendor value exists."""
 
 try:
@@ -24,7 +24,7 @@ _STEEPER_TRIES = 16
 
 def jerk_time(jerk_limited: bool) -> float:
     """Time in which acceleration builds up, s; 0 where the profile is not jerk-limited."""
-    return JERK_TIME if jerk_limited and HAS_RUCKIG else 0.0
+    return JERK_TIME_S if jerk_limited and HAS_RUCKIG else 0.0
 
 
 class Profile:

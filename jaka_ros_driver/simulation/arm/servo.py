@@ -14,7 +14,7 @@ from jaka_ros_driver.simulation.arm.legs import Line, Pace
 from jaka_ros_driver.simulation.arm.servo_filters import Filter
 from jaka_ros_driver.state import Vector
 
-CYCLE_TIME = 0.008
+CYCLE_TIME_S = 0.008
 """s, interpolation cycle: docs/controller-protocol.md section 5.6.5."""
 MAX_STEP_SPEED = math.pi
 """rad/s (180 deg/s): a point that needs more of a joint is ignored, docs/controller-protocol.md section 5.6.5."""
@@ -96,7 +96,7 @@ class ServoStream:
         if outside is not None:
             cause = events.on_soft_limit(*outside)
             raise TargetRejected(cause.code, "servo point: " + cause.text)
-        duration = cycles * CYCLE_TIME
+        duration = cycles * CYCLE_TIME_S
         longest = max(abs(b - a) for a, b in zip(self._end, end))
         if longest > MAX_STEP_SPEED * duration * (1.0 + 1e-9) or len(self._points) >= MAX_POINTS:
             return False

@@ -3,7 +3,7 @@ import math
 from collections import deque
 from typing import Deque, NamedTuple
 
-from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 
 MIN_TICK_S = 0.002
 """Shortest time between two wake-ups; with a high time scale, several cycles are run at each."""
@@ -31,7 +31,7 @@ class CycleClock:
 
     def __init__(self, time_scale: float, now: float) -> None:
         self._scale = time_scale
-        self._tick = max(CYCLE_TIME / time_scale, MIN_TICK_S)
+        self._tick = max(CYCLE_TIME_S / time_scale, MIN_TICK_S)
         self._late: Deque[float] = deque(maxlen=_SAMPLES)
         self._lags = 0
         self._feed_period = 0.0
@@ -55,7 +55,7 @@ class CycleClock:
             self._start(now)
             return 1
         self._ticks += 1 + int(late / self._tick)
-        reached = math.floor(self._ticks * self._tick * self._scale / CYCLE_TIME + _SAME_MOMENT_S)
+        reached = math.floor(self._ticks * self._tick * self._scale / CYCLE_TIME_S + _SAME_MOMENT_S)
         cycles, self._cycles = reached - self._cycles, reached
         self.next_tick = self._origin + (self._ticks + 1) * self._tick
         return cycles

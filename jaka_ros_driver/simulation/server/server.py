@@ -16,7 +16,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.errors import ConnectionLost, FramingError
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS, PORTS
-from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.command_spec import Then
 from jaka_ros_driver.simulation.controller.controller import Controller
 from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, Connection, HeldReply
@@ -223,7 +223,7 @@ class Server:
             return
         cycles = self._clock.due_cycles(now)
         for _ in range(cycles):
-            self.controller.step(CYCLE_TIME)
+            self.controller.step(CYCLE_TIME_S)
         if cycles and self._log:
             self._log.joints(time.monotonic_ns(), self.controller.state.now,
                              self.controller.state.plant.joint_position)
