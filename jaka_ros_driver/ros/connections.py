@@ -1,7 +1,8 @@
-"""Who may connect to this node, and who has to go when there are too many: rospy itself serves until it falls over.
+"""Bounds how many connections this node serves, and closes some when there are too many. rospy itself has no bound.
 
-A process has so many descriptors. rospy gives one, and a thread, to everybody who connects, also to a peer that then
-says nothing, and ends its accepting thread for good when there are none left: nobody could stop the arm any more.
+The number of file descriptors of a process is limited. rospy gives one, and a thread, to every connection, also where
+the peer then sends nothing. When none is left, its accepting thread ends for good, and nobody could stop the arm any
+more.
 """
 import errno
 import logging
@@ -23,27 +24,29 @@ from jaka_ros_driver.protocol.texts import printable
 _LOG = logging.getLogger(__name__)
 
 MOST_DESCRIPTORS = 65536
-"""What the soft limit is raised to where the hard one allows it; threads and memory end before."""
+"""The soft limit of file descriptors is raised to this where the hard limit allows it; threads and memory run out
+earlier.
+"""
 HANDSHAKE_TIMEOUT_S = 5.0
-"""s; a ROS client sends its whole greeting at once."""
+"""s; a ROS client sends its whole handshake at once."""
 MOST_HANDSHAKES = 64
-"""Connections that have not said what they want; no cell has as many clients that all start at once."""
+"""Most connections whose handshake is not complete; no cell has as many clients that start at the same time."""
 MOST_CONNECTIONS = 2000
-"""Of each other kind; each has a thread."""
-_XMLRPC_TIMEOUT = 60.0
-"""s without a request; masters and nodes connect again by themselves."""
+"""Most connections of each other kind; each has a thread."""
+_XMLRPC_TIMEOUT_S = 60.0
+"""s without a request, after which an XML-RPC connection is closed; masters and nodes connect again by themselves."""
 _LONGEST_HANDSHAKE = 1 << 20
 _BACKLOG = 128
 _NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _CLOSED = (errno.EBADF, errno.EINVAL, errno.ENOTSOCK)
-_RETRY_PERIOD = 0.01
-_JUST_COME = 1.0
-_LOG_PERIOD = 10.0
+_RETRY_PERIOD_S = 0.01
+_JUST_COME_S = 1.0
+_LOG_PERIOD_S = 10.0
 _BUSY = float("inf")
 
 
 class PooledConnection:
-    """One connection of a Crowd.
+    """One connection of a ConnectionPool.
 
     Attributes:
         idle_since: Monotonic time, s; infinite while its call is under way.
@@ -60,18 +63,18 @@ class PooledConnection:
         self.idle_since = _BUSY
 
     def is_idle_now(self) -> None:
-        """It is over."""
+        """The call has ended."""
         self.idle_since = time.monotonic()
 
 
 class ConnectionPool:
-    """Connections of one kind: when there are more than ``most``, the one that has been idle longest has to go.
+    """Connections of one kind. When there are more than ``most``, the one that has been idle longest is ended.
 
-    It is only shut down here, which wakes the thread that reads it; that thread closes it and calls ``leave``.
+    Here it is only shut down, which wakes the thread that reads it; that thread closes it and calls ``remove``.
     """
 
     def __init__(self, what: str, most: int) -> None:
-        """``what`` names them in the log."""
+        """``what`` names the connections in the log."""
         self.most = most
         self._what = what
         self._lock = threading.Lock()
@@ -79,7 +82,7 @@ class ConnectionPool:
         self._told_at = -_BUSY
 
     def add(self, sock: Any) -> PooledConnection:
-        """One more; it never has to make room for those who are there."""
+        """Add a connection; where there are too many, older ones are ended."""
         connection = PooledConnection(sock, time.monotonic())
         with self._lock:
             too_many = len(self._connections) + 1 - self.most
@@ -89,12 +92,12 @@ class ConnectionPool:
         return connection
 
     def remove(self, connection: PooledConnection) -> None:
-        """It is closed."""
+        """Remove a connection that was closed."""
         with self._lock:
             self._connections.pop(connection, None)
 
     def close_oldest(self, least_idle: float) -> bool:
-        """Make room; False where nobody has been idle so long, s."""
+        """End the connection that has been idle longest; False where none has been idle for ``least_idle`` s."""
         with self._lock:
             return self._close_oldest(least_idle)
 
@@ -105,7 +108,7 @@ class ConnectionPool:
             return False
         del self._connections[oldest]
         _shut_down(oldest.sock)
-        if now - self._told_at > _LOG_PERIOD:
+        if now - self._told_at > _LOG_PERIOD_S:
             self._told_at = now
             _LOG.warning("too many %s: those that have been idle longest are closed", self._what)
         return True
@@ -117,7 +120,9 @@ _XMLRPC_CONNECTIONS = ConnectionPool("XML-RPC connections", MOST_CONNECTIONS)
 
 
 class _TopicConnections:
-    """Connections of topics. Nobody knows how idle they are, so that the new one has to go when there are too many."""
+    """Connections of topics. How long they have been idle is not known, so a new one is refused when there are too
+    many.
+    """
 
     def __init__(self, most: int) -> None:
         self.most = most
@@ -125,7 +130,7 @@ class _TopicConnections:
         self._sockets: List[socket.socket] = []
 
     def add(self, sock: socket.socket) -> bool:
-        """False where there is no room."""
+        """Add a connection; False where there are too many."""
         with self._lock:
             self._sockets = [other for other in self._sockets if other.fileno() >= 0]
             if len(self._sockets) >= self.most:
@@ -140,11 +145,12 @@ _TOPIC_CONNECTIONS = _TopicConnections(MOST_CONNECTIONS)
 def keep_serving(service_handler: Callable[[Any, Any, Dict[str, str]], Optional[str]]) -> None:
     """Change how this process takes connections; call once, after init_node.
 
-    Every connection is greeted in a thread of its own: rospy greets one after the other, so that a peer which connects
-    and says nothing would keep everybody out, also who wants to stop the arm.
+    Each connection has its handshake in a thread of its own. rospy makes them one after the other, so that a peer which
+    connects and sends nothing would keep everybody out, also clients that want to stop the arm.
 
     Args:
-        service_handler: Gets socket, address and greeting of those who want a service; returns what is wrong.
+        service_handler: Takes socket, address and connection header of a service client; returns why it is refused, or
+            None.
     """
     _share_out(_raise_descriptor_limit())
     tcpros_base.start_tcpros_server()
@@ -158,7 +164,7 @@ def keep_serving(service_handler: Callable[[Any, Any, Dict[str, str]], Optional[
 
 
 def _raise_descriptor_limit() -> int:
-    """Towards the hard limit; returns how many descriptors there are."""
+    """Raise the soft limit of file descriptors towards the hard one; returns the limit."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     soft, highest = (MOST_DESCRIPTORS if limit == resource.RLIM_INFINITY else limit for limit in (soft, hard))
     wanted = min(highest, MOST_DESCRIPTORS)
@@ -172,7 +178,7 @@ def _raise_descriptor_limit() -> int:
 
 
 def _share_out(descriptors: int) -> None:
-    """A quarter stays for the controller, the log and what else opens files."""
+    """Divide the descriptors among the kinds; about a quarter is left for the controller, the log and other files."""
     SERVICE_CONNECTIONS.most = min(MOST_CONNECTIONS, descriptors // 2)
     _HANDSHAKES.most = min(MOST_HANDSHAKES, descriptors // 16)
     _XMLRPC_CONNECTIONS.most = min(MOST_CONNECTIONS, descriptors // 16)
@@ -180,18 +186,19 @@ def _share_out(descriptors: int) -> None:
 
 
 def _make_room() -> None:
-    """One descriptor less in a moment, when the thread that reads it closes it; the least loss goes first.
+    """End one connection, of the kind whose loss matters least; its descriptor is free as soon as its thread has closed
+    it.
 
-    Who has just come is spared: the descriptor that it got would go to the next one, which would be no better.
+    New connections are spared: the next connection would take the descriptor, and nothing would be gained.
     """
     for pool in (_HANDSHAKES, _XMLRPC_CONNECTIONS, SERVICE_CONNECTIONS):
-        if pool.close_oldest(_JUST_COME):
+        if pool.close_oldest(_JUST_COME_S):
             break
-    time.sleep(_RETRY_PERIOD)
+    time.sleep(_RETRY_PERIOD_S)
 
 
 class _AcceptingSocket:
-    """The listening socket of rospy's TCPServer, whose accept fails only when it is closed."""
+    """The listening socket of rospy's TCPServer; its ``accept`` raises only when the socket was closed."""
 
     def __init__(self, sock: socket.socket) -> None:
         self._sock = sock
@@ -209,22 +216,22 @@ class _AcceptingSocket:
                     raise
                 if error.errno in _NO_ROOM:
                     _make_room()
-                else:  # of this one peer, or of the network: accept(2) says to try again
-                    time.sleep(_RETRY_PERIOD)
+                else:  # an error of this peer or the network: accept(2) says to try again
+                    time.sleep(_RETRY_PERIOD_S)
 
 
 def _shake_hands_in_background(server: Any, sock: socket.socket, address: Any) -> None:
     connection = _HANDSHAKES.add(sock)
     try:
         threading.Thread(target=_shake_hands, args=(server, connection, address), name="greeting", daemon=True).start()
-    except RuntimeError:  # no more threads: the accepting one must not end with it
+    except RuntimeError:  # no more threads: the accepting thread must not end
         _HANDSHAKES.remove(connection)
         sock.close()
         _make_room()
 
 
 def _shake_hands(server: Any, connection: PooledConnection, address: Any) -> None:
-    """What rospy's TCPROSServer does with a connection, with a bound on how long the peer may take."""
+    """Do what rospy's TCPROSServer does with a new connection, but wait for the peer for a limited time only."""
     sock = connection.sock
     try:
         header = _read_handshake(sock, time.monotonic() + HANDSHAKE_TIMEOUT_S)
@@ -250,14 +257,14 @@ def _shake_hands(server: Any, connection: PooledConnection, address: Any) -> Non
             rosgraph.network.write_ros_handshake_header(
                 sock, {"error": "node shutting down" if rospy.core.is_shutdown_requested() else refusal})
             sock.close()
-    except Exception as error:  # whatever a peer brings about ends its connection, and nothing else
+    except Exception as error:  # whatever goes wrong ends this connection and nothing else
         if not rospy.core.is_shutdown_requested():
             _LOG.warning("connection of %s failed: %s", address, printable(str(error)))
         sock.close()
 
 
 def _read_handshake(sock: socket.socket, deadline: float) -> Dict[str, str]:
-    """The connection header, and not a byte more: a first request may follow at once."""
+    """Read the connection header and no byte more: a first request may follow at once."""
     size_bytes = _read_exactly(sock, 4, deadline)
     size, = struct.unpack("<I", size_bytes)
     if size > _LONGEST_HANDSHAKE:
@@ -283,12 +290,12 @@ def _read_exactly(sock: socket.socket, count: int, deadline: float) -> bytes:
 
 
 def _prepare_xmlrpc() -> None:
-    """The node's other port: a connection on it takes a descriptor and a thread as well, for as long as it likes.
+    """Bound the connections of the node's XML-RPC port, each of which takes a descriptor and a thread, too.
 
-    By the class: the running server is nowhere to be had.
+    The class is changed, because rospy keeps no reference to the running server.
     """
     server = rosgraph.xmlrpc.ThreadingXMLRPCServer
-    rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler.timeout = _XMLRPC_TIMEOUT
+    rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler.timeout = _XMLRPC_TIMEOUT_S
     accept, process, close = server.get_request, server.process_request, server.shutdown_request
     connections: Dict[Any, PooledConnection] = {}
 
@@ -317,4 +324,4 @@ def _shut_down(sock: Any) -> None:
     try:
         sock.shutdown(socket.SHUT_RDWR)
     except OSError:
-        return  # closed meanwhile
+        return  # it has been closed meanwhile

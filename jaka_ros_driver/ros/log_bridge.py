@@ -1,4 +1,6 @@
-"""Log records of the package, which knows nothing of ROS, to rosout, the screen and the node's log file."""
+"""Passes the log records of the package, which uses Python's ``logging``, to rosout, the screen and the node's log
+file.
+"""
 import logging
 from typing import Callable
 
@@ -26,10 +28,12 @@ class RosLogHandler(logging.Handler):
 
 
 def log_to_ros() -> Callable[[float], bool]:
-    """From now on; call after init_node. The screen and rosout each get their records in a thread of their own.
+    """Begin to pass records on; call it after ``rospy.init_node``. Screen and rosout each get theirs in a thread of
+    their own.
 
     Returns:
-        A function that waits until all records are out, s at most; False when some are still there.
+        A function that waits until all records are written, at most the given time, s; it returns False when some are
+            left.
     """
     rospy_logger = logging.getLogger(_ROSPY_LOGGER)
     backgrounds = [Background(handler) for handler in rospy_logger.handlers]

@@ -68,11 +68,11 @@ class Driver:
 
     @property
     def has_failed(self) -> bool:
-        """A defect has ended what moves and stops the arm; the node must end."""
+        """True where the thread that moves and stops the arm has ended by a defect; the node must end then."""
         return self._arm.has_failed
 
     def start(self) -> None:
-        """Begin; returns at once. The controller need not be there yet."""
+        """Begin; returns at once. The controller need not be reachable yet."""
         self._set_description()
         prepare_connections()
         self._publishers.start()
@@ -88,7 +88,7 @@ class Driver:
                   self._config.command_port, self._config.status_port, self._config.interface)
 
     def tell_kind(self) -> None:
-        """Say whether the arm is real or simulated, in the log and on a latched topic, whenever that is learnt."""
+        """Tell in the log and on a latched topic whether the arm is real or simulated, whenever that becomes known."""
         is_simulated = self._arm.link_health.is_simulated
         if is_simulated is None or is_simulated is self._is_simulated:
             return
@@ -101,7 +101,7 @@ class Driver:
             _LOG.info("REAL ARM: the controller at %s:%d", self._config.ip, self._config.command_port)
 
     def close(self) -> None:
-        """Stop what this driver moves, answer every pending call, disconnect, give the controller free."""
+        """Stop what this driver moves, answer every pending call, disconnect, and release the controller's lock."""
         self._arm.close()
         self._services.finish_calls(_ANSWER_TIMEOUT_S)
         self._master_watch.close()
@@ -112,7 +112,7 @@ class Driver:
         self._lock.release()
 
     def _set_description(self) -> None:
-        """A URDF that somebody else has set is left alone."""
+        """Set ``robot_description``, unless another program has set it."""
         if not self._config.publish_description:
             return
         urdf = urdf_from_model(self._model, self._config.frame_prefix, self._config.base_frame,
@@ -141,7 +141,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         return _print_urdf(options)
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)  # a log that goes to a file is read while the driver runs
+        sys.stdout.reconfigure(line_buffering=True)  # a log in a file is to be complete while the driver runs
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # there is nothing to stop yet
     try:
         refuse_second_node(resolved_node_name(_NAME, sys.argv))
@@ -168,15 +168,15 @@ def main(argv: Optional[List[str]] = None) -> int:
         driver.tell_kind()
     rospy.signal_shutdown("signal %s" % signals)
     if not drain_log(_DRAIN_TIMEOUT_S):
-        os._exit(0)  # a terminal that does not read any more would keep the process for ever
+        os._exit(0)  # a terminal that does not read any more would keep the process from ending
     return 1 if driver.has_failed else 0
 
 
 def _noted_signals() -> List[int]:
-    """The SIGINT and SIGTERM that come from now on.
+    """A list to which each SIGINT and SIGTERM that comes from now on is added.
 
-    They are noted only: a handler that ended the driver itself, as rospy's does, could wait for a lock that the code
-    it interrupts holds.
+    The handler does no more: one that ended the driver itself, as rospy's does, could wait for a lock that the
+    interrupted code holds.
     """
     noted: List[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -195,7 +195,7 @@ def _print_urdf(options: argparse.Namespace) -> int:
 
 
 def _set_scheduler(priority: int) -> None:
-    """For this thread and those made later."""
+    """Set real-time priority for this thread and those that it starts later."""
     if priority:
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))

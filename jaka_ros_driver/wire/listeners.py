@@ -1,4 +1,4 @@
-"""The listening sockets of the simulated controller, which can be shut and opened again under the same number."""
+"""Listening sockets that can be closed and opened again under the same port number."""
 import selectors
 import socket
 from typing import Dict, Tuple
@@ -7,7 +7,7 @@ _BACKLOG = 16
 
 
 class Listeners:
-    """Listening sockets by port name, registered for reading with the name as their data.
+    """Listening sockets by port name. Each is registered with the selector, with its name as data.
 
     Attributes:
         numbers: Name of a port to its TCP port number.
@@ -42,7 +42,9 @@ class Listeners:
             self._selector.register(listener, selectors.EVENT_READ, port)
 
     def shut(self, port: str) -> None:
-        """Stop listening and keep the number: while it is bound, and not listening, a connect is refused."""
+        """Stop listening and keep the number. The socket stays bound, so that connections are refused and nobody else
+        gets the number.
+        """
         host, listener = self._listeners[port]
         if listener in self._selector.get_map():
             self._selector.unregister(listener)

@@ -1,10 +1,11 @@
-"""A log of every byte in and out, with monotonic time and the arm's joints: MCAP with JSON channels, for Foxglove.
+"""The wire log: every byte in and out with its time, and the arm's joints; an MCAP file with JSON channels, for
+Foxglove.
 
-Channels ``/wire/command``, ``/wire/status``, ``/wire/poll`` hold one message for each piece read or sent; bytes stand
+Channels ``/wire/command``, ``/wire/status``, ``/wire/poll`` hold one message for each piece read or sent. Its bytes are
 in ``data`` as text, one character for each byte (Latin-1), so that nothing is lost and JSON stays readable. ``/joints``
-holds where the arm really was. Times are the host's monotonic clock, ns.
+holds the true joints of a simulated arm. Times are those of the host's monotonic clock, ns.
 
-The log is written by a thread of its own, flushed at least each second and when closed; the package ``mcap`` is
+A thread of its own writes the log, and flushes it at least once a second and when it is closed. The package ``mcap`` is
 imported only when a log is written or read.
 """
 import json
@@ -49,7 +50,7 @@ class WireEvent(NamedTuple):
         port: "command", "status" or "poll".
         connection: Counts the connections, from 1.
         what: "in", "out", "open", "close", "reset" or "half open".
-        data: The bytes; of the others the peer's address.
+        data: The bytes; for the other kinds the peer's address.
     """
 
     time_ns: int
@@ -60,7 +61,7 @@ class WireEvent(NamedTuple):
 
 
 class TrueJoints(NamedTuple):
-    """Where the arm really was.
+    """The true joints of a simulated arm.
 
     Attributes:
         time_ns: Monotonic clock of the host.
@@ -74,7 +75,7 @@ class TrueJoints(NamedTuple):
 
 
 class WireLog:
-    """Writes a wire log; calls return at once."""
+    """Writes a wire log; no method but ``close`` waits for the disk."""
 
     def __init__(self, path: str) -> None:
         """Begin the file.
@@ -135,7 +136,7 @@ class WireLog:
             self.lost += 1
 
     def close(self) -> None:
-        """Write what is left and end the file; says in its metadata how many messages were lost.
+        """Write what is left and end the file. Its metadata tell how many messages were lost.
 
         Raises:
             WireLogError: The file could not be written to its end.
@@ -187,7 +188,8 @@ def _text(time_ns: int, content: Any) -> bytes:
 
 
 def clock_offset_ns(path: str) -> int:
-    """What is to be added to the log's times to get the host's real time, ns since the epoch; 0 where it does not say.
+    """What must be added to the times of a log to get the host's real time, ns since the epoch; 0 where the log does
+    not tell.
 
     Raises:
         WireLogError: The package mcap is missing, or the file cannot be read.

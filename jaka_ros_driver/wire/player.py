@@ -1,4 +1,5 @@
-"""Plays a wire log to a driver: the recorded controller's bytes, at their times or faster, and its replies.
+"""Plays a wire log to a driver: sends the recorded controller's status bytes at their times, or faster, and its
+replies.
 
 ``python3 -m jaka_ros_driver.wire.player LOG.mcap`` prints a line of JSON with its ports, one when the first
 client has connected, and one when all has been played. A port is open while the recorded one was connected. Time
@@ -24,10 +25,10 @@ from jaka_ros_driver.wire.script import Piece, RecordedConnection, WireScript, w
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
 _EARLY_S = 0.05
-"""A port opens so long before its next recorded connection, so that a client that keeps trying finds it in time."""
+"""A port opens this much before its next recorded connection, so that a client that keeps trying finds it in time."""
 _GRACE_S = 2.0
 PATIENCE_S = 5.0
-"""Wall time; then the request is taken for one that this driver does not make."""
+"""s of wall time for which a request is waited for; then the player assumes that this driver does not make it."""
 _IDLE_S = 0.5
 
 
@@ -45,7 +46,9 @@ class _Client:
         self.requests = 0
 
     def end_at(self) -> Optional[float]:
-        """When the connection is to be ended, s: a client that is slower than the recorded one gets a little longer."""
+        """When the connection is to be ended, s of the recording; None for never. A client that has made fewer requests
+        than the recorded one gets ``grace`` more.
+        """
         if self.recorded.ended is None:
             return None
         grace = self._grace if self.requests < self.recorded.requests else 0.0
@@ -53,7 +56,7 @@ class _Client:
 
 
 class Progress(NamedTuple):
-    """How far the play is, for the program's output."""
+    """An event of the replay, for the program's output."""
 
     event: str
     facts: Dict[str, Any]
@@ -63,10 +66,10 @@ class WirePlayer:
     """Serves the ports of a recorded controller.
 
     Args:
-        script: What is played; used up by it.
-        speed: So many times faster than recorded.
+        script: What is played. It can be played once.
+        speed: Factor by which it is played faster than recorded.
         ports: TCP port by name, 0 for a free one.
-        notice: Told when the play begins and ends.
+        notice: Called when the replay begins and when it ends.
 
     Attributes:
         port_numbers: TCP port by name.
@@ -112,7 +115,9 @@ class WirePlayer:
             self._selector.close()
 
     def _now(self) -> float:
-        """s of the recorded log since its first connection."""
+        """Time of the replay, s of the recording since its first connection. It stands still while a request that moves
+        the arm is missing.
+        """
         if self._begin is None:
             return 0.0
         clock = time.monotonic()
@@ -131,7 +136,7 @@ class WirePlayer:
         return before
 
     def _has_come(self, name: str) -> None:
-        """Time goes on where it waited for this request."""
+        """A request has come: time goes on where it waited for this one."""
         for number, cause in enumerate(self._causes):
             if cause.name == name:
                 del self._causes[number]
@@ -150,7 +155,9 @@ class WirePlayer:
 
     @staticmethod
     def _shift(client: _Client) -> float:
-        """Replies have their times from the live request, streams from the recorded connection."""
+        """What is to be added to the times of a client's pieces, s: nothing for replies, which are timed from the live
+        request.
+        """
         return 0.0 if client.recorded.port == "command" else client.shift
 
     def _accept(self, listener: Any, port: str) -> None:
@@ -214,7 +221,7 @@ class WirePlayer:
                                           "unanswered": sorted(set(replies.unanswered))}))
 
     def _is_done(self, now: float) -> bool:
-        """All has been played; a driver that is slower than the recorded one gets a little longer."""
+        """True once everything was played. A driver that is slower than the recorded one gets a little longer."""
         if now < self._script.duration:
             return False
         waits = any(self._coming.values()) or any(client.due or client.requests < client.recorded.requests

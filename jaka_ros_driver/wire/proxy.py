@@ -1,8 +1,8 @@
 """``jaka_sim proxy``: stands between a driver and a real controller, forwards every byte unchanged and logs it.
 
-Both directions of the ports 10001, 10000 and 10004 are forwarded at once (TCP_NODELAY), whatever the bytes are; the
-log is a wire log, as the simulated controller writes it, which ``jaka_bag replay-wire`` plays. When one side ends a
-connection, the other side's is ended too.
+Both directions of the ports 10001, 10000 and 10004 are forwarded at once (TCP_NODELAY), whatever the bytes are. The log
+is a wire log as the simulated controller writes it; ``jaka_bag replay-wire`` plays it. When one side ends a connection,
+the other side's is ended, too.
 """
 import argparse
 import selectors
@@ -47,7 +47,7 @@ class Proxy:
         controller_ports: Its TCP ports by name.
         host: Address to listen on.
         ports: TCP ports to listen on by name, 0 for a free one.
-        log: Where every byte is noted.
+        log: Gets every byte.
 
     Attributes:
         port_numbers: TCP port by name.
@@ -153,7 +153,7 @@ class Proxy:
         self._watch(side)
 
     def _watch(self, side: _Side) -> None:
-        """Read from a side until it has ended; write to it while something is left."""
+        """Wait for bytes of a side until it has ended, and for room while something is unsent to it."""
         events = (0 if side.is_finished else selectors.EVENT_READ) | (selectors.EVENT_WRITE if side.unsent else 0)
         known = side.link in self._selector.get_map()
         if events and known:
@@ -164,7 +164,7 @@ class Proxy:
             self._selector.unregister(side.link)
 
     def _finish(self, side: _Side) -> None:
-        """A side has ended; the other gets what is left first."""
+        """A side has ended; the other one gets what is left before its connection is ended."""
         side.is_finished = True
         if side.peer.unsent:
             self._watch(side)

@@ -1,8 +1,8 @@
 """A wire log as a script: what each connection was sent and when, and the reply to each request. No sockets.
 
-Status bytes go out at their times. The command port answers: the reply to the n-th request of a name is the n-th
-recorded one of that name, byte for byte, after the recorded time. What the arm does after a request that moves it, or
-changes whether it can move, is not shown before that request has come.
+Status bytes are sent at their times. On the command port, the n-th request of a name gets the n-th recorded reply of
+that name, byte for byte, after the recorded time. What the arm does after a request that moves it, or changes whether
+it can move, is not shown before that request has come.
 """
 import json
 from collections import deque
@@ -18,7 +18,7 @@ _ENDS = ("close", "reset", "half open")
 _CAUSES = frozenset((
     "power_on", "power_off", "enable_robot", "disable_robot", "clear_error", "joint_move", "moveL", "movc", "end_move",
     "jog", "servo_move", "stop_program", "torque_control_enable"))
-"""Requests that the feed shows the effect of."""
+"""Requests whose effect shows in the status feed."""
 
 
 class WireScriptError(JakaError):
@@ -38,7 +38,7 @@ class RecordedConnection(NamedTuple):
     Attributes:
         port: "command", "status" or "poll".
         opened: When it was accepted.
-        pieces: What the client was sent; none for the command port, which answers instead.
+        pieces: What the client was sent; empty for the command port, whose replies are in ``Replies``.
         ended: When it ended; None where the log ends first.
         how: "close", "reset" or "half open".
         requests: How many the client made on it.
@@ -53,7 +53,7 @@ class RecordedConnection(NamedTuple):
 
 
 class Reply(NamedTuple):
-    """A recorded reply: so long after its request, s; the bytes."""
+    """A recorded reply: ``after``, s since its request, and its bytes."""
 
     after: float
     data: bytes
@@ -112,7 +112,7 @@ class Replies:
         self.unanswered: List[str] = []
 
     def add(self, name: str, reply: Reply) -> None:
-        """A recorded reply, after those added before."""
+        """Add a recorded reply behind those of its name."""
         self._waiting.setdefault(name, deque()).append(reply)
 
     def next(self, name: str) -> Optional[Reply]:
@@ -137,13 +137,13 @@ class Cause(NamedTuple):
 
 
 class WireScript(NamedTuple):
-    """What a wire log says.
+    """The content of a wire log in the form in which it is played.
 
     Attributes:
         connections: By port, in the order of their acceptance.
-        replies: Of the command port.
-        causes: In the order of their times.
-        duration: To the last event, s.
+        replies: The replies of the command port.
+        causes: Requests that moved the arm or changed whether it can move, in the order of their times.
+        duration: From the first connection to the last event, s.
         start_ns: Time of the first connection, on the log's clock.
     """
 
@@ -194,7 +194,8 @@ def _name(value: Dict[str, Any]) -> str:
 
 
 def _paired(requests: Sequence[Piece], replies: Sequence[Piece]) -> List[Tuple[float, str, Reply]]:
-    """(time of the request, name, reply): the n-th reply of a name belongs to the n-th request of that name.
+    """Pair requests with replies: the n-th reply of a name belongs to the n-th request of that name. Returns (time of
+    the request, s; its name; the reply) for each pair.
 
     A reply that tells no name (a request that the controller did not understand) belongs to the oldest open request.
     """

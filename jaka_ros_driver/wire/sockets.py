@@ -23,7 +23,7 @@ def accept(listener: Any) -> Optional[Tuple[socket.socket, str]]:
 
 
 def prepare(link: socket.socket) -> None:
-    """Non-blocking, and without Nagle's delay."""
+    """Make it non-blocking and turn Nagle's algorithm off."""
     link.setblocking(False)
     link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 

@@ -16,7 +16,7 @@ from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.simulation.arm.events import TargetRejected
-from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.controller import Controller
 from jaka_ros_driver.simulation.controller.controller_state import Options
 from jaka_ros_driver.simulation.controller.firmware import Firmware
@@ -116,7 +116,7 @@ class ControllerRoom:
         now = self.clock.now
         if self._held:
             self._begin_held(now)
-        self.controller.step(CYCLE_TIME)
+        self.controller.step(CYCLE_TIME_S)
         if not self.controller.state.plant.is_moving:
             if self.mover is not NOBODY and self.is_idle:
                 self.mover = NOBODY
@@ -146,7 +146,7 @@ class ControllerRoom:
     # ---- the command port ----
 
     def accepted(self, cable: Cable) -> None:
-        """A client has connected; the newest has the command port (controller protocol 1)."""
+        """A client has connected; the newest has the command port (docs/controller-protocol.md section 1)."""
         if cable.port is not Port.COMMAND:
             return
         for other in self._network.on(Port.COMMAND):

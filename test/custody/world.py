@@ -20,7 +20,7 @@ from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model
-from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.controller_state import Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 
@@ -119,14 +119,14 @@ class World:
         except RuleBroken as error:
             broken = error
             self.note("BROKEN", error)
-        return Result(broken, clock.now - BEGIN, self._judge.cycles_moving * CYCLE_TIME, self._judge.answers,
+        return Result(broken, clock.now - BEGIN, self._judge.cycles_moving * CYCLE_TIME_S, self._judge.answers,
                       self._digest.hexdigest())
 
     def _loop(self) -> None:
         clock, driver = self._clock, self._driver
         run_cycle, judge_cycle, next_due = self._room.cycle, self._judge.cycle, clock.next_due
         cycles = 1
-        next_cycle = BEGIN + CYCLE_TIME
+        next_cycle = BEGIN + CYCLE_TIME_S
         while not self._is_over:
             next_tick = driver.next_tick if clock.now >= driver.paused_until else _NEVER
             due = next_due()
@@ -143,7 +143,7 @@ class World:
                 if self._closing_until is not None:
                     self._say_good_bye()
                 cycles += 1
-                next_cycle = BEGIN + cycles * CYCLE_TIME
+                next_cycle = BEGIN + cycles * CYCLE_TIME_S
 
     def _happens(self, event: Event) -> None:
         if event.at <= self._scenario.length:
@@ -174,10 +174,10 @@ class World:
         """Somebody stops what is still under way; a driver that does not know yet that all is well gets time."""
         def answered(call: Call) -> None:
             if call.error is None:
-                self._clock.after(REST_AFTER_STOP + CYCLE_TIME, self._judge.must_rest)
+                self._clock.after(REST_AFTER_STOP + CYCLE_TIME_S, self._judge.must_rest)
                 self._clock.after(FREE_AFTER, self._judge.must_be_free)
                 self._clock.after(FREE_AFTER, self._judge.must_be_ready)
-                self._clock.after(FREE_AFTER + CYCLE_TIME, self._close)
+                self._clock.after(FREE_AFTER + CYCLE_TIME_S, self._close)
             elif tries > 1:
                 self._clock.after(1.0, lambda: self._last_stop(tries - 1))
             else:

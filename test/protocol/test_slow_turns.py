@@ -15,7 +15,7 @@ from jaka_ros_driver.kinematics.rotations import (
 )
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.framing import encode_object, parse_object
-from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.controller import Controller
 from jaka_ros_driver.simulation.controller.controller_state import Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
@@ -33,8 +33,8 @@ def turned(axis, speed):
     reply = controller.execute(parse_object(encode_object(codec.encode(command)))).reply
     codec.decode(command, parse_object(reply))
     fastest = 0.0
-    for _ in range(int(60.0 / CYCLE_TIME)):
-        controller.step(CYCLE_TIME)
+    for _ in range(int(60.0 / CYCLE_TIME_S)):
+        controller.step(CYCLE_TIME_S)
         fastest = max(fastest, *map(abs, plant.joint_velocity))
     return fastest, rotation_angle_between(begin, transform_from_pose(plant.tcp_pose()))
 

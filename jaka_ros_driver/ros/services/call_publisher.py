@@ -1,4 +1,4 @@
-"""The record of every service call, on a topic: what was asked, by whom, what was answered, and how long it took."""
+"""Publishes a record of every service call: request, caller, response and duration."""
 import io
 import time
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ _QUEUE = 200
 
 
 class Call(NamedTuple):
-    """A call as it arrived: stamp in ROS time, received_at monotonic s."""
+    """A call as it arrived: ``stamp``, ROS time; ``received_at``, monotonic time, s."""
 
     service: str
     srv_type: Any
@@ -22,13 +22,13 @@ class Call(NamedTuple):
 
 
 class CallPublisher:
-    """Publishes ``~service_calls``; costs next to nothing while nobody listens."""
+    """Publishes ``~service_calls``. While nobody subscribes, no message is made."""
 
     def __init__(self) -> None:
         self._publisher = rospy.Publisher("~service_calls", ServiceCall, queue_size=_QUEUE, tcp_nodelay=True)
 
     def answered(self, call: Call, response: Any, outcome: Outcome) -> None:
-        """The call got this response."""
+        """Publish a call that got this response."""
         if self._publisher.get_num_connections():
             message = _message(call)
             message.response = _serialised(response)
@@ -38,7 +38,7 @@ class CallPublisher:
             self._publisher.publish(message)
 
     def failed(self, call: Call, error: str) -> None:
-        """The call got no response but a ROS service error."""
+        """Publish a call that got a ROS service error instead of a response."""
         if self._publisher.get_num_connections():
             message = _message(call)
             message.error = error

@@ -1,4 +1,4 @@
-"""What each service does with the arm, once its request is a command; every method returns an Outcome."""
+"""What each service does with the arm after its request was decoded to a command."""
 import threading
 from dataclasses import dataclass
 from typing import Any, Mapping, Sequence, Union
@@ -29,76 +29,78 @@ class Outcome:
 
 
 class ServiceHandlers:
-    """The driver's services on one arm. Every method raises a JakaError where it fails."""
+    """Carries out the services on one arm. Every method returns an Outcome, and raises a JakaError where it fails."""
 
     def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameTable) -> None:
         self._arm = arm
         self._config = config
         self._frames = frames
         self._settings = threading.Lock()
-        """Of two who set and read back at once, each would see the other's value."""
+        """Two calls that set and read back at the same time would each see the other's value."""
         self._outputs = threading.Lock()
 
     def move(self, command: c.Motion) -> Outcome:
-        """linear_move, joint_move."""
+        """linear_move and joint_move: returns when the arm is there or, unless ``~blocking``, when the move is
+        accepted.
+        """
         self._arm.move(command, wait=self._config.blocking)
         return Outcome("completed: the arm is at the target" if self._config.blocking else "accepted")
 
     def jog(self, command: c.Jog) -> Outcome:
-        """Begin, or keep going."""
+        """jog: begin, or keep the same jog going."""
         self._arm.jog(command)
         return Outcome("jogging; stops %.3g s after the last call" % self._arm.settings.jog_timeout)
 
     def servo_mode(self, active: bool) -> Outcome:
-        """Enter or leave."""
+        """servo_move_enable: enter or leave servo mode."""
         self._arm.set_servo_mode(active)
         return Outcome("in servo mode" if active else "servo mode left")
 
     def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> Outcome:
-        """servo_j, servo_p."""
+        """servo_j and servo_p: take one target."""
         self._arm.servo_target(command)
         return Outcome("accepted")
 
     def stop(self, _: None) -> Outcome:
-        """Delivered at once, whatever else goes on."""
+        """stop_move: sent at once, whatever other calls are under way."""
         self._arm.stop()
         return Outcome("stopped")
 
     def tool_frame(self, command: c.SetToolFrame) -> Outcome:
-        """Store, read back, and make it active as configured."""
+        """set_toolframe: store the frame, read it back and, as configured, make it the active one."""
         with self._frames.changing():
             return Outcome(self._arm.run(
                 lambda core: settings.set_tool_frame(core, command, self._config.activates_frames), exclusive=True))
 
     def user_frame(self, command: c.SetUserFrame) -> Outcome:
-        """As tool_frame."""
+        """set_userframe: as ``tool_frame``."""
         with self._frames.changing():
             return Outcome(self._arm.run(
                 lambda core: settings.set_user_frame(core, command, self._config.activates_frames), exclusive=True))
 
     def payload(self, payload: Payload) -> Outcome:
-        """Select the tool, set its load, read it back."""
+        """set_payload: select the tool, set its load, read it back."""
         return Outcome(self._arm.run(
             lambda core: settings.set_payload(core, payload.tool_id, payload.load), exclusive=True))
 
     def hand_guiding(self, active: bool) -> Outcome:
-        """drag_mode; switching it off is served at any time."""
+        """drag_mode: switch hand guiding; off is served at any time."""
         return Outcome(self._arm.run(lambda core: settings.set_hand_guiding(core, active), exclusive=active))
 
     def collision_level(self, level: int) -> Outcome:
-        """Set and read back."""
+        """set_collisionlevel: set it and read it back."""
         with self._settings:
             return Outcome(self._arm.run(lambda core: settings.set_collision_level(core, level)))
 
     def output(self, command: Union[c.SetDigitalOutput, c.SetAnalogOutput]) -> Outcome:
-        """set_io: set and read back."""
+        """set_io: set the output and read it back."""
         set_output = (settings.set_digital_output if isinstance(command, c.SetDigitalOutput)
                       else settings.set_analog_output)
         with self._outputs:
             return Outcome(self._arm.run(lambda core: set_output(core, command)))
 
     def read(self, terminal: Terminal) -> Outcome:
-        """get_io: from the status feed; an output that it does not carry is asked for."""
+        """get_io: the value in the status feed; an output that the feed does not contain is asked for."""
         values = _bank_values(self._arm.fresh_state(), terminal)
         if values is not None:
             if terminal.index >= len(values):
@@ -110,7 +112,9 @@ class ServiceHandlers:
         return Outcome(str(terminal), float(self._arm.execute(query(terminal.bank, terminal.index))))
 
     def clear_error(self, _: None) -> Outcome:
-        """Clears what can be cleared; says what is still missing before the arm can move, and does none of that."""
+        """clear_err: clear what can be cleared, and tell what is still missing before the arm can move; nothing of that
+        is done.
+        """
         missing = self._arm.run(power.clear_error)
         if not missing:
             return Outcome("alarms cleared; the arm is ready")
@@ -120,21 +124,21 @@ class ServiceHandlers:
         return Outcome("alarms cleared; to move the arm: %s" % ", ".join(missing))
 
     def power(self, on: bool) -> Outcome:
-        """Energise the drives, or not; returns when the arm reports it."""
+        """power: switch the power of the drives; returns when the arm reports it."""
         self._arm.run(lambda core: power.set_power(core, on))
         return Outcome("power on" if on else "power off")
 
     def enable(self, on: bool) -> Outcome:
-        """Open the brakes and hold torque, or not; returns when the arm reports it."""
+        """enable: release or engage the brakes; returns when the arm reports it."""
         self._arm.run(lambda core: power.set_enabled(core, on))
         return Outcome("enabled" if on else "disabled")
 
     def forward(self, command: c.ForwardKinematics) -> Outcome:
-        """get_fk, by the controller: with its active tool and user frame."""
+        """get_fk: computed by the controller, with its active tool and user frame."""
         return Outcome("pose of the active tool in the active user frame", self._arm.execute(command))
 
     def inverse(self, command: c.InverseKinematics) -> Outcome:
-        """get_ik, by the controller, likewise."""
+        """get_ik: computed by the controller, with its active tool and user frame."""
         return Outcome("solution nearest to the reference", self._arm.execute(command))
 
 

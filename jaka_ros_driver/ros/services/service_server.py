@@ -1,7 +1,7 @@
-"""A rospy service that knows more than one definition of its type, and how many calls are under way.
+"""A rospy service for clients that were built with different definitions of its type; it counts the calls under way.
 
-rospy accepts a caller by the md5 of the definition that it was built with. Where clients exist that were built with
-another definition, their connections get a request class of their own.
+rospy compares the md5 of the definition with which a client was built. A connection of a client that was built with
+another known definition gets that definition's request class.
 """
 import contextlib
 import logging
@@ -18,7 +18,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class CallCount:
-    """How many calls are under way."""
+    """Counts the calls under way."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -26,7 +26,7 @@ class CallCount:
 
     @contextlib.contextmanager
     def one(self) -> Iterator[None]:
-        """One call, from its request to its reply."""
+        """A context that lasts from a call's request to its reply."""
         with self._changed:
             self._count += 1
         try:
@@ -37,7 +37,7 @@ class CallCount:
                 self._changed.notify_all()
 
     def wait_for_none(self, timeout: float) -> bool:
-        """Wait, s; False when there are still some."""
+        """Wait until none is under way, at most ``timeout`` s; False when there are still some."""
         with self._changed:
             return self._changed.wait_for(lambda: self._count == 0, timeout)
 
@@ -52,16 +52,16 @@ class ServiceServer(rospy.Service):
         Args:
             name: As rospy takes it.
             srv_type: The generated type.
-            handler: Request to response; runs in the connection's thread.
-            calls: Counts.
-            other_types: Other definitions of the type; their requests must do for the handler.
+            handler: Takes the request and returns the response; runs in the connection's thread.
+            calls: Counts the calls.
+            other_types: Other definitions of the type; the handler must be able to take their requests.
         """
         self._calls = calls
         self._other: Dict[str, Any] = {other._md5sum: other for other in other_types}
         super().__init__(name, srv_type, handler)
 
     def accept(self, sock: Any, header: Dict[str, str]) -> bool:
-        """Take a connection of a client built with another definition; False where it is none of those."""
+        """Take a connection of a client that was built with one of the other definitions; False where it was not."""
         other = self._other.get(header.get("md5sum", ""))
         if other is None:
             return False
@@ -90,7 +90,9 @@ class ServiceServer(rospy.Service):
         transport.connection.is_idle_now()
 
     def _write_service_error(self, transport: Any, err_msg: str) -> None:
-        """Also where the response could not be serialised: what of it was must not precede the next response."""
+        """Send an error. A response that could be serialised only in part is discarded first; it would precede the next
+        one.
+        """
         if transport.write_buff is not None:
             transport.write_buff.seek(0)
             transport.write_buff.truncate(0)
@@ -100,8 +102,8 @@ class ServiceServer(rospy.Service):
 def prepare_connections() -> None:
     """Change how this process takes connections; call once, after init_node.
 
-    Services look at a connection before rospy compares its md5, and no number of connections, whatever they say or do
-    not say, keeps out who wants to stop the arm.
+    Services see a connection before rospy compares its md5, and no number of connections keeps out a client that wants
+    to stop the arm.
     """
     keep_serving(_service_connection)
 

@@ -1,7 +1,7 @@
-"""The services: one table, and one way from a call to its reply and its evidence.
+"""The table of all services, and the way from a call to its response and its record.
 
-A refusal or failure is a reply, never a lost exception; only where a type has no field for it (stop_move) does the
-call fail as a ROS service error.
+A refusal or failure is told in the response. Only where a type has no field for it (stop_move) does the call fail with
+a ROS service error.
 """
 import logging
 import time
@@ -38,50 +38,52 @@ FLOAT32_MAX = 3.4028234663852886e38
 
 
 def as_ret(response: Any, outcome: Outcome, is_vendor: bool) -> None:
-    """``ret`` 1 or 0, and ``message`` (interface document 4.1)."""
+    """Set ``ret``, 1 or 0, and ``message`` (docs/interface.md section 4.1)."""
     response.ret = int(outcome.is_success)
     response.message = outcome.message
 
 
 def as_success(response: Any, outcome: Outcome, is_vendor: bool) -> None:
-    """std_srvs/SetBool."""
+    """Set the fields of std_srvs/SetBool."""
     response.success = outcome.is_success
     response.message = outcome.message
 
 
 def as_exception(response: Any, outcome: Outcome, is_vendor: bool) -> None:
-    """std_srvs/Empty has no field to tell a failure.
+    """Raise on failure: std_srvs/Empty has no field to tell it.
 
     Raises:
-        rospy.ServiceException: It failed.
+        rospy.ServiceException: The call failed.
     """
     if not outcome.is_success:
         raise rospy.ServiceException(outcome.message)
 
 
 def as_value(response: Any, outcome: Outcome, is_vendor: bool) -> None:
-    """get_io has no ``ret``: NaN, and a message that begins with ``error:`` (interface document 4.1)."""
+    """Set the fields of get_io, which has no ``ret``: a failure is NaN and a message that begins with ``error:``
+    (docs/interface.md section 4.1).
+    """
     response.message = outcome.message if outcome.is_success else "error: " + outcome.message
     response.value = outcome.value if outcome.is_success else VENDOR_IO_FAILURE if is_vendor else float("nan")
 
 
 def as_pose(response: Any, outcome: Outcome, is_vendor: bool) -> None:
-    """get_fk: empty on failure."""
+    """Set the fields of get_fk; the pose is empty on failure."""
     response.message = outcome.message
     response.cartesian_pose = wire_pose(outcome.value) if outcome.is_success else _no_numbers(is_vendor)
 
 
 def as_joints(response: Any, outcome: Outcome, is_vendor: bool) -> None:
-    """get_ik: empty on failure."""
+    """Set the fields of get_ik; the joints are empty on failure."""
     response.message = outcome.message
     response.joint = outcome.value if outcome.is_success else _no_numbers(is_vendor)
 
 
 def require_float32(value: Any) -> None:
-    """Refuse a result that the response's float32 cannot hold: serialising it would end the call without a reason.
+    """Raise where the response's float32 cannot hold a result: serialising it would end the call without telling why.
 
     Raises:
-        ProtocolError: It holds such a number, or none where one is due.
+        ProtocolError: It holds such a number, or something else than numbers.
     """
     numbers = wire_pose(value) if isinstance(value, Pose) else value if isinstance(value, (tuple, list)) else (value,)
     if not all(isinstance(number, (int, float)) and -FLOAT32_MAX <= number <= FLOAT32_MAX for number in numbers):
@@ -93,13 +95,14 @@ def _no_numbers(is_vendor: bool) -> Tuple[float, ...]:
 
 
 class ServiceSpec(NamedTuple):
-    """One service: its name, its type, and how requests and outcomes map.
+    """One service: its name, its type, how its request is decoded, what it does, and how its outcome is reported.
 
     Attributes:
-        name: Below the node's own name.
-        srv_type: The generated type.
-        to_command: Pure: checks shape and enums, changes units, raises InvalidCommand.
-        perform: Does it, raises a JakaError.
+        name: Its name in the node's private namespace.
+        srv_type: The generated service type.
+        to_command: Decodes the request: checks shapes and enums, changes units, raises InvalidCommand. It does nothing
+            else.
+        perform: Carries the command out; raises a JakaError where that fails.
         report: Writes the outcome into the response.
     """
 
@@ -133,7 +136,7 @@ SERVICES: Tuple[ServiceSpec, ...] = (
     ServiceSpec("enable", SetBool, RequestDecoder.switch, ServiceHandlers.enable, as_success),
 )
 OTHER_DEFINITIONS: Dict[Any, Tuple[Any, ...]] = {ServoMove: (ServoMoveWithSpeed,)}
-"""Definitions under which clients may have been built, besides the one of jaka_msgs."""
+"""For a type of jaka_msgs: other definitions with which clients may have been built."""
 
 
 class Services:
@@ -147,14 +150,14 @@ class Services:
         self._servers: List[ServiceServer] = []
 
     def offer(self) -> None:
-        """Register all of them."""
+        """Register all services."""
         for spec in SERVICES:
             self._servers.append(ServiceServer(
                 "~" + spec.name, spec.srv_type, self._handler(spec), self._calls,
                 OTHER_DEFINITIONS.get(spec.srv_type, ())))
 
     def finish_calls(self, timeout: float) -> None:
-        """Wait until every call under way has been answered, s at most."""
+        """Wait until every call under way is answered, at most ``timeout`` s."""
         if not self._calls.wait_for_none(timeout):
             _LOG.warning("some service calls were not answered before the driver shut down")
 

@@ -1,6 +1,6 @@
-"""The maker's own definition of ServoMove.srv, as it is on the wire, beside the one of jaka_msgs.
+"""The maker's own definition of ServoMove.srv, for clients that were built with it.
 
-It has a second request field ``float32[] speed``, which its driver does not use (interface document 5)::
+It has a second request field ``float32[] speed``, which its driver does not use (docs/interface.md section 5)::
 
     float32[] pose
     float32[] speed
@@ -17,7 +17,7 @@ from jaka_msgs.srv import ServoMove, ServoMoveRequest, ServoMoveResponse
 
 
 class ServoMoveWithSpeedRequest(genpy.Message):
-    """pose, and speed: read and kept for the record, not used."""
+    """The request: ``pose``, and ``speed``, which is kept for the record of the call and not used."""
 
     _type = ServoMoveRequest._type
     _md5sum = "0da71b9828204eece05ec950e45db9d9"
@@ -48,7 +48,7 @@ class ServoMoveWithSpeedRequest(genpy.Message):
 
 
 class ServoMoveWithSpeed:
-    """The service type of that definition."""
+    """The service type with that request."""
 
     _type = ServoMove._type
     _md5sum = "ea058e08a9ca2790743a486fd4bfb151"

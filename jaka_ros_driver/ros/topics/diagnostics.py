@@ -20,18 +20,20 @@ from jaka_ros_driver.units import s_to_ms
 _LOG = logging.getLogger(__name__)
 
 OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
-PERIOD = 1.0
+PERIOD_S = 1.0
 _SLOW_FEED = 0.95
-"""Part of the wanted rate below which the feed is reported as slow."""
-_MAX_JITTER = 0.004
+"""Share of the wanted rate below which the feed is reported as slow."""
+_MAX_JITTER_S = 0.004
 _WARM, _HOT = 70.0, 80.0
-"""deg C of a joint or the cabinet. No source gives a limit: the controller itself decides; these point it out."""
+"""deg C of a joint or the cabinet, above which a warning or an error is reported. No source gives limits; the
+controller itself protects the arm.
+"""
 
 Task = Callable[[DiagnosticStatusWrapper], None]
 
 
 class Diagnostics:
-    """Reports once a second, from a thread of its own; one task that fails says so and silences no other."""
+    """Reports once a second in a thread of its own. A check that fails is reported and does not affect the others."""
 
     def __init__(self, arm: ArmClient, config: DriverConfig, model_check: ModelCheck) -> None:
         self._arm = arm
@@ -54,17 +56,17 @@ class Diagnostics:
         self._thread.start()
 
     def close(self) -> None:
-        """Report no more."""
+        """Stop reporting."""
         self._closing.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def _run(self) -> None:
-        while not self._closing.wait(PERIOD):
+        while not self._closing.wait(PERIOD_S):
             self._name_hardware(self._arm.link_health.is_simulated)
             try:
                 self._updater.force_update()
-            except Exception:  # one message that cannot be sent must not be the last one
+            except Exception:  # a message that cannot be sent must not end the thread
                 _LOG.exception("diagnostics")
 
     def _name_hardware(self, is_simulated: Optional[bool]) -> None:
@@ -129,7 +131,7 @@ class Diagnostics:
             status.summary(WARN, "%d damaged frames in the last second" % damaged_now)
         elif health.rate < _SLOW_FEED * self._config.publish_rate:
             status.summary(WARN, "slow: %.1f Hz" % health.rate)
-        elif health.jitter > _MAX_JITTER:
+        elif health.jitter > _MAX_JITTER_S:
             status.summary(WARN, "jitter %.1f ms" % s_to_ms(health.jitter))
         else:
             status.summary(OK, "%.1f Hz" % health.rate)
@@ -247,7 +249,7 @@ def _guarded(name: str, task: Task) -> Callable[[DiagnosticStatusWrapper], Diagn
     def run(status: DiagnosticStatusWrapper) -> DiagnosticStatusWrapper:
         try:
             task(status)
-        except Exception as error:  # one broken check must not silence the others
+        except Exception as error:  # a check that fails must not affect the others
             _LOG.exception("diagnostic task %s", name)
             status.summary(ERROR, "this check failed: %r" % error)
         return status

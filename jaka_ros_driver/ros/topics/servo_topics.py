@@ -1,6 +1,7 @@
 """Servo targets by topic: streaming without the cost of a service call each.
 
-Targets are absolute and SI in both interfaces. A refused one moves nothing; the refusal is logged and counted.
+Targets are absolute and in SI units in both interfaces. A refused target moves nothing; the refusal is logged and
+counted.
 """
 from typing import Any, Callable
 
@@ -13,7 +14,7 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 
-_LOG_PERIOD = 1.0
+_LOG_PERIOD_S = 1.0
 
 
 class ServoTopics:
@@ -26,7 +27,7 @@ class ServoTopics:
         self.refused = 0
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Subscribe."""
         for name, kind, to_command in (("~servo_j_command", JointState, self._decoder.servo_joint_topic),
                                        ("~servo_p_command", PoseStamped, self._pose_target)):
             rospy.Subscriber(name, kind, self._taker(name, to_command), queue_size=1, tcp_nodelay=True)
@@ -41,5 +42,5 @@ class ServoTopics:
                 self._arm.servo_target(to_command(message))
             except JakaError as error:
                 self.refused += 1
-                rospy.logwarn_throttle(_LOG_PERIOD, "%s: %s" % (name, error))
+                rospy.logwarn_throttle(_LOG_PERIOD_S, "%s: %s" % (name, error))
         return take

@@ -1,4 +1,4 @@
-"""ROS time of what arrived at a monotonic time."""
+"""ROS time for what arrived at a given monotonic time."""
 import logging
 import time
 from typing import Callable
@@ -16,8 +16,8 @@ _SET_BACK_NS = NS_PER_S
 class StampClock:
     """Turns arrival times into stamps that strictly increase.
 
-    Small steps back of the system's clock are bridged by steps of 1 us. One of more than 1 s means that the clock was
-    set: then the stamps follow it, and a warning tells so.
+    While the system's clock goes back by up to 1 s, stamps go on in steps of 1 us. A larger step back means that the
+    clock was set: then the stamps follow it, and a warning is logged.
     """
 
     def __init__(self, now: Callable[[], rospy.Time] = rospy.Time.now,
@@ -27,7 +27,7 @@ class StampClock:
         self._last = 0
 
     def stamp(self, received_at: float) -> rospy.Time:
-        """The ROS time of the monotonic time ``received_at``, s; later than the one before."""
+        """The ROS time for the monotonic time ``received_at``, s; later than the stamp before."""
         ago = self._monotonic() - received_at
         nanoseconds = max(0, self._now().to_nsec() - int(ago * NS_PER_S))
         if nanoseconds <= self._last:

@@ -1,6 +1,6 @@
-"""The state topics and transforms: every new sample as it arrives, in the thread of the arm's client.
+"""Publishes the state topics and transforms for every new sample as it arrives, in the thread of the arm's client.
 
-Nothing is published of a state that is stale, or while the status link is down.
+Nothing is published while the newest state is stale or the status link is down.
 """
 from typing import Any, List, NamedTuple, Optional
 
@@ -22,12 +22,12 @@ from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
 from jaka_ros_driver.state import RobotState, Vector
 
 _QUEUE = 10
-_EARLY = 0.0005
-"""s; a repeat is due when this little is left to wait: the timer's own grain."""
+_EARLY_S = 0.0005
+"""s; a repeat is published this much early at most, because the timer is no more exact."""
 
 
 class Sample(NamedTuple):
-    """The messages of one status frame, ready to be published once more."""
+    """The messages of one status frame, kept so that they can be published again."""
 
     received_at: float
     tool_position: Optional[TwistStamped]
@@ -36,7 +36,7 @@ class Sample(NamedTuple):
 
 
 class FrameNames:
-    """Names of the frames, prefix included."""
+    """Names of the tf frames, with their prefix."""
 
     def __init__(self, config: DriverConfig) -> None:
         self.prefix = config.frame_prefix
@@ -45,12 +45,14 @@ class FrameNames:
         self.tool = config.frame_prefix + config.tool_frame
 
     def user(self, user_frame_id: Optional[int]) -> str:
-        """The user frame's; id 0 is the base."""
+        """The name of a user frame; id 0 is the base."""
         return self.base if not user_frame_id else "%suser_frame_%d" % (self.prefix, user_frame_id)
 
 
 class StatePublishers(LoopTask):
-    """Publishes what the status feed tells; ``start`` begins. As a task of the client's thread it fills a slow feed."""
+    """Publishes what the status feed tells, from ``start`` on. As a task of the client's thread it repeats samples of a
+    slow feed.
+    """
 
     def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameTable) -> None:
         self._arm = arm
@@ -75,12 +77,12 @@ class StatePublishers(LoopTask):
         self._arm.add_task(self)
 
     def due(self) -> Optional[float]:
-        """When the newest sample is to be published once more, monotonic s; None while the feed is fast enough."""
+        """When the newest sample is to be published again, monotonic time, s; None while the feed is fast enough."""
         due = self._repeater.next_repeat()
-        return None if due is None or self._newest is None else due - _EARLY
+        return None if due is None or self._newest is None else due - _EARLY_S
 
     def run(self, now: float) -> None:
-        """Fill a slow feed up, with the newest sample and its own stamp, as long as that is not stale."""
+        """Publish the newest sample again, with its own stamp, unless it is stale."""
         newest = self._newest
         if newest is None or now - newest.received_at > self._config.stale_after or (
                 not self._arm.link_health.status_is_up):

@@ -1,4 +1,4 @@
-"""From the rate of the status feed to the wanted one: when to repeat the newest sample, which samples to leave out."""
+"""Adapts the rate of the status feed to the wanted one: when to repeat the newest sample, which ones to leave out."""
 from collections import deque
 from typing import Deque, Optional
 
@@ -8,10 +8,11 @@ _SLOW = 1.05
 
 
 class StateRepeater:
-    """Counts publications against the wanted rate; pure, it is told the time.
+    """Tells when the newest sample is to be repeated so that the wanted rate is kept. The caller tells the time.
 
     A feed counts as slow when both mean and median of its last intervals are more than 5 % above the period: jitter
-    moves the median, a single stall the mean, only a slow feed both. A feed at the full rate is never filled.
+    changes the median, a single stall the mean, only a slow feed both. Samples of a feed at the full rate are never
+    repeated.
     """
 
     def __init__(self, period: float) -> None:
@@ -35,18 +36,18 @@ class StateRepeater:
         self._credit -= 1.0
 
     def repeated(self, now: float) -> None:
-        """The newest sample has been published once more."""
+        """The newest sample has been published again."""
         self._count(now)
         self._credit -= 1.0
 
     def next_repeat(self) -> Optional[float]:
-        """When the newest sample is to be published once more; None while the feed is fast enough."""
+        """When the newest sample is to be published again, s of the caller's clock; None while the feed is fast."""
         if not self._is_slow:
             return None
         return self._counted_at + (1.0 - self._credit) * self._period
 
     def forget(self) -> None:
-        """The feed has ended; nothing is known of the next one."""
+        """Forget the rate: the feed has ended."""
         self._arrivals.clear()
         self._is_slow = False
 
@@ -56,19 +57,19 @@ class StateRepeater:
 
 
 class StateThinner:
-    """Leaves samples out where fewer are wanted than come; pure, it is told the time.
+    """Tells which samples to leave out where the feed is faster than the wanted rate. The caller tells the time.
 
-    The driver itself always looks at the whole feed: custody of a moving arm does not depend on what is published.
+    This concerns what is published only; the driver itself uses every sample of the feed.
     """
 
     def __init__(self, period: float, feed_period: float) -> None:
-        """Periods of what is published and of the feed, s."""
+        """period: wanted, s. feed_period: of the feed, s."""
         self._period = period
         self._takes_all = period <= _SLOW * feed_period
         self._due = float("-inf")
 
     def takes(self, now: float) -> bool:
-        """Whether the sample that arrives now is published. Jitter of a quarter of a period changes nothing."""
+        """Whether the sample that arrives now is to be published. Jitter of a quarter of a period has no effect."""
         if self._takes_all:
             return True
         if now < self._due - 0.25 * self._period:

@@ -6,14 +6,14 @@ from jaka_ros_driver.state import RobotState, Vector
 
 _WINDOW = 8
 _TIMING_WINDOW = 32
-_GAP = 0.1
-"""s; across a longer gap nothing is known of the velocity."""
+_GAP_S = 0.1
+"""s; after a longer gap between samples the estimate begins anew."""
 
 
 class VelocityEstimate:
     """Slope of the least-squares line through the last 8 samples: a filtered difference, about 30 ms late at 125 Hz.
 
-    Samples are taken for equidistant, at the mean interval of the last 32: arrival times jitter, the controller's
+    Samples are assumed to be equidistant, with the mean interval of the last 32: arrival times jitter, the controller's
     cycle does not.
     """
 
@@ -23,7 +23,7 @@ class VelocityEstimate:
 
     def update(self, state: RobotState) -> Optional[Vector]:
         """The velocity at this sample, rad/s, shape (6,); None until there are enough samples."""
-        if self._arrivals and state.received_at - self._arrivals[-1] > _GAP:
+        if self._arrivals and state.received_at - self._arrivals[-1] > _GAP_S:
             self._positions.clear()
             self._arrivals.clear()
         self._positions.append(state.joint_position)

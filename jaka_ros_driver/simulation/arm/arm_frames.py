@@ -1,4 +1,4 @@
-"""The arm's geometry as motion needs it: the active tool and user frame around the kinematics of the flange."""
+"""Kinematics of the active tool in the active user frame, on top of the kinematics of the flange."""
 import math
 from typing import Optional, Sequence, Tuple
 
@@ -24,12 +24,12 @@ from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.state import Vector
 
 LIMIT_TOLERANCE = 1e-5
-"""rad; a joint this near to its soft limit stands on it."""
+"""rad; a joint that is no farther than this from its soft limit counts as being on it."""
 
 SAME_ANGLE = 1e-6
-"""rad; a target this near to where the arm will be is where it will be."""
+"""rad; a target that differs by less from where the arm will be counts as the same place."""
 
-_FOLLOWED = 0.3  # rad; where only iteration solves, an answer this near to the reference is on its branch
+_FOLLOWED = 0.3  # rad; an iterative solution that is no farther than this from the reference counts as the same branch
 
 
 def finite_six(what: str, values: Sequence[float]) -> Vector:
@@ -94,9 +94,9 @@ class ArmFrames:
         return compose(self.base_t_user, checked_transform(pose))
 
     def displaced(self, base_t_tool: Transform, increment: Pose) -> Transform:
-        """The tool moved by an increment along, and turned about, the axes of the active user frame.
+        """The pose ``start``, moved along and turned about the axes of the active user frame by an increment.
 
-        Controller protocol 5.4.1: increments add along the axes in which the pose is reported.
+        docs/controller-protocol.md section 5.4.1: increments add along the axes in which the pose is reported.
 
         Raises:
             TargetRejected: Not six finite numbers.
@@ -113,14 +113,18 @@ class ArmFrames:
         return rotated(self.base_t_user, vector)
 
     def nearest_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Optional[Vector]:
-        """Joints that bring the active tool there, nearest to the reference, limits not looked at; None if none do."""
+        """Joints, rad (6,), that bring the active tool there: the solution nearest to the reference. Joint limits are
+        not checked. None if the pose is out of reach.
+        """
         return nearest_joints(self.model, compose(base_t_tool, self.tool_t_flange), reference)
 
     def reachable_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Vector:
-        """Joints within the limits that bring the active tool there, nearest to the reference.
+        """Joints within their limits, rad (6,), that bring the active tool there: the solution nearest to the
+        reference.
 
         Raises:
-            TargetRejected: Out of reach (0x0F0017), or reachable beyond the joint limits only (0x0F0011).
+            TargetRejected: The pose is out of reach (0x0F0017), or reachable only with a joint outside its limits
+                (0x0F0011).
         """
         try:
             return inverse(self.model, compose(base_t_tool, self.tool_t_flange), reference)
@@ -130,7 +134,7 @@ class ArmFrames:
             raise TargetRejected(events.TARGET_UNREACHABLE, str(error)) from error
 
     def joint_outside(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
-        """The first joint beyond its limits and whether beyond the upper one; None if all are within."""
+        """The first joint outside its limits, and True where it is above the upper one; None if all are within."""
         for joint, (value, (low, high)) in enumerate(zip(joint_position, self.model.joint_limits)):
             if value > high + 1e-9:
                 return joint, True
@@ -139,7 +143,7 @@ class ArmFrames:
         return None
 
     def joint_on_limit(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
-        """The first joint on a soft limit and whether on the upper one; None if none is."""
+        """The first joint on a soft limit, and True where that is the upper one; None if there is none."""
         for joint, (value, (low, high)) in enumerate(zip(joint_position, self.model.joint_limits)):
             if value > high - LIMIT_TOLERANCE:
                 return joint, True
@@ -167,7 +171,9 @@ def turned(matrix: Sequence[float], rotation_vector: Sequence[float], position: 
 
 
 def nearest_joints(model: ArmModel, base_t_flange: Transform, reference: Sequence[float]) -> Optional[Vector]:
-    """Joints that bring the flange there, limits not looked at, nearest to the reference; None if out of reach."""
+    """Joints, rad (6,), that bring the flange there: the solution nearest to the reference. Joint limits are not
+    checked. None if the pose is out of reach.
+    """
     if not model.has_closed_form:
         followed = refine(model, base_t_flange, reference)
         if followed is not None and all(abs(a - b) < _FOLLOWED for a, b in zip(followed, reference)):
@@ -186,5 +192,5 @@ def nearest_joints(model: ArmModel, base_t_flange: Transform, reference: Sequenc
 
 
 def same_joints(a: Vector, b: Vector) -> bool:
-    """True where two joint positions are one for a move."""
+    """True where two joint positions, rad (6,), differ by less than ``SAME_ANGLE`` in every joint."""
     return all(abs(x - y) < SAME_ANGLE for x, y in zip(a, b))

@@ -1,4 +1,4 @@
-"""Bringing joints that move in any way to rest: servo mode left, hand guiding left, a path that broke off."""
+"""Brings moving joints to rest: after servo mode or hand guiding was left, or a path broke off."""
 from typing import List, Sequence
 
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -6,12 +6,13 @@ from jaka_ros_driver.state import Vector
 
 
 class Coast:
-    """All joints slow down together, the fastest as hard as its acceleration limit allows, harder before a soft limit.
+    """All joints slow down together. The fastest one brakes at its acceleration limit, and harder where it would
+    otherwise pass a soft limit.
 
     Attributes:
-        joints: Where the arm is, rad (6,).
-        end_joints: Where it will stand, rad (6,).
-        is_done: True when it stands.
+        joints: Where the arm is now, rad (6,).
+        end_joints: Where it will come to rest, rad (6,).
+        is_done: True once it is at rest.
     """
 
     def __init__(self, model: ArmModel, joints: Vector, velocity: Sequence[float]) -> None:

@@ -1,4 +1,6 @@
-"""What the arm can report while it moves: entries of the controller's event list (controller protocol 4.4)."""
+"""What the arm can report while it moves: entries of the controller's event list (docs/controller-protocol.md
+section 4.4).
+"""
 from typing import NamedTuple, Optional
 
 from jaka_ros_driver.errors import JakaError
@@ -54,10 +56,10 @@ class PlantEvent(NamedTuple):
 
 
 class TargetRejected(JakaError):
-    """A motion the arm can't take: nothing was queued, nothing is latched, the next valid motion runs.
+    """The arm cannot run this motion. Nothing was queued and no error is latched: the next valid motion runs.
 
     Attributes:
-        event_code: The event that says why (controller protocol 4.4), e.g. 0x0F0017.
+        event_code: The event that says why (docs/controller-protocol.md section 4.4), e.g. 0x0F0017.
         reason: Why, in words.
     """
 

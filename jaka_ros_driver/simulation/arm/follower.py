@@ -1,4 +1,4 @@
-"""Runs one route: speed changes, pauses and stops along it, never beside it."""
+"""Moves the arm along one route; speed changes, pauses and stops stay on the route."""
 from typing import Optional, Sequence
 
 from jaka_ros_driver.simulation.arm import events
@@ -8,7 +8,7 @@ from jaka_ros_driver.simulation.arm.profiles import Profile, stopping_way
 from jaka_ros_driver.simulation.arm.routes import Route
 from jaka_ros_driver.state import Vector
 
-_OVERSPEED = 1.05  # a joint faster than its limit by this factor means that the path runs into a singularity
+_OVERSPEED = 1.05  # a joint that exceeds its speed limit by this factor means that the path runs into a singularity
 _NO_CHANGE = 1e-9
 
 
@@ -18,8 +18,8 @@ class Follower:
     Attributes:
         route: What is followed.
         joints: Where the arm is on it, rad (6,).
-        is_ending: True once it was told to stop for good.
-        fault: Set where the path turned out not to be passable; the joints then are those before it.
+        is_ending: True once ``end`` was called.
+        fault: Set where the arm cannot go on along the path; ``joints`` then are those before that place.
     """
 
     def __init__(self, route: Route, max_joint_speed: Sequence[float], jerk_limited: bool) -> None:
@@ -34,12 +34,12 @@ class Follower:
 
     @property
     def way(self) -> float:
-        """Parameter of the route where the arm is."""
+        """Where the arm is: the parameter of the route."""
         return self._profile.position
 
     @property
     def speed(self) -> float:
-        """Of the parameter."""
+        """Rate of the parameter, per s."""
         return self._profile.velocity
 
     @property
@@ -53,7 +53,9 @@ class Follower:
         return self.way >= self.route.length
 
     def take_limits_of(self, route: Route) -> bool:
-        """Go on along a route of the same geometry with its limits; False where it is another, or ends too soon."""
+        """Continue with the limits of ``route``. False, and no change, where its geometry differs or it ends before the
+        arm can stop.
+        """
         needed = stopping_way(self.speed, route.stopping_acceleration(self.way, 0.0), self._profile.jerk_time)
         here = route.joints_at(self.way, self.joints)
         if route.length <= self.way + needed or here is None or not same_joints(here, self.joints):
@@ -62,16 +64,16 @@ class Follower:
         return True
 
     def end(self) -> Vector:
-        """Slow down for good; returns the joints where it will stand."""
+        """Slow down and stop for good; returns the joints where the arm will come to rest, rad (6,)."""
         self.is_ending = True
         return self.joints_at_rest(self._brake())
 
     def joints_at_rest(self, way: float) -> Vector:
-        """Joints at a parameter ahead; those at hand where it has none."""
+        """Joints at a parameter ahead, rad (6,); the present ones where the route has no solution there."""
         return self.route.joints_at(way, self.joints) or self.joints
 
     def _brake(self) -> float:
-        """Slow down along the path; returns the parameter where it will stand."""
+        """Slow down along the path; returns the parameter where the arm will come to rest."""
         self._is_braking = True
         self._aimed_at = (-1.0, -1.0, -1.0)
         profile, route = self._profile, self.route
@@ -85,9 +87,9 @@ class Follower:
         return where
 
     def step(self, dt: float, rate: float) -> Vector:
-        """One cycle at a share of the speed; returns the joints.
+        """Run one cycle of ``dt`` s at ``rate`` (0 to 1) of the programmed speed; returns the joints, rad (6,).
 
-        Rate 0 slows down to a standstill and waits; a higher rate goes on once the standstill is reached.
+        Rate 0 slows down to a standstill and waits there. A later rate above 0 takes effect once the arm stands.
         """
         if not self.is_ending:
             self._steer(rate)

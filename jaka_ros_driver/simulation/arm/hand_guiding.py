@@ -1,4 +1,4 @@
-"""The arm pushed by hand: joints follow the push, softly, and never beyond a soft limit."""
+"""Hand guiding: joints follow a push with bounded acceleration and stop before their soft limits."""
 import math
 from typing import List, Optional, Tuple
 
@@ -6,18 +6,18 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import Vector
 
 MAX_SPEED = math.pi / 2.0
-"""rad/s; a push is followed no faster. No vendor value exists."""
+"""rad/s; the highest joint speed under a push. No vendor value exists."""
 ACCELERATION = math.pi
 """rad/s2. No vendor value exists."""
 
 
 class HandGuiding:
-    """Joints under the hand.
+    """The joints of an arm that is guided by hand.
 
     Attributes:
         joints: Where they are, rad (6,).
         velocity: rad/s (6,).
-        hit_limit: Joint and whether its upper limit, once one was hit.
+        hit_limit: The joint that reached a soft limit, and True where that is the upper one; None before.
     """
 
     def __init__(self, model: ArmModel, joints: Vector) -> None:
@@ -52,7 +52,9 @@ class HandGuiding:
 
 
 def _stoppable(speed: float, room: float, acceleration: float, dt: float) -> float:
-    """The highest speed after this cycle from which the joint still stops within room; below 0 if none."""
+    """The highest speed after this cycle, rad/s, from which the joint can still stop within ``room``; below 0 if there
+    is none.
+    """
     limit = acceleration * dt
     root = limit * limit - 4.0 * (limit * speed - 2.0 * acceleration * room)
     return 0.5 * (math.sqrt(root) - limit) if root > 0.0 else -1.0

@@ -1,4 +1,4 @@
-"""Jogging one axis: which route a jog runs (controller protocol 5.5)."""
+"""Jogging one axis: which route a jog runs (docs/controller-protocol.md section 5.5)."""
 import enum
 import math
 from typing import Optional, Tuple
@@ -23,7 +23,9 @@ _TURNS = 4.0 * math.pi  # rad; a jog about a Cartesian axis ends after two turns
 
 
 class JogMode(enum.IntEnum):
-    """How a jog ends; the numbers of the wire (controller protocol 5.5; 0, stop, is ``Plant.jog_stop``)."""
+    """How a jog ends; the numbers of the wire (docs/controller-protocol.md section 5.5; 0, stop, is
+    ``Plant.jog_stop``).
+    """
 
     CONTINUOUS = 1
     STEP = 2
@@ -32,15 +34,15 @@ class JogMode(enum.IntEnum):
 
 def jog_route(frames: ArmFrames, start: Vector, mode: JogMode, frame: JogFrame, axis: int, velocity: float,
               position: Optional[float]) -> Optional[Route]:
-    """The route of a jog from these joints; None where it is there already.
+    """The route of a jog from these joints; None where the joint or tool is at the target already.
 
-    Continuous: until a soft limit, the edge of the reach or a singularity. Step: by position. Absolute: until the
-    joint, or the coordinate of the tool in the active user frame, has the value position; the tool frame moves with
-    the tool, there it is the same as a step.
+    Continuous: until a soft limit, the edge of the reach or a singularity. Step: by ``position``. Absolute: until the
+    joint, or the coordinate of the tool in the active user frame, has the value ``position``. In the tool frame, which
+    moves with the tool, absolute is the same as step.
 
     Raises:
-        TargetRejected: Bad numbers, or a way that is not free: to the end of it for step and absolute, at its very
-            beginning for continuous.
+        TargetRejected: A number is not finite or out of range; or the arm cannot reach the target (step, absolute) or
+            cannot begin to move (continuous).
     """
     if not 0 <= axis <= 5:
         raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "jog axis %d is not within 0 to 5" % axis)
@@ -103,7 +105,9 @@ def _cartesian_route(frames: ArmFrames, start: Vector, mode: JogMode, frame: Jog
 
 def _displacement(frames: ArmFrames, tool: Transform, frame: JogFrame, axis: int, extent: float
                   ) -> Tuple[Vector3, Vector3]:
-    """Shift and turn in the axes of the base for an extent along or about one axis of the frame."""
+    """Translation, m (3,), and rotation vector, rad (3,), in the axes of the base, for an extent along or about one
+    axis of the frame.
+    """
     unit = [0.0, 0.0, 0.0]
     unit[axis % 3] = extent
     way = rotated(tool, unit) if frame == JogFrame.TOOL else frames.in_base_axes(unit)
@@ -111,7 +115,9 @@ def _displacement(frames: ArmFrames, tool: Transform, frame: JogFrame, axis: int
 
 
 def _to_coordinate(frames: ArmFrames, tool: Transform, axis: int, value: float) -> Tuple[Vector3, Vector3]:
-    """Shift and turn in the axes of the base that give one coordinate in the user frame this value."""
+    """Translation, m (3,), and rotation vector, rad (3,), in the axes of the base, after which one coordinate in the
+    user frame has this value.
+    """
     user = compose(frames.user_t_base, tool)
     if axis < 3:
         unit = [0.0, 0.0, 0.0]
@@ -124,7 +130,7 @@ def _to_coordinate(frames: ArmFrames, tool: Transform, axis: int, value: float) 
 
 
 def _twice_reach(frames: ArmFrames) -> float:
-    """A way that leads out of the reach from anywhere, m."""
+    """Twice the arm's reach, m: a path of this length leaves the reach wherever it begins."""
     return 2.0 * (sum(math.hypot(row.a, row.d) for row in frames.model.dh) + norm(frames.flange_t_tool[9:]))
 
 

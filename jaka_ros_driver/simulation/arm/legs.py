@@ -1,7 +1,7 @@
 """Geometry of Cartesian paths: straight lines, arcs, and the rounding of the corner between two lines.
 
-The parameter of a leg is its own length in metre-equivalents, so that at ``speed`` along it neither translation nor
-rotation is faster than asked for: translation counts as it is, rotation as angle times speed over rotation speed.
+The parameter of a leg is its length in metre-equivalents: the larger of its translation, m, and its rotation, rad,
+times speed over rotation speed. At ``speed`` along it neither translation nor rotation is faster than asked for.
 """
 import math
 from typing import NamedTuple, Optional, Sequence, Tuple
@@ -17,7 +17,9 @@ _TINY = 1e-9
 
 
 class Pace(NamedTuple):
-    """How fast a leg is run: m/s, m/s2, rad/s, rad/s2; braking, m/s2, is the tool's deceleration in a stop."""
+    """How fast a leg is run: speed m/s, acceleration m/s2, rotation speed rad/s, rotation acceleration rad/s2; and
+    braking, m/s2, the tool's deceleration in a stop.
+    """
 
     speed: float
     acceleration: float
@@ -35,11 +37,11 @@ class Leg:
         way: Translation along it, m.
         angle: Rotation along it, rad.
         length: Of the parameter, m.
-        max_speed: Of the parameter, m/s.
+        max_speed: Highest rate of the parameter, m/s.
         max_acceleration: Of the parameter, m/s2.
         max_braking: Of the parameter in a stop, as far as the tool is concerned, m/s2.
         line_id: ``executing_line_id``.
-        tolerance: How much the corner at its end may be rounded, m.
+        tolerance: How far the rounded corner at its end may leave the two lines, m.
     """
 
     def __init__(self, start: Transform, end: Transform, way: float, angle: float, pace: Pace,
@@ -71,7 +73,7 @@ class Line(Leg):
 
     def __init__(self, start: Transform, end: Transform, pace: Pace, line_id: int = 0, tolerance: float = 0.0,
                  rotation_vector: Optional[Vector3] = None) -> None:
-        """rotation_vector: The turn from start to end where it is not the shortest one."""
+        """rotation_vector: The rotation from start to end, rad (3,); None for the shortest one."""
         shift = (end[9] - start[9], end[10] - start[10], end[11] - start[11])
         turn = rotation_between(start, end) if rotation_vector is None else rotation_vector
         super().__init__(start, end, norm(shift), norm(turn), pace, line_id, tolerance)
@@ -92,11 +94,13 @@ class Line(Leg):
 
 
 class Arc(Leg):
-    """A piece of a circle; acceleration along it and towards its centre together stay within the pace's."""
+    """A piece of a circle. The tangential and the radial acceleration together stay within the pace's acceleration."""
 
     def __init__(self, start: Transform, end: Transform, centre: Vector3, normal: Vector3, sweep: float,
                  turn: Vector3, pace: Pace, line_id: int = 0) -> None:
-        """sweep: rad about normal. turn: of the tool from start to end, a rotation vector of any length."""
+        """sweep: angle about ``normal``, rad. turn: rotation of the tool from start to end, a rotation vector of any
+        length, rad (3,).
+        """
         arm = difference(start[9:], centre)
         radius = norm(arm)
         # Tangential and radial acceleration are at right angles: a / sqrt(2) each makes a.
@@ -118,12 +122,13 @@ class Arc(Leg):
 
 
 class Corner:
-    """A parabola in place of the corner between two lines, tangent to both; its parameter runs on theirs.
+    """A parabola that replaces the corner between two lines and is tangent to both; its parameter continues theirs.
 
-    Every point of it is within the first line's tolerance of the two lines, and it passes the corner within it.
+    No point of it is farther from the two lines, or from the corner where it passes it, than the first line's
+    tolerance.
 
     Attributes:
-        half: It replaces so much of each line, in their parameter, m.
+        half: Length of each line that it replaces, in their parameter, m.
         max_speed: Of the parameter, m/s.
     """
 
@@ -156,7 +161,9 @@ class Corner:
 
 
 def corner_half(before: Leg, after: Leg) -> float:
-    """How much of each line a corner within before.tolerance replaces, m of parameter; 0 where it can't be rounded."""
+    """Length of each line that a corner within ``before.tolerance`` replaces, in their parameter, m; 0 where the corner
+    cannot be rounded.
+    """
     if not isinstance(before, Line) or not isinstance(after, Line) or before.tolerance <= 0.0:
         return 0.0
     if before.way < _TINY or after.way < _TINY:
@@ -174,15 +181,15 @@ def arc_through(start: Transform, via: Transform, end: Transform, turns: int, ci
         start: ``base_t_tool``, as via and end.
         via: Its position lies on the arc.
         end: Where the arc ends.
-        turns: ``circle_cnt``: so many full circles before the arc, which ends at end all the same.
-        circle_mode: Orientation: 0 the shortest turn from start to end, 1 the long way round the same axis,
-            2 whichever of the two passes nearer to the orientation at via, 3 fixed to the circle (the tool turns
-            with it, the orientation at end is not looked at). The numbers are the SDK's, their meaning is inferred.
+        turns: ``circle_cnt``: number of full circles before the arc; the motion still ends at ``end``.
+        circle_mode: How the tool turns: 0 by the shortest rotation from start to end; 1 the other way round the same
+            axis; 2 by whichever of the two passes nearer to the orientation at via; 3 with the circle, whatever the
+            orientation at end. The numbers are the SDK's, their meaning is inferred.
         pace: Speeds and accelerations.
         line_id: ``executing_line_id``.
 
     Raises:
-        TargetRejected: The three points lie on one line or two of them are one, or the mode is unknown.
+        TargetRejected: The three points lie on a line, two of them coincide, or the mode is unknown.
     """
     a, b, c = start[9:], via[9:], end[9:]
     ab, ac = difference(b, a), difference(c, a)

@@ -1,4 +1,4 @@
-"""Who comes near to a soft limit, and what is reported of it."""
+"""Reports joints that come near to a soft limit."""
 import math
 from typing import List, Sequence, Tuple
 
@@ -7,7 +7,7 @@ from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.arm.events import PlantEvent
 
 NEAR_LIMIT = math.radians(2.0)
-"""rad; a joint nearer to a soft limit is about to hit it. No vendor value exists."""
+"""rad; a joint closer than this to a soft limit is reported as about to hit it. No vendor value exists."""
 
 
 class LimitWatch:
@@ -29,7 +29,7 @@ class LimitWatch:
         return tuple(result)
 
     def look(self, joints: Sequence[float]) -> List[PlantEvent]:
-        """The events of joints that have come near since the last look."""
+        """One event for each joint that has come near to a limit since the last call."""
         near = self.near(joints)
         if near == self._was_near:
             return []

@@ -15,7 +15,7 @@ from jaka_ros_driver.state import Vector
 MAX_QUEUE = 500
 
 JogAxis = Tuple[JogFrame, int, bool]
-"""Frame, axis, and whether towards plus."""
+"""Frame, axis 0..5, and True for the positive direction."""
 
 
 class _Entry(NamedTuple):
@@ -24,13 +24,14 @@ class _Entry(NamedTuple):
 
 
 class MotionQueue:
-    """Runs routes one after the other; what is told to stop slows down first and lets later routes follow.
+    """Runs routes one after the other. A route that is told to stop slows down first; then the next one begins.
 
     Attributes:
-        jerk_limited: Of the moves and jogs to come.
+        jerk_limited: True where moves and jogs that are added from now on have a limited jerk.
         is_paused: True from ``pause`` until ``resume`` or the end of the queue.
         motion_line: ``executing_line_id`` of the move running or last run.
-        fault: Set where the running path turned out impassable; the owner brings the arm to rest and clears.
+        fault: Set where the arm cannot go on along the running path; the owner then brings it to rest and calls
+            ``clear``.
     """
 
     def __init__(self, frames: ArmFrames, jerk_limited: bool) -> None:
@@ -56,7 +57,7 @@ class MotionQueue:
 
     @property
     def length(self) -> int:
-        """Moves not completed; those that slow down for good and jogs don't count."""
+        """Moves not yet completed; jogs, and moves that were told to stop, do not count."""
         waiting = sum(1 for entry in self._waiting if entry.jog is None)
         running = self._running
         if running is None or running.is_ending or self._running_jog is not None:
@@ -64,7 +65,7 @@ class MotionQueue:
         return waiting + running.route.moves_left(running.way)
 
     def end_joints(self, standing_at: Vector) -> Vector:
-        """Where the arm will be once all is done, rad (6,)."""
+        """Where the arm will be when the queue is empty, rad (6,)."""
         if self._waiting:
             return self._waiting[-1].route.end_joints
         if self._running is None:
@@ -81,7 +82,8 @@ class MotionQueue:
         self._enter(_Entry(route))
 
     def add_leg(self, leg: Leg, start_joints: Vector) -> None:
-        """Queue a Cartesian motion, behind a rounded corner where tolerance and time allow.
+        """Queue a Cartesian motion. The corner before it is rounded where the tolerance allows it and the arm is not
+        too near already.
 
         Raises:
             TargetRejected: A jog runs, the queue is full, or the path breaks off where it begins.
@@ -103,15 +105,15 @@ class MotionQueue:
 
     @property
     def takes_jog(self) -> bool:
-        """True where nothing waits and nothing runs but what slows down for good."""
+        """True where nothing waits, and nothing runs but a motion that was told to stop."""
         return not self._waiting and (self._running is None or self._running.is_ending)
 
     def start_jog(self, axis: JogAxis, route: Route) -> None:
-        """Start a jog once the arm stands; only where ``takes_jog``."""
+        """Start a jog as soon as the arm stands. Call it only where ``takes_jog`` is True."""
         self._enter(_Entry(route, axis))
 
     def change_jog(self, route: Route) -> bool:
-        """Let the running jog go on with the limits of a route of the same geometry; False where it can't."""
+        """Continue the running jog with the limits of this route; False where no jog runs or the geometries differ."""
         return self._running is not None and self._running.take_limits_of(route)
 
     def running_jog_start(self, axis: JogAxis) -> Optional[Vector]:
@@ -121,7 +123,7 @@ class MotionQueue:
         return self._running.route.start_joints
 
     def end_jog(self, frame: JogFrame, axis: int) -> None:
-        """Slow the jog of this frame and axis down, whichever way it goes."""
+        """Stop the jog of this frame and axis, in whichever direction it moves."""
         self._waiting = deque(entry for entry in self._waiting if entry.jog is None or entry.jog[:2] != (frame, axis))
         if self._running_jog is not None and self._running_jog[:2] == (frame, axis):
             self._end_running()
@@ -131,7 +133,7 @@ class MotionQueue:
         self.is_paused = self.length > 0
 
     def resume(self) -> None:
-        """Go on."""
+        """Continue after ``pause``."""
         self.is_paused = False
 
     def stop(self) -> None:
@@ -141,13 +143,15 @@ class MotionQueue:
         self._end_running()
 
     def clear(self) -> None:
-        """Forget everything at once; the owner brings the arm to rest."""
+        """Empty the queue at once; the owner brings the arm to rest."""
         self._waiting.clear()
         self.is_paused = False
         self._running = self._running_jog = self._rest = self.fault = None
 
     def step(self, dt: float, rate: float) -> Tuple[Optional[Vector], List[PlantEvent]]:
-        """One cycle: the joints, None where nothing runs, and what happened."""
+        """Run one cycle of ``dt`` s at ``rate`` (0 to 1) of the speed. Returns the joints, rad (6,), None where nothing
+        runs; and the events of this cycle.
+        """
         if self._running is None:
             if not self._waiting:
                 return None, []
@@ -199,11 +203,11 @@ class MotionQueue:
 
 
 def _of_move(cause: PlantEvent) -> PlantEvent:
-    """What a planned move reports where its path breaks off for this cause."""
+    """The event that a planned move reports where its path ends for this cause."""
     singular = cause.code == events.SINGULARITY
     return events.event(events.SINGULARITY_PROTECTIVE_STOP if singular else events.LINEAR_MOVE_FAILED)
 
 
 def _of_jog(cause: PlantEvent) -> PlantEvent:
-    """What a jog reports where its path breaks off, or a joint's way ends, for this cause."""
+    """The event that a jog reports where its path, or a joint's range, ends for this cause."""
     return cause if cause.joint is None else events.jog_beyond_limit(cause.joint, cause.code & 0xFF == 0x31)

@@ -1,4 +1,4 @@
-"""From a move's numbers to what the queue runs: checks, defaults, cuts to what the arm can do."""
+"""Checks the numbers of a move, fills in defaults, and lowers speeds and accelerations to what the arm can do."""
 import math
 from typing import Optional
 
@@ -11,25 +11,26 @@ from jaka_ros_driver.simulation.arm.legs import Pace
 from jaka_ros_driver.state import Vector
 
 SLOWEST = 1e-9
-"""m/s, rad/s, m/s2, rad/s2: what is less counts as 0."""
+"""m/s, rad/s, m/s2, rad/s2; smaller values count as 0."""
 FASTEST = 100.0
-"""m/s, rad/s: a Cartesian speed is cut to this; the arm's own limits are far below."""
+"""m/s, rad/s; Cartesian speeds above this are lowered to it. The arm's own limits are far below."""
 STRONGEST = 1e4
-"""rad/s2: likewise."""
+"""rad/s2; the same for rotation accelerations."""
 DEFAULT_JOINT_ACCELERATION = math.pi
-"""rad/s2, where a joint move names none (the SDK's short form, controller protocol 2). No vendor value exists."""
+"""rad/s2, where a joint move names none (the SDK's short form, docs/controller-protocol.md section 2). No vendor
+value exists."""
 DEFAULT_TCP_ACCELERATION = 0.5
 """m/s2, where a linear move names none. No vendor value exists."""
 DEFAULT_ROTATION_SPEED = 3.14
-"""rad/s: what the SDK sends where its caller names none (SDK client 8)."""
+"""rad/s: what the SDK sends where its caller names none (docs/sdk-client.md section 8)."""
 DEFAULT_ROTATION_ACCELERATION = 12.56
 """rad/s2: as DEFAULT_ROTATION_SPEED."""
 
 SAME_PLACE = 1e-6
-"""m; a target so near to the end of the queue is the end of the queue."""
+"""m; a target closer than this to the end of the queue counts as the same place."""
 
-_TOOL_RATE_PIECE = 0.1  # rad of the joint with the longest way between two looks
-_TOOL_RATE_MARGIN = 1.02  # the tool is a little faster between two looks than from one to the other
+_TOOL_RATE_PIECE = 0.1  # rad; step of the joint with the longest way between two samples
+_TOOL_RATE_MARGIN = 1.02  # between two samples the tool can be slightly faster than their distance tells
 
 
 def positive(what: str, value: Optional[float], default: float) -> float:
@@ -63,12 +64,12 @@ def tool_pace(model: ArmModel, speed: float, acceleration: Optional[float], rota
 
 
 def same_pose(a: Transform, b: Transform) -> bool:
-    """True where two poses are one for a move."""
+    """True where two poses count as the same target."""
     return distance_between(a, b) < SAME_PLACE and rotation_angle_between(a, b) < SAME_ANGLE
 
 
 def tool_rate(frames: ArmFrames, start: Vector, end: Vector) -> float:
-    """How far the tool centre point goes while the joint with the longest way turns by 1 rad, at most, m/rad."""
+    """The longest way of the tool centre point while the joint with the longest way turns by 1 rad, m/rad."""
     length = max(abs(b - a) for a, b in zip(start, end))
     pieces = math.ceil(length / _TOOL_RATE_PIECE)
     fastest, last = 0.0, frames.tool_at(start)

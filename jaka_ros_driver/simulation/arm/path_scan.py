@@ -1,4 +1,4 @@
-"""What the joints make of a Cartesian path before it is run: where it breaks off and how fast each stretch may be."""
+"""Walks a Cartesian path by inverse kinematics before it is run: where it ends early, how fast each stretch may be."""
 from typing import Callable, List, NamedTuple, Optional, Sequence
 
 from jaka_ros_driver.kinematics.rotations import Transform
@@ -10,31 +10,31 @@ from jaka_ros_driver.state import Vector
 JointsOfPose = Callable[[Transform, Sequence[float]], Optional[Vector]]
 
 SINGULAR_SHARE = 0.1
-"""Where joint limits allow less than this share of the speed, the place counts as singular."""
+"""A place where joint limits allow less than this share of the speed counts as singular."""
 SINGULAR_REFERENCE_SPEED = 0.25
-"""m/s; the share is taken of the programmed speed or of this, whichever is lower."""
+"""m/s; ``SINGULAR_SHARE`` refers to the programmed speed or to this, whichever is lower."""
 
-_BEND = 0.01  # rad; a stretch whose middle is so far off its chord, joint by joint, is split
-_CHORD = 0.25  # rad; so is one over which a joint moves further than this
-# In metres of the way, or what corresponds to them of a rotation:
+_BEND = 0.01  # rad; a stretch is split where a joint, in its middle, is farther than this from the chord
+_CHORD = 0.25  # rad; or where a joint moves farther than this over it
+# The next four are lengths along the path, m, or the equivalent for a rotation:
 _SHORTEST = 2e-4  # stretches are not split below this
-_LIMIT_EDGE = 1e-7  # the place where a joint meets its limit is found so exactly
-_REACH_EDGE = 4e-5  # the edge of the reach is
-_REACH_MARGIN = 2e-4  # so far before it paths end: right at it joints turn infinitely fast
+_LIMIT_EDGE = 1e-7  # accuracy of the place where a joint reaches its limit
+_REACH_EDGE = 4e-5  # accuracy of the edge of the reach
+_REACH_MARGIN = 2e-4  # paths end this far before it, because joints turn infinitely fast right at it
 _METRES_PER_RAD = 0.3
-_SPEED_SHARE = 0.95  # of the joint speed limits is used along a path
-_BUDGET = 0.5  # of the joint acceleration limits for changing speed along the path; the rest for its bends
+_SPEED_SHARE = 0.95  # share of the joint speed limits that is used along a path
+_BUDGET = 0.5  # share of the joint acceleration limits for speed changes; the rest is for the path's bends
 _BEND_MARGIN = 1.4  # bends within a stretch may be sharper than their mean
 
 
 class Stretch(NamedTuple):
-    """A piece of a path with the same limits all along; everything in the path's parameter.
+    """A piece of a path with constant limits, all in units of the path's parameter.
 
     Attributes:
         way: Its length.
         speed: Limit.
         acceleration: Limit as programmed, or what the joints can do.
-        braking: Deceleration of a stop: what the arm can do, whatever was programmed.
+        braking: Deceleration of a stop: what the arm can do, independent of the programmed acceleration.
     """
 
     way: float
@@ -44,7 +44,7 @@ class Stretch(NamedTuple):
 
 
 class Break(NamedTuple):
-    """Where a path can't go on: parameter of the last good place, and why."""
+    """Where a path ends early: ``way``, the parameter of the last good place, and the cause."""
 
     way: float
     cause: PlantEvent
@@ -56,19 +56,21 @@ class PathScan:
     Attributes:
         stretches: From the start to the end, or to the break.
         joints: At the end, or at the break.
-        broken: Set where the path can't be followed to its end.
+        broken: Where and why the path ends early; None where it can be followed to its end.
     """
 
     def __init__(self, frames: ArmFrames, joints_of: JointsOfPose, at: Callable[[float], Transform],
                  start_joints: Vector, limits: Stretch, way: float, angle: float, pieces: int) -> None:
-        """Walks at once.
+        """Walk the path.
 
         Args:
             frames: The arm.
-            joints_of: Joints of a pose near others, limits not looked at.
-            at: Pose by parameter.
+            joints_of: Pose and reference joints to the nearest joints, rad (6,), limits not checked; None if out of
+                reach.
+            at: Parameter to pose.
             start_joints: Where the path begins.
-            limits: Of the whole path, unless the joints allow less; its way is the path's length in the parameter.
+            limits: Limits of the whole path where the joints do not lower them; ``way`` is the path's length in the
+                parameter.
             way: Translation along the path, m.
             angle: Rotation along the path, rad.
             pieces: How many stretches to begin with.
@@ -88,7 +90,7 @@ class PathScan:
         self.stretches = merged(self.stretches, _SHORTEST * self._unit)
 
     def _walk(self, begin: float, end: float) -> bool:
-        """Walk one stretch, splitting it where needed; False at a break."""
+        """Walk one stretch and split it where needed; False where the path breaks off in it."""
         start, width = self.joints, end - begin
         middle = self._joints_of(self._at(begin + 0.5 * width), start)
         last = self._joints_of(self._at(end), middle) if middle is not None else None
@@ -142,7 +144,9 @@ class PathScan:
 
 
 def merged(stretches: Sequence[Stretch], shortest: float = 0.0) -> List[Stretch]:
-    """Neighbours with nearly the same limits, and those below shortest, made one with the lower limits of the two."""
+    """Join stretches to their neighbours where the limits are nearly the same or one is shorter than ``shortest``; the
+    lower limits of the two then hold.
+    """
     result: List[Stretch] = []
     for stretch in stretches:
         last = result[-1] if result else None

@@ -25,23 +25,23 @@ from jaka_ros_driver.simulation.arm.limit_watch import NEAR_LIMIT, LimitWatch
 from jaka_ros_driver.simulation.arm.motion_queue import MotionQueue
 from jaka_ros_driver.simulation.arm.moves import DEFAULT_JOINT_ACCELERATION, positive, same_pose, tool_pace, tool_rate
 from jaka_ros_driver.simulation.arm.routes import JointRoute
-from jaka_ros_driver.simulation.arm.servo import CYCLE_TIME, ServoStream, Starvation
+from jaka_ros_driver.simulation.arm.servo import CYCLE_TIME_S, ServoStream, Starvation
 from jaka_ros_driver.simulation.arm.servo_filters import ServoFilter, checked_parameters, make_filter
 from jaka_ros_driver.state import Vector
 
-__all__ = ["CYCLE_TIME", "HOME", "JogMode", "NEAR_LIMIT", "Plant", "ServoFilter", "Starvation"]
+__all__ = ["CYCLE_TIME_S", "HOME", "JogMode", "NEAR_LIMIT", "Plant", "ServoFilter", "Starvation"]
 
 HOME = (0.0, math.pi / 2, -math.pi / 2, math.pi / 2, math.pi / 2, 0.0)
-"""rad; away from the singularities of the main family."""
+"""rad (6,); a position away from the singularities of the main family."""
 
 _STILL: Vector = (0.0,) * 6
 
 
 class Plant:
-    """Joints over time. Call methods between cycles, then ``step`` once a cycle; nothing blocks, nothing is timed.
+    """The arm's joints over time. Call its methods between cycles and ``step`` once a cycle; no method blocks.
 
-    The plant knows no power, no stops that latch and no sockets: its owner gates the commands. A command the owner
-    lets through and the plant can't take raises TargetRejected and changes nothing.
+    It knows nothing of power, latched stops and sockets: its owner decides which commands reach it. A command that the
+    arm cannot carry out raises TargetRejected and changes nothing.
     """
 
     def __init__(self, model: ArmModel, joint_position: Sequence[float] = HOME, *,
@@ -52,17 +52,17 @@ class Plant:
         Args:
             model: Geometry, joint limits and speeds.
             joint_position: Where the arm stands at first, rad (6,).
-            starvation: What to do when a servo stream runs dry.
-            settle_time: For at least so long after a move was accepted is_in_position stays False, s; set it to
-                the period of the status feed, so that the first frame after acceptance shows it.
-            jerk_limited: Build acceleration of moves and jogs up and down smoothly, where ruckig is installed.
+            starvation: What to do when a servo stream has no more points.
+            settle_time: How long is_in_position stays False at least after a move was accepted, s. With the period of
+                the status feed, the first frame after the acceptance shows it.
+            jerk_limited: Limit the jerk of moves and jogs, where ruckig is installed.
         """
         self.settle_time = settle_time
         self.starvation = starvation
         self._frames = ArmFrames(model)
         self._joints: Vector = finite_six("joint_position", joint_position)
         self._before = self._joints
-        self._dt = CYCLE_TIME
+        self._dt = CYCLE_TIME_S
         self._velocity = _STILL
         self._queue = MotionQueue(self._frames, jerk_limited)
         self._servo: Optional[ServoStream] = None
@@ -175,7 +175,8 @@ class Plant:
     def add_error_line(self) -> int:
         """``executing_line_id`` of the last move not queued because its target is the end of the queue; 0 for none.
 
-        The next move that is queued clears it: ids restart at 2 in every client (SDK client 1.7).
+        The next move that is queued clears it: ids restart at 2 in every client (docs/sdk-client.md section 1, point
+        7).
         """
         return self._add_error_line
 
@@ -187,12 +188,14 @@ class Plant:
     # --- frames and kinematics --------------------------------------------------------------------------------------
 
     def set_tool(self, flange_t_tool: Pose) -> None:
-        """Make this the active tool. Moves queued before keep the tool they were given for."""
+        """Make this the active tool. Moves that are queued already keep the tool with which they were added."""
         self._frames.set_tool(checked_transform(flange_t_tool))
         self._pose = None
 
     def set_user_frame(self, base_t_user: Pose) -> None:
-        """Make this the active user frame. Moves queued before keep the frame they were given in."""
+        """Make this the active user frame. Moves that are queued already keep the frame that was active when they were
+        added.
+        """
         self._frames.set_user_frame(checked_transform(base_t_user))
         self._pose = None
 
@@ -205,21 +208,22 @@ class Plant:
         return self._frames.pose_at(finite_six("joint_position", joint_position))
 
     def inverse_nearest(self, pose: Pose, reference: Sequence[float]) -> Vector:
-        """Joints within the limits that bring the active tool to the pose in the active user frame, nearest reference.
+        """Joints within their limits, rad (6,), that bring the active tool to a pose in the active user frame: the
+        solution nearest to the reference.
 
         Raises:
-            TargetRejected: Out of reach, or reachable beyond the joint limits only, or not finite.
+            TargetRejected: The pose is out of reach, reachable only with a joint outside its limits, or not finite.
         """
         return self._frames.reachable_joints(self._frames.in_base(pose), finite_six("reference", reference))
 
     # --- queued moves -----------------------------------------------------------------------------------------------
-    # Each returns True when the move was queued, False when its target is the end of the queue (add_error_line then
+    # Each returns True when the move was queued, False when its target is where the queue ends (add_error_line then
     # holds its line_id), and raises TargetRejected for a target out of reach or outside limits, numbers that are
     # missing, surplus or not finite, speed or acceleration not above 0, and in servo mode, hand guiding or a jog.
 
     def add_joint_move(self, target: Sequence[float], speed: float, acceleration: Optional[float] = None,
                        relative: bool = False, line_id: Optional[int] = None) -> bool:
-        """Queue a synchronised joint motion (controller protocol 5.2).
+        """Queue a synchronised joint motion (docs/controller-protocol.md section 5.2).
 
         Args:
             target: rad (6,); increments on the end of the queue where relative.
@@ -236,7 +240,9 @@ class Plant:
 
     def add_end_move(self, target: Pose, speed: float, acceleration: Optional[float] = None,
                      line_id: Optional[int] = None) -> bool:
-        """Queue a joint motion to the tool pose target in the active user frame (controller protocol 5.3); rad/s."""
+        """Queue a joint motion to a tool pose in the active user frame (docs/controller-protocol.md section 5.3); speed
+        rad/s.
+        """
         self._check_planned_mode()
         start = self._queue_end()
         end = self._frames.reachable_joints(self._frames.in_base(target), start)
@@ -245,7 +251,7 @@ class Plant:
     def add_linear_move(self, target: Pose, speed: float, acceleration: Optional[float] = None, relative: bool = False,
                         tolerance: Optional[float] = None, rotation_speed: Optional[float] = None,
                         rotation_acceleration: Optional[float] = None, line_id: Optional[int] = None) -> bool:
-        """Queue a straight line of the active tool (controller protocol 5.4.1).
+        """Queue a straight line of the active tool (docs/controller-protocol.md section 5.4.1).
 
         Args:
             target: In the active user frame; where relative, position is added along the axes of the user frame and
@@ -253,7 +259,7 @@ class Plant:
             speed: m/s.
             acceleration: m/s2.
             relative: See target.
-            tolerance: The next line may round the corner at target by so much, m; None or 0 for a full stop.
+            tolerance: How far the rounded corner to the next line may leave the lines, m; None or 0 for a full stop.
             rotation_speed: rad/s.
             rotation_acceleration: rad/s2.
             line_id: ``executing_line_id``.
@@ -274,9 +280,10 @@ class Plant:
     def add_arc_move(self, via: Pose, target: Pose, speed: float, acceleration: Optional[float] = None,
                      relative: bool = False, turns: int = 0, circle_mode: int = 0,
                      line_id: Optional[int] = None) -> bool:
-        """Queue an arc from the end of the queue through via to target (controller protocol 5.4.2); m/s, m/s2.
+        """Queue an arc from the end of the queue through via to target (docs/controller-protocol.md section 5.4.2);
+        m/s, m/s2.
 
-        turns (``circle_cnt``): full turns instead of the arc. circle_mode: how orientation follows.
+        turns (``circle_cnt``): full circles before the arc. circle_mode: how the tool turns, see ``legs.arc_through``.
         """
         self._check_planned_mode()
         pace = tool_pace(self._frames.model, speed, acceleration, None, None)
@@ -301,7 +308,7 @@ class Plant:
         self._queue.resume()
 
     def stop(self) -> None:
-        """Slow down along the path, forget the queue, end a jog; in servo mode drop the points and stop there."""
+        """Slow down along the path, empty the queue and end a jog; in servo mode drop the points and stop."""
         self._queue.stop()
         if self._servo is not None:
             self._come_to_rest()
@@ -314,17 +321,19 @@ class Plant:
         self.stop_hand_guiding()
 
     def halt_emergency(self) -> None:
-        """Stop everything as hard as the joints can, whatever path they were on."""
+        """Stop everything with the highest deceleration of the joints; the path is left."""
         self._come_to_rest()
         self._queue.clear()
         self._servo = self._guiding = None
 
     def set_jerk_limited(self, jerk_limited: bool) -> None:
-        """S-curve (with ruckig) or trapezoid for the moves and jogs to come (``set_motion_planner``)."""
+        """Choose the speed profile of moves and jogs that are added from now on: S-curve (with ruckig) or trapezoid
+        (``set_motion_planner``).
+        """
         self._queue.jerk_limited = jerk_limited
 
     def set_rapid_rate(self, rate: float) -> None:
-        """Speed override of queued moves and jogs, 0 to 1; works in mid-motion.
+        """Set the speed override of queued moves and jogs, 0 to 1; it takes effect during a motion, too.
 
         Raises:
             TargetRejected: Not within 0 to 1.
@@ -336,7 +345,7 @@ class Plant:
     # --- jog --------------------------------------------------------------------------------------------------------
 
     def jog(self, mode: JogMode, frame: JogFrame, axis: int, velocity: float, position: Optional[float] = None) -> bool:
-        """Jog one axis (controller protocol 5.5).
+        """Jog one axis (docs/controller-protocol.md section 5.5).
 
         Args:
             mode: Continuous (sign of velocity), step (sign of position), absolute.
@@ -346,10 +355,12 @@ class Plant:
             position: Step or target, rad or m; step and absolute only.
 
         Returns:
-            False when dropped: another motion runs. Repeating the running continuous jog sets its velocity.
+            False where it is ignored because another motion runs. A continuous jog that runs already gets the new
+                velocity.
 
         Raises:
-            TargetRejected: Bad numbers, or the jog leads beyond a limit or out of reach at once.
+            TargetRejected: A number is not finite or out of range, or the jog would leave the limits or the reach at
+                once.
         """
         self._check_planned_mode()
         key = (frame, axis, velocity > 0.0)
@@ -372,7 +383,7 @@ class Plant:
     # --- servo mode -------------------------------------------------------------------------------------------------
 
     def enter_servo(self) -> bool:
-        """Enter servo mode; False, and no change, unless the arm stands with an empty queue."""
+        """Enter servo mode; False, and no change, where the arm moves or the queue is not empty."""
         if self._guiding is not None or self._coast is not None or not self._queue.is_empty:
             return False
         if self._servo is None:
@@ -386,10 +397,11 @@ class Plant:
             self._servo = None
 
     def servo_joint(self, target: Sequence[float], relative: bool = False, cycles: int = 1) -> bool:
-        """Append one joint point, rad (6,), that covers cycles x 8 ms.
+        """Append one joint point, rad (6,), that is to be reached in ``cycles`` times 8 ms.
 
         Returns:
-            False when ignored: over 180 deg/s on a joint (controller protocol 5.6.5), or the buffer is full.
+            False when ignored: over 180 deg/s on a joint (docs/controller-protocol.md section 5.6.5), or the buffer is
+            full.
 
         Raises:
             TargetRejected: Bad numbers, beyond a soft limit, or not in servo mode.
@@ -401,7 +413,8 @@ class Plant:
         return self._streaming().add_pose(target, relative, cycles)
 
     def set_servo_filter(self, kind: ServoFilter, **parameters: float) -> None:
-        """Choose the filter of the servo stream; SI values under the wire's names, e.g. ``lpf_cf=0.5``.
+        """Choose the filter of the servo stream. Parameters have their names on the wire and SI units, e.g.
+        ``lpf_cf=0.5``.
 
         Raises:
             TargetRejected: In servo mode, or parameters that are missing, surplus or out of range.
@@ -428,13 +441,15 @@ class Plant:
         self._guiding = HandGuiding(self._frames.model, self._joints)
 
     def stop_hand_guiding(self) -> None:
-        """Hold again; what moves comes to rest."""
+        """End hand guiding; joints that move come to rest."""
         if self._guiding is not None:
             self._come_to_rest()
             self._guiding = None
 
     def push_joint(self, joint: int, velocity: float) -> bool:
-        """Push joint 0..5 by hand at velocity rad/s until changed, 0 to let go; False, no effect, unless guided."""
+        """Push joint 0..5 by hand at a velocity, rad/s, until the next call; 0 lets go. False, and no effect, unless
+        hand guiding is on.
+        """
         if self._guiding is None:
             return False
         self._guiding.push(joint, velocity)
@@ -442,7 +457,7 @@ class Plant:
 
     # --- time -------------------------------------------------------------------------------------------------------
 
-    def step(self, dt: float = CYCLE_TIME) -> None:
+    def step(self, dt: float = CYCLE_TIME_S) -> None:
         """Let dt seconds pass: one cycle."""
         self._unsettled -= dt
         joints = self._next_joints(dt)
@@ -493,7 +508,7 @@ class Plant:
         return stream.joints
 
     def _come_to_rest(self, joints: Optional[Vector] = None, velocity: Optional[Vector] = None) -> None:
-        """Let the joints slow down from where they are, at the speed they have, unless they do already."""
+        """Let the joints slow down from their present positions and speeds, unless they do so already."""
         if self._coast is None:
             coast = Coast(self._frames.model, joints or self._joints, velocity or self._velocity)
             self._coast = None if coast.is_done else coast

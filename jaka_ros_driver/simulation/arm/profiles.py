@@ -1,14 +1,14 @@
 """Progress along a path over time: jerk-limited by ruckig where it is installed, trapezoidal otherwise.
 
-A profile knows one coordinate, the way along a path, which only grows. Every motion that follows a path is driven by
-one, so that a change of speed, a pause or a stop in mid-motion never leaves the path.
+A profile has one coordinate, the distance along a path, which only grows. Every motion along a path uses one, so that a
+change of speed, a pause or a stop during the motion never leaves the path.
 """
 import importlib
 import math
 from typing import Any, Optional
 
-JERK_TIME = 0.05
-"""s; with ruckig, acceleration builds up and fades over so long. No vendor value exists."""
+JERK_TIME_S = 0.05
+"""s; with ruckig, the time in which acceleration builds up or fades. No vendor value exists."""
 
 try:
     RUCKIG: Optional[Any] = importlib.import_module("ruckig")
@@ -23,15 +23,15 @@ _STEEPER_TRIES = 16
 
 
 def jerk_time(jerk_limited: bool) -> float:
-    """s over which acceleration builds up in a jerk-limited profile, or in one that is not."""
-    return JERK_TIME if jerk_limited and HAS_RUCKIG else 0.0
+    """Time in which acceleration builds up, s; 0 where the profile is not jerk-limited."""
+    return JERK_TIME_S if jerk_limited and HAS_RUCKIG else 0.0
 
 
 class Profile:
-    """Way, speed and acceleration along a path, moved by ``step``; units are those of the path (m or rad).
+    """Distance, speed and acceleration along a path, advanced by ``step``; in the units of the path (m or rad).
 
     Attributes:
-        position: Way gone so far.
+        position: Distance covered so far.
         velocity: Never below 0.
         acceleration: Signed.
         jerk_time: s over which acceleration builds up; 0 without ruckig.
@@ -56,9 +56,9 @@ class Profile:
         return self.velocity == 0.0
 
     def aim(self, target: float, max_velocity: float, max_acceleration: float) -> None:
-        """From now on, move to rest at target, which must lie ahead and far enough to stop before.
+        """Move from now on to ``target`` and come to rest there. It must lie ahead, and far enough to stop before it.
 
-        Where a lowered max_acceleration would carry it beyond target, it brakes as much harder as it must.
+        Where a lowered max_acceleration would lead beyond the target, it brakes harder than that.
         """
         if max_velocity <= 0.0:
             self.brake(max_acceleration)
@@ -72,7 +72,7 @@ class Profile:
             self._plan_to(target)
 
     def brake(self, max_acceleration: float) -> float:
-        """From now on, come to rest wherever that is; returns where."""
+        """Come to rest as soon as the limits allow; returns the position where that will be."""
         self._target, self._max_velocity, self._max_acceleration = None, 0.0, max_acceleration
         self._trajectory = None
         if self.velocity == 0.0:
@@ -117,7 +117,9 @@ class Profile:
         self.velocity -= self._max_acceleration * dt
 
     def _trapezoid(self, dt: float, target: float) -> None:
-        """One cycle at the constant acceleration that leaves just enough way to stop before target."""
+        """One cycle at the constant acceleration after which the remaining distance still suffices to stop at the
+        target.
+        """
         remaining = target - self.position
         limit = self._max_acceleration * dt
         root = limit * limit - 4.0 * (limit * self.velocity - 2.0 * self._max_acceleration * remaining)
@@ -165,7 +167,7 @@ class Profile:
         plan.current_acceleration = [self.acceleration]
         plan.max_acceleration = [acceleration]
         jerk = max(acceleration, abs(self.acceleration)) / self.jerk_time
-        # what has begun to fade goes on as fast: slower, the speed would pass the limit that it was to end at
+        # acceleration that has begun to fade must fade as fast as before, or the speed would exceed its limit
         plan.max_jerk = [max(jerk, self._jerk) if self.acceleration else jerk]
         return plan
 
@@ -177,7 +179,7 @@ class Profile:
 
 
 def ruckig_solves(solver: Any, plan: Any, trajectory: Any) -> bool:
-    """Let ruckig compute the trajectory of the plan; False where numbers of very different size defeat it."""
+    """Let ruckig compute the trajectory of the plan; False where it fails, as with numbers of very different size."""
     assert RUCKIG is not None
     try:
         return int(solver.calculate(plan, trajectory).value) >= 0
@@ -186,7 +188,9 @@ def ruckig_solves(solver: Any, plan: Any, trajectory: Any) -> bool:
 
 
 def speed_for_way(way: float, final_speed: float, acceleration: float, jerk_time: float) -> float:
-    """The highest speed from which final_speed is reached within way at this deceleration, built up over jerk_time."""
+    """The highest speed from which ``final_speed`` can be reached within the distance ``way`` at this deceleration,
+    which builds up over jerk_time, s.
+    """
     half = 0.5 * jerk_time
     budget = way - half * final_speed + 0.5 * final_speed * final_speed / acceleration
     root = half * half + 2.0 * budget / acceleration
@@ -194,5 +198,5 @@ def speed_for_way(way: float, final_speed: float, acceleration: float, jerk_time
 
 
 def stopping_way(speed: float, acceleration: float, jerk_time: float) -> float:
-    """The way from speed to rest at this deceleration, built up over jerk_time; never too short."""
+    """The distance from ``speed`` to rest at this deceleration, which builds up over jerk_time, s; an upper bound."""
     return 0.5 * speed * (speed / acceleration + jerk_time)

@@ -15,10 +15,10 @@ from jaka_ros_driver.simulation.arm.path_scan import PathScan, Stretch, merged
 from jaka_ros_driver.simulation.arm.profiles import speed_for_way
 from jaka_ros_driver.state import Vector
 
-_PIECE_WAY = 0.03  # m of a leg in one stretch of the first scan
-_PIECE_ANGLE = 0.2  # rad likewise
+_PIECE_WAY = 0.03  # m; length of a stretch of a leg in the first scan
+_PIECE_ANGLE = 0.2  # rad; the same for its rotation
 _CORNER_PIECES = 4
-_LOOK_AHEAD = 1.5  # jerk times: a slower stretch is prepared for so early that no deceleration is left on it
+_LOOK_AHEAD = 1.5  # jerk times; braking for a slower stretch begins so early that it ends before that stretch
 
 
 class Route:
@@ -27,15 +27,13 @@ class Route:
     Attributes:
         length: Of the parameter.
         start_joints: rad (6,).
-        end_joints: Where the whole path leads, rad (6,).
-        end_pose: ``base_t_tool`` there; None for joint motion.
-        break_event: Set where the path breaks off at ``length``: what to report on arrival.
+        end_joints: Joints at the end of the whole path, rad (6,).
+        break_event: The event to report at ``length`` where the path ends early; None otherwise.
     """
 
     length: float
     start_joints: Vector
     end_joints: Vector
-    end_pose: Optional[Transform] = None
     break_event: Optional[PlantEvent] = None
 
     def __init__(self) -> None:
@@ -46,15 +44,17 @@ class Route:
         self._index = 0
 
     def joints_at(self, way: float, reference: Sequence[float]) -> Optional[Vector]:
-        """Joints at this parameter, near the reference; None where inverse kinematics has no answer."""
+        """Joints at this parameter, rad (6,): the solution nearest to the reference; None where inverse kinematics has
+        none.
+        """
         raise NotImplementedError
 
     def stopping_acceleration(self, way: float, ahead: float) -> float:
-        """The strongest deceleration along the path within way..way + ahead."""
+        """The strongest deceleration that is allowed everywhere between ``way`` and ``way + ahead``."""
         raise NotImplementedError
 
     def line_id_at(self, way: float) -> int:
-        """``executing_line_id`` of the move that the place belongs to."""
+        """``executing_line_id`` of the move to which this place belongs."""
         raise NotImplementedError
 
     def moves_left(self, way: float) -> int:
@@ -62,7 +62,7 @@ class Route:
         raise NotImplementedError
 
     def limits(self, way: float, speed: float, jerk_time: float) -> Tuple[float, float]:
-        """Highest speed and acceleration at this place that leave room to slow down for what lies ahead."""
+        """Highest speed and acceleration at this place with which the arm can still slow down for what lies ahead."""
         if len(self._stretches) == 1:
             return self._stretches[0].speed, self._stretches[0].acceleration
         if jerk_time != self._entry_jerk_time:
@@ -85,7 +85,7 @@ class Route:
         return min(stretch.speed, speed_for_way(left, self._entry_speeds[n + 1], stretch.acceleration, jerk_time))
 
     def _plan_entries(self, jerk_time: float) -> None:
-        """Backwards over the stretches: how fast each may be entered."""
+        """Compute, from the last stretch to the first, how fast each may be entered."""
         entry = 0.0
         speeds: List[float] = []
         for stretch in reversed(self._stretches):
@@ -106,11 +106,13 @@ class Route:
 
 
 class JointRoute(Route):
-    """All joints together, straight in joint space."""
+    """A straight line in joint space: all joints begin and end together."""
 
     def __init__(self, model: ArmModel, start: Vector, end: Vector, speed: float, acceleration: float,
                  line_id: int = 0) -> None:
-        """speed rad/s and acceleration rad/s2 of the joint with the longest way; cut to what every joint can do."""
+        """speed, rad/s, and acceleration, rad/s2, are those of the joint with the longest way, lowered to what every
+        joint can do.
+        """
         super().__init__()
         self.start_joints, self.end_joints, self._line_id = start, end, line_id
         ways = [b - a for a, b in zip(start, end)]
@@ -122,7 +124,6 @@ class JointRoute(Route):
             if rate:
                 top = min(top, joint_speed / abs(rate))
                 strongest = min(strongest, joint_acceleration / abs(rate))
-        self._top = top
         self._set_stretches([Stretch(self.length, min(speed, top), min(acceleration, strongest), strongest)])
 
     def joints_at(self, way: float, reference: Sequence[float]) -> Optional[Vector]:
@@ -139,11 +140,6 @@ class JointRoute(Route):
     def moves_left(self, way: float) -> int:
         return 1
 
-    def set_speed(self, speed: float) -> None:
-        """Change the speed, rad/s; cut to what the joints can do."""
-        stretch = self._stretches[0]
-        self._set_stretches([stretch._replace(speed=min(speed, self._top))])
-
 
 class _Piece(NamedTuple):
     """A leg on a route: the parameter of its start, and the rounded corner there."""
@@ -157,7 +153,7 @@ class CartesianRoute(Route):
     """Lines and arcs of one tool; corners between lines are rounded within their tolerance."""
 
     def __init__(self, frames: ArmFrames, leg: Leg, start_joints: Vector) -> None:
-        """The tool active now is kept."""
+        """The tool that is active now is used for the whole route."""
         super().__init__()
         self._frames, self._tool_t_flange = frames, frames.tool_t_flange
         self.start_joints = start_joints
@@ -168,7 +164,9 @@ class CartesianRoute(Route):
         self._set_stretches(scan.stretches)
 
     def append(self, leg: Leg, way: float, speed: float, jerk_time: float) -> bool:
-        """Add a leg behind a rounded corner while the route is run at way and speed; False where that can't be."""
+        """Add a leg after a rounded corner while the arm is at ``way`` with ``speed``; False where that is not
+        possible.
+        """
         last = self._pieces[-1].leg
         if self._tool_t_flange != self._frames.tool_t_flange:
             return False
@@ -203,7 +201,7 @@ class CartesianRoute(Route):
         return True
 
     def _forget_before(self, way: float) -> None:
-        """Drop legs that lie behind, so that an endless chain of lines takes no more and more memory."""
+        """Drop legs that are completed, so that memory stays bounded over an endless chain of lines."""
         passed = self._piece_at(way) - 1
         if passed > 0:
             del self._pieces[:passed]
@@ -218,7 +216,7 @@ class CartesianRoute(Route):
 
     def _take_end(self, scan: PathScan) -> None:
         last = self._pieces[-1]
-        self.end_joints, self.end_pose = scan.joints, last.leg.end
+        self.end_joints = scan.joints
         self.length = last.begin + last.leg.length
         if scan.broken is not None:
             self.length = last.begin + scan.broken.way
@@ -265,7 +263,7 @@ class CartesianRoute(Route):
 
 
 def _cut(stretches: Sequence[Stretch], end: float, begin: float) -> List[Stretch]:
-    """The stretches between the parameters begin and end."""
+    """The stretches between the parameters ``begin`` and ``end``."""
     result: List[Stretch] = []
     at = 0.0
     for stretch in stretches:

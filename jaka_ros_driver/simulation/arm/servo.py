@@ -1,4 +1,6 @@
-"""Servo (streaming) mode: points of 8 ms and their multiples, interpolated, filtered (controller protocol 5.6)."""
+"""Servo (streaming) mode: points of 8 ms and their multiples, interpolated, filtered (docs/controller-protocol.md
+section 5.6).
+"""
 import enum
 import math
 from collections import deque
@@ -12,12 +14,12 @@ from jaka_ros_driver.simulation.arm.legs import Line, Pace
 from jaka_ros_driver.simulation.arm.servo_filters import Filter
 from jaka_ros_driver.state import Vector
 
-CYCLE_TIME = 0.008
-"""s, interpolation cycle: controller protocol 5.6.5."""
+CYCLE_TIME_S = 0.008
+"""s, interpolation cycle: docs/controller-protocol.md section 5.6.5."""
 MAX_STEP_SPEED = math.pi
-"""rad/s (180 deg/s): a point that needs more of a joint is ignored, controller protocol 5.6.5."""
+"""rad/s (180 deg/s): a point that needs more of a joint is ignored, docs/controller-protocol.md section 5.6.5."""
 MAX_POINTS = 50
-"""So many points wait at most; further ones are ignored. No vendor value exists."""
+"""Largest number of waiting points; further ones are ignored. No vendor value exists."""
 MAX_CYCLES = 1000
 """``stepNum`` at most. No vendor value exists."""
 
@@ -25,7 +27,7 @@ _UNIT_PACE = Pace(1.0, 1.0, 1.0, 1.0, 1.0)
 
 
 class Starvation(enum.Enum):
-    """What the arm does when a servo stream runs dry: hold the last target, or go on by the last increment."""
+    """What the arm does when a servo stream has no more points: hold the last target, or repeat the last increment."""
 
     HOLD = "hold"
     REPEAT = "repeat"
@@ -39,7 +41,7 @@ class _Point(NamedTuple):
 
 
 class ServoStream:
-    """The points of one stay in servo mode.
+    """The points of a servo stream, from entering servo mode until it is left.
 
     Attributes:
         joints: Commanded, rad (6,).
@@ -63,20 +65,22 @@ class ServoStream:
         return not self._points
 
     def add_joints(self, target: Vector, relative: bool, cycles: int) -> bool:
-        """Append a joint point; False when ignored.
+        """Append a joint point, rad (6,), to be reached in ``cycles`` cycles; False where it is ignored.
 
         Raises:
-            TargetRejected: Bad numbers, or beyond a soft limit.
+            TargetRejected: A number is not finite, the point is beyond a soft limit, or ``cycles`` is out of range.
         """
         finite_six("servo point", target)
         end = tuple(a + b for a, b in zip(self._end, target)) if relative else tuple(target)
         return self._add(end, None, cycles)
 
     def add_pose(self, target: Pose, relative: bool, cycles: int) -> bool:
-        """Append a Cartesian point in the active user frame; False when ignored.
+        """Append a Cartesian point in the active user frame, to be reached in ``cycles`` cycles; False where it is
+        ignored.
 
         Raises:
-            TargetRejected: Bad numbers, out of reach, or beyond a soft limit.
+            TargetRejected: A number is not finite, the point is out of reach or beyond a soft limit, or ``cycles`` is
+                out of range.
         """
         start = self._frames.tool_at(self._end)
         goal = self._frames.displaced(start, target) if relative else self._frames.in_base(target)
@@ -92,7 +96,7 @@ class ServoStream:
         if outside is not None:
             cause = events.on_soft_limit(*outside)
             raise TargetRejected(cause.code, "servo point: " + cause.text)
-        duration = cycles * CYCLE_TIME
+        duration = cycles * CYCLE_TIME_S
         longest = max(abs(b - a) for a, b in zip(self._end, end))
         if longest > MAX_STEP_SPEED * duration * (1.0 + 1e-9) or len(self._points) >= MAX_POINTS:
             return False
@@ -101,7 +105,7 @@ class ServoStream:
         return True
 
     def step(self, dt: float) -> List[PlantEvent]:
-        """One cycle; ``joints`` then holds the new command. Returns what happened."""
+        """Run one cycle of ``dt`` s; ``joints`` then holds the new command. Returns the events of this cycle."""
         if self._points:
             before = self._target
             self._interpolate(dt)

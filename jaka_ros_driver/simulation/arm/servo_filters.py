@@ -1,4 +1,4 @@
-"""The filters of a servo stream (SDK client 5, ``filter_type`` 0 to 5): what each does here.
+"""The filters of a servo stream (docs/sdk-client.md section 5, ``filter_type`` 0 to 5): what each does here.
 
 The vendor gives names and parameters, no formulas: these are the simulation's own. All come to rest on the last target.
 
@@ -29,7 +29,7 @@ MAX_BUFFER = 250
 
 
 class ServoFilter(enum.IntEnum):
-    """Filters of a servo stream; the numbers of the wire (SDK client 5)."""
+    """Filters of a servo stream; the numbers of the wire (docs/sdk-client.md section 5)."""
 
     NONE = 0
     JOINT_LOW_PASS = 1
@@ -50,7 +50,7 @@ _PARAMETERS: Dict[ServoFilter, Tuple[str, ...]] = {
 
 
 def checked_parameters(kind: ServoFilter, parameters: Dict[str, float]) -> Dict[str, float]:
-    """The parameters, if the filter can work with them.
+    """Check the parameters of a filter; returns a copy of them.
 
     Raises:
         TargetRejected: One is missing, surplus, not finite or out of range.
@@ -70,14 +70,14 @@ def checked_parameters(kind: ServoFilter, parameters: Dict[str, float]) -> Dict[
 
 
 class Filter:
-    """Filter 0: what comes in goes out. The others override ``step``."""
+    """Filter 0: no filter. The others override ``step``."""
 
     def __init__(self, joints: Vector) -> None:
         """joints: where the arm stands, rad (6,)."""
         self.joints = joints
 
     def step(self, target: Vector, dt: float) -> Vector:
-        """One cycle towards the interpolated target, rad (6,); returns the joints to command."""
+        """Run one cycle of ``dt`` s towards the interpolated target, rad (6,); returns the joints to command, rad."""
         self.joints = target
         return target
 
@@ -123,7 +123,7 @@ class Mean(Filter):
         result: List[float] = []
         for n, (y, x) in enumerate(zip(self.joints, target)):
             self._sums[n] += x - leaving[n]
-            # Sums of differences telescope: only the ends of the window count.
+            # A sum of successive differences depends only on the first and the last value of the window.
             travel = x - leaving[n]
             bend = (x - last[n]) - (leaving[n] - before[n])
             result.append(y + self._kp * (self._sums[n] / size - y) + self._kv * travel / size + self._ka * bend / size)
@@ -154,7 +154,7 @@ class CartesianLimits(Filter):
 
 
 class Tracker:
-    """Several coordinates that follow targets, each as fast as the same limits allow."""
+    """Several coordinates, each of which follows its target within the same limits of speed, acceleration and jerk."""
 
     def __init__(self, positions: Sequence[float], limits: Tuple[float, float, float], jerk_limited: bool = True
                  ) -> None:
@@ -174,12 +174,12 @@ class Tracker:
             self._plan.synchronization = RUCKIG.Synchronization.No
 
     def step_from_zero(self, target: Sequence[float], dt: float) -> Vector:
-        """As ``step``, with the coordinates counted from where they are now; returns the change."""
+        """Do what ``step`` does for a target relative to the present coordinates; returns the change."""
         self._position = [0.0] * len(self._position)
         return self.step(target, dt)
 
     def step(self, target: Sequence[float], dt: float) -> Vector:
-        """One cycle; returns the coordinates."""
+        """Run one cycle of ``dt`` s towards the target; returns the coordinates."""
         if self._plan is None or not self._step_jerk_limited(target, dt):
             for n, goal in enumerate(target):
                 self._step_trapezoid(n, goal, dt)
@@ -209,7 +209,7 @@ class Tracker:
 
 
 def make_filter(kind: ServoFilter, parameters: Dict[str, float], frames: ArmFrames, joints: Vector) -> Filter:
-    """The filter, at rest at these joints; parameters as from ``checked_parameters``."""
+    """Make the filter, at rest at these joints, rad (6,), with parameters from ``checked_parameters``."""
     p = parameters
     if kind == ServoFilter.JOINT_LOW_PASS:
         return LowPass(joints, p["lpf_cf"])

@@ -1,8 +1,8 @@
-"""Which event the feed's ``errcode`` and ``errmsg`` show (controller protocol 4.4).
+"""Which event the feed's ``errcode`` and ``errmsg`` show (docs/controller-protocol.md section 4.4).
 
 Errors stand until ``clear_error``; soft-limit events while the arm is on the limit; the note that the drives were
 disabled until they are enabled again. Warnings, and notes about states in which the arm can move, are kept in the
-list of past events only: the maker's SDK ends a blocking move on any ``errcode`` but 0 (SDK client 5).
+list of past events only: the maker's SDK ends a blocking move on any ``errcode`` but 0 (docs/sdk-client.md section 5).
 """
 from collections import deque
 from typing import Deque, NamedTuple, Optional, Tuple
@@ -13,7 +13,7 @@ from jaka_ros_driver.simulation.arm.events import PlantEvent
 EMERGENCY_STOP = PlantEvent(0x309082, "emergency stop triggered")
 COLLISION = PlantEvent(0x0F0034, "collision detected")
 DISABLED_NOTE = PlantEvent(0x10F0005, "robot servo disabled")
-"""The text as captured (controller protocol 4.4)."""
+"""The text as captured from a real controller (docs/controller-protocol.md section 4.4)."""
 
 _LATCHING = frozenset((
     events.INVERSE_KINEMATICS_FAILED, events.TARGET_UNREACHABLE, events.SINGULARITY_PROTECTIVE_STOP,
@@ -36,7 +36,7 @@ class PastEvent(NamedTuple):
 
 
 class Alarms:
-    """The event that the feed shows now, and those that were."""
+    """The event that the status feed shows now, and past events."""
 
     def __init__(self) -> None:
         self.past: Deque[PastEvent] = deque(maxlen=_MAX_PAST)
@@ -46,7 +46,7 @@ class Alarms:
         self._note: Optional[PlantEvent] = None
 
     def raise_event(self, event: PlantEvent, now: float) -> None:
-        """Take an event of the arm; an error that stands already stays the one shown."""
+        """Note an event of the arm. An error that is shown already stays the one shown."""
         self.past.append(PastEvent(now, event))
         if event == EMERGENCY_STOP:
             self._emergency_stop = True
@@ -58,12 +58,12 @@ class Alarms:
             self._error = self._error or event
 
     def clear(self, emergency_stop_pressed: bool) -> None:
-        """What ``clear_error`` clears; an emergency stop only once its button is released."""
+        """Clear what ``clear_error`` clears; the emergency stop only if its button is released."""
         self._error = self._note = None
         self._emergency_stop = self._emergency_stop and emergency_stop_pressed
 
     def drives_enabled(self) -> None:
-        """The note that they were disabled has had its time."""
+        """The drives are enabled: remove the note that they were disabled."""
         self._note = None
 
     def left_soft_limit(self) -> None:

@@ -1,9 +1,10 @@
-"""Takes typed parameters out of a request; a missing or mistyped one is BadParameter (controller protocol 4.3, code 1).
+"""Takes typed parameters out of a request. A missing or mistyped one raises BadParameter (docs/controller-protocol.md
+section 4.3, code 1).
 
-Keys that nobody asks for are ignored (controller protocol 2).
+Keys that nobody asks for are ignored (docs/controller-protocol.md section 2).
 """
 import math
-from typing import Any, List, Optional, Tuple
+from typing import Any, Optional
 
 from jaka_ros_driver.protocol.framing import JsonObject
 from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused
@@ -12,7 +13,9 @@ from jaka_ros_driver.state import Vector
 MAX_TEXT = 256
 """Longest name stored, characters."""
 MAX_NUMBER = 1e9
-"""Larger numbers, either sign, stand for nothing on an arm; they are refused before anything is computed with them."""
+"""Largest absolute value taken; no quantity of an arm is larger. Others are refused before anything is computed with
+them.
+"""
 
 
 class Arguments:
@@ -74,7 +77,8 @@ class Arguments:
 
         Raises:
             BadParameter: It is missing, no array, or holds something else than finite numbers.
-            Refused: It has another length, or a number is beyond ``MAX_NUMBER`` (controller protocol 4.3, code 2).
+            Refused: It has another length, or a number is beyond ``MAX_NUMBER`` (docs/controller-protocol.md section
+                4.3, code 2).
         """
         values = self._request.get(key)
         if not isinstance(values, list):
@@ -85,7 +89,7 @@ class Arguments:
         return numbers
 
     def first_of(self, *keys: str) -> str:
-        """The first of these keys that the request has; the first where it has none."""
+        """The first of these keys that the request has; ``keys[0]`` where it has none of them."""
         return next((key for key in keys if key in self._request), keys[0])
 
     def raw(self, key: str) -> Any:
@@ -97,10 +101,6 @@ class Arguments:
         if key not in self._request:
             raise BadParameter("%s is missing" % key)
         return self._request[key]
-
-    def kept(self, keys: Tuple[str, ...]) -> List[Tuple[str, Any]]:
-        """Those of the keys that the request has, with their values as they came."""
-        return [(key, self._request[key]) for key in keys if key in self._request]
 
 
 def _finite(key: str, value: Any) -> float:

@@ -10,7 +10,7 @@ SIMULATED_ONLY = "simulated controllers only"
 
 
 class Held(NamedTuple):
-    """The reply is held back until this becomes true."""
+    """The handler's result where the reply is to be held back until ``until()`` is true."""
 
     until: Callable[[], bool]
 
@@ -31,8 +31,8 @@ class CommandSpec(NamedTuple):
 
     Attributes:
         name: ``cmdName``.
-        section: Where it is described: a section of the controller protocol, or "SDK client" and its section;
-            ``SIMULATED_ONLY`` where no real controller knows it.
+        section: Where it is described: a section of docs/controller-protocol.md, or "sdk-client.md" and a section of
+            docs/sdk-client.md; ``SIMULATED_ONLY`` where no real controller knows it.
         handler: Carries it out and returns the reply's own fields, or raises Refused or BadParameter.
         modern_only: True where firmware 1.5.14 does not know it.
         then: What follows the reply.
@@ -46,7 +46,7 @@ class CommandSpec(NamedTuple):
 
 
 def plain(action: Callable[[ControllerState], None]) -> Handler:
-    """A handler without parameters and without a reply of its own."""
+    """Make a handler of an action that takes no parameters and has no fields for the reply."""
     def handle(state: ControllerState, _arguments: Arguments) -> Optional[Reply]:
         action(state)
         return None
@@ -54,7 +54,7 @@ def plain(action: Callable[[ControllerState], None]) -> Handler:
 
 
 def query(answer: Callable[[ControllerState], Reply]) -> Handler:
-    """A handler without parameters that answers."""
+    """Make a handler of a function that takes no parameters and returns the fields of the reply."""
     def handle(state: ControllerState, _arguments: Arguments) -> Optional[Reply]:
         return answer(state)
     return handle

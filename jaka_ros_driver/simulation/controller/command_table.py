@@ -1,4 +1,4 @@
-"""The command port's commands: one row each, from the modules that carry them out."""
+"""The table of all commands of the command port, put together from the modules that carry them out."""
 from typing import Dict
 
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec

@@ -1,4 +1,6 @@
-"""Commands about tools, user frames, payload and collision sensitivity (controller protocol 5.7, 5.9)."""
+"""Commands about tools, user frames, payload and collision sensitivity (docs/controller-protocol.md sections 5.7,
+5.9).
+"""
 from typing import List, Optional, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
@@ -15,7 +17,7 @@ MAX_MASS_KG = 100.0
 
 
 def _store(frames: List[Frame], arguments: Arguments, key: str) -> int:
-    """Store a frame; 0, the fixed one, and ids beyond the table are refused."""
+    """Store a frame. Id 0, which is fixed, and ids beyond the table are refused."""
     frame_id = arguments.integer("id")
     pose, name = pose_from_wire(arguments.vector(key, 6)), arguments.text("name", "")
     if not 1 <= frame_id < FRAME_COUNT:
@@ -25,7 +27,9 @@ def _store(frames: List[Frame], arguments: Arguments, key: str) -> int:
 
 
 def _set_tool_offsets(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    """Stores only; set_tool_id activates. The active tool changes at once, except in motion."""
+    """Store a tool; ``set_tool_id`` activates it. Where the tool is active, the new values hold at once, except during
+    a motion.
+    """
     if arguments.integer("id") == state.memory.tool_id:
         state.require_standstill()
     if _store(state.memory.tools, arguments, "tooloffset") == state.memory.tool_id:
@@ -34,7 +38,9 @@ def _set_tool_offsets(state: ControllerState, arguments: Arguments) -> Optional[
 
 
 def _set_user_offsets(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    """As for tools; the vendor's key is ``userffset``, some clients spell it right (controller protocol 5.7)."""
+    """Store a user frame, as ``_set_tool_offsets``. The vendor's key is misspelt ``userffset``; some clients send
+    ``useroffset`` (docs/controller-protocol.md section 5.7).
+    """
     if arguments.integer("id") == state.memory.user_frame_id:
         state.require_standstill()
     key = arguments.first_of("userffset", "useroffset")
@@ -72,7 +78,7 @@ def _load(payload: Payload) -> Reply:
 
 
 def _set_sensitivity(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    """Locked while hand guiding is on (event 0x0F0055)."""
+    """Set the collision sensitivity; refused while hand guiding is on (event 0x0F0055)."""
     level = arguments.integer("sensitivityVal")
     if not 0 <= level <= MAX_COLLISION_LEVEL or state.plant.is_hand_guided:
         raise Refused()
@@ -81,26 +87,26 @@ def _set_sensitivity(state: ControllerState, arguments: Arguments) -> Optional[R
 
 
 def _sensitivity(state: ControllerState) -> Reply:
-    """Under both keys that clients read (controller protocol 5.9)."""
+    """The collision sensitivity, under both keys that clients read (docs/controller-protocol.md section 5.9)."""
     level = state.memory.collision_level
     return {"sensitivityLevel": level, "sensitivityVal": level}
 
 
 FRAME_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("set_tool_offsets", "5.7", _set_tool_offsets),
-    CommandSpec("get_tool_offsets", "SDK client 6", query(
+    CommandSpec("get_tool_offsets", "sdk-client.md 6", query(
         lambda state: {"tool_offsets": _table(state.memory.tools)})),
     CommandSpec("set_tool_id", "5.7", _set_tool_id),
     CommandSpec("get_curr_tool_id", "5.7", query(lambda state: {"id": state.memory.tool_id})),
     CommandSpec("set_user_offsets", "5.7", _set_user_offsets),
-    CommandSpec("get_user_offsets", "SDK client 6", query(
+    CommandSpec("get_user_offsets", "sdk-client.md 6", query(
         lambda state: {"user_offsets": _table(state.memory.user_frames)})),
     CommandSpec("set_user_id", "5.7", _set_user_id),
     CommandSpec("get_curr_user_id", "5.7", query(lambda state: {"id": state.memory.user_frame_id})),
     CommandSpec("set_payload", "5.7", _set_load("payload")),
     CommandSpec("get_payload", "5.7", query(lambda state: _load(state.memory.payload))),
     CommandSpec("set_tool_payload", "5.7", _set_load("sensor_payload")),
-    CommandSpec("get_tool_payload", "SDK client 8", query(lambda state: _load(state.memory.sensor_payload))),
+    CommandSpec("get_tool_payload", "sdk-client.md 8", query(lambda state: _load(state.memory.sensor_payload))),
     CommandSpec("set_clsn_sensitivity", "5.9", _set_sensitivity),
     CommandSpec("get_clsn_sensitivity", "5.9", query(_sensitivity)),
 )

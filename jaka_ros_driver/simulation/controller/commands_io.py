@@ -1,4 +1,4 @@
-"""Commands about inputs and outputs (controller protocol 5.11)."""
+"""Commands about inputs and outputs (docs/controller-protocol.md section 5.11)."""
 from typing import Optional, Tuple
 
 from jaka_ros_driver.errors import InvalidCommand
@@ -42,7 +42,7 @@ def _din_status(state: ControllerState) -> Reply:
 
 
 def _extio_status(state: ControllerState) -> Reply:
-    """``mode`` is what the SDK reads; no extension module is set up (SDK client 6)."""
+    """``mode`` is what the SDK reads; no extension module is set up (docs/sdk-client.md section 6)."""
     return {"extio_status": {"version": 1, "setups": [], "mode": 0}}
 
 

@@ -1,4 +1,6 @@
-"""Commands that move the arm: queued moves, jog, servo mode, hand guiding (controller protocol 5.2 to 5.8)."""
+"""Commands that move the arm: queued moves, jog, servo mode, hand guiding (docs/controller-protocol.md sections 5.2
+to 5.8).
+"""
 from typing import Callable, Dict, Optional, Tuple
 
 from jaka_ros_driver.commands import JogFrame
@@ -14,12 +16,14 @@ from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, mm_to_m
 _JOG_FRAMES = {0: JogFrame.BASE, 1: JogFrame.JOINT, 2: JogFrame.TOOL}
 _JOG_STOP = 0
 MIN_RATE = 1e-3
-"""Slowest speed and acceleration taken, mm or deg: below, a move would not end within days."""
+"""Lowest speed and acceleration taken, mm or deg per s or s2; with lower ones a move would take days."""
 _RAPID_RATE_DECIMALS = 4
 
 
 def _move(command: str, queue: Callable[[ControllerState, Arguments], bool]) -> Handler:
-    """A queued move: refused where the arm takes none, "call <cmd> failed" for a bad target, never latched."""
+    """Make the handler of a queued move. It refuses the move where the arm takes none, and a bad target with "call
+    <cmd> failed"; neither latches an error.
+    """
     def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
         state.require_motion(command)
         try:
@@ -36,7 +40,7 @@ def _optional(arguments: Arguments, key: str, to_si: Callable[[float], float]) -
 
 
 def _rate(arguments: Arguments, key: str) -> float:
-    """A speed or acceleration; its sign is not looked at here."""
+    """A speed or acceleration; its sign is not checked here."""
     rate = arguments.number(key)
     if abs(rate) < MIN_RATE:
         raise Refused()
@@ -115,7 +119,9 @@ def _servo_move(state: ControllerState, arguments: Arguments) -> Optional[Reply]
 
 
 def _servo_point(vendor_name: str, append: Callable[[ControllerState, Arguments, bool, int], bool]) -> Handler:
-    """A point outside servo mode is refused in the vendor's words; one over 180 deg/s is ignored, not refused."""
+    """Make the handler of a servo point. Outside servo mode a point is refused with the vendor's text; a point that
+    needs more than 180 deg/s is ignored.
+    """
     def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
         relative, cycles = arguments.flag("relFlag", False), arguments.integer("stepNum", 1)
         if not state.plant.is_servo_active:
@@ -151,7 +157,7 @@ _FILTER_PARAMETERS: Dict[ServoFilter, Tuple[Tuple[str, Callable[[float], float]]
         ("nlf_max_vp", mm_to_m), ("nlf_max_ap", mm_to_m), ("nlf_max_jp", mm_to_m)),
     ServoFilter.FORESIGHT: (("mmf_max_buf", _same), ("mmf_kp", _same)),
 }
-"""Keys and units of each filter: controller protocol 5.6.6, SDK client 8."""
+"""Keys and units of each filter: docs/controller-protocol.md section 5.6.6, docs/sdk-client.md section 8."""
 
 
 def _set_servo_filter(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
@@ -183,7 +189,9 @@ def _wait_complete(state: ControllerState, _arguments: Arguments) -> Held:
 
 
 def _motion_planner(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    """-1 off and 1 S-curve, both as far as ruckig is installed, 0 trapezoid; for the moves and jogs to come."""
+    """Choose the profile of moves and jogs that come later: 0 trapezoid; -1 (off) and 1 S-curve, where ruckig is
+    installed.
+    """
     kind = arguments.integer("type")
     if kind not in (-1, 0, 1):
         raise Refused()

@@ -1,4 +1,6 @@
-"""Commands about programs, at the level of state, and about the status feed (controller protocol 5.13, 5.14, 6.1)."""
+"""Commands about the state of programs and about the status feed (docs/controller-protocol.md sections 5.13, 5.14,
+6.1).
+"""
 from typing import Optional, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
@@ -22,7 +24,7 @@ def _load(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
 
 
 def _play(state: ControllerState, _arguments: Arguments) -> Optional[Reply]:
-    """Runs until it is stopped: a program has a state here, and no content."""
+    """Start the program; it runs until it is stopped, because programs have a state here but no content."""
     if not state.memory.program_name:
         raise Refused()
     state.require_motion("play_program")
@@ -67,7 +69,9 @@ def _feed_delay_ms(state: ControllerState) -> int:
 
 
 def _whole_number(value: object) -> int:
-    """The value of an optional-info setting: a number, or its text as clients send it (controller protocol 6.1)."""
+    """The value of an optional-info setting: a number, or its text as clients send it (docs/controller-protocol.md
+    section 6.1).
+    """
     try:
         if isinstance(value, (str, int)) and len(str(value)) < 10:
             return int(value)
@@ -77,7 +81,7 @@ def _whole_number(value: object) -> int:
 
 
 def _set_optional_info(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    """Kept over a restart, and in force at once."""
+    """Set an optional-info setting: it holds at once and survives a restart."""
     section, key, value = arguments.text("section"), arguments.text("key"), _whole_number(arguments.raw("value"))
     if (section, key) == (_PORTS, _DELAY):
         _set_delay(state, value)
@@ -109,7 +113,7 @@ PROGRAM_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("get_loaded_program", "5.14", query(lambda state: {"programName": state.memory.program_name})),
     CommandSpec("play_program", "5.14", _play),
     CommandSpec("get_program_state", "5.14", query(_program_state)),
-    CommandSpec("get_current_line", "SDK client 6", query(
+    CommandSpec("get_current_line", "sdk-client.md 6", query(
         lambda state: {"current_line": int(state.program_state is not ProgramState.IDLE)})),
     CommandSpec("query_user_defined_variable", "5.14", query(_variables)),
     CommandSpec("modify_user_defined_variable", "5.14", _modify_variable),

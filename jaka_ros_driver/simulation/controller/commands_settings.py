@@ -1,7 +1,7 @@
 """Settings that are stored and returned, and do nothing else here: tool I/O, RS-485, torque sensor, force control,
-trajectory recording (controller protocol 5.11, 5.15; SDK client 8).
+trajectory recording (docs/controller-protocol.md sections 5.11, 5.15; docs/sdk-client.md section 8).
 
-Where a reply's keys are not known, they are those of the setter: the SDK reads a missing one as zero.
+Where the keys of a reply are not known, the setter's keys are used; the SDK reads a missing key as zero.
 """
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
@@ -20,7 +20,8 @@ class _Key(NamedTuple):
 
     Attributes:
         name: On the wire.
-        default: Before it is first set; its type is the type that is asked for, a tuple for an array of its length.
+        default: Its value before it is set. Its type is the type that a request must have; a tuple stands for an array
+            of that length.
         low: Smallest whole number taken.
         high: Largest whole number taken.
     """
@@ -56,8 +57,8 @@ class _Setting(NamedTuple):
         setter: Name of the command that stores.
         getter: Name of the command that returns; "" for none.
         section: Where both are described.
-        keys: What is stored.
-        selector: Key that chooses among several of the kind; "" where there is one only.
+        keys: The parameters that are stored.
+        selector: Key that chooses one of several sets of values; "" where there is only one.
     """
 
     setter: str
@@ -83,15 +84,15 @@ _SETTINGS: Tuple[_Setting, ...] = (
         _Key("type", 0, 0, 1), _Key("ip_addr", ""), _Key("port", 0, 0, 65535))),
     _Setting("set_compliant_type", "get_compliant_type", "5.15", (
         _Key("sensor_compensation", 0, 0, 1), _Key("compliance_type", 0, 0, 2))),
-    _Setting("set_torque_sensor_filter", "get_torque_sensor_filter", "SDK client 8", (
+    _Setting("set_torque_sensor_filter", "get_torque_sensor_filter", "sdk-client.md 8", (
         _Key("torqueSensorFilter", 0.0),)),
-    _Setting("set_ft_ctrl_frame", "get_ft_ctrl_frame", "SDK client 8", (_Key("ftFrame", 0, 0, 1),)),
-    _Setting("set_traj_config", "get_traj_config", "SDK client 8", (
+    _Setting("set_ft_ctrl_frame", "get_ft_ctrl_frame", "sdk-client.md 8", (_Key("ftFrame", 0, 0, 1),)),
+    _Setting("set_traj_config", "get_traj_config", "sdk-client.md 8", (
         _Key("acc", 0.0), _Key("rpy_interval", 0.0), _Key("vel", 0.0), _Key("xyz_interval", 0.0))),
-    _Setting("enable_admittance_ctrl", "", "SDK client 8", (_Key("enable_flag", 0, 0, 1),)),
-    _Setting("disable_force_control", "", "SDK client 8", ()),
-    _Setting("set_vel_compliant_ctrl", "", "SDK client 8", (_Key("compliant_ctrl", (0.0,) * 5),)),
-    _Setting("set_compliance_condition", "", "SDK client 8", (_Key("compliant_condition", (0.0,) * 6),)),
+    _Setting("enable_admittance_ctrl", "", "sdk-client.md 8", (_Key("enable_flag", 0, 0, 1),)),
+    _Setting("disable_force_control", "", "sdk-client.md 8", ()),
+    _Setting("set_vel_compliant_ctrl", "", "sdk-client.md 8", (_Key("compliant_ctrl", (0.0,) * 5),)),
+    _Setting("set_compliance_condition", "", "sdk-client.md 8", (_Key("compliant_condition", (0.0,) * 6),)),
     _Setting("send_tio_rs_command", "", "5.11", ()),
 )
 
@@ -217,7 +218,7 @@ def _with_file(act: Callable[[Dict[str, Any], str], object]) -> Handler:
 
 
 def _identify_payload(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    """Taken, and over at once: the simulated sensor weighs nothing."""
+    """Accept the identification, which ends at once: the simulated sensor measures no load."""
     arguments.vector("jointPosition", 6)
     state.require_motion("start_torq_sensor_payload_identify")
     return None
@@ -225,24 +226,24 @@ def _identify_payload(state: ControllerState, arguments: Arguments) -> Optional[
 
 SETTING_COMMANDS: Tuple[CommandSpec, ...] = (
     *_rows(),
-    CommandSpec("set_torque_sensor_soft_limit", "SDK client 8", _set_soft_limit),
-    CommandSpec("get_torque_sensor_soft_limit", "SDK client 8", query(_soft_limit)),
-    CommandSpec("set_admit_ctrl_config", "SDK client 8", _set_admittance),
-    CommandSpec("get_admit_ctrl_config", "SDK client 8", query(_admittance)),
+    CommandSpec("set_torque_sensor_soft_limit", "sdk-client.md 8", _set_soft_limit),
+    CommandSpec("get_torque_sensor_soft_limit", "sdk-client.md 8", query(_soft_limit)),
+    CommandSpec("set_admit_ctrl_config", "sdk-client.md 8", _set_admittance),
+    CommandSpec("get_admit_ctrl_config", "sdk-client.md 8", query(_admittance)),
     CommandSpec("add_tio_rs_signal", "5.11", _add_signal),
     CommandSpec("del_tio_rs_signal", "5.11", _delete_signal),
     CommandSpec("get_rs485_signal_list", "5.11", query(_signals)),
     CommandSpec("get_tio_signals", "5.11", query(_signals)),
-    CommandSpec("set_traj_sample_mode", "SDK client 8", _sample_mode),
-    CommandSpec("get_traj_sample_status", "SDK client 8", query(
+    CommandSpec("set_traj_sample_mode", "sdk-client.md 8", _sample_mode),
+    CommandSpec("get_traj_sample_status", "sdk-client.md 8", query(
         lambda state: {"sampleStatus": state.memory.settings.get(("set_traj_sample_mode", 0), {}).get("mode", 0)})),
-    CommandSpec("get_exist_traj_file_name", "SDK client 8", query(
+    CommandSpec("get_exist_traj_file_name", "sdk-client.md 8", query(
         lambda state: {"trajFileName": list(_names(state, "trajectories"))})),
-    CommandSpec("rename_traj_file_name", "SDK client 8", _rename_trajectory),
-    CommandSpec("remove_traj_file", "SDK client 8", _with_file(lambda files, name: files.pop(name, None))),
-    CommandSpec("generate_traj_exe_file", "SDK client 8", _with_file(lambda files, name: None)),
-    CommandSpec("start_torq_sensor_payload_identify", "SDK client 8", _identify_payload),
-    CommandSpec("get_torq_sensor_identify_staus", "SDK client 8", query(lambda state: {"identify_status": 0})),
-    CommandSpec("get_torq_sensor_payload_identify_result", "SDK client 8", query(
+    CommandSpec("rename_traj_file_name", "sdk-client.md 8", _rename_trajectory),
+    CommandSpec("remove_traj_file", "sdk-client.md 8", _with_file(lambda files, name: files.pop(name, None))),
+    CommandSpec("generate_traj_exe_file", "sdk-client.md 8", _with_file(lambda files, name: None)),
+    CommandSpec("start_torq_sensor_payload_identify", "sdk-client.md 8", _identify_payload),
+    CommandSpec("get_torq_sensor_identify_staus", "sdk-client.md 8", query(lambda state: {"identify_status": 0})),
+    CommandSpec("get_torq_sensor_payload_identify_result", "sdk-client.md 8", query(
         lambda state: {"mass": 0.0, "centroid": [0.0, 0.0, 0.0]})),
 )

@@ -1,4 +1,4 @@
-"""Commands about power, states, errors and positions (controller protocol 5.1, 5.10, 5.12, 5.13)."""
+"""Commands about power, states, errors and positions (docs/controller-protocol.md sections 5.1, 5.10, 5.12, 5.13)."""
 import math
 from typing import List, Optional, Tuple
 
@@ -41,7 +41,7 @@ def _set_installation_angle(state: ControllerState, arguments: Arguments) -> Opt
 
 
 def _installation_angle(state: ControllerState) -> Reply:
-    """Quaternion (scalar first) and rpy, deg, of the mounting: about x, then about z (SDK client 6)."""
+    """Quaternion (scalar first) and rpy, deg, of the mounting: about x, then about z (docs/sdk-client.md section 6)."""
     about_x, about_z = state.memory.installation_angles
     cx, sx = math.cos(deg_to_rad(about_x) / 2.0), math.sin(deg_to_rad(about_x) / 2.0)
     cz, sz = math.cos(deg_to_rad(about_z) / 2.0), math.sin(deg_to_rad(about_z) / 2.0)
@@ -73,7 +73,9 @@ def _kine_inverse(state: ControllerState, arguments: Arguments) -> Reply:
 
 
 def _dh_param(state: ControllerState) -> Reply:
-    """Modified DH, as the SDK shows it: alpha and a belong to the link before, deg and mm (SDK client 6)."""
+    """The modified DH table, deg and mm, as the SDK shows it: alpha and a are those of the link before
+    (docs/sdk-client.md section 6).
+    """
     rows = state.model.dh
     alphas = [0.0] + [rad_to_deg(row.alpha) for row in rows[:-1]]
     lengths = [0.0] + [m_to_mm(row.a) for row in rows[:-1]]
@@ -99,8 +101,8 @@ SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("get_robot_state", "5.1", query(_robot_state)),
     CommandSpec("get_version", "5.1", query(lambda state: {"version": state.firmware.version})),
     CommandSpec("set_installation_angle", "5.1", _set_installation_angle),
-    CommandSpec("get_installation_angle", "SDK client 6", query(_installation_angle)),
-    CommandSpec("set_network_exception_handle", "SDK client 2", _set_network_exception_handle),
+    CommandSpec("get_installation_angle", "sdk-client.md 6", query(_installation_angle)),
+    CommandSpec("set_network_exception_handle", "sdk-client.md 2", _set_network_exception_handle),
     CommandSpec("get_simulator_identity", SIMULATED_ONLY, query(
         lambda state: {"identity": state.options.identity})),
     CommandSpec("clear_error", "5.10", plain(ControllerState.clear_error)),
@@ -110,7 +112,7 @@ SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
         lambda state: {"emergency_stop": int(state.emergency_stop)}), modern_only=True),
     CommandSpec("kine_forward", "5.12", _kine_forward),
     CommandSpec("kine_inverse", "5.12", _kine_inverse),
-    CommandSpec("get_dh_param", "SDK client 6", query(_dh_param)),
+    CommandSpec("get_dh_param", "sdk-client.md 6", query(_dh_param)),
     CommandSpec("get_joint_pos", "5.13", query(lambda state: {"joint_pos": _joint_pos(state)})),
     CommandSpec("get_tcp_pos", "5.13", query(lambda state: {"tcp_pos": _tcp_pos(state)})),
     CommandSpec("get_actual_joint_pos", "5.13", query(lambda state: {"position": _joint_pos(state)})),

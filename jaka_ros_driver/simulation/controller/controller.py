@@ -1,4 +1,6 @@
-"""The controller's core: request in, reply out; time and chance are told. No socket, no thread, no clock."""
+"""The controller without sockets, threads and clock: it takes a request and returns the reply; ``step`` tells it the
+time.
+"""
 import dataclasses
 import sys
 import traceback
@@ -33,7 +35,7 @@ class RequestResult(NamedTuple):
     Attributes:
         command: The command it named; None where it named none.
         reply: Bytes of the reply.
-        until: Where not None, the reply is held back, and the command port with it, until this becomes true.
+        until: Where not None, the reply and all later requests wait until this returns True.
         then: What follows the reply.
     """
 
@@ -71,7 +73,7 @@ class Controller:
             frame.added, frame.dropped = dict(added), tuple(dropped)
 
     def restart(self) -> None:
-        """As after a power cut: without drive power, where the arm stands, with what the memory holds."""
+        """Start again as after a power cut: no drive power, the arm where it stands, the stored settings."""
         old = self.state
         options = dataclasses.replace(self._options, start=Start.OFF)
         self.state = ControllerState(old.model, self._firmware, options, old.memory, old.plant.joint_position)
@@ -84,10 +86,10 @@ class Controller:
         self.state.step(dt)
 
     def execute(self, request: Union[JsonObject, FramingError]) -> RequestResult:
-        """Carry out one request; every request has a reply, and one that is not understood moves nothing.
+        """Carry out one request. Every request gets a reply; one that is not understood changes nothing.
 
-        A bug in a handler ends as the controller's own "Exception:function call failed", with a traceback on
-        stderr: other clients, and the arm in motion, are served on.
+        An exception that a handler does not expect is answered with the controller's own "Exception:function call
+        failed", and its traceback goes to stderr, so that other clients and the moving arm are still served.
         """
         name = request.get("cmdName") if isinstance(request, dict) else None
         spec = COMMANDS.get(name) if isinstance(name, str) else None

@@ -1,6 +1,6 @@
 """The controller's state machine: power, drives, stops, servo mode, programs. No sockets; time is told, SI units.
 
-Nothing here energises, enables or moves by itself: each follows from a command, or ends by a stop.
+Nothing here energises, enables or moves the arm by itself: each needs a command, and a stop ends it.
 """
 import enum
 import heapq
@@ -22,11 +22,13 @@ from jaka_ros_driver.state import Vector
 from jaka_ros_driver.units import ms_to_s
 
 FORCE_PER_LEVEL_N = 25.0
-"""Collision levels 1 to 5 stop at 25 N to 125 N (controller protocol 5.9)."""
+"""Collision levels 1 to 5 stop at 25 N to 125 N (docs/controller-protocol.md section 5.9)."""
 FRAME_SWITCH_DELAY_S = 0.04
-"""How long a tool or user frame takes to become active; it is asynchronous, how slow is not known (5.7)."""
+"""How long a tool or user frame takes to become active. The switch is asynchronous; its real duration is not known
+(docs/controller-protocol.md section 5.7).
+"""
 DISABLE_DELAY_S = 0.3
-"""How long the event code precedes the flags when the drives are disabled (controller protocol 4.4)."""
+"""How long the event code precedes the flags when the drives are disabled (docs/controller-protocol.md section 4.4)."""
 
 
 class Start(enum.Enum):
@@ -38,7 +40,7 @@ class Start(enum.Enum):
 
 
 class ProgramState(enum.IntEnum):
-    """As the feed's ``interp_state`` numbers it (controller protocol 6.2)."""
+    """As the feed's ``interp_state`` numbers it (docs/controller-protocol.md section 6.2)."""
 
     IDLE = 0
     PAUSED = 2
@@ -46,7 +48,7 @@ class ProgramState(enum.IntEnum):
 
 
 class LinkLoss(enum.IntEnum):
-    """What a lost client does to motion (SDK client 2)."""
+    """What happens to the motion when the command client is lost (docs/sdk-client.md section 2)."""
 
     KEEP = 0
     PAUSE = 1
@@ -58,11 +60,12 @@ class Options:
     """How the simulated controller is set up.
 
     Attributes:
-        power_delay: From ``power_on`` to energised drives, s of simulated time (controller protocol 5.1).
+        power_delay: From ``power_on`` to energised drives, s of simulated time (docs/controller-protocol.md section
+            5.1).
         enable_delay: From ``enable_robot`` to released brakes, s.
         start: State at the beginning.
-        starvation: What a servo stream that runs dry does.
-        shortest_feed_period: Of the status feed whatever is asked for, s of simulated time.
+        starvation: What the arm does when a servo stream has no more points.
+        shortest_feed_period: Lower bound of the status feed's period, whatever a client asks for, s of simulated time.
         identity: What ``get_simulator_identity`` answers; no real controller knows that command.
     """
 
@@ -75,7 +78,7 @@ class Options:
 
 
 class ControllerState:
-    """The controller as its commands find it: owner of the arm, who gates everything that reaches it.
+    """The state of the controller; it owns the arm and decides which commands reach it.
 
     Attributes:
         plant: The arm.
@@ -88,9 +91,9 @@ class ControllerState:
         emergency_stop: The button is pressed.
         protective_stop: Stands until ``clear_error``.
         program_state: Of the loaded program.
-        asked_feed_period: Of the status feed as the client set it, s.
-        link_loss: What happens when the present command client is lost, as it asked for itself.
-        link_loss_delay: How long after that, s of simulated time.
+        asked_feed_period: Period of the status feed as the client set it, s.
+        link_loss: What happens when the present command client is lost, as that client has set it.
+        link_loss_delay: How long after the loss that happens, s of simulated time.
     """
 
     def __init__(self, model: ArmModel, firmware: Firmware, options: Options, memory: Memory,
@@ -149,7 +152,7 @@ class ControllerState:
             self._jogged = None
 
     def after(self, delay: float, action: Callable[[], None]) -> None:
-        """Do something after so many seconds of simulated time."""
+        """Call ``action`` after ``delay`` s of simulated time."""
         heapq.heappush(self._timers, (self.now + delay, next(self._timer_ids), action))
 
     def _take_event(self, event: PlantEvent) -> None:
@@ -158,10 +161,10 @@ class ControllerState:
             self.protective_stop = True
             self.plant.halt_protective()
 
-    # --- power and drives (controller protocol 5.1) -----------------------------------------------------------------
+    # --- power and drives (docs/controller-protocol.md section 5.1) ---------------------------------------------------
 
     def power_on(self) -> None:
-        """Begin to energise; no effect while that is under way or done.
+        """Begin to energise the drives; no effect where that has begun already.
 
         Raises:
             Refused: The emergency stop is pressed.
@@ -183,7 +186,7 @@ class ControllerState:
         self._power_at = None
 
     def enable(self) -> None:
-        """Begin to enable; too early, before the power is there, it has no effect (controller protocol 5.1).
+        """Begin to enable; no effect before the drives have power (docs/controller-protocol.md section 5.1).
 
         Raises:
             Refused: A stop stands.
@@ -197,7 +200,8 @@ class ControllerState:
             self._enable_at = self.now + self.options.enable_delay
 
     def disable(self) -> None:
-        """Engage the brakes; the feed says so before its flags do (controller protocol 4.4).
+        """Engage the brakes; the feed's event code tells it before its flags change (docs/controller-protocol.md
+        section 4.4).
 
         Raises:
             Refused: The arm moves (0x0F003A) or a program runs (0x0F0027).
@@ -215,7 +219,7 @@ class ControllerState:
 
     @property
     def task_state(self) -> int:
-        """1 power off, 2 power on, 3 disabled, 4 enabled (controller protocol 6.2)."""
+        """1 power off, 2 power on, 3 disabled, 4 enabled (docs/controller-protocol.md section 6.2)."""
         if not self.is_powered:
             return 1
         if self.is_enabled:
@@ -243,8 +247,8 @@ class ControllerState:
         """Hit the arm.
 
         Args:
-            force: N; from the collision level's force on the arm stops.
-            joint: 0..5 where the hit is told of one joint.
+            force: N; the arm stops where this is at least the force of the collision level.
+            joint: 0..5 where the event is to name a joint.
 
         Returns:
             True when the arm noticed it.
@@ -260,18 +264,20 @@ class ControllerState:
         return True
 
     def clear_error(self) -> None:
-        """Clear errors and recover from a protective stop (controller protocol 5.10); moves and energises nothing."""
+        """Clear errors and recover from a protective stop (docs/controller-protocol.md section 5.10); moves and
+        energises nothing.
+        """
         self.alarms.clear(self.emergency_stop)
         self.protective_stop = False
 
     # --- motion -----------------------------------------------------------------------------------------------------
 
     def require_drives(self) -> None:
-        """Pass only where the drives are ready for motion.
+        """Raise unless the drives are ready for motion.
 
         Raises:
             Refused: Not powered, not enabled or being disabled, a stop stands, hand guiding is on, a program runs
-                (controller protocol 4.3, code 2).
+                (docs/controller-protocol.md section 4.3, code 2).
         """
         ready = self.is_powered and self.is_enabled and self._disable_at is None
         if not ready or self.emergency_stop or self.protective_stop:
@@ -280,7 +286,7 @@ class ControllerState:
             raise Refused()
 
     def require_motion(self, command: str) -> None:
-        """Pass only where the arm takes a planned motion.
+        """Raise unless the arm can take a planned motion.
 
         Raises:
             Refused: As ``require_drives``; or servo mode is on (code -1).
@@ -290,19 +296,19 @@ class ControllerState:
             raise Refused("-1", "%s command can not be excuted in servo move mode" % command)
 
     def moved(self) -> None:
-        """A queued move was taken: the lines of the feed are this client's."""
+        """A queued move was accepted: the line ids in the feed now belong to the present client."""
         self._lines_are_stale = False
 
     def executing_lines(self) -> Tuple[int, int]:
         """``motion_line`` and ``err_add_line`` of the feed.
 
-        Lines of an earlier client read 0: ids restart at 2 in every client, and one that finds its own id in
-        the feed together with ``inpos`` takes its move for done (SDK client 1.7).
+        Lines of an earlier client read 0. Ids restart at 2 in every client, and a client that finds its id in the feed
+        together with ``inpos`` considers its move done (docs/sdk-client.md section 1, point 7).
         """
         return (0, 0) if self._lines_are_stale else (self.plant.motion_line, self.plant.add_error_line)
 
     def stop(self) -> None:
-        """End the program, every motion and every jog; always served."""
+        """End the program, every motion and every jog; never refused."""
         self.program_state = ProgramState.IDLE
         self.plant.stop()
 
@@ -328,20 +334,20 @@ class ControllerState:
 
     @property
     def is_paused(self) -> bool:
-        """The feed's ``paused``."""
+        """The value of the feed's field ``paused``."""
         return self.plant.is_paused or self.program_state is ProgramState.PAUSED
 
     def jogged(self, frame: JogFrame, axis: int) -> None:
-        """A jog was taken."""
+        """A jog was accepted."""
         self._jogged = (frame, axis)
 
     def stop_jog(self) -> None:
-        """End the jog, whichever axis it is: a stop that names another axis is still a wish to stop."""
+        """End the running jog, also where the request names another axis."""
         if self._jogged:
             self.plant.jog_stop(*self._jogged)
 
     def set_hand_guiding(self, active: bool) -> None:
-        """Switch hand guiding (controller protocol 5.8).
+        """Switch hand guiding (docs/controller-protocol.md section 5.8).
 
         Raises:
             Refused: The drives are not ready, the arm moves or stands on a soft limit.
@@ -377,7 +383,7 @@ class ControllerState:
     # --- frames and feed --------------------------------------------------------------------------------------------
 
     def select_tool(self, tool_id: int) -> None:
-        """Make a stored tool the active one, a little later.
+        """Make a stored tool the active one, after ``FRAME_SWITCH_DELAY_S``.
 
         Raises:
             Refused: There is no such id, or the arm moves.
@@ -390,7 +396,7 @@ class ControllerState:
         self.after(FRAME_SWITCH_DELAY_S, switch)
 
     def select_user_frame(self, frame_id: int) -> None:
-        """Make a stored user frame the active one, a little later.
+        """Make a stored user frame the active one, after ``FRAME_SWITCH_DELAY_S``.
 
         Raises:
             Refused: There is no such id, or the arm moves.
@@ -409,7 +415,7 @@ class ControllerState:
             self.require_standstill()
 
     def require_standstill(self) -> None:
-        """Pass only where nothing moves and nothing is queued.
+        """Raise unless nothing moves and nothing is queued.
 
         Raises:
             Refused: Something does.
@@ -418,12 +424,16 @@ class ControllerState:
             raise Refused()
 
     def set_feed_period(self, period: float) -> None:
-        """Period of the status feed, s of simulated time; a move shows in at least one frame (SDK client 1.7)."""
+        """Set the period of the status feed, s of simulated time; a move then shows in at least one frame
+        (docs/sdk-client.md section 1, point 7).
+        """
         self.asked_feed_period = period
         self.plant.settle_time = self.feed_period
 
     def slow_feed(self, period: Optional[float]) -> None:
-        """Send the feed with this period, s of simulated time, whatever is asked for; None ends that."""
+        """Use this period of the feed, s of simulated time, instead of the one that the client asked for; None ends
+        that.
+        """
         self._forced_feed_period = period
         self.plant.settle_time = self.feed_period
 
@@ -435,21 +445,21 @@ class ControllerState:
     # --- the command client -----------------------------------------------------------------------------------------
 
     def client_connected(self) -> None:
-        """A new client has the command port; what the one before it asked for ends, and what its loss would bring."""
+        """A new client has the command port; settings of the one before, and the reaction to its loss, end."""
         self._lines_are_stale = not self.plant.queue_length
         self.link_loss, self.link_loss_delay = LinkLoss.KEEP, 0.0
         self._link_loss_at = None
 
     def client_lost(self) -> None:
-        """The command client's connection ended, or the network under it; tell it once or more, the first counts.
+        """The connection of the command client, or its network, is lost; further calls have no effect.
 
-        ``set_network_exception_handle`` says what follows.
+        What follows was set by ``set_network_exception_handle``.
         """
         if self._link_loss_at is None and self.link_loss is not LinkLoss.KEEP:
             self._link_loss_at = self.now + self.link_loss_delay
 
     def client_back(self) -> None:
-        """The network under the command client's connection lives again; what its loss brought by now stands."""
+        """The network of the command client works again; what its loss has caused so far stays."""
         self._link_loss_at = None
 
     def _react_to_link_loss(self) -> None:

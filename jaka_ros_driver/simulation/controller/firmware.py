@@ -1,4 +1,4 @@
-"""What differs between the controller generations that are simulated (controller protocol 8)."""
+"""What differs between the controller generations that are simulated (docs/controller-protocol.md section 8)."""
 from dataclasses import dataclass
 from typing import Dict
 
@@ -10,9 +10,10 @@ class Firmware:
     Attributes:
         name: As ``--firmware`` takes it.
         version: What ``get_version`` answers.
-        is_modern: True from 1.7 on: numbers and booleans in get_robot_state, emergency_stop_status exists,
-            commanded positions, executing lines and field bus blocks in the feed (controller protocol 5.1, 6.2).
-        digital_count: Length of ``din`` and ``dout`` (controller protocol 6.2).
+        is_modern: True from 1.7 on: get_robot_state answers numbers and booleans, emergency_stop_status exists, and the
+            feed has commanded positions, executing lines and field bus blocks (docs/controller-protocol.md sections
+            5.1, 6.2).
+        digital_count: Length of ``din`` and ``dout`` (docs/controller-protocol.md section 6.2).
         analog_count: Length of ``ain`` and ``aout``.
         tool_analog_count: Length of ``tio_ain``.
     """

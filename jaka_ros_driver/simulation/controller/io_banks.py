@@ -1,4 +1,6 @@
-"""The cabinet's terminals: inputs and outputs of every bank, by the wire's ``type`` (controller protocol 5.11)."""
+"""The cabinet's terminals: inputs and outputs of every bank, by the wire's ``type`` (docs/controller-protocol.md
+section 5.11).
+"""
 from typing import Dict, Tuple, Union
 
 from jaka_ros_driver.errors import InvalidCommand
@@ -6,7 +8,7 @@ from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.state import Vector
 
 BANK_NAMES = ("cabinet", "tool", "extension", "relay", "modbus", "profinet", "ethernet_ip")
-"""Banks in the order of the wire's ``type`` (SDK header IOType)."""
+"""Banks in the order of the wire's ``type`` (docs/controller-protocol.md section 5.11)."""
 
 _DIGITAL_INPUTS = ("din", "tio_din", "ext_din", "", "mb_slave_din", "pn_dev_din", "eip_adpt_din")
 _DIGITAL_OUTPUTS = ("dout", "tio_dout", "ext_dout", "relay_io", "mb_slave_dout", "pn_dev_dout", "eip_adpt_dout")

@@ -1,4 +1,6 @@
-"""What the controller keeps over a restart: frames, payload, settings (controller protocol 5.7, 5.9, 6.1)."""
+"""What the controller keeps over a restart: frames, payload, settings (docs/controller-protocol.md sections 5.7,
+5.9, 6.1).
+"""
 from dataclasses import dataclass, field
 from typing import Any, Dict, List, Tuple
 
@@ -6,9 +8,11 @@ from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.state import Vector
 
 FRAME_COUNT = 16
-"""Ids 0 to 15: the SDK manual names 1 to 10, newer firmware takes up to 15 (controller protocol 5.7)."""
+"""Ids 0 to 15. The maker's manual names 1 to 10; newer firmware takes up to 15 (docs/controller-protocol.md section
+5.7).
+"""
 DEFAULT_FEED_PERIOD_MS = 30
-"""Measured on 1.5.14 (controller protocol 6.1)."""
+"""Measured on 1.5.14 (docs/controller-protocol.md section 6.1)."""
 
 IDENTITY = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -47,10 +51,10 @@ class Memory:
         collision_level: 0 off, 1 to 5.
         installation_angles: About x and z, deg.
         feed_period_ms: Period of the status feed after a start.
-        field_switches: Feed field -> False where it is switched off.
+        field_switches: Names of feed fields, False where the field is switched off.
         program_name: The loaded program.
         variables: User-defined variables: (id, alias, value).
-        settings: Values of the plain settings, by setter and index.
+        settings: Values of the settings of ``commands_settings``, by setter and index.
     """
 
     tools: List[Frame] = field(default_factory=_frames)

@@ -1,14 +1,14 @@
-"""Replies of the command port, and the refusals that handlers raise (controller protocol 3.2, 4.3)."""
+"""Replies of the command port, and the refusals that handlers raise (docs/controller-protocol.md sections 3.2, 4.3)."""
 from typing import Any, Dict
 
 Reply = Dict[str, Any]
 
 SERVO_ONLY = "%s command can only be excuted in servo move mode"
-"""The vendor's words, misspelling included, as captured for ``servoj`` (controller protocol 4.3)."""
+"""The vendor's words, misspelling included, as captured for ``servoj`` (docs/controller-protocol.md section 4.3)."""
 
 
 class Refused(Exception):
-    """The command is understood and not carried out; ends as a reply, never leaves the simulation.
+    """The command is understood but not carried out. It becomes a reply.
 
     Attributes:
         code: The reply's errorCode.
@@ -22,11 +22,11 @@ class Refused(Exception):
 
 
 class BadParameter(Exception):
-    """A parameter is missing or of the wrong type: the same answer as for an unknown command."""
+    """A parameter is missing or of the wrong type; the reply is that to an unknown command."""
 
 
 def accepted(command: str, fields: Reply) -> Reply:
-    """The reply to a command that was taken; its own fields come first."""
+    """The reply to an accepted command; its own fields come first."""
     reply = dict(fields)
     reply.update(errorCode="0", errorMsg="", cmdName=command)
     return reply
@@ -39,5 +39,7 @@ def refused(command: str, refusal: Refused) -> Reply:
 
 
 def not_understood() -> Reply:
-    """The reply to an unknown command, a wrong parameter type, and anything that is not JSON; names no command."""
+    """The reply to an unknown command, a wrong parameter type, and anything that is not JSON. It does not name the
+    command.
+    """
     return {"errorCode": "1", "errorMsg": "Exception:function call failed"}

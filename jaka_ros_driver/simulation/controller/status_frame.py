@@ -1,8 +1,9 @@
-"""The status frame: every field from the cabinet, in the controller's order, as text with an exact ``len``.
+"""Status frames: every field of the controller's state, in the order of a real controller, as text with an exact
+``len``.
 
-Order, lengths and types: controller protocol 6.2 to 6.4. The frame of the polled port is that of the feed and, behind
-it, what the maker's SDK needs and this firmware's feed lacks (SDK client 3). The text of a field is made anew only
-when its value changed: most of a frame are I/O arrays that seldom do.
+Order, lengths and types: docs/controller-protocol.md sections 6.2 to 6.4. The frame of the polled port is that of the
+feed and, behind it, what the maker's SDK needs and this firmware's feed lacks (docs/sdk-client.md section 3). The text
+of a field is made anew only when its value changed: most of a frame are I/O arrays that seldom do.
 """
 import json
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
@@ -13,14 +14,14 @@ from jaka_ros_driver.simulation.controller.wire_units import FEED_DECIMALS, join
 from jaka_ros_driver.units import all_m_to_mm, m_to_mm
 
 MAX_POLLED_BYTES = 8990
-"""Longest frame that the maker's SDK takes from the polled port (SDK client 1.3)."""
+"""Longest frame that the maker's SDK takes from the polled port (docs/sdk-client.md section 1, point 3)."""
 
 _Field = Tuple[str, Callable[[ControllerState], Any]]
 
 _JOINT_TEMPERATURE = 31.0
 _JOINTS_AT_REST = tuple((0.4, 48.0, _JOINT_TEMPERATURE, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0) for _ in range(6))
 _MONITOR_DATA = (12338, 12593, 36.5, 41.2, 0.86, _JOINTS_AT_REST)
-"""Firmware of the safety board as ASCII, cabinet deg C, W, A, joints (controller protocol 6.3)."""
+"""Firmware of the safety board as ASCII, cabinet deg C, W, A, joints (docs/controller-protocol.md section 6.3)."""
 _SENSOR_ADDRESS = ("192.168.2.100", 8080)
 _NO_FORCE = (0.0,) * 6
 _HOMED = (1,) * 6 + (0,) * 3
@@ -30,7 +31,9 @@ _NO_SIGNALS = (0,) * 8
 
 
 def errcode_text(code: int) -> str:
-    """An event as the feed writes it: lower-case hexadecimal text, "0x0" for none (controller protocol 4.4)."""
+    """An event as the feed writes it: lower-case hexadecimal text, "0x0" for none (docs/controller-protocol.md
+    section 4.4).
+    """
     return "0x%x" % code
 
 
@@ -54,7 +57,7 @@ def _velocity(state: ControllerState) -> List[float]:
 
 
 def _task_mode(state: ControllerState) -> int:
-    """1 manual, 2 automatic, 4 hand guiding (controller protocol 6.2)."""
+    """1 manual, 2 automatic, 4 hand guiding (docs/controller-protocol.md section 6.2)."""
     if state.plant.is_hand_guided:
         return 4
     return 2 if state.program_state else 1
@@ -76,7 +79,7 @@ _FIELD_BUS: Tuple[_Field, ...] = tuple(_io(key) for key in (
 
 
 def _feed_fields(modern: bool) -> Tuple[_Field, ...]:
-    """Controller protocol 6.2; its rows without a number are of the modern firmware only."""
+    """docs/controller-protocol.md section 6.2; its rows without a number are of the modern firmware only."""
     def only(*fields: _Field) -> Tuple[_Field, ...]:
         return fields if modern else ()
 
@@ -122,17 +125,19 @@ _POLLED_INSTEAD: Dict[str, Callable[[ControllerState], Any]] = {
     "torqsensor": _torque_sensor(3),
     "extio": lambda state: None,
 }
-"""Fields whose shape makes the SDK crash when it is not the one it expects; null is taken (SDK client 1.8)."""
+"""Fields that make the SDK crash where their shape is not the one it expects; it accepts null (docs/sdk-client.md
+section 1, point 8).
+"""
 
 
 def all_field_names(firmware: Firmware) -> Tuple[str, ...]:
-    """Every field that can be switched on and off; ``len`` cannot."""
+    """The names of all fields that can be switched on and off: all but ``len``."""
     names = [name for name, _ in _FEED[firmware.is_modern] + _SDK_NEEDS]
     return tuple(dict.fromkeys(names))
 
 
 class StatusFrame:
-    """Builds frames of one cabinet.
+    """Builds the frames of one controller.
 
     Attributes:
         dropped: Fields left out, as a wire fault.
@@ -167,7 +172,7 @@ class StatusFrame:
         return values
 
     def text(self) -> bytes:
-        """The whole frame; a polled one drops fields from its end until the SDK can take it."""
+        """The whole frame. From a polled frame, fields are dropped at its end until the SDK can take its length."""
         parts = [self._part(name, value) for name, value in self.fields().items()]
         frame = _with_len(parts)
         while self._max_bytes is not None and len(frame) > self._max_bytes:
@@ -185,7 +190,9 @@ class StatusFrame:
 
 
 def _with_len(parts: List[str]) -> bytes:
-    """Join the fields behind a ``len`` that counts every byte, its own digits included (controller protocol 3.3)."""
+    """Join the fields behind a ``len`` that counts every byte, its own digits included (docs/controller-protocol.md
+    section 3.3).
+    """
     rest = "".join(", " + part for part in parts) + "}"
     size = len(rest) + len('{"len": ')
     total = size + len(str(size))

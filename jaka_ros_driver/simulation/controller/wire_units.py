@@ -7,7 +7,7 @@ from jaka_ros_driver.units import all_deg_to_rad, all_m_to_mm, all_mm_to_m, all_
 
 FEED_DECIMALS = 5
 QUERY_DECIMALS = 6
-"""Decimals of the feed and of the replies to queries (controller protocol 4.2)."""
+"""Decimals of the feed and of the replies to queries (docs/controller-protocol.md section 4.2)."""
 
 
 def rounded(values: Sequence[float], decimals: int) -> List[float]:

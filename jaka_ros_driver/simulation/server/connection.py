@@ -1,19 +1,24 @@
-"""One client of one port: what it sent and is not answered yet, what it is to be sent and when. Time is told."""
+"""One client of one port, without its socket and without a clock: its requests not yet answered, and what it is to be
+sent, when.
+"""
 from collections import deque
 from typing import Callable, Deque, List, NamedTuple, Optional
 
+from jaka_ros_driver.protocol.framing import Item
 from jaka_ros_driver.simulation.controller.command_spec import Then
 from jaka_ros_driver.simulation.server.faults import Delivery, Effect
-from jaka_ros_driver.simulation.server.request_parser import Item, RequestParser
+from jaka_ros_driver.simulation.server.request_parser import RequestParser
 
 MAX_UNSENT_BYTES = 1 << 20
-"""A command client that lets so much pile up is dropped."""
+"""A command client with more unsent bytes than this is dropped."""
 FRAME_BACKLOG_BYTES = 1 << 16
-"""A status client that lets so much pile up misses frames until it has read them."""
+"""A status client with more unsent bytes than this gets no new frames until it has read some."""
 
 
 class HeldReply(NamedTuple):
-    """A reply that waits for something, and with it every later request of the client (controller protocol 5.4.6)."""
+    """A reply that is held back until ``until()`` is true; all later requests of the client wait for it
+    (docs/controller-protocol.md section 5.4.6).
+    """
 
     until: Callable[[], bool]
     command: Optional[str]
@@ -30,10 +35,10 @@ class Connection:
         peer: Address of the client.
         parser: Cuts requests out of what it sends.
         inbox: Requests not yet carried out.
-        held: The reply that holds the inbox up.
-        is_half_open: Nothing is read or sent any more, as a wire fault.
-        is_closing: It is closed once everything is sent.
-        resets: The end is a reset, not a close.
+        held: The reply for which the inbox waits; None for none.
+        is_half_open: True where a wire fault says that nothing is read or sent any more.
+        is_closing: True where it is to be closed once everything is sent.
+        resets: True where it is to end with a reset (RST) instead of a close.
     """
 
     def __init__(self, port: str, number: int, peer: str) -> None:
@@ -52,11 +57,11 @@ class Connection:
 
     @property
     def unsent_bytes(self) -> int:
-        """Bytes that are due or waiting."""
+        """Bytes that are due or scheduled, and not taken by the network yet."""
         return self._unsent_bytes + sum(len(delivery.data) for delivery in self._waiting)
 
     def post(self, deliveries: List[Delivery]) -> None:
-        """Put deliveries in line; none goes out before the one in front of it, unless it overtakes."""
+        """Schedule deliveries. They go out in this order, except that one may overtake the one before it."""
         for delivery in deliveries:
             if delivery.overtakes and self._waiting:
                 held = self._waiting.pop()
@@ -67,7 +72,7 @@ class Connection:
             self._waiting.append(delivery)
 
     def next_due(self) -> Optional[float]:
-        """When the next delivery goes out, s; None for nothing in line."""
+        """When the next delivery is due, s on the caller's clock; None where none is scheduled."""
         return self._waiting[0].at if self._waiting else None
 
     def has_unsent(self) -> bool:
@@ -85,7 +90,7 @@ class Connection:
             self._make_due(now)
 
     def _make_due(self, now: float) -> None:
-        """Move deliveries that go out in one piece from the line to the unsent bytes."""
+        """Move the due deliveries that go out together from the schedule to the unsent bytes."""
         piece = bytearray()
         while self._waiting and self._waiting[0].at <= now:
             delivery = self._waiting.popleft()
@@ -105,7 +110,7 @@ class Connection:
         self.resets = effect is Effect.RESET
 
     def _send(self, send: Callable[[bytes], int]) -> bool:
-        """True when nothing unsent is left."""
+        """Send what is unsent; True when nothing of it is left."""
         while self._unsent:
             piece = self._unsent.popleft()
             taken = send(piece)

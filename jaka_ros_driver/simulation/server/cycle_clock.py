@@ -1,12 +1,12 @@
-"""Deadlines of the cycle and of the feed on the wall clock, and how late they were met. Time is told."""
+"""When cycles and status frames are due on the wall clock, and how late they were. The caller tells the time."""
 import math
 from collections import deque
 from typing import Deque, NamedTuple
 
-from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 
 MIN_TICK_S = 0.002
-"""Shortest time between two wake-ups; when time runs faster, several cycles are done in one."""
+"""Shortest time between two wake-ups; with a high time scale, several cycles are run at each."""
 MIN_FEED_PERIOD_S = 0.004
 """Shortest wall time between two status frames, whatever the time scale."""
 _MAX_LAG_S = 0.25
@@ -15,7 +15,9 @@ _SAME_MOMENT_S = 1e-6
 
 
 class Lateness(NamedTuple):
-    """How late the cycles of the last minute began, s, and how often time was given up because the host stood still."""
+    """How late the cycles of the last minute began, s; ``lags``: how often the clock was started anew because the host
+    stood still.
+    """
 
     cycles: int
     median: float
@@ -25,11 +27,11 @@ class Lateness(NamedTuple):
 
 
 class CycleClock:
-    """Cycles and frames on absolute deadlines: being late once does not move what follows."""
+    """Absolute deadlines of cycles and frames: a late cycle does not delay those that follow."""
 
     def __init__(self, time_scale: float, now: float) -> None:
         self._scale = time_scale
-        self._tick = max(CYCLE_TIME / time_scale, MIN_TICK_S)
+        self._tick = max(CYCLE_TIME_S / time_scale, MIN_TICK_S)
         self._late: Deque[float] = deque(maxlen=_SAMPLES)
         self._lags = 0
         self._feed_period = 0.0
@@ -43,7 +45,7 @@ class CycleClock:
         self.next_frame = self.next_tick
 
     def due_cycles(self, now: float) -> int:
-        """Cycles to do now; 0 before the next tick."""
+        """Number of cycles to run now; 0 before the next tick."""
         late = now - self.next_tick
         if late < 0.0:
             return 0
@@ -53,13 +55,13 @@ class CycleClock:
             self._start(now)
             return 1
         self._ticks += 1 + int(late / self._tick)
-        reached = math.floor(self._ticks * self._tick * self._scale / CYCLE_TIME + _SAME_MOMENT_S)
+        reached = math.floor(self._ticks * self._tick * self._scale / CYCLE_TIME_S + _SAME_MOMENT_S)
         cycles, self._cycles = reached - self._cycles, reached
         self.next_tick = self._origin + (self._ticks + 1) * self._tick
         return cycles
 
     def frame_is_due(self, now: float, period: float) -> bool:
-        """True once a feed period.
+        """Whether a frame is to be sent now: True once in each period.
 
         Args:
             now: Wall clock, s.
@@ -76,11 +78,11 @@ class CycleClock:
         return True
 
     def restart(self, now: float) -> None:
-        """Begin anew after a stretch without cycles."""
+        """Begin anew after a time without cycles."""
         self._start(now)
 
     def lateness(self) -> Lateness:
-        """Of the cycles of the last minute."""
+        """How late the cycles of the last minute were."""
         late = sorted(self._late)
         if not late:
             return Lateness(0, 0.0, 0.0, 0.0, self._lags)

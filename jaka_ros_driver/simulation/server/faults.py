@@ -1,8 +1,8 @@
 """A script of wire faults: what is done to the next messages of a port, repeatable with a seed. No socket, no clock.
 
-A rule strikes messages of one port, ``count`` of them (None: until cleared), each with a probability drawn from the
-seeded generator, and on the command port only replies to ``command`` where one is named. A message that several
-rules strike passes through them in the order in which they were added.
+A rule changes messages of one port: ``count`` of them (None: all until it is cleared), each with the rule's
+probability, drawn from a generator with a seed; on the command port only replies to ``command`` where one is named.
+Several rules that apply to one message are applied in the order in which they were added.
 """
 import enum
 import random
@@ -18,7 +18,7 @@ _LEN = re.compile(rb'"len": (\d+)')
 
 
 class Effect(enum.Enum):
-    """What happens to the connection once the data is out."""
+    """What happens to the connection after the data was sent."""
 
     CLOSE = "close"
     RESET = "reset"
@@ -29,11 +29,12 @@ class Delivery(NamedTuple):
     """Bytes for one connection.
 
     Attributes:
-        data: Written in one piece with whatever else is due then.
+        data: Bytes; sent together with everything else that is due then.
         at: When, s on the caller's clock.
         effect: What happens to the connection afterwards.
-        overtakes: True when it goes out before the delivery that waits in front of it, which then goes out too.
-        alone: True when it is not to share a segment with what follows.
+        overtakes: True when it is sent before the delivery that is scheduled just before it; that one follows at the
+            same time.
+        alone: True when it must not be in one segment with what follows.
     """
 
     data: bytes
@@ -71,9 +72,9 @@ class _Kind(NamedTuple):
 
     Attributes:
         defaults: Its parameters.
-        strike: Changes one message, which an earlier rule may have cut in pieces.
+        strike: Changes one message; an earlier rule may have cut it into several deliveries.
         meaning: In words.
-        usual_count: How many messages it strikes unless told otherwise.
+        usual_count: How many messages it changes where no count is given.
     """
 
     defaults: Mapping[str, float]
@@ -168,7 +169,7 @@ KINDS: Dict[str, _Kind] = {
 
 
 class FaultScript:
-    """The rules in force, and the one source of chance."""
+    """The rules in force, and the random generator that they share."""
 
     def __init__(self, seed: int = 0) -> None:
         self._chance = random.Random(seed)
@@ -181,10 +182,10 @@ class FaultScript:
         Args:
             kind: One of ``KINDS``.
             port: "command", "status" or "poll".
-            count: How many messages it strikes; None until cleared, 0 for what the kind needs.
-            probability: With which it strikes.
-            command: The command whose replies it strikes; None for all.
-            params: Of the kind.
+            count: How many messages it changes; None until it is cleared, 0 for the usual count of its kind.
+            probability: Of changing a message, 0 to 1.
+            command: The command whose replies it changes; None for all.
+            params: The parameters of the kind.
 
         Raises:
             InvalidCommand: Unknown kind, port or parameter, or a value out of range.
@@ -216,16 +217,16 @@ class FaultScript:
         self._rules.clear()
 
     def active(self) -> Tuple[FaultRule, ...]:
-        """The rules that can still strike, oldest first."""
+        """The rules that can still apply, oldest first."""
         return tuple(self._rules)
 
     def deliveries(self, port: str, data: bytes, command: Optional[str], now: float) -> List[Delivery]:
-        """What becomes of one message.
+        """Apply the rules to one message; returns what is to be sent, when.
 
         Args:
             port: "command", "status" or "poll".
             data: The message.
-            command: The command that it answers.
+            command: The command that it answers; None for a status frame.
             now: s on the caller's clock.
         """
         messages = [Delivery(data, now)]

@@ -35,7 +35,7 @@ class Action(NamedTuple):
 
 
 def handle(server: Server, request: Dict[str, Any]) -> Answer:
-    """Carry out one request of the panel; whatever is wrong with it is in the answer."""
+    """Carry out one request of the panel. What is wrong with a request is told in the answer; nothing is raised."""
     name = request.get("action")
     action = ACTIONS.get(name) if isinstance(name, str) else None
     if action is None:

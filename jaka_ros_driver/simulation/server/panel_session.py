@@ -1,4 +1,4 @@
-"""A session at the operator's panel: one JSON request a line on stdin, one answer a line on stdout, each at once."""
+"""A session at the operator's panel: each line of stdin is a JSON request, each line of stdout the answer."""
 import json
 import sys
 from typing import List, Optional

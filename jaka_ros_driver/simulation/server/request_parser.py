@@ -1,13 +1,13 @@
-"""Cuts requests out of the command port's byte stream, and says at once what can never become one.
+"""Cuts requests out of the command port's byte stream, and reports bytes that cannot become one as soon as they come.
 
-The maker's SDK sends bare ``nan`` for a bad argument and then waits 25 s for an answer (SDK client 1.6), so this
-parser follows JSON's grammar byte by byte: the first byte that no JSON object can hold there is an error now, while
-bytes that may still grow into an object are waited for. What follows an error is skipped up to where that
-document ends, so that one bad document gives one error; a ``{`` that cannot belong to it begins the next request, also
-one that would stand in a string which nobody closed.
-Neither splitting nor gluing changes the outcome. Time is told by the caller.
+The maker's SDK sends bare ``nan`` for a bad argument and then waits 25 s for an answer (docs/sdk-client.md section 1,
+point 6). So this parser follows JSON's grammar byte by byte: the first byte that cannot belong to a JSON object is an
+error at once, while the rest of an object that may still come is waited for. After an error, bytes are skipped up to
+the end of that document, so that one bad document gives one error. A ``{`` that cannot belong to the bad document
+begins the next request, also within a string that was never closed. How the bytes were split over calls does not change
+the outcome. The caller tells the time.
 
-``protocol.framing.ObjectStream`` cannot serve here: it knows of an error only when the object's last brace has come.
+``protocol.framing.ObjectStream`` cannot be used here: it reports an error only when the object's last brace has come.
 """
 import re
 from typing import List, Optional, Tuple
@@ -16,13 +16,13 @@ from jaka_ros_driver.errors import FramingError
 from jaka_ros_driver.protocol.framing import STRICT_DECODER, Item, JsonObject, parse_object
 
 MAX_REQUEST_BYTES = 1 << 16
-"""Longest request accepted; the longest one known is below 400 bytes (SDK client 8)."""
+"""Longest request accepted; the longest one known is below 400 bytes (docs/sdk-client.md section 8)."""
 MAX_DEPTH = 32
-"""Deepest nesting accepted; the deepest known request has two levels (SDK client 8)."""
+"""Deepest nesting accepted; the deepest known request has two levels (docs/sdk-client.md section 8)."""
 INCOMPLETE_REQUEST_LIMIT_S = 5.0
-"""How long the rest of a begun request is waited for after its last byte; then it is an error."""
+"""How long the rest of a request is waited for after its last byte, s; then it is an error."""
 SKIP_LIMIT_S = 0.1
-"""After so long without a byte the rest of a bad document is no longer expected."""
+"""After this time without a byte, s, the rest of a bad document is no longer waited for."""
 
 _BLANK = frozenset(b" \t\r\n")
 _DIGITS = frozenset(b"0123456789")
@@ -54,10 +54,11 @@ _NUMBER_ENDS = frozenset((_ZERO, _INTEGER, _FRACTION, _EXPONENT))
 
 
 def _whole_object(data: bytes, text: str, start: int) -> Tuple[Optional[JsonObject], int]:
-    """The object that lies whole in the data, and where it ends; None where the byte-by-byte way must judge.
+    """The object at ``start`` where the data holds all of it, and where it ends; None where it must be parsed byte by
+    byte.
 
     Args:
-        data: ASCII, or the object is left to the byte-by-byte way.
+        data: Bytes as received; an object with other than ASCII bytes is parsed byte by byte.
         text: The same, one character a byte.
         start: Where its brace stands.
     """
@@ -72,7 +73,7 @@ def _whole_object(data: bytes, text: str, start: int) -> Tuple[Optional[JsonObje
 
 
 class _ObjectGrammar:
-    """Tells byte by byte whether a JSON object can still come of it; reset before each ``{``."""
+    """Tells byte by byte whether the bytes so far can begin a JSON object; ``restart`` it at each opening brace."""
 
     def __init__(self) -> None:
         self._nesting = bytearray()
@@ -99,7 +100,7 @@ class _ObjectGrammar:
         return self._state in (_STRING, _ESCAPE, _UNICODE)
 
     def accepts(self, byte: int) -> bool:
-        """Take the next byte; False when no JSON object within the depth limit can hold it here."""
+        """Take the next byte; False when it cannot belong to a JSON object within the depth limit."""
         state = self._state
         if state is _STRING:
             return self._in_string(byte)
@@ -183,7 +184,7 @@ class _ObjectGrammar:
 
 
 class RequestParser:
-    """One client's requests, in order, with an error in the place of what is none."""
+    """The requests of one client, in order, with an error in place of each piece that is not a request."""
 
     def __init__(self) -> None:
         self._grammar = _ObjectGrammar()
@@ -204,13 +205,13 @@ class RequestParser:
         return len(self._text)
 
     def next_deadline(self) -> Optional[float]:
-        """When ``expire`` has something to do, s on the caller's clock; None while nothing is begun."""
+        """When ``expire`` has something to do, s on the caller's clock; None while no object has begun."""
         if self._skipping:
             return self._last_byte_at + SKIP_LIMIT_S
         return self._last_byte_at + INCOMPLETE_REQUEST_LIMIT_S if self._open else None
 
     def expire(self, now: float) -> List[Item]:
-        """Give up what was waited for too long; an error for a request that never ended."""
+        """Give up a request that was not finished in time; returns an error for it."""
         deadline = self.next_deadline()
         if deadline is None or now < deadline:
             return []
@@ -293,7 +294,7 @@ class RequestParser:
         self._open = self._skipping = self._is_silent = False
 
     def _pass_over(self, data: bytes, position: int) -> int:
-        """Where the next byte stands that matters to what is skipped."""
+        """Index of the next byte that matters while a bad document is skipped."""
         if self._skip_escaped or self._may_begin:
             return position
         match = (_MATTERS_IN_STRING if self._skip_in_string else _MATTERS).search(data, position)
@@ -303,7 +304,7 @@ class RequestParser:
         return end
 
     def _skip(self, byte: int) -> None:
-        """Pass over the rest of a bad document; see where it ends or where the next one must begin."""
+        """Skip one byte of a bad document; notice where that document ends or the next request begins."""
         may_begin, self._may_begin = self._may_begin, False
         if may_begin and byte not in _AFTER_STRING:
             self._begin()

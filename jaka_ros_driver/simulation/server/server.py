@@ -1,7 +1,8 @@
-"""The sockets of the simulated controller: three ports and its panel, one thread, one cycle on absolute deadlines.
+"""The sockets of the simulated controller: its three ports and the panel, served by one thread that also runs the
+cycles.
 
-One loop does everything, so that nothing needs a lock: it wakes for the cycle, for the feed, for bytes and for calls
-from other threads. A client that does not read misses frames or is dropped; it is never waited for.
+One loop does everything, so that nothing needs a lock: it wakes up for cycles, status frames, bytes, and calls from
+other threads. It never waits for a client: one that does not read misses frames or is dropped.
 """
 import json
 import queue
@@ -15,7 +16,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.errors import ConnectionLost, FramingError
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS, PORTS
-from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.command_spec import Then
 from jaka_ros_driver.simulation.controller.controller import Controller
 from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, Connection, HeldReply
@@ -41,7 +42,7 @@ class Addresses(NamedTuple):
     """Where to listen.
 
     Attributes:
-        host: For the three ports; the panel is on loopback whatever stands here.
+        host: Address for the three ports; the panel always listens on loopback.
         command: TCP port, 0 for a free one.
         status: As command.
         poll: As command.
@@ -61,7 +62,7 @@ class Server:
     Attributes:
         controller: What is served.
         faults: The script of wire faults.
-        is_off: The cabinet is turned off: nothing listens, time stands still.
+        is_off: True while the controller is turned off: no port but the panel listens, and simulated time stands still.
     """
 
     def __init__(self, controller: Controller, addresses: Addresses, *, time_scale: float = 1.0,
@@ -135,7 +136,7 @@ class Server:
         self._is_running = False
 
     def call(self, action: Callable[[], Any], timeout: float = 30.0) -> Any:
-        """Do something in the server's thread and return its result; its exceptions come out here.
+        """Call ``action`` in the server's thread; returns its result and raises its exceptions.
 
         Raises:
             ConnectionLost: The server does not run.
@@ -194,7 +195,7 @@ class Server:
                 self._read(key.data, time.monotonic())
 
     def _wait(self, now: float) -> None:
-        """Until the next deadline or event; epoll counts in ms only, select on its descriptor is exact."""
+        """Wait for the next deadline or event. epoll counts in whole ms; select on epoll's descriptor is exact."""
         deadline = self._next_deadline(now)
         if deadline > now:
             select.select([self._selector.fileno()], [], [], deadline - now)
@@ -222,7 +223,7 @@ class Server:
             return
         cycles = self._clock.due_cycles(now)
         for _ in range(cycles):
-            self.controller.step(CYCLE_TIME)
+            self.controller.step(CYCLE_TIME_S)
         if cycles and self._log:
             self._log.joints(time.monotonic_ns(), self.controller.state.now,
                              self.controller.state.plant.joint_position)
@@ -276,11 +277,11 @@ class Server:
             self._client_lost()
 
     def _has_client(self) -> bool:
-        """A command client is connected, as far as the network tells; of one that is half open it tells nothing."""
+        """True while a command client is connected; one whose connection is half open does not count."""
         return any(not connection.is_half_open for connection in self._clients("command"))
 
     def _client_lost(self) -> None:
-        """A command connection ended or fell silent for good; in a cabinet that is off nothing follows."""
+        """A command connection ended or fell silent for good; without effect while the controller is off."""
         if not self.is_off and not self._has_client():
             self.controller.state.client_lost()
 
@@ -305,7 +306,7 @@ class Server:
         self._flush(connection, now)
 
     def _serve(self, connection: Connection, now: float) -> None:
-        """What time brings: requests that never ended, held replies, deliveries that are due."""
+        """Do what is due by time: requests that were not finished, held replies, scheduled deliveries."""
         if connection.is_half_open:
             return
         if self._is_stalled(connection.port, now):
@@ -384,7 +385,7 @@ class Server:
             self._watch(connection)
 
     def _watch(self, connection: Connection) -> None:
-        """Read only while its requests are kept up with; wait for room only while something is unsent."""
+        """Wait for bytes only while no request waits, and for room only while something is unsent."""
         events = 0 if connection.inbox or connection.is_closing else selectors.EVENT_READ
         events |= selectors.EVENT_WRITE if connection.has_unsent() else 0
         client = self._sockets[connection]
@@ -415,14 +416,16 @@ class Server:
         return now < self._stalled_until.get(port, now)
 
     def stall(self, ports: Tuple[str, ...], duration: float) -> None:
-        """Neither read nor send on these ports for so long, s of wall time; the command client is lost meanwhile."""
+        """Neither read nor send on these ports for ``duration`` s of wall time; the command client counts as lost
+        meanwhile.
+        """
         until = time.monotonic() + duration
         self._stalled_until.update((port, until) for port in ports)
         if "command" in ports and duration > 0.0 and not self.is_off and self._has_client():
             self.controller.state.client_lost()
 
     def end_connections(self, ports: Tuple[str, ...], effect: Effect) -> int:
-        """Close, reset or half-open every connection of these ports now; how many there were."""
+        """Close, reset or half-open every connection of these ports now; returns how many there were."""
         now = time.monotonic()
         struck = [connection for port in ports for connection in self._clients(port) if not connection.is_half_open]
         for connection in struck:
@@ -431,18 +434,18 @@ class Server:
         return len(struck)
 
     def refuse(self, ports: Tuple[str, ...], duration: float) -> None:
-        """Refuse new connections on these ports for so long, s of wall time."""
+        """Refuse new connections on these ports for ``duration`` s of wall time."""
         until = time.monotonic() + duration
         for port in ports:
             self._listeners.shut(port)
             self._refusing_until[port] = until
 
     def shut_down(self, down: Optional[float], silent: bool = False) -> None:
-        """Turn the cabinet off: drive power and connections end, nothing listens but the panel.
+        """Turn the controller off: drive power and connections end, and no port but the panel listens.
 
         Args:
-            down: Until it starts again by itself, s of wall time; None: not by itself.
-            silent: True where clients see nothing of it, as when the power fails; else they see a close.
+            down: Time until it starts again by itself, s of wall time; None for never.
+            silent: True where clients notice nothing, as when the power fails; otherwise their connections are closed.
         """
         self.is_off = True
         self.end_connections(PORTS, Effect.HALF_OPEN if silent else Effect.CLOSE)
@@ -451,7 +454,7 @@ class Server:
         self._boot_at = None if down is None else time.monotonic() + down
 
     def boot(self) -> None:
-        """Start the cabinet again; no effect while it is on."""
+        """Start the controller again; no effect while it is on."""
         if not self.is_off:
             return
         self.is_off, self._boot_at = False, None
@@ -478,7 +481,7 @@ class Server:
             self.boot()
 
     def described(self) -> Dict[str, Any]:
-        """What the panel shows of the wire: connections, faults, lateness of the cycle."""
+        """What the panel's action ``wire`` shows: connections, faults, lateness of the cycles."""
         lateness = self._clock.lateness()
         return {
             "connections": [{"port": c.port, "number": c.number, "peer": c.peer, "half_open": c.is_half_open,

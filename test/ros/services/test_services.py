@@ -4,10 +4,10 @@ import math
 import pytest
 import rosservice as rosservice_library
 from import_graph import ROOT
+from reference_values import reference_values
 from ros_bench import HOME, eventually, evidence_of, rosservice
 
 from jaka_msgs.srv import Move, MoveRequest, MoveResponse
-from jaka_ros_driver.kinematics.arm_models import reference_values
 from jaka_ros_driver.ros.services.service_table import SERVICES
 
 FAST = {"mvvelo": 3.0, "mvacc": 12.0}

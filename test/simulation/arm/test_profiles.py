@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaka_ros_driver.simulation.arm.profiles import JERK_TIME, Profile, speed_for_way, stopping_way
+from jaka_ros_driver.simulation.arm.profiles import JERK_TIME_S, Profile, speed_for_way, stopping_way
 
 DT = 0.008
 BOTH = pytest.mark.parametrize("jerk_limited", [True, False])
@@ -96,7 +96,7 @@ def test_the_jerk_time_is_how_long_acceleration_builds_up(jerk_limited):
     profile.step(profile.jerk_time + 1e-6 or DT)
     assert profile.acceleration == pytest.approx(1.0, rel=1e-3)
     if profile.jerk_time:
-        assert profile.jerk_time == JERK_TIME
+        assert profile.jerk_time == JERK_TIME_S
 
 
 @settings(deadline=None)

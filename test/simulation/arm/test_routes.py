@@ -12,7 +12,7 @@ from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.rotations import rotation_angle_between
 from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.arm.events import TargetRejected
-from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME, HOME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S, HOME
 
 BOTH = pytest.mark.parametrize("jerk_limited", [True, False])
 
@@ -32,9 +32,9 @@ def distance_to_segment(p, a, b):
 def tool_motion(watch):
     """Highest speed, m/s, and acceleration, m/s2, of the tool centre point."""
     points = [point(tool) for tool in watch.tools()]
-    velocities = [[(y - x) / CYCLE_TIME for x, y in zip(a, b)] for a, b in zip(points, points[1:])]
+    velocities = [[(y - x) / CYCLE_TIME_S for x, y in zip(a, b)] for a, b in zip(points, points[1:])]
     speeds = [math.hypot(*v) for v in velocities]
-    accelerations = [math.dist(a, b) / CYCLE_TIME for a, b in zip([[0.0] * 3, *velocities], [*velocities, [0.0] * 3])]
+    accelerations = [math.dist(a, b) / CYCLE_TIME_S for a, b in zip([[0.0] * 3, *velocities], [*velocities, [0.0] * 3])]
     return max(speeds), max(accelerations)
 
 
@@ -69,9 +69,9 @@ def test_rotation_speed_and_acceleration_hold_where_they_are_the_slower():
                                 rotation_speed=0.4, rotation_acceleration=0.8)
     watch.run()
     tools = watch.tools()
-    rates = [rotation_angle_between(a, b) / CYCLE_TIME for a, b in zip(tools, tools[1:])]
+    rates = [rotation_angle_between(a, b) / CYCLE_TIME_S for a, b in zip(tools, tools[1:])]
     assert max(rates) == pytest.approx(0.4, rel=1e-3)
-    assert max(abs(b - a) / CYCLE_TIME for a, b in zip([0.0, *rates], rates)) <= 0.8 * 1.01
+    assert max(abs(b - a) / CYCLE_TIME_S for a, b in zip([0.0, *rates], rates)) <= 0.8 * 1.01
 
 
 @BOTH
@@ -90,9 +90,9 @@ def test_a_rounded_corner_stays_within_its_tolerance(jerk_limited, tolerance, tu
     corner = (start[0], start[1] + 0.15, start[2])
     beside = max(min(distance_to_segment(p, start, corner), distance_to_segment(p, corner, end)) for p in points)
     assert beside <= tolerance
-    speeds = [math.dist(a, b) / CYCLE_TIME for a, b in zip(points, points[1:])]
+    speeds = [math.dist(a, b) / CYCLE_TIME_S for a, b in zip(points, points[1:])]
     nearest = min(range(len(points)), key=lambda n: math.dist(points[n], corner))
-    assert math.dist(points[nearest], corner) <= tolerance + speeds[min(nearest, len(speeds) - 1)] * CYCLE_TIME
+    assert math.dist(points[nearest], corner) <= tolerance + speeds[min(nearest, len(speeds) - 1)] * CYCLE_TIME_S
     assert speeds[min(nearest, len(speeds) - 1)] > 0.0
     fastest, hardest = tool_motion(watch)
     assert fastest <= speed * 1.005
@@ -150,7 +150,7 @@ def test_an_arc_runs_through_both_points_on_one_circle(turns):
     assert max(abs(math.dist(p, centre) - 0.05) for p in points) < 1e-6
     assert points[-1] == pytest.approx((points[0][0] - 0.1, points[0][1], points[0][2]), abs=1e-9)
     via = (centre[0], centre[1] + 0.05, centre[2])
-    assert min(math.dist(p, via) for p in points) < 0.1 * CYCLE_TIME
+    assert min(math.dist(p, via) for p in points) < 0.1 * CYCLE_TIME_S
     way = sum(math.dist(a, b) for a, b in zip(points, points[1:]))
     assert way == pytest.approx(0.05 * (math.pi + 2.0 * math.pi * turns), rel=1e-3)
     assert tool_motion(watch)[1] <= 1.0 * 1.02

@@ -7,7 +7,7 @@ from jaka_ros_driver.commands import JogFrame, Pose
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.arm.events import TargetRejected
-from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME, HOME, JogMode, Plant, ServoFilter, Starvation
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S, HOME, JogMode, Plant, ServoFilter, Starvation
 
 
 @pytest.fixture()
@@ -91,8 +91,8 @@ def test_absolute_poses_are_in_the_user_frame_of_the_active_tool():
 
 
 @pytest.mark.parametrize(("step", "cycles", "taken"), [
-    (math.pi * CYCLE_TIME, 1, True), (1.01 * math.pi * CYCLE_TIME, 1, False),
-    (2.0 * math.pi * CYCLE_TIME, 2, True), (2.1 * math.pi * CYCLE_TIME, 2, False)])
+    (math.pi * CYCLE_TIME_S, 1, True), (1.01 * math.pi * CYCLE_TIME_S, 1, False),
+    (2.0 * math.pi * CYCLE_TIME_S, 2, True), (2.1 * math.pi * CYCLE_TIME_S, 2, False)])
 def test_steps_over_180_degrees_a_second_are_ignored(step, cycles, taken, watch):
     assert watch.plant.servo_joint(j1(step), relative=True, cycles=cycles) is taken
     watch.step(3)
@@ -192,7 +192,7 @@ def test_stop_in_servo_mode_drops_the_points_and_stays_in_the_mode(watch):
 def test_a_stream_faster_than_the_arm_trips_the_overspeed():
     watch = PlantWatch(model=load_model("zu20"), checks_acceleration=False)
     watch.plant.enter_servo()
-    assert watch.plant.servo_joint(j1(math.pi * CYCLE_TIME * 0.9), relative=True)
+    assert watch.plant.servo_joint(j1(math.pi * CYCLE_TIME_S * 0.9), relative=True)
     watch.step(2)
     assert watch.codes == [0x000030]
     assert not watch.plant.is_servo_active

@@ -6,7 +6,7 @@ from plant_watch import ZU7, PlantWatch
 
 from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames
 from jaka_ros_driver.simulation.arm.events import TargetRejected
-from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME, HOME, Plant
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S, HOME, Plant
 from jaka_ros_driver.simulation.arm.profiles import HAS_RUCKIG
 from jaka_ros_driver.simulation.arm.servo_filters import ServoFilter, Tracker, make_filter
 
@@ -29,11 +29,11 @@ def joints(first):
 def response(kind, targets, **changes):
     """Joint 1 after each cycle."""
     made = make_filter(kind, {**PARAMETERS[kind], **changes}, ArmFrames(ZU7), HOME)
-    return [made.step(joints(target), CYCLE_TIME)[0] for target in targets]
+    return [made.step(joints(target), CYCLE_TIME_S)[0] for target in targets]
 
 
 def differences(values, start=0.0):
-    return [(b - a) / CYCLE_TIME for a, b in zip([start, *values], values)]
+    return [(b - a) / CYCLE_TIME_S for a, b in zip([start, *values], values)]
 
 
 @ALL
@@ -50,7 +50,7 @@ def test_stays_where_nothing_changes(kind):
 
 @ALL
 def test_follows_a_ramp_at_its_speed(kind):
-    out = response(kind, [0.3 * CYCLE_TIME * n for n in range(1200)])
+    out = response(kind, [0.3 * CYCLE_TIME_S * n for n in range(1200)])
     assert differences(out)[-1] == pytest.approx(0.3, rel=0.02)
 
 
@@ -60,7 +60,7 @@ def test_without_a_filter_the_target_goes_through():
 
 @pytest.mark.parametrize("cutoff", [0.5, 2.0, 10.0])
 def test_low_pass_damps_a_sine_at_its_cutoff_by_3_db(cutoff):
-    targets = [0.1 * math.sin(math.tau * cutoff * CYCLE_TIME * n) for n in range(int(12 / cutoff / CYCLE_TIME))]
+    targets = [0.1 * math.sin(math.tau * cutoff * CYCLE_TIME_S * n) for n in range(int(12 / cutoff / CYCLE_TIME_S))]
     out = response(ServoFilter.JOINT_LOW_PASS, targets, lpf_cf=cutoff)
     assert max(out[len(out) // 2:]) / 0.1 == pytest.approx(1 / math.sqrt(2), rel=0.12)
 
@@ -79,7 +79,7 @@ def test_cartesian_limits_hold_on_a_step():
     made = make_filter(ServoFilter.CARTESIAN_LIMITS, PARAMETERS[ServoFilter.CARTESIAN_LIMITS], frames, HOME)
     target = (0.3, *HOME[1:])
     goal = frames.tool_at(target)
-    tools = [frames.tool_at(HOME)] + [frames.tool_at(made.step(target, CYCLE_TIME)) for _ in range(500)]
+    tools = [frames.tool_at(HOME)] + [frames.tool_at(made.step(target, CYCLE_TIME_S)) for _ in range(500)]
     for axis in (9, 10, 11):
         speeds = differences([tool[axis] for tool in tools[1:]], tools[0][axis])
         assert max(map(abs, speeds)) <= 0.2 * 1.001
@@ -88,7 +88,7 @@ def test_cartesian_limits_hold_on_a_step():
 
 
 def test_foresight_lags_a_ramp_by_half_its_buffer_less_the_cycle_fed_forward():
-    slope = 0.5 * CYCLE_TIME
+    slope = 0.5 * CYCLE_TIME_S
     out = response(ServoFilter.FORESIGHT, [slope * n for n in range(1, 400)])
     assert slope * 399 - out[-1] == pytest.approx(slope * ((15 - 1) / 2 - 1), rel=0.01)
 
@@ -101,7 +101,7 @@ def test_mean_smooths_a_step_over_its_buffer():
 @pytest.mark.parametrize("jerk_limited", [True, False])
 def test_tracker_without_ruckig_keeps_speed_and_acceleration_too(jerk_limited):
     tracker = Tracker((0.0,), (1.0, 4.0, 80.0), jerk_limited)
-    out = [tracker.step((0.5 if n < 150 else -0.5,), CYCLE_TIME)[0] for n in range(500)]
+    out = [tracker.step((0.5 if n < 150 else -0.5,), CYCLE_TIME_S)[0] for n in range(500)]
     speeds = differences(out)
     assert max(map(abs, speeds)) <= 1.0 + 1e-6
     assert max(map(abs, differences(speeds))) <= 4.0 * 1.001

@@ -1,4 +1,4 @@
-"""What errcode shows, and for how long (controller protocol 4.4)."""
+"""What errcode shows, and for how long (docs/controller-protocol.md section 4.4)."""
 import pytest
 
 from jaka_ros_driver.kinematics.arm_models import load_model

@@ -6,7 +6,7 @@ import pytest
 from raw_client import RawClient, wait_for
 
 from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.controller import Controller
 from jaka_ros_driver.simulation.controller.controller_state import LinkLoss, Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
@@ -36,8 +36,8 @@ def protect(controller, seconds, reaction=ABORT):
 
 
 def pass_time(controller, seconds):
-    for _ in range(round(seconds / CYCLE_TIME)):
-        controller.step(CYCLE_TIME)
+    for _ in range(round(seconds / CYCLE_TIME_S)):
+        controller.step(CYCLE_TIME_S)
 
 
 def goes_on(controller):

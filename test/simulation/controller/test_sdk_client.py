@@ -23,7 +23,8 @@ NOT_IN_THIS_MODE = [("servo_j INCR 0.001 0 0 0 0 0", "before servo_move"),
                     ("servo_move_use_joint_LPF 0.5", "in servo mode"),
                     ("joint_move4 ABS 0 0.1 1.5 -1.5 1.5 1.5 0.2 0.5", "in servo mode")]
 AT_STANDSTILL = ("servo_move_enable 1", "disable_robot")
-SDK_READS = {  # SDK client 3 and 1.8: fields whose absence or shape makes it crash or misread
+# docs/sdk-client.md section 3 and section 1, point 8: fields whose absence or shape makes it crash or misread.
+SDK_READS = {
     "joint_position": 6, "joint_actual_position": 6, "actual_position": 6, "position": 6, "instVel": 6,
     "tio_din": 8, "tio_dout": 8, "tio_key": 3, "relay_io": 2, "mb_slave_din": 128, "mb_slave_ain": 64,
     "pn_dev_din": 64, "eip_adpt_din": 64, "eip_adpt_ain": 48}
@@ -56,7 +57,7 @@ def test_every_recorded_request_is_answered_as_a_controller_would(make_arm, firm
 
 @pytest.mark.parametrize("word", [b"nan", b"-nan", b"inf", b"-inf", b"NaN", b"Infinity"])
 def test_bare_words_are_answered_at_once_and_once(arm, client, word):
-    """Waiting for the rest of the document would hang the SDK for 25 s (SDK client 1.6)."""
+    """Waiting for the rest of the document would hang the SDK for 25 s (docs/sdk-client.md section 1, point 6)."""
     client.send(b'{"cmdName":"joint_move","executing_line_id":2,"jointPosition":[%s,0.0,0.0,0.0,0.0,0.0],'
                 b'"relFlag":0,"speed":28.64788975654116}' % word)
     assert client.reply(3.0) == {"errorCode": "1", "errorMsg": "Exception:function call failed"}

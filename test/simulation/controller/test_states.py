@@ -177,7 +177,7 @@ def test_collision_detection_switched_off_and_of_one_joint(arm, client, feed):
 
 
 def test_collision_in_servo_mode_and_the_way_back(arm, client, feed):
-    """clear_error, then servo_move 1 (controller protocol 5.6.7)."""
+    """clear_error, then servo_move 1 (docs/controller-protocol.md section 5.6.7)."""
     assert client.code("servo_move", relFlag=1) == "0"
     for step in range(1, 20):
         assert client.code("servo_j", jointPosition=[0.2 * step, *HOME[1:]]) == "0"

@@ -1,6 +1,6 @@
 import pytest
 
-from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.server.cycle_clock import MIN_FEED_PERIOD_S, MIN_TICK_S, CycleClock
 
 
@@ -16,7 +16,7 @@ def simulated_after(scale, duration, lateness=lambda tick: 0.0):
 
 @pytest.mark.parametrize("scale", [0.5, 1.0, 2.0, 3.7, 10.0, 20.0, 100.0])
 def test_simulated_time_keeps_up_with_wall_time(scale):
-    assert simulated_after(scale, 5.0) == pytest.approx(5.0 * scale / CYCLE_TIME, abs=scale * 2.0 + 2)
+    assert simulated_after(scale, 5.0) == pytest.approx(5.0 * scale / CYCLE_TIME_S, abs=scale * 2.0 + 2)
 
 
 def test_lateness_does_not_add_up():
