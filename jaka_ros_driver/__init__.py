@@ -3,12 +3,15 @@
 The rooms, from the ground up; a room imports only from those above it in this list:
 
 errors, units       what can go wrong; mm and deg to SI
-voice               lines on standard error that nothing waits for
+background_log      log records and lines on standard error, written in a thread of their own
 state, commands     one sample of the arm; what an arm can be asked to do (SI units, frozen)
 kinematics          arm models, forward and inverse kinematics, the limits audit
 protocol            the controller's JSON protocol: bytes <-> state and commands, no I/O
-client              the sockets and threads of the driver, without ROS
+client              custody of the arm, its sockets and threads; without ROS
+wire                the bytes between driver and controller: recorded and played
 simulation          the simulated controller
 ros                 the node: parameters, services, topics, diagnostics
 bags                state logs: record, play, convert, inspect, compare
 """
+
+__version__ = "0.2.0"

@@ -1,4 +1,4 @@
-"""What the arm's controller can be asked to do: one frozen dataclass a command, SI units, joint 1 (base) first.
+"""The commands of the arm's controller: one frozen dataclass for each, SI units, joint 1 (base) first.
 
 Orientation is always rpy: rotations about the fixed axes x, then y, then z (R = Rz Ry Rx), rad.
 """
@@ -10,14 +10,14 @@ from typing import Optional, Tuple, Union
 from jaka_ros_driver.state import IoBank, Vector
 
 TURN_LEVER = 0.1
-"""m; a linear move that is given no angular speed turns as fast as its linear speed moves a point so far off."""
+"""m; without an angular speed, a linear move turns by its linear speed divided by this."""
 TURN_SPEED_CEILING = math.pi
 TURN_ACCELERATION_CEILING = 4.0 * math.pi
-"""rad/s and rad/s2; what the maker's SDK has every linear move turn with, so that no rule of ours is faster."""
+"""rad/s and rad/s2; the values that the maker's SDK sends with every linear move; ours are never higher."""
 
 
 class JogFrame(enum.IntEnum):
-    """In which coordinates a jog moves; the numbers of the ROS interface (``coord_mode``)."""
+    """The coordinates in which a jog moves; the numbers of the ROS interface (``coord_mode``)."""
 
     JOINT = 0
     BASE = 1
@@ -43,15 +43,16 @@ class JointMove:
 
 @dataclass(frozen=True)
 class LinearMove:
-    """Straight line of the active tool in the active user frame, turning on the way; the slower of both decides.
+    """Straight line of the active tool in the active user frame. The tool turns on the way; the slower of translation
+    and rotation determines the duration.
 
     Attributes:
-        target: Where it ends.
+        target: The pose at its end.
         speed: Of the tool centre point, m/s.
         acceleration: m/s2.
         tolerance: m.
-        angular_speed: Of the tool's orientation, rad/s; None: it follows from ``speed``, see ``turn_speed``.
-        angular_acceleration: rad/s2; None: it follows from ``acceleration``.
+        angular_speed: Of the tool's orientation, rad/s; None where it follows from ``speed``, see ``turn_speed``.
+        angular_acceleration: rad/s2; None where it follows from ``acceleration``.
     """
 
     target: Pose
@@ -63,7 +64,9 @@ class LinearMove:
 
     @property
     def turn_speed(self) -> float:
-        """Angular speed, rad/s. A controller that is told none turns at its fastest, however slow the line is."""
+        """Angular speed, rad/s. It is always sent: without it a controller turns at its highest speed, however slow the
+        line is.
+        """
         if self.angular_speed is not None:
             return self.angular_speed
         return min(self.speed / TURN_LEVER, TURN_SPEED_CEILING)
@@ -131,14 +134,14 @@ class ServoPose:
 
 @dataclass(frozen=True)
 class SetPower:
-    """Energise the drives, or cut them off."""
+    """Switch the power of the drives on or off."""
 
     on: bool
 
 
 @dataclass(frozen=True)
 class SetEnabled:
-    """Release the brakes and hold torque, or the reverse."""
+    """Release the brakes and hold torque, or engage the brakes."""
 
     on: bool
 
@@ -251,7 +254,7 @@ class InverseKinematics:
 
 @dataclass(frozen=True)
 class SetLinkLoss:
-    """What the controller does when the command link breaks: ``seconds`` later it stops the arm; 0: it goes on."""
+    """Let the controller stop the arm ``seconds`` after the command link broke; 0 lets it go on."""
 
     seconds: float
 

@@ -1,10 +1,10 @@
-"""What can go wrong, one class for each cause; callers catch ``JakaError`` or a child of it."""
+"""The errors of this package, one class for each cause. Callers catch ``JakaError`` or one of its children."""
 import enum
 from typing import Union
 
 
 class JakaError(Exception):
-    """Any failure that this package foresees; every other exception is a bug."""
+    """Base class of all errors that this package expects; every other exception is a defect."""
 
 
 class InvalidCommand(JakaError, ValueError):
@@ -12,11 +12,11 @@ class InvalidCommand(JakaError, ValueError):
 
 
 class UnreachablePose(InvalidCommand):
-    """No joint position of the arm, within its limits, puts the flange there."""
+    """No joint position within the limits puts the flange there."""
 
 
 class PoseOutsideLimits(UnreachablePose):
-    """The arm is long enough, but each joint position that puts the flange there breaks a joint limit."""
+    """The pose is within reach, but only with a joint outside its limits."""
 
 
 class CommandRejected(JakaError):

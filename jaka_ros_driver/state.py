@@ -1,4 +1,4 @@
-"""What the arm is and does at one moment, in SI units; made from a status frame, never changed."""
+"""The state of the arm at one moment, SI units; made from a status frame and immutable."""
 import enum
 from dataclasses import dataclass, field
 from typing import Dict, Optional, Tuple
@@ -7,7 +7,7 @@ Vector = Tuple[float, ...]
 
 
 class MotionState(enum.IntEnum):
-    """Motion state as the ROS interface numbers it (interface document V2.0, RobotMsg)."""
+    """Motion state as the ROS interface numbers it (docs/interface.md section 3, RobotMsg)."""
 
     STOPPED = 0
     PAUSED = 1
@@ -17,7 +17,7 @@ class MotionState(enum.IntEnum):
 
 
 class IoBank(enum.IntEnum):
-    """Where an input or output sits; the controller's own numbers (SDK header IOType)."""
+    """Where an input or output is; the controller's own numbers (docs/controller-protocol.md section 5.11)."""
 
     CABINET = 0
     TOOL = 1
@@ -108,7 +108,7 @@ class RobotState:
     def has_fault(self) -> bool:
         """True while the event code stands for a fault: entries 0x10F0000..0x10FFFFF are notes, not faults.
 
-        Source: controller protocol 4.4.
+        Source: docs/controller-protocol.md section 4.4.
         """
         return self.error_code != 0 and not 0x10F0000 <= self.error_code <= 0x10FFFFF
 
@@ -116,7 +116,7 @@ class RobotState:
     def has_warning(self) -> bool:
         """True while the event code only warns that a joint is about to hit a soft limit, and the arm moves on.
 
-        Source: controller protocol 4.4, entries 0x0n0033 and 0x0n0034 of joint n + 1.
+        Source: docs/controller-protocol.md section 4.4, entries 0x0n0033 and 0x0n0034 of joint n + 1.
         """
         return self.error_code & 0xFFFF in (0x33, 0x34) and 0 <= self.error_code >> 16 <= 5
 

@@ -1,7 +1,8 @@
-"""Millimetres and degrees of the wire and the ROS services to SI and back; the only place with the factors."""
+"""Millimetres, degrees, milliseconds and nanoseconds to SI and back; the only file with the factors."""
 import math
 from typing import Iterable, Tuple
 
+NS_PER_S = 1000000000
 _MM_PER_M = 1000.0
 _DEG_PER_RAD = 180.0 / math.pi
 

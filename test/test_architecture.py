@@ -8,26 +8,39 @@ import pytest
 from import_graph import ROOT, imported_names, parse
 
 PACKAGE = ROOT / "jaka_ros_driver"
-GROUND = {"errors", "units", "voice"}
+GROUND = {"background_log", "errors", "units"}
 DOMAIN = GROUND | {"state", "commands"}
 ROOMS: Dict[str, Set[str]] = {  # what each room may import from the package besides itself
     "__init__": set(),
     "errors": set(),
     "units": set(),
-    "voice": set(),
+    "background_log": set(),
+    "voice": {"background_log"},
     "state": GROUND,
     "commands": GROUND | {"state"},
     "kinematics": DOMAIN,
     "protocol": DOMAIN,
     "client": DOMAIN | {"kinematics", "protocol"},
-    "simulation": DOMAIN | {"kinematics", "protocol"},
+    "wire": DOMAIN | {"protocol"},
+    "simulation": DOMAIN | {"kinematics", "protocol", "wire"},
     "ros": DOMAIN | {"kinematics", "protocol", "client"},
-    "bags": GROUND | {"state"},
+    "bags": GROUND | {"state", "voice"},
 }
-OPEN_SOCKETS = ("client/transport", "client/stop_link", "ros/connections", "ros/driver_lock", "simulation/server",
-                "simulation/proxy", "simulation/wire_player", "bags/raw_transport", "bags/tcpros")
+INNER_ROOMS: Dict[str, Set[str]] = {  # what each room inside simulation may import from simulation besides itself
+    "__init__": set(),
+    "arm": set(),
+    "controller": {"arm"},
+    "server": {"arm", "controller"},
+    "simulated_controller": {"arm", "controller", "server"},
+    "__main__": {"controller", "server", "simulated_controller"},
+}
+LOWEST_INNER_ROOMS = {"arm": DOMAIN | {"kinematics"}, "controller": DOMAIN | {"kinematics", "protocol"}}
+"""What these rooms inside simulation may import from outside it: less than simulation as a whole."""
+OPEN_SOCKETS = ("client/transport", "client/stop_link", "ros/connections", "ros/driver_lock",
+                "simulation/server/server", "wire/", "bags/raw_transport", "bags/tcpros")
 ROS_OUTSIDE_ITS_ROOM = {"bags/rospy_transport.py", "bags/player.py", "bags/regression/driver_client.py"}
 LONGEST = 600
+MOST_FILES = 20
 WRITTEN = {"", ".launch", ".md", ".msg", ".py", ".rst", ".sh", ".srv", ".toml", ".txt", ".xml", ".yaml"}
 
 
@@ -60,6 +73,29 @@ def test_rooms_import_only_from_the_rooms_below():
         wrong += ["%s imports %s" % (path.relative_to(ROOT), name) for name in imports_of(path)
                   if name.startswith("jaka_ros_driver.") and name.split(".")[1] not in ROOMS[room] | {room}]
     assert not wrong, "\n".join(wrong)
+
+
+def test_rooms_inside_the_simulation_import_only_from_those_below():
+    wrong, simulation = [], PACKAGE / "simulation"
+    for path in modules(simulation):
+        room = path.relative_to(simulation).with_suffix("").parts[0]
+        for name in imports_of(path):
+            parts = name.split(".") + [""]
+            if parts[:2] == ["jaka_ros_driver", "simulation"]:
+                is_right = not parts[2] or parts[2] in INNER_ROOMS[room] | {room}
+            else:
+                is_right = (parts[0] != "jaka_ros_driver" or room not in LOWEST_INNER_ROOMS
+                            or parts[1] in LOWEST_INNER_ROOMS[room])
+            if not is_right:
+                wrong.append("%s imports %s" % (path.relative_to(ROOT), name))
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_folder_of_the_driver_is_crowded():
+    crowded = ["%s: %d files" % (folder.relative_to(ROOT), len(list(folder.glob("*.py"))))
+               for folder in sorted({path.parent for path in modules(PACKAGE)})
+               if room_of(folder / "x.py") not in ("bags", "ros") and len(list(folder.glob("*.py"))) > MOST_FILES]
+    assert not crowded, "\n".join(crowded)
 
 
 @pytest.mark.parametrize("packages, allowed", [

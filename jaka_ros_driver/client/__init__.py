@@ -1,1 +1,1 @@
-"""The driver's side of the controller's ports: sockets, threads and the rules of motion, without ROS."""
+"""The client of a controller, without ROS: its sockets and threads, and custody of the arm."""

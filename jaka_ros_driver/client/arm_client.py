@@ -1,4 +1,4 @@
-"""One arm for any number of threads: a lock around the core, and one thread for its sockets and its time."""
+"""One arm for any number of threads: a lock around ``core``, and one thread for its sockets and timers."""
 import logging
 import threading
 import time
@@ -20,23 +20,25 @@ from jaka_ros_driver.state import RobotState
 
 _LOG = logging.getLogger(__name__)
 
-_LONGEST_WAIT = 0.02
-"""s; the guard is told so often that the driver lives, and the core notices by it when it was held up."""
-_REST_TIMEOUT = 1.0
-"""s; so long is waited for the arm to rest when the driver ends."""
+_LONGEST_WAIT_S = 0.02
+"""s; longest pause of the thread. The guard is told at least this often that the driver lives, and the core notices by
+longer pauses that it was held up.
+"""
+_REST_TIMEOUT_S = 1.0
+"""s; how long ``close`` waits for the arm to come to rest."""
 
 StateListener = Callable[[RobotState, bool], None]
 
 
 class LoopTask:
-    """Something that the client's thread does beside its own work; see ``ArmClient.add_task``."""
+    """Something that the client's thread does besides its own work; see ``ArmClient.add_task``."""
 
     def due(self) -> Optional[float]:
-        """When ``run`` is due, monotonic s; None: not now."""
+        """When ``run`` is due, monotonic time, s; None while it is not."""
         raise NotImplementedError
 
     def run(self, now: float) -> None:
-        """Do it; must not block."""
+        """Do the task. It must not block."""
         raise NotImplementedError
 
 
@@ -61,16 +63,16 @@ class _Call:
 
 
 class ArmClient:
-    """The driver's grip on one arm. Every method may be called from any thread; errors are JakaErrors."""
+    """The driver's access to one arm. Every method may be called from any thread; errors are JakaErrors."""
 
     def __init__(self, settings: ClientSettings, model: ArmModel, guard: Optional[Guard] = None) -> None:
         """Prepare; ``start`` begins.
 
         Args:
             settings: Address and time limits.
-            model: Whose limits every command is held against.
-            guard: Is told, before anything is sent, when this driver begins to move the arm, when that has ended, and
-                every 20 ms that the driver lives.
+            model: The arm model whose limits every command is checked against.
+            guard: Is told when this driver begins to move the arm (before anything is sent), when that has ended, and
+                every 20 ms that the driver lives. None for no guard.
         """
         self.settings = settings
         self.model = model
@@ -90,14 +92,14 @@ class ArmClient:
     # ---- life ----
 
     def start(self) -> None:
-        """Begin to connect; returns at once, and the links are kept up until ``close``."""
+        """Begin to connect; returns at once. Lost links are made again until ``close``."""
         with self._lock:
             self._core.start(time.monotonic())
             self._perform()
         self._thread.start()
 
     def auto_enable(self) -> None:
-        """Power and enable a healthy arm once, as soon as it is first seen."""
+        """Power and enable the arm once, as soon as the first state shows it without fault."""
         with self._lock:
             self._core.auto_enable(time.monotonic())
             self._perform()
@@ -109,7 +111,7 @@ class ArmClient:
         with self._lock:
             self._core.close(time.monotonic())
             self._perform()
-        deadline = time.monotonic() + _REST_TIMEOUT
+        deadline = time.monotonic() + _REST_TIMEOUT_S
         while self._thread.is_alive() and not self._core.is_free and time.monotonic() < deadline:
             time.sleep(0.002)
         if not self._core.is_free:
@@ -127,12 +129,12 @@ class ArmClient:
     def add_listener(self, listener: StateListener) -> None:
         """Call ``listener(state, is_new)`` for every status frame in the client's thread; it must not block.
 
-        ``is_new`` is False for a frame that tells of a time that has passed.
+        ``is_new`` is False for a frame that was delayed and tells of an earlier time.
         """
         self._listeners.append(listener)
 
     def add_task(self, task: LoopTask) -> None:
-        """Have something done in the client's thread."""
+        """Let the client's thread run a task, from now on."""
         self._tasks.append(task)
 
     # ---- what is known ----
@@ -157,13 +159,13 @@ class ArmClient:
 
     @property
     def link_health(self) -> LinkHealth:
-        """How the links to the controller do."""
+        """State of the links to the controller."""
         with self._lock:
             return self._core.link_health()
 
     @property
     def feed_health(self) -> FeedHealth:
-        """How the status feed does."""
+        """State of the status feed."""
         with self._lock:
             return self._core.feed_health(time.monotonic())
 
@@ -174,33 +176,33 @@ class ArmClient:
 
     @property
     def is_servo_active(self) -> bool:
-        """The controller is in servo mode; False while that is not known."""
+        """True while the controller is in servo mode; False while that is not known."""
         return self._core.is_servo_active
 
     @property
     def motion_owner(self) -> Optional[MotionOwner]:
-        """What moves the arm on behalf of this driver, until it is seen at rest."""
+        """What moves the arm for this driver, until the arm is seen at rest."""
         return self._core.motion_owner
 
     @property
     def has_failed(self) -> bool:
-        """Its thread has ended by a defect; nothing works any more."""
+        """True where the thread has ended by a defect; nothing works any more."""
         return self._is_closed and not self._is_closing
 
     @property
     def guard(self) -> Optional[Guard]:
-        """The guard, None where there is none."""
+        """The guard; None where there is none."""
         return self._guard
 
     @property
     def late_servo_cycles(self) -> int:
-        """Cycles of the present servo stream that came too late to be sent."""
+        """Number of cycles of the present servo stream whose targets came too late to be sent."""
         return self._core.late_servo_cycles
 
     # ---- calls ----
 
     def execute(self, command: c.Command) -> Any:
-        """Audit a command that moves nothing, send it, and return the controller's answer.
+        """Check a command that does not move the arm, send it, and return the controller's answer.
 
         Raises:
             InvalidCommand: It breaks a limit; nothing was sent.
@@ -214,12 +216,14 @@ class ArmClient:
     def run(self, procedure: Callable[[ArmCore], Procedure], exclusive: bool = False) -> Any:
         """Carry out a procedure of ``core/settings`` or ``core/power``, and return its result.
 
-        ``exclusive``: only while nothing moves the arm, and nothing moves it meanwhile. Errors: those it names.
+        With ``exclusive`` it is refused while anything moves the arm, and nothing can begin to move it meanwhile.
+        Raises what the procedure names.
         """
         return self._call(lambda call, now: self._core.run(call, procedure(self._core), now, exclusive))
 
     def move(self, command: c.Motion, wait: bool = True) -> None:
-        """Move to the command's target; with ``wait`` until the arm is there, else until the controller accepts.
+        """Move to the command's target. Returns, with ``wait``, when the arm is there, otherwise when the controller
+        has accepted.
 
         Raises:
             InvalidCommand: Outside the limits, or the arm cannot move now; nothing was sent.
@@ -230,7 +234,9 @@ class ArmClient:
         self._call(lambda call, now: self._core.move(call, command, wait, now))
 
     def jog(self, command: c.Jog) -> None:
-        """Begin a jog, or keep the same one going; it ends ``jog_timeout`` after the last call. Errors as ``move``."""
+        """Begin a jog, or keep the same jog going. It ends ``jog_timeout`` after the last call. Raises what ``move``
+        raises.
+        """
         self._call(lambda call, now: self._core.jog(call, command, now))
 
     def set_servo_mode(self, active: bool) -> None:
@@ -242,10 +248,11 @@ class ArmClient:
         self._call(lambda call, now: self._core.servo_mode(call, active, now))
 
     def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> None:
-        """Take one target into the servo stream.
+        """Add one target to the servo stream.
 
         Raises:
-            InvalidCommand: Not in servo mode, outside the limits, or too far away; nothing moves.
+            InvalidCommand: Not in servo mode, or the target is outside the limits or too far from the last one; nothing
+                moves.
         """
         with self._lock:
             self._core.set_servo_target(command, time.monotonic())
@@ -273,7 +280,7 @@ class ArmClient:
         return call.wait()
 
     def _perform(self) -> None:
-        """Carry out what the core asks for; the lock is held. States are shown later, without the lock."""
+        """Carry out the core's actions; the caller holds the lock. Listeners get states later, without the lock."""
         piece: List[bytes] = []
         for action in self._core.take_actions():
             kind = type(action)
@@ -283,7 +290,7 @@ class ArmClient:
             if kind is Send:
                 piece.append(action.data)  # type: ignore[union-attr]
                 continue
-            if piece:  # what follows, a close for instance, must not overtake it
+            if piece:  # sent first, so that what follows, a close for instance, does not overtake it
                 self._transport.send(b"".join(piece))
                 piece = []
             if isinstance(action, Answer):
@@ -305,7 +312,7 @@ class ArmClient:
             while not self._is_closing:
                 self._turn()
         except Exception:
-            # A defect: without this thread nobody would stop the arm. The guard does, since it hears no more.
+            # A defect. Without this thread only the guard would stop the arm, which it does when it hears no more.
             _LOG.critical("the arm's loop failed", exc_info=True)
             with self._lock:
                 self._is_closed = True
@@ -314,7 +321,7 @@ class ArmClient:
 
     def _turn(self) -> None:
         now = time.monotonic()
-        due = min([now + _LONGEST_WAIT] + [at for at in (task.due() for task in self._tasks) if at is not None])
+        due = min([now + _LONGEST_WAIT_S] + [at for at in (task.due() for task in self._tasks) if at is not None])
         with self._lock:
             self._wakes_at = due = min(due, self._core.next_deadline())
         self._transport.wait(due - now)
@@ -336,7 +343,7 @@ class ArmClient:
             self._guard.beat(now)
         try:
             self._pass_on(shows, now)
-        except Exception:  # a defect of who listens must not end the thread that stops the arm
+        except Exception:  # a defect of a listener must not end the thread that stops the arm
             _LOG.exception("a listener of the arm's state failed")
 
     def _pass_on(self, shows: List[Show], now: float) -> None:

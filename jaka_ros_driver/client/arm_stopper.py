@@ -1,4 +1,6 @@
-"""The guard at work: carries out on real connections what stopping.py decides, and answers the driver meanwhile."""
+"""The part of the guard that stops the arm: carries out on real connections what stopping.py decides, and answers the
+driver meanwhile.
+"""
 import select
 import time
 from typing import List, Optional, Union
@@ -8,9 +10,9 @@ from jaka_ros_driver.client.stop_link import Address, FeedLink, Line, StopLink, 
 from jaka_ros_driver.client.stopping import Step, Stopping
 from jaka_ros_driver.errors import ConnectionLost
 
-_TURN = 0.02
-_FEED_PERIOD = 0.25
-_FEED_TIMEOUT = 1.0
+_TURN_S = 0.02
+_FEED_PERIOD_S = 0.25
+_FEED_TIMEOUT_S = 1.0
 
 _Source = Union[DriverPipe, Line]
 
@@ -26,23 +28,23 @@ class Feed:
         self.link: Optional[FeedLink] = None
 
     def serve(self, stopping: Stopping, is_ready: bool, now: float) -> None:
-        """Tell what the feed shows, or why it shows nothing."""
+        """Tell ``stopping`` what the feed shows, or why it shows nothing."""
         try:
             if self.link is None:
                 self._connect(now)
             elif is_ready:
                 self._read(self.link, stopping, now)
-            elif now - self._heard_at > _FEED_TIMEOUT:
-                raise ConnectionLost("status port: silent for %.1f s" % _FEED_TIMEOUT)
+            elif now - self._heard_at > _FEED_TIMEOUT_S:
+                raise ConnectionLost("status port: silent for %.1f s" % _FEED_TIMEOUT_S)
         except ConnectionLost as error:
             self.close()
-            self._next_at = now + _FEED_PERIOD
+            self._next_at = now + _FEED_PERIOD_S
             stopping.saw_nothing(str(error))
 
     def _connect(self, now: float) -> None:
         if now < self._next_at:
             return
-        self._next_at, self._heard_at = now + _FEED_PERIOD, now
+        self._next_at, self._heard_at = now + _FEED_PERIOD_S, now
         self.link = FeedLink(_next_of(self._addresses, self._tries))
         self._tries += 1
 
@@ -57,7 +59,7 @@ class Feed:
             stopping.saw_nothing(link.trouble)
 
     def close(self) -> None:
-        """End the connection, if there is one."""
+        """Close the connection, if there is one."""
         if self.link is not None:
             self.link.close()
             self.link = None
@@ -67,7 +69,7 @@ class ArmStopper:
     """Stops the arm, and answers the driver meanwhile."""
 
     def __init__(self, host: str, command_port: int, status_port: int, say: Say) -> None:
-        """Find the controller's addresses now: looking a name up may take long, when the arm must be stopped."""
+        """Resolve the controller's name now, because that may take too long when the arm must be stopped."""
         self._host = host
         self._ports = (command_port, status_port)
         self._say = say
@@ -81,7 +83,7 @@ class ArmStopper:
             self._say(str(error))
 
     def stop(self, pipe: DriverPipe) -> None:
-        """Stop the arm; returns when nothing is left to be done."""
+        """Stop the arm; returns when that is done or given up."""
         if not self._addresses[0]:
             self._find_addresses()
         pipe.answer(STOPPING)
@@ -106,7 +108,7 @@ class ArmStopper:
 
 
 class _Work:
-    """The command port while the arm is being stopped: carries the steps out, and tells what comes of them."""
+    """The command port while the arm is being stopped: carries out the steps and tells their results."""
 
     def __init__(self, stopping: Stopping, addresses: List[Address]) -> None:
         self.stopping = stopping
@@ -156,11 +158,11 @@ def _next_of(addresses: List[Address], tries: int) -> Address:
 
 
 def _ready_of(pipe: DriverPipe, *lines: Optional[Line]) -> List[_Source]:
-    """Those that need attention now, or within 20 ms."""
+    """Those connections that are ready now or within 20 ms."""
     reading: List[_Source] = [] if pipe.is_closed else [pipe]
     writing: List[_Source] = []
     for line in lines:
         if line is not None:
             (writing if line.is_connecting else reading).append(line)
-    readable, writable, _ = select.select(reading, writing, [], _TURN)
+    readable, writable, _ = select.select(reading, writing, [], _TURN_S)
     return readable + writable

@@ -1,4 +1,4 @@
-"""The guard's end of the pipes between it and the driver: words come in, answers go out."""
+"""The guard's end of the pipes to the driver: it receives words of the driver and sends answers."""
 import contextlib
 import os
 import select
@@ -10,26 +10,26 @@ from jaka_ros_driver.client.process_state import waits_for_processor
 from jaka_ros_driver.client.stopping import Driver
 
 MOVING, IDLE, FAREWELL = b"m", b"i", b"q"
-"""The words of the driver."""
+"""The driver's words: it moves the arm; it does not; it ends in good order."""
 WATCHING, STOPPING = b".", b"!"
-"""The answers of the guard: what it does."""
-SILENCE_TIMEOUT = 0.25
-STARVED_TIMEOUT = 1.0
-"""s; on a busy host a live driver that gets no time is waited for so long."""
-ANSWER_PERIOD = 0.1
-_STARVED_TURN = 0.05
-_HELD_UP = 0.1
+"""The guard's answers: it watches the driver; it is stopping the arm."""
+SILENCE_TIMEOUT_S = 0.25
+STARVED_TIMEOUT_S = 1.0
+"""s; used in place of ``SILENCE_TIMEOUT_S`` where the driver lives but gets no processor time."""
+ANSWER_PERIOD_S = 0.1
+_STARVED_TURN_S = 0.05
+_HELD_UP_S = 0.1
 
 Say = Callable[[str], None]
 
 
 class DriverPipe:
-    """What the driver says, and the answers it gets.
+    """Receives what the driver says, and answers it.
 
     Attributes:
-        is_moving: It moves the arm, by its last word.
-        is_closed: No word can come any more.
-        has_left: It said farewell.
+        is_moving: By its last word, the driver moves the arm.
+        is_closed: The pipe is closed: no word can come any more.
+        has_left: The driver has said that it ends in good order.
     """
 
     def __init__(self, words: int, answers: int, driver: int, is_moving: bool) -> None:
@@ -39,36 +39,36 @@ class DriverPipe:
             words: File descriptor from which the words come.
             answers: File descriptor for the answers.
             driver: The driver's process id.
-            is_moving: It moves the arm already.
+            is_moving: The driver moves the arm already.
         """
         self._words = words
         self._answers = answers
         self._driver = driver
         self._heard_at = time.monotonic()
-        self._answered_at = -ANSWER_PERIOD
+        self._answered_at = -ANSWER_PERIOD_S
         self.is_moving = is_moving
         self.is_closed = False
         self.has_left = False
         self._answer = WATCHING
 
     def fileno(self) -> int:
-        """For select."""
+        """The descriptor of the words, for ``select``."""
         return self._words
 
     @property
     def is_over(self) -> bool:
-        """The driver is gone, in good order or not."""
+        """True where the driver has ended, in good order or not."""
         return self.is_closed or self.has_left
 
     def wait(self, timeout: Optional[float]) -> bool:
-        """Wait for a word, s; False where none came."""
+        """Wait for a word, at most ``timeout`` s; False where none came."""
         if not select.select([self], [], [], timeout)[0]:
             return False
         self.read()
         return True
 
     def read(self) -> None:
-        """Take the words that are there, and answer."""
+        """Read the words that have come, and answer."""
         words = os.read(self._words, 4096)
         now = time.monotonic()
         self.is_closed = not words
@@ -77,11 +77,11 @@ class DriverPipe:
         self._heard_at = now
         self.has_left = self.has_left or FAREWELL in words
         self.is_moving = words[-1:] == MOVING
-        if now - self._answered_at >= ANSWER_PERIOD:
+        if now - self._answered_at >= ANSWER_PERIOD_S:
             self._say_answer(now)
 
     def answer(self, answer: bytes) -> None:
-        """Answer this from now on, and once unasked: a driver that thaws is to know what has been done."""
+        """Answer this from now on, and send it once at once, so that a driver that was frozen learns what was done."""
         self._answer = answer
         self._say_answer(time.monotonic())
 
@@ -89,26 +89,26 @@ class DriverPipe:
         if not select.select([], [self._answers], [], 0.0)[1]:
             return
         self._answered_at = now
-        with contextlib.suppress(OSError):  # the driver has just died, which the other pipe tells
+        with contextlib.suppress(OSError):  # the driver has just died; the other pipe tells that
             os.write(self._answers, self._answer)
 
     def wait_for_silence(self) -> None:
-        """Return when the driver is gone, or says nothing any more while it moves the arm."""
-        limit = SILENCE_TIMEOUT
+        """Wait until the driver has ended, or is silent while it moves the arm."""
+        limit = SILENCE_TIMEOUT_S
         was_held_up = False
         while not self.is_over:
             asked_at = time.monotonic()
             patience = max(0.0, self._heard_at + limit - asked_at)
             if self.wait(patience if self.is_moving else None):
-                limit = SILENCE_TIMEOUT
+                limit = SILENCE_TIMEOUT_S
                 was_held_up = False
                 continue
             late = time.monotonic() - asked_at - patience
-            if late > _HELD_UP and not was_held_up:
-                was_held_up = True  # together with the driver, perhaps, and it is the driver's turn now
-                limit += late + SILENCE_TIMEOUT
-            elif limit < STARVED_TIMEOUT and waits_for_processor(self._driver):
-                limit = min(limit + _STARVED_TURN, STARVED_TIMEOUT)
+            if late > _HELD_UP_S and not was_held_up:
+                was_held_up = True  # perhaps the driver was, too; it gets another chance to speak
+                limit += late + SILENCE_TIMEOUT_S
+            elif limit < STARVED_TIMEOUT_S and waits_for_processor(self._driver):
+                limit = min(limit + _STARVED_TURN_S, STARVED_TIMEOUT_S)
             else:
                 return
 
@@ -118,10 +118,12 @@ class DriverPipe:
             return Driver.BACK
         if self.is_closed:
             return Driver.DEAD
-        return Driver.BACK if time.monotonic() - self._heard_at < SILENCE_TIMEOUT else Driver.SILENT
+        return Driver.BACK if time.monotonic() - self._heard_at < SILENCE_TIMEOUT_S else Driver.SILENT
 
     def end_driver(self, say: Say) -> None:
-        """Kill the driver, if it is silent still, and is the parent of this process still, and thus what it was."""
+        """Kill the driver, if it is still silent and still the parent of this process, so that its process id is still
+        its own.
+        """
         if self.wait(0.0):
             return
         if os.getppid() != self._driver:

@@ -1,6 +1,6 @@
-"""The driver's end of the guard, which is a process of its own: guard_process.py says what that does.
+"""The driver's side of the guard, a separate process; guard_process.py describes what that does.
 
-Driver and guard watch each other. A guard that has died, or does not answer, is replaced.
+Driver and guard watch each other: a guard that has died or does not answer is replaced.
 """
 import logging
 import os
@@ -13,22 +13,22 @@ from typing import Callable, List, Optional, Tuple
 
 from jaka_ros_driver.client import guard_process
 from jaka_ros_driver.client.driver_pipe import FAREWELL, IDLE, MOVING
-from jaka_ros_driver.client.guard_post import ANSWER_TIMEOUT, BEAT_PERIOD, START_TIMEOUT, GuardPost
+from jaka_ros_driver.client.guard_post import ANSWER_TIMEOUT_S, BEAT_PERIOD_S, START_TIMEOUT_S, GuardPost
 
 _LOG = logging.getLogger(__name__)
 
-HELD_UP = 0.3
-"""s; after a longer gap between two beats the driver was held up itself: how long the guard was silent is not known."""
-_EXIT_TIMEOUT = 2.0
-_RESTART_PERIODS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
+HELD_UP_S = 0.3
+"""s; after a longer gap between two beats the driver itself was held up, so the guard's silence is not counted."""
+_EXIT_TIMEOUT_S = 2.0
+_RESTART_PERIODS_S = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 
 @dataclass(frozen=True)
 class GuardHealth:
-    """How the guard process does.
+    """State of the guard process.
 
     Attributes:
-        is_alive: It runs and answers; False until it has answered for the first time.
+        is_alive: It runs and answers; False before its first answer.
         replacements: How often it had to be replaced since the start.
         last_trouble: What went wrong last, empty for nothing.
     """
@@ -39,9 +39,9 @@ class GuardHealth:
 
 
 class Guard:
-    """Starts the guard process, keeps telling it what the driver does, replaces it, and sends it away.
+    """Starts the guard process, tells it what the driver does, replaces it where needed, and ends it.
 
-    It has no thread of its own: the driver's loop calls ``beat``. Any thread may call the rest.
+    It has no thread of its own: the driver's loop calls ``beat``. The other methods may be called from any thread.
     """
 
     def __init__(self, host: str, command_port: int, status_port: int,
@@ -51,7 +51,7 @@ class Guard:
         Args:
             host: Address of the controller.
             command_port: Its command port, on which the arm is stopped.
-            status_port: Its status port, on which the guard sees whether it has stopped.
+            status_port: Its status port, on which the guard sees whether the arm has stopped.
             clock: The clock of ``beat``, s.
 
         Raises:
@@ -73,23 +73,23 @@ class Guard:
         self._post.launch(self._command)
 
     def tell(self, is_moving: bool) -> None:
-        """Tell at once, before the motion's first byte is on the wire."""
+        """Tell the guard at once whether the driver moves the arm, before the first byte of a motion is sent."""
         with self._lock:
             self._word = MOVING if is_moving else IDLE
             if self._post is not None:
                 self._post.say(self._word)
 
     def beat(self, now: float) -> None:
-        """Show the guard that the driver lives, and see whether the guard does; never waits.
+        """Tell the guard that the driver lives, and check that the guard does; never waits.
 
-        Call it every 20 ms; what comes sooner is passed over.
+        Call it every 20 ms; calls that come sooner have no effect.
         """
         with self._lock:
             gap = now - self._beat_at
-            if gap < BEAT_PERIOD or self._is_closing:
+            if gap < BEAT_PERIOD_S or self._is_closing:
                 return
             self._beat_at = now
-            news = self._attend(now, gap > HELD_UP)
+            news = self._attend(now, gap > HELD_UP_S)
         for level, text in news:
             _LOG.log(level, "guard process: %s", text)
 
@@ -100,19 +100,21 @@ class Guard:
             return GuardHealth(post is not None and post.has_answered, self._replacements, self._trouble)
 
     def close(self) -> None:
-        """Leave in good order; where the arm was left moving, without a farewell: then the guard stops it, alone."""
+        """End the guard in good order. Where the arm is left moving, no farewell is sent, and the guard stops the arm
+        by itself.
+        """
         with self._lock:
             self._is_closing = True
             post, self._post = self._post, None
         if self._starter is not None:
-            self._starter.join(_EXIT_TIMEOUT)
+            self._starter.join(_EXIT_TIMEOUT_S)
         if self._word == MOVING:
             self._leave_the_arm_to(post)
         elif post is not None:
             _send_away(post)
 
     def _attend(self, now: float, was_held_up: bool) -> List[Tuple[int, str]]:
-        """Say the word and hear the answer; what is to be logged."""
+        """Send the driver's word and read the answer; returns what is to be logged."""
         post = self._post
         if post is None:
             return self._replace(now) if now >= self._start_at else []
@@ -124,7 +126,7 @@ class Guard:
         silent = now - post.heard_at
         if post.has_ended:
             return self._dismiss(post, "has ended", now)
-        if silent > ANSWER_TIMEOUT and silent > post.silence_limit():
+        if silent > ANSWER_TIMEOUT_S and silent > post.silence_limit():
             return self._dismiss(post, "does not answer for %.1f s" % silent, now)
         if has_taken_over:
             self._trouble = "found this driver silent while the arm moved, and stopped the arm"
@@ -134,20 +136,20 @@ class Guard:
         return []
 
     def _dismiss(self, post: GuardPost, trouble: str, now: float) -> List[Tuple[int, str]]:
-        """Have the guard replaced; one that did not live for long is not followed at once by the next."""
+        """Have the guard replaced; after one that lived only briefly, the next one starts later."""
         post.kill()
         post.leave()
         self._dismissed.append(post)
         self._post = None
         self._trouble = trouble
-        if now - post.began_at > START_TIMEOUT and post.has_answered:
+        if now - post.began_at > START_TIMEOUT_S and post.has_answered:
             self._failures = 0
-        self._start_at = now + _RESTART_PERIODS[min(self._failures, len(_RESTART_PERIODS) - 1)]
+        self._start_at = now + _RESTART_PERIODS_S[min(self._failures, len(_RESTART_PERIODS_S) - 1)]
         self._failures += 1
         return [(logging.ERROR, trouble + ", and is replaced")] + (self._replace(now) if now >= self._start_at else [])
 
     def _replace(self, now: float) -> List[Tuple[int, str]]:
-        """Start another guard, in a thread: to start a process takes time, which the driver's loop does not have."""
+        """Start another guard in a thread, because starting a process takes longer than the driver's loop can wait."""
         post = None
         try:
             post = GuardPost(now)
@@ -158,7 +160,7 @@ class Guard:
         except (OSError, RuntimeError) as error:  # no more files, no more threads
             if post is not None:
                 post.leave()
-            self._start_at = now + _RESTART_PERIODS[-1]
+            self._start_at = now + _RESTART_PERIODS_S[-1]
             self._trouble = "cannot be started: %s" % error
             return [(logging.ERROR, self._trouble)]
         self._post = post
@@ -167,7 +169,9 @@ class Guard:
         return []
 
     def _told_now(self) -> List[str]:
-        """The command line; it tells whether the arm moves: the driver may be dead before its first word."""
+        """The guard's command line. It tells whether the arm moves now, because the driver may die before its first
+        word.
+        """
         return self._command + (["--moving"] if self._word == MOVING else [])
 
     @staticmethod
@@ -177,7 +181,7 @@ class Guard:
         except (OSError, ValueError, subprocess.SubprocessError) as error:
             _LOG.error("guard process: cannot be started: %s", error)
         for old in dismissed:
-            old.has_exited(_EXIT_TIMEOUT)
+            old.has_exited(_EXIT_TIMEOUT_S)
 
     def _leave_the_arm_to(self, post: Optional[GuardPost]) -> None:
         if post is None or not post.answers_now():
@@ -195,11 +199,11 @@ class Guard:
 
 def _send_away(post: GuardPost) -> None:
     post.say(FAREWELL)
-    if post.has_exited(_EXIT_TIMEOUT):
+    if post.has_exited(_EXIT_TIMEOUT_S):
         post.leave()
         return
     post.listen(0.0)
-    if not post.is_stopping:  # it finishes its work before it goes
+    if not post.is_stopping:  # one that is stopping the arm finishes that first
         post.kill()
-        post.has_exited(_EXIT_TIMEOUT)
+        post.has_exited(_EXIT_TIMEOUT_S)
     post.leave()

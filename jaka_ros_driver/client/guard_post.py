@@ -10,31 +10,31 @@ from typing import List, Optional, Tuple
 from jaka_ros_driver.client.driver_pipe import MOVING, STOPPING
 from jaka_ros_driver.client.process_state import waits_for_processor
 
-BEAT_PERIOD = 0.02
-ANSWER_TIMEOUT = 1.0
-"""s; a guard that does not answer for so long is replaced."""
-STARVED_ANSWER_TIMEOUT = 5.0
-"""s; on a busy host a live guard that gets no time is waited for so long."""
-START_TIMEOUT = 10.0
+BEAT_PERIOD_S = 0.02
+ANSWER_TIMEOUT_S = 1.0
+"""s; a guard that does not answer for this time is replaced."""
+STARVED_ANSWER_TIMEOUT_S = 5.0
+"""s; used in place of ``ANSWER_TIMEOUT_S`` where the guard lives but gets no processor time."""
+START_TIMEOUT_S = 10.0
 _READ_BYTES = 4096
 
 
 class GuardPost:
-    """One guard process and the pipes to it. The pipes are there first: what is said waits in them until it runs.
+    """One guard process and the pipes to it. The pipes are made first: words wait in them until the process runs.
 
     Attributes:
         has_answered: It has answered at least once.
         has_ended: It does not run any more, or could not be started.
         is_stopping: It is stopping the arm, by its last answer.
-        began_at: When it was made, s.
-        heard_at: When it answered last, or began, s.
+        began_at: When it was made, monotonic time, s.
+        heard_at: When it answered last, or was made, monotonic time, s.
     """
 
     def __init__(self, now: float) -> None:
         """Make the pipes.
 
         Raises:
-            OSError: That is not possible.
+            OSError: The pipes cannot be made.
         """
         self.has_answered = False
         self.has_ended = False
@@ -56,7 +56,7 @@ class GuardPost:
     def launch(self, command: List[str]) -> None:
         """Start the process.
 
-        In a session of its own, so that what ends the driver's process group does not end the guard first.
+        It runs in a session of its own, so that a signal to the driver's process group does not end it first.
 
         Raises:
             OSError: It could not be started.
@@ -64,7 +64,7 @@ class GuardPost:
         try:
             process = subprocess.Popen(command, stdin=self._its_words, stdout=self._its_answers,
                                        start_new_session=True)
-        finally:  # where it failed, the pipes say that nobody is there
+        finally:  # where the start failed, the closed pipes tell it
             self._its_words.close()
             self._its_answers.close()
         with self._lock:
@@ -73,12 +73,14 @@ class GuardPost:
                 process.kill()
 
     def say(self, word: bytes) -> None:
-        """Never waits: a guard that does not read is noticed by its silence."""
+        """Send a word; never waits. A guard that does not read is noticed by its silence."""
         with contextlib.suppress(OSError):
             self._words.write(word)
 
     def listen(self, now: float) -> bool:
-        """Take the answers that have come; never waits. True where the guard has begun to stop the arm since then."""
+        """Read the answers that have come; never waits. True where the guard has begun to stop the arm since the last
+        call.
+        """
         answers = self._answers.read(_READ_BYTES)
         if answers is None:
             return False
@@ -92,26 +94,28 @@ class GuardPost:
         return has_begun
 
     def silence_limit(self) -> float:
-        """How long it may be silent now, s."""
+        """How long the guard may be silent at present, s."""
         if not self.has_answered:
-            return START_TIMEOUT
+            return START_TIMEOUT_S
         process = self._process
-        return STARVED_ANSWER_TIMEOUT if process and waits_for_processor(process.pid) else ANSWER_TIMEOUT
+        return STARVED_ANSWER_TIMEOUT_S if process and waits_for_processor(process.pid) else ANSWER_TIMEOUT_S
 
     def answers_now(self) -> bool:
-        """Ask it; waits for the answer as long as is usual. One that is only starting is believed in."""
+        """Ask the guard and wait for its answer, ``ANSWER_TIMEOUT_S`` at most. True also where the process is still
+        starting.
+        """
         self.listen(self.heard_at)
         if not self.has_answered:
             return not self.has_ended
-        for _ in range(int(ANSWER_TIMEOUT / BEAT_PERIOD)):
+        for _ in range(int(ANSWER_TIMEOUT_S / BEAT_PERIOD_S)):
             self.say(MOVING)
-            if select.select([self._answers], [], [], BEAT_PERIOD)[0]:
+            if select.select([self._answers], [], [], BEAT_PERIOD_S)[0]:
                 self.listen(self.heard_at)
                 return not self.has_ended
         return False
 
     def kill(self) -> None:
-        """End it, now or as soon as it is started."""
+        """Kill the process, now or as soon as it is started."""
         with self._lock, contextlib.suppress(OSError):
             self._is_given_up = True
             if self._process is not None:
@@ -123,7 +127,7 @@ class GuardPost:
         self._answers.close()
 
     def has_exited(self, timeout: float) -> bool:
-        """Wait for the end of its process, s."""
+        """Wait for the end of the process, at most ``timeout`` s; True where it has ended."""
         if self._process is not None:
             try:
                 self._process.wait(timeout)

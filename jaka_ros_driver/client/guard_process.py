@@ -1,41 +1,41 @@
 """The guard: a process beside the driver that stops the arm when the driver dies or freezes while it moves the arm.
 
-The driver says every 20 ms, on standard input, whether it moves the arm now, or that it leaves in good order. The
-guard answers on standard output that it listens. When the pipe closes without a farewell, or no word comes for 0.25 s
-(1 s where the host is so busy that the driver gets no time), and the driver was moving the arm, the guard takes the
-command port over (the newest client wins, controller protocol 1) and stops the arm; stopping.py says how.
+Every 20 ms the driver tells, on standard input, whether it moves the arm, or that it ends in good order. The guard
+answers on standard output. When the pipe closes without a farewell, or no word comes for 0.25 s (1 s where the host is
+so busy that the driver gets no processor time), and the driver was moving the arm, the guard takes the command port
+over (the newest client wins, docs/controller-protocol.md section 1) and stops the arm, as stopping.py describes.
 
-A controller that serves one client only and turns others away cannot be reached while a frozen driver holds its
-connection. Then the guard ends the driver's process.
+Some controllers turn a second client away. Such a controller cannot be reached while a frozen driver holds the
+connection; then the guard kills the driver's process.
 
-What it cannot do: it needs this computer, its network and the controller. Against the loss of those only the
-controller's own safety functions help.
+The guard needs this computer, its network and the controller. Where one of these fails, only the controller's own
+safety functions stop the arm.
 """
 import argparse
 import sys
 from typing import List, Optional
 
+from jaka_ros_driver.background_log import StandardErrorLog
 from jaka_ros_driver.client.arm_stopper import ArmStopper
 from jaka_ros_driver.client.driver_pipe import DriverPipe, Say
-from jaka_ros_driver.voice import Voice
 
-_SAY_TIMEOUT = 0.5
+_LOG_TIMEOUT_S = 0.5
 
 
 def watch(pipe: DriverPipe, stopper: ArmStopper, say: Say) -> None:
-    """The guard's whole life: until the driver leaves or dies."""
+    """Watch the driver until it ends, and stop the arm where needed."""
     while True:
         pipe.wait_for_silence()
         if pipe.is_moving and not pipe.has_left:
             say("the driver %s while the arm moves, stopping the arm" % ("has died" if pipe.is_closed else "is silent"))
-            pipe.is_moving = False  # until the driver says so again
+            pipe.is_moving = False  # until the driver tells again that it moves the arm
             stopper.stop(pipe)
         elif pipe.is_over:
             return
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """The guard process."""
+    """Run the guard process."""
     parser = argparse.ArgumentParser(prog="jaka_guard", description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--host", required=True, help="address of the controller")
     parser.add_argument("--port", required=True, type=int, help="its command port")
@@ -43,10 +43,10 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser.add_argument("--driver", required=True, type=int, help="process id of the driver")
     parser.add_argument("--moving", action="store_true", help="the driver moves the arm already")
     args = parser.parse_args(argv)
-    voice = Voice("guard")
+    log = StandardErrorLog("guard")
     pipe = DriverPipe(sys.stdin.fileno(), sys.stdout.fileno(), args.driver, args.moving)
-    watch(pipe, ArmStopper(args.host, args.port, args.status_port, voice.say), voice.say)
-    voice.close(_SAY_TIMEOUT)
+    watch(pipe, ArmStopper(args.host, args.port, args.status_port, log.write), log.write)
+    log.close(_LOG_TIMEOUT_S)
     return 0
 
 

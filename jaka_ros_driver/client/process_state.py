@@ -1,9 +1,11 @@
-"""What the kernel says of another process on this computer."""
+"""The state of another process on this computer, from ``/proc``."""
 import os
 
 
 def waits_for_processor(process: int) -> bool:
-    """A thread of the process could run and gets no time: silent, but neither stopped nor hung. False where unknown."""
+    """True where a thread of the process is ready to run and gets no processor time: the process is neither stopped nor
+    hung. False where that is not known.
+    """
     try:
         threads = os.listdir("/proc/%d/task" % process)
     except OSError:

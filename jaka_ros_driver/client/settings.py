@@ -1,9 +1,9 @@
-"""How the client talks to one controller; the numbers that a user may change."""
+"""The settings of the client that a user may change."""
 from dataclasses import dataclass
 
-COMMAND_PORT = 10001
-STATUS_PORT = 10000
-FEED_PERIOD = 0.008
+from jaka_ros_driver.protocol.ports import PORT_NUMBERS
+
+FEED_PERIOD_S = 0.008
 
 
 @dataclass(frozen=True)
@@ -12,36 +12,37 @@ class ClientSettings:
 
     Attributes:
         host: Address of the controller.
-        command_port: Its request and reply port (controller protocol 1).
+        command_port: Its request and reply port (docs/controller-protocol.md section 1).
         status_port: Its status feed.
         connect_timeout: Longest wait for a connection.
-        reply_timeout: Longest wait for a reply; the connection is made anew after a late one.
-        silence_timeout: The status feed is lost after so long without a byte.
-        stale_after: A status sample older than this is not acted on.
+        reply_timeout: Longest wait for a reply; when it has passed, the connection is closed and made again.
+        silence_timeout: The status feed counts as lost after this time without a byte.
+        stale_after: A status sample that is older than this is not used.
         feed_period: Period asked of the status feed.
         motion_timeout: A motion that takes longer is stopped.
         power_timeout: Longest wait for the drives to energise or de-energise.
         enable_timeout: Longest wait for the brakes to open or close.
-        jog_timeout: A jog stops so long after the last jog call (interface document 1.1).
-        servo_timeout: Servo mode is left so long after the last servo target.
-        servo_ahead: A servo target must be reached so long after it came: the stream ends with its client.
+        jog_timeout: A jog stops this time after the last jog call (docs/interface.md section 1.1).
+        servo_timeout: Servo mode is left this time after the last servo target.
+        servo_ahead: A servo target is reached this time after it came at most, so that the motion ends soon after the
+            stream ends.
         servo_max_joint_jump: Largest distance of a servo target from the frame sent last, rad.
         servo_max_linear_jump: The same for the position of a Cartesian target, m.
         servo_max_angular_jump: The same for its orientation, rad.
-        link_loss_stop: The controller is asked to stop the arm so long after it has lost this client in the middle of
-            a motion; 0 where it is not asked.
-        simulator: Identity of the simulated controller that was launched with this driver; any other controller is
-            left alone then. Empty: none.
+        link_loss_stop: The controller is asked to stop the arm this time after it has lost this client during a motion;
+            0 where it is not asked.
+        simulator: Identity of the simulated controller that was launched with this driver; with it, no other controller
+            is used. Empty for any controller.
     """
 
     host: str
-    command_port: int = COMMAND_PORT
-    status_port: int = STATUS_PORT
+    command_port: int = PORT_NUMBERS["command"]
+    status_port: int = PORT_NUMBERS["status"]
     connect_timeout: float = 1.0
     reply_timeout: float = 0.9
     silence_timeout: float = 0.8
     stale_after: float = 0.5
-    feed_period: float = FEED_PERIOD
+    feed_period: float = FEED_PERIOD_S
     motion_timeout: float = 300.0
     power_timeout: float = 30.0
     enable_timeout: float = 30.0

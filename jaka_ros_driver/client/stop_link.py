@@ -1,6 +1,6 @@
-"""The guard's two connections to the controller: stops go out on one, the other shows whether the arm rests.
+"""The guard's two connections to the controller: one sends stops, the other shows whether the arm is at rest.
 
-Neither ever waits: the guard has one thread, which answers its driver meanwhile.
+Neither ever waits, because the guard has one thread, which also answers the driver.
 """
 import errno
 import os
@@ -20,11 +20,11 @@ _TURNED_AWAY = (errno.ECONNREFUSED, errno.ECONNRESET, errno.ECONNABORTED, errno.
 
 
 class TurnedAway(ConnectionLost):
-    """The controller is there and does not want this connection: it refuses, closes or resets it."""
+    """The controller is reachable but refuses, closes or resets the connection."""
 
 
 def addresses_of(host: str, port: int) -> List[Address]:
-    """Where to connect to; more than one for a name with several addresses.
+    """The addresses to connect to; more than one for a name with several addresses.
 
     Raises:
         ConnectionLost: The name cannot be resolved.
@@ -37,7 +37,7 @@ def addresses_of(host: str, port: int) -> List[Address]:
 
 
 class Line:
-    """One TCP connection that never waits.
+    """One non-blocking TCP connection.
 
     Attributes:
         is_connecting: It is neither connected nor refused yet; it becomes writable when that is decided.
@@ -47,7 +47,7 @@ class Line:
         """Begin to connect.
 
         Raises:
-            ConnectionLost: That is not possible.
+            ConnectionLost: The connection cannot be begun.
         """
         self._name = name
         self.is_connecting = True
@@ -70,7 +70,7 @@ class Line:
         return self._socket.fileno()
 
     def finish_connecting(self) -> None:
-        """Call it when a connecting line has become writable.
+        """Find out how connecting ended; call it when a connecting line has become writable.
 
         Raises:
             ConnectionLost: It is not connected.
@@ -81,10 +81,10 @@ class Line:
         self.is_connecting = False
 
     def send(self, data: bytes) -> None:
-        """Hand a few bytes to the network.
+        """Send a few bytes.
 
         Raises:
-            ConnectionLost: It does not take them.
+            ConnectionLost: The network does not take them.
         """
         try:
             taken = self._socket.send(data)
@@ -94,7 +94,7 @@ class Line:
             raise ConnectionLost("%s: the network takes no bytes" % self._name)
 
     def receive(self) -> bytes:
-        """What has arrived, b"" for nothing.
+        """The bytes that have arrived; empty for none.
 
         Raises:
             ConnectionLost: The connection has ended.
@@ -131,7 +131,7 @@ class StopLink(Line):
         self._stream = ObjectStream()
 
     def replies(self) -> List[Item]:
-        """The replies that have arrived, and in their place what cannot be read.
+        """The replies that have arrived, with an error in place of what cannot be read.
 
         Raises:
             ConnectionLost: The connection has ended.
@@ -157,7 +157,7 @@ class FeedLink(Line):
         self.trouble = "status port: no frame has come"
 
     def states(self, now: float) -> List[RobotState]:
-        """The states that have arrived; frames that cannot be read are left out.
+        """The states that have arrived, without frames that cannot be read.
 
         Raises:
             ConnectionLost: The connection has ended.

@@ -1,7 +1,7 @@
-"""How the guard stops an arm whose driver is dead or frozen, step by step: no socket, no thread, no clock.
+"""Decides step by step how the guard stops an arm whose driver is dead or frozen; it has no socket, thread or clock.
 
-The stop is repeated until the controller accepts it. An accepted stop is not believed before the status feed shows
-the arm at rest: while it moves on, the stop is sent again.
+The stop is repeated until the controller accepts it, and again as long as the status feed does not show the arm at
+rest.
 """
 import enum
 import math
@@ -15,21 +15,23 @@ from jaka_ros_driver.protocol.exchange import Exchange
 from jaka_ros_driver.protocol.framing import Item, encode_object
 from jaka_ros_driver.state import RobotState
 
-GIVE_UP_AFTER = 60.0
-LOCKED_OUT_AFTER = 0.25
-"""s of being turned away by the controller, until the frozen driver's connection is taken for the reason."""
-CONFIRM_AFTER = 0.5
-"""s from an accepted stop to the next one, where the arm is not seen at rest by then."""
+GIVE_UP_AFTER_S = 60.0
+LOCKED_OUT_AFTER_S = 0.25
+"""s; when the controller has turned the guard away for this time, the frozen driver's connection is assumed to be the
+reason.
+"""
+CONFIRM_AFTER_S = 0.5
+"""s; when the arm is not seen at rest this time after an accepted stop, the stop is sent again."""
 BLIND_STOPS = 3
-"""So many accepted stops must do where the status feed cannot be read."""
-STILL_FOR = 0.12
-"""s; the arm is at rest when the status feed has shown it still for so long."""
-_BLIND_AFTER = 0.5
-_CONNECT_TIMEOUT = 1.0
-_REPLY_TIMEOUT = 1.0
-_CONNECT_PERIOD = 0.05
-_REFUSED_PERIOD = 0.08
-_AFTER_THE_DRIVER = 0.02
+"""Number of accepted stops that suffice where the status feed cannot be read."""
+STILL_FOR_S = 0.12
+"""s; the arm counts as at rest when the status feed has shown it still for this time."""
+_BLIND_AFTER_S = 0.5
+_CONNECT_TIMEOUT_S = 1.0
+_REPLY_TIMEOUT_S = 1.0
+_CONNECT_PERIOD_S = 0.05
+_REFUSED_PERIOD_S = 0.08
+_AFTER_THE_DRIVER_S = 0.02
 
 
 class Driver(enum.Enum):
@@ -58,15 +60,15 @@ class _Link(enum.Enum):
 
 
 class Stopping:
-    """One stop of the arm, from the moment at which its driver fell silent until it is seen at rest.
+    """One stop of the arm, from the moment at which its driver fell silent until the arm is seen at rest.
 
-    The shell asks for the next ``step``, carries it out, and tells what comes of it.
+    The caller asks for the next ``step``, carries it out, and tells the result.
     """
 
     def __init__(self, now: float, say: Callable[[str], None]) -> None:
         self._say = say
         self._said: Set[str] = set()
-        self._give_up_at = now + GIVE_UP_AFTER
+        self._give_up_at = now + GIVE_UP_AFTER_S
         self._next_at = now
         self._link = _Link.DOWN
         self._link_since = now
@@ -89,24 +91,24 @@ class Stopping:
         if self._link is _Link.UP:
             return self._step_on_the_link(now)
         if self._link is _Link.CONNECTING:
-            return self._hang_up("no answer", False, now) if now > self._link_since + _CONNECT_TIMEOUT else Step.WAIT
+            return self._hang_up("no answer", False, now) if now > self._link_since + _CONNECT_TIMEOUT_S else Step.WAIT
         if now < self._next_at:
             return Step.WAIT
         if driver is Driver.BACK:
             self._say("the driver is back and sees to the arm itself")
             return Step.FINISH
         since = self._locked_out_since
-        if driver is Driver.SILENT and since is not None and now - since >= LOCKED_OUT_AFTER:
-            self._locked_out_since, self._next_at = None, now + _AFTER_THE_DRIVER
+        if driver is Driver.SILENT and since is not None and now - since >= LOCKED_OUT_AFTER_S:
+            self._locked_out_since, self._next_at = None, now + _AFTER_THE_DRIVER_S
             return Step.END_DRIVER
         self._link, self._link_since, self._has_replied = _Link.CONNECTING, now, False
         return Step.CONNECT
 
     def request(self, now: float) -> bytes:
-        """What to send: the stop, and before it the end of servo mode, in which a stop is not enough."""
+        """The request to send: first the end of servo mode, in which a stop alone has no effect, then the stop."""
         commands = (SetServoMode(False), Stop())
         for command in commands:
-            self._exchange.sent(codec.command_name(command), now, _REPLY_TIMEOUT, command)
+            self._exchange.sent(codec.command_name(command), now, _REPLY_TIMEOUT_S, command)
         return b"".join(encode_object(codec.encode(command)) for command in commands)
 
     def _step_on_the_link(self, now: float) -> Step:
@@ -116,7 +118,7 @@ class Stopping:
         if len(self._exchange) or now < self._next_at:
             return Step.WAIT
         if self._acceptances and self._is_seen(now):
-            self._say_once("the arm moves on %.1f s after an accepted stop, sending the stop again" % CONFIRM_AFTER)
+            self._say_once("the arm moves on %.1f s after an accepted stop, sending the stop again" % CONFIRM_AFTER_S)
         return Step.SEND
 
     def _hang_up(self, reason: str, is_turned_away: bool, now: float) -> Step:
@@ -124,14 +126,14 @@ class Stopping:
         return Step.HANG_UP
 
     def _has_ended(self, now: float) -> bool:
-        is_still = self._stillness.duration(self._accepted_at) >= STILL_FOR
+        is_still = self._stillness.duration(self._accepted_at) >= STILL_FOR_S
         if is_still and (self._acceptances or self._has_no_drives):
             self._say("the arm is at rest" if self._acceptances else "the arm is at rest, its drives are off")
         elif self._acceptances >= BLIND_STOPS and not self._is_seen(now):
             self._say("whether the arm is at rest could not be seen: %s; the controller accepted %d stops" % (
                 self._feed_trouble or "status port: no frame has come", self._acceptances))
         elif now >= self._give_up_at:
-            self._say("giving up after %.0f s: %s" % (GIVE_UP_AFTER, (
+            self._say("giving up after %.0f s: %s" % (GIVE_UP_AFTER_S, (
                 "the controller accepted %d stops, and the arm was not seen at rest" % self._acceptances
                 if self._acceptances else "the arm could not be stopped")))
         else:
@@ -139,7 +141,7 @@ class Stopping:
         return True
 
     def _is_seen(self, now: float) -> bool:
-        return now - self._seen_at <= _BLIND_AFTER
+        return now - self._seen_at <= _BLIND_AFTER_S
 
     # ---- what has happened ----
 
@@ -152,7 +154,7 @@ class Stopping:
 
         Args:
             reason: In words.
-            is_turned_away: The controller is there and does not want the connection.
+            is_turned_away: The controller is reachable but refused or ended the connection.
             now: s.
         """
         if not is_turned_away or self._has_replied:
@@ -163,18 +165,18 @@ class Stopping:
         self._exchange.abandon()
         self._link = _Link.DOWN
         if was_waiting or not self._acceptances:
-            self._next_at = now + _CONNECT_PERIOD
+            self._next_at = now + _CONNECT_PERIOD_S
             self._say_once(reason)
 
     def replied(self, item: Item, now: float) -> None:
-        """A reply has come, or bytes in its place."""
+        """A reply has come, or bytes that are none."""
         self._has_replied, self._locked_out_since = True, None
         if isinstance(item, FramingError):
             self._refused("a reply cannot be read: %s" % item, now)
             return
         request = self._exchange.answered(item)
         if request is None or not isinstance(request.waiter, Stop):
-            return  # out of servo mode, or not in it: both will do
+            return  # servo mode was left, or was not on: both are fine
         try:
             codec.raise_if_rejected(request.name, item)
         except JakaError as error:
@@ -185,11 +187,11 @@ class Stopping:
             self._say("the controller accepted the stop")
             self._accepted_at = now
         self._acceptances += 1
-        self._next_at = now + CONFIRM_AFTER
+        self._next_at = now + CONFIRM_AFTER_S
 
     def _refused(self, reason: str, now: float) -> None:
         self._exchange.abandon()
-        self._next_at = now + _REFUSED_PERIOD
+        self._next_at = now + _REFUSED_PERIOD_S
         self._say_once(reason)
 
     def saw(self, state: RobotState, now: float) -> None:
@@ -203,7 +205,7 @@ class Stopping:
         self._feed_trouble = reason
 
     def _say_once(self, text: str) -> None:
-        """What is tried many times a second is told once."""
+        """Log a text once, though its cause may come many times a second."""
         if text not in self._said:
             self._said.add(text)
             self._say(text)

@@ -1,4 +1,4 @@
-"""The two TCP connections to the controller, non-blocking, and one wait for both; the driver's only sockets."""
+"""The two non-blocking TCP connections of the driver to the controller, and one wait for both."""
 import contextlib
 import errno
 import ipaddress
@@ -58,9 +58,10 @@ class _Connection:
 
 
 class Transport:
-    """At most one connection a port. ``wait`` and ``read`` are for one thread; the rest is called under its lock.
+    """At most one connection to each port. ``wait`` and ``read`` are for one thread; the other methods are called with
+    its lock held.
 
-    Nothing here blocks but ``wait``. A host name is resolved in a thread of its own: that may take long.
+    Only ``wait`` blocks. A host name is resolved in a thread of its own, because that may take long.
     """
 
     def __init__(self, host: str, ports: Dict[Port, int], connect_timeout: float) -> None:
@@ -74,7 +75,7 @@ class Transport:
         self._host = host
         self._ports = ports
         self._connect_timeout = connect_timeout
-        self._epoll = select.epoll()  # made first: select() takes low descriptors only
+        self._epoll = select.epoll()  # made first, because select() takes only low descriptors
         self._wake_receive, self._wake_send = socket.socketpair()
         self._wake_receive.setblocking(False)
         self._wake_send.setblocking(False)
@@ -97,7 +98,7 @@ class Transport:
             self._connect(port, self._host)
 
     def close(self, port: Port) -> None:
-        """Drop the connection, or the try to connect; nothing more is told of it."""
+        """Close the connection or end the attempt to connect; ``read`` tells nothing more of it."""
         self._tries[port] = self._tries.get(port, 0) + 1
         connection = self._connections.pop(port, None)
         if connection is not None:
@@ -105,7 +106,7 @@ class Transport:
         self._events = deque(event for event in self._events if event.port is not port)
 
     def send(self, data: bytes) -> None:
-        """Put bytes on the command port; what the network does not take at once goes out as it can."""
+        """Send bytes on the command port; what the network does not take at once is sent later."""
         connection = self._connections.get(Port.COMMAND)
         if connection is None or not connection.is_open:
             return
@@ -121,11 +122,13 @@ class Transport:
             self._wake_send.send(b"\0")
 
     def wait(self, seconds: float) -> None:
-        """Until something happens, s at most. epoll counts in ms only; select on its descriptor is exact."""
+        """Wait until something happens, at most ``timeout`` s. epoll counts in whole ms; select on its descriptor is
+        exact.
+        """
         select.select([self._epoll], [], [], max(0.0, seconds))
 
     def read(self) -> List[Event]:
-        """What has happened, in order."""
+        """What has happened since the last call, in order."""
         for descriptor, mask in self._epoll.poll(0):
             connection = self._by_descriptor.get(descriptor)
             if connection is None:
@@ -203,7 +206,9 @@ class Transport:
         self._events.append(Opened(connection.port))
 
     def _receive(self, connection: _Connection) -> None:
-        """Take all that is there as one piece: of what has waited, only the end tells of now."""
+        """Receive all bytes that are there as one piece, because only the last of several waiting status frames is
+        current.
+        """
         pieces: List[bytes] = []
         reason = ""
         for _ in range(_READS_A_TURN):

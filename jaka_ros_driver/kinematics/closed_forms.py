@@ -1,4 +1,4 @@
-"""Closed-form inverse kinematics of the two families that have one; DH angles out, offsets not yet removed.
+"""Closed-form inverse kinematics of the two families that have one. It gives DH angles: theta_offset is still included.
 
 Both families share their outer halves: the wrist point fixes q1 (two ways) and, with a planar two-link arm,
 q2 and q3 (two ways); axes 5 and 6 are solved against a direction r that axis 4's predecessors fix (axis z1 in
@@ -16,21 +16,22 @@ from jaka_ros_driver.kinematics.arm_models import DhRow
 from jaka_ros_driver.kinematics.rotations import Transform
 
 WRIST_TOLERANCE = 1e-6
-"""|sin q5| below which q6 is free and taken from the caller. Above the rounding of a pose sent as float32
-(about 2e-7 rad), below every accuracy that matters: q6 then shifts the pose by at most 1e-6 rad."""
+"""|sin q5| below which q6 is free and taken from the caller. It is above the rounding of a pose that was sent as
+float32 (about 2e-7 rad), and so small that the pose is wrong by at most 1e-6 rad.
+"""
 CLAMP_TOLERANCE = 1e-6
-"""How far, m, a target may lie beyond the reach of the arm and still be answered with the stretched arm."""
+"""m; a target that is no farther than this beyond the arm's reach is answered with the stretched arm."""
 
 Angles = Tuple[float, float, float, float, float, float]
 
 
 class Branches(NamedTuple):
-    """Solutions of one target.
+    """The solutions for one target.
 
     Attributes:
         angles: DH angles (theta_offset included), rad, not wrapped.
-        is_clamped: True where a singularity was rounded to; each solution must then be checked.
-        obstacle: Why there is none, for people; empty where there is one.
+        is_clamped: True where a value was rounded to a singularity; each solution must then be checked.
+        obstacle: Why there is no solution, in words; empty where there is one.
     """
 
     angles: List[Angles]
@@ -119,7 +120,9 @@ def spherical_wrist(dh: Sequence[DhRow], base_t_flange: Transform, free_q6: floa
 
 
 def _shoulder_angles(x: float, y: float, offset: float) -> Tuple[List[float], bool]:
-    """The q1 that put (x, y) at ``offset`` along axis z1 = (sin q1, -cos q1); True where rounded to the limit."""
+    """The values of q1 that put (x, y) at ``offset`` along the axis z1 = (sin q1, -cos q1); and True where one was
+    rounded to the limit.
+    """
     radius = math.hypot(x, y)
     direction = math.atan2(y, x)
     beyond = abs(offset) - radius
@@ -137,7 +140,9 @@ def _too_near_the_axis(x: float, y: float, offset: float) -> str:
 
 
 def _two_link(x: float, y: float, upper: float, fore: float) -> Tuple[List[Tuple[float, float]], bool, str]:
-    """(first angle, elbow angle) of a planar arm whose tip is at x, y; True where rounded to the limit; or why not."""
+    """Pairs (first angle, elbow angle) of a planar arm whose tip is at x, y; True where one was rounded to the limit;
+    and why there is none, in words.
+    """
     squared = x * x + y * y
     cosine = (squared - upper * upper - fore * fore) / (2.0 * upper * fore)
     if -1.0 < cosine < 1.0:

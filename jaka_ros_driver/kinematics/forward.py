@@ -1,4 +1,4 @@
-"""Joint angles to poses: forward kinematics, Jacobian, and how near a joint position is to a singularity."""
+"""Forward kinematics, Jacobian, and the distance of a joint position from singularities."""
 import math
 from typing import NamedTuple, Optional, Sequence, Tuple
 
@@ -9,7 +9,7 @@ from jaka_ros_driver.kinematics.rotations import IDENTITY, Transform, compose
 
 
 def forward(model: ArmModel, joint_position: Sequence[float]) -> Transform:
-    """``base_T_flange`` at these joint angles, rad, shape (6,). Limits are not looked at."""
+    """``base_T_flange`` at these joint angles, rad, shape (6,). Joint limits are not checked."""
     return link_transforms(model, joint_position)[-1]
 
 
@@ -36,8 +36,8 @@ def jacobian(model: ArmModel, joint_position: Sequence[float], flange_t_tool: Op
              ) -> "np.ndarray[Tuple[int, int], np.dtype[np.float64]]":
     """Geometric Jacobian in the base frame, shape (6, 6).
 
-    Column n is what 1 rad/s of joint n+1 does: rows 0..2 the velocity of the tool point, m/s; rows 3..5
-    the angular velocity, rad/s. Without ``flange_t_tool`` the tool point is the flange.
+    Column n is the effect of 1 rad/s of joint n+1: rows 0..2 the velocity of the tool point, m/s; rows 3..5 the angular
+    velocity, rad/s. Without ``flange_t_tool`` the tool point is the flange.
     """
     frames = link_transforms(model, joint_position)
     tip = frames[-1] if flange_t_tool is None else compose(frames[-1], flange_t_tool)
@@ -66,9 +66,9 @@ class SingularityMeasures(NamedTuple):
 def singularity_measures(model: ArmModel, joint_position: Sequence[float]) -> SingularityMeasures:
     """The arm's distances to its singularities at these joint angles, rad, shape (6,).
 
-    In the main family and MiniCobo the Jacobian's determinant is the product of the three and of two link
-    lengths. The A12's does not fall apart like that: there, ``wrist`` is |det J| over the lengths
-    a2 * d4 * (a2 + d4), and the other two are infinite.
+    In the main family and MiniCobo the Jacobian's determinant is the product of the three measures and two link
+    lengths. The A12's has no such factors: there, ``wrist`` is |det J| / (a2 * d4 * (a2 + d4)), and the other two are
+    infinite.
     """
     if model.family not in (THREE_PARALLEL, SPHERICAL_WRIST):
         upper, fore = abs(model.dh[1].a), abs(model.dh[3].d)

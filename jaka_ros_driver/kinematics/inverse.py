@@ -4,8 +4,8 @@ The main family and MiniCobo are solved in closed form (``closed_forms``), the A
 search (``numeric_inverse``; experimental). An arm whose own DH file deviates from its family's structure
 is solved for the structure and then refined on the real table.
 
-A target is answered where the arm reaches it to ``POSITION_TOLERANCE`` and ``ROTATION_TOLERANCE``; away from
-singularities the answer is right to rounding.
+A target has a solution where the arm reaches it within ``POSITION_TOLERANCE`` and ``ROTATION_TOLERANCE``. Away from
+singularities a solution is exact to rounding.
 """
 import math
 from typing import List, Optional, Sequence, Tuple
@@ -19,40 +19,42 @@ from jaka_ros_driver.state import Vector
 from jaka_ros_driver.units import rad_to_deg
 
 POSITION_TOLERANCE = 2e-6
-"""m; how far the arm may end beside a target that lies at a singularity or at the edge of the reach."""
+"""m; the largest error of a solution for a target at a singularity or at the edge of the reach."""
 ROTATION_TOLERANCE = 2e-6
-"""rad; likewise."""
+"""rad; the largest error of its rotation."""
 LIMIT_TOLERANCE = 1e-9
-"""rad; a joint this little beyond its limit is set on the limit."""
+"""rad; a joint that is no farther than this beyond its limit is set to the limit."""
 
 _NEAR_REFERENCE = 0.05
-"""rad; a solution by iteration that is this near to the reference in every joint is taken for the nearest."""
+"""rad; an iterative solution that differs from the reference by no more in any joint counts as the nearest one."""
 _NEAR_SINGULAR = 0.02
-"""Singularity measure (dimensionless; shoulder in m) below which rounding of the pose can throw branches far apart."""
+"""Singularity measure (dimensionless; shoulder in m) below which rounding of the pose can move the branches far."""
 
 
 def inverse_all(model: ArmModel, base_t_flange: Transform, reference: Optional[Sequence[float]] = None) -> List[Vector]:
-    """Every branch that reaches the pose, each joint in (-pi, pi], limits not looked at; empty if none.
+    """Every branch that reaches the pose, each joint in (-pi, pi], rad; joint limits are not checked. Empty if none
+    does.
 
     Args:
         model: The arm.
         base_t_flange: The target; its rotation must be orthonormal.
-        reference: Joint angles, rad, shape (6,): gives q6 where the pose leaves it free (sin q5 = 0); 0 without.
+        reference: Joint angles, rad, shape (6,), whose q6 is used where the pose leaves it free (sin q5 = 0); None for
+            0.
     """
     return _branches(model, base_t_flange, reference)[0]
 
 
 def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float]) -> Vector:
-    """Joint angles, rad, shape (6,), within the limits, that reach the pose: those nearest to the reference.
+    """Joint angles, rad, shape (6,), within the limits, that reach the pose: the solution nearest to the reference.
 
-    Branch and whole turns of each joint are chosen for the smallest sum of squared joint differences. At a
-    singularity, where rounding of the pose throws the branches far from the reference, a solution next to the
-    reference that reaches the pose to the tolerances is preferred.
+    Branch and whole turns of each joint are chosen for the smallest sum of squared joint differences. At a singularity,
+    where rounding of the pose can move the branches far from the reference, a solution next to the reference that
+    reaches the pose within the tolerances is preferred.
 
     Args:
         model: The arm.
         base_t_flange: The target; its rotation must be orthonormal.
-        reference: Joint angles to stay near to, rad, shape (6,).
+        reference: Joint angles, rad, shape (6,).
 
     Raises:
         UnreachablePose: The pose is out of reach.
@@ -117,7 +119,9 @@ def _reaches(model: ArmModel, joint_position: Sequence[float], target: Transform
 
 
 def _turned_into(angle: float, low: float, high: float) -> float:
-    """The angle with the fewest whole turns added that bring it between low and high; infinite if none do."""
+    """The angle, rad, with the fewest whole turns added after which it is between low and high; infinite if there are
+    none.
+    """
     if angle < low:
         angle += math.tau * math.ceil((low - LIMIT_TOLERANCE - angle) / math.tau)
     else:
@@ -133,7 +137,7 @@ def _is_near(model: ArmModel, joint_position: Vector, reference: Sequence[float]
 
 
 def _outside_limits(model: ArmModel, branches: Sequence[Vector]) -> str:
-    """For people: the branch with the fewest joints outside, and which they are."""
+    """A text that names the joints outside their limits, of the branch that has the fewest."""
     def outside(branch: Vector) -> List[str]:
         return ["joint %d at %.6g rad (%.4g deg), limits %.4g to %.4g deg"
                 % (n + 1, angle, rad_to_deg(angle), rad_to_deg(low), rad_to_deg(high))

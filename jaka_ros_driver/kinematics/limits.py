@@ -1,7 +1,7 @@
-"""The audit: what every command passes before anything is sent.
+"""The audit: checks every command against the arm's limits before anything is sent.
 
-One checker a command class; a class without one is refused, so that a new command cannot slip through.
-Where a value may come from a float32 (the ROS interface), a bound is widened by ``FLOAT32_SLACK``.
+Each command class has a checker; a command without one is refused, so that none is sent unchecked. Where a value may
+come from a float32 (the ROS interface), its bound is widened by ``FLOAT32_SLACK``.
 """
 import math
 import numbers
@@ -14,40 +14,42 @@ from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.state import IoBank, RobotState
 
 FLOAT32_SLACK = 2e-7
-"""Relative; a bound such as 265 deg, given in rad as float32, may come out this much above itself."""
+"""Relative; a bound such as 265 deg, converted to rad and float32, may be larger by this much."""
 POSITION_LIMIT = 10.0
-"""m, each axis of a target or a frame: the longest arm reaches 2 m, and no frame of its cell is farther than this."""
+"""m, for each axis of a target or a frame: the longest arm reaches 2 m, and frames of its cell are not farther away."""
 ANGLE_LIMIT = 4.0 * math.pi
-"""rad, each angle of an orientation, and of joints in a question: two turns, more than any joint has to either side."""
+"""rad, for each angle of an orientation, and for joints in a query: two turns, more than any joint has to either side.
+"""
 MASSES = (0.0, 100.0)
-"""kg; three times what the strongest arm of the series carries."""
+"""kg; three times the payload of the strongest arm of the series."""
 CENTROID_LIMIT = 2.0
-"""m, each axis: a load's centre of mass is not farther from the flange than the arm is long."""
+"""m, for each axis: a load's centre of mass is not farther from the flange than the arm is long."""
 ANALOG_LIMIT = 1000.0
-"""V or mA, a hundredfold of what the terminals give; a bus behind them may count in other units."""
+"""V or mA; a hundred times the range of the terminals, because a field bus may use other units."""
 TOLERANCES = (0.0, 1.0)
-"""m; a corner cut more than this is no path any more."""
+"""m; a rounded corner that is larger than this is not meant."""
 IO_INDICES = (0, 1023)
 """No bank of a controller has more terminals."""
 SERVO_CYCLES = (1, 1000)
-"""A target that is to be reached in more than 8 s is no stream."""
+"""Servo cycles of 8 ms for one target; the upper bound is 8 s."""
 JOINT_SPEED_CEILING = math.pi
-"""rad/s (180 deg/s): no joint motion is faster, whatever the model (controller protocol 5.2, 5.6.5)."""
+"""rad/s (180 deg/s); upper bound of joint speeds for all models (docs/controller-protocol.md sections 5.2, 5.6.5)."""
 JOINT_ACCELERATION_CEILING = 4.0 * math.pi
-"""rad/s2 (720 deg/s2), the maker's advice (controller protocol 5.2); no model has a value of its own."""
+"""rad/s2 (720 deg/s2), the maker's advice (docs/controller-protocol.md section 5.2); no model has a value of its
+own."""
 TCP_ACCELERATION_CEILING = 8.0
-"""m/s2 (8000 mm/s2), the maker's advice (controller protocol 5.4.1)."""
+"""m/s2 (8000 mm/s2), the maker's advice (docs/controller-protocol.md section 5.4.1)."""
 UNKNOWN_TCP_SPEED_CEILING = 1.5
 """m/s, for models without tcp_max_speed: the lowest that any full-size arm has (Zu3)."""
-SERVO_PERIOD = 0.008
-"""s, one servo cycle (controller protocol 5.6.5)."""
+SERVO_PERIOD_S = 0.008
+"""s, one servo cycle (docs/controller-protocol.md section 5.6.5)."""
 TOOL_IDS = (1, 11)
 USER_FRAME_IDS = (1, 10)
-"""Ids that can be set (interface document 2); 0, the flange and the base, can only be selected."""
-FEED_PERIODS = (0.001, 10.0)
-"""s; the wire carries whole ms (controller protocol 6.1)."""
-LINK_LOSS_TIMES = (0.0, 10.0)
-"""s; a controller told to wait longer before it stops an arm that nobody commands would protect nobody."""
+"""Ids that can be set (docs/interface.md section 2); 0, the flange and the base, can only be selected."""
+FEED_PERIODS_S = (0.001, 10.0)
+"""s; the wire carries whole ms (docs/controller-protocol.md section 6.1)."""
+LINK_LOSS_TIMES_S = (0.0, 10.0)
+"""s; with a longer time the stop of an arm that has lost its client would protect nobody."""
 
 Checker = Callable[[Any, ArmModel, Optional[RobotState]], None]
 
@@ -55,17 +57,17 @@ Checker = Callable[[Any, ArmModel, Optional[RobotState]], None]
 def check(command: commands.Command, model: ArmModel, state: Optional[RobotState] = None) -> None:
     """Refuse a command that is malformed or outside the arm's limits.
 
-    Joint speed: ``JointMove.speed`` is one number for all joints; the controller limits each joint by its own
-    maximum. So the number may be as high as the model's fastest joint allows, and never above
-    ``JOINT_SPEED_CEILING``. A jog names its joint and is held to that joint's maximum; its rotations in space,
-    for which no source gives a limit, to the fastest joint's. Cartesian targets are checked for form and speed
-    only: whether they can be reached depends on the controller's active tool and user frame.
+    ``JointMove.speed`` is one number for all joints, and the controller limits each joint to its own maximum. So the
+    bound is the speed of the model's fastest joint, at most ``JOINT_SPEED_CEILING``. The bound of a joint jog is that
+    joint's maximum; of a jog that rotates the tool, for which no source gives a limit, the fastest joint's. Cartesian
+    targets are checked for their form and speed only: whether they can be reached depends on the controller's active
+    tool and user frame.
 
     Args:
         command: Any command of ``commands``.
         model: The arm that is to carry it out.
-        state: The newest state, where there is a fresh one: then what moves the arm is refused while the
-            drives are not enabled, and relative servo targets are checked against the joint limits.
+        state: The newest state where it is fresh, otherwise None. With it, commands that move the arm are refused while
+            the drives are not enabled, and relative servo targets are checked against the joint limits.
 
     Raises:
         InvalidCommand: The message names the field, its value and the valid range.
@@ -93,7 +95,7 @@ def _is_finite(value: Any) -> bool:
         return False
     try:
         return math.isfinite(float(value))
-    except OverflowError:  # an int beyond float
+    except OverflowError:  # an int that is too large for a float
         return False
 
 
@@ -144,7 +146,9 @@ def _member(name: str, value: Any, kind: Any) -> None:
 
 
 def _vector(name: str, values: Any, length: int, bound: float, unit: str) -> None:
-    """``length`` numbers, each between -bound and bound; an infinite bound is for those that are held to others."""
+    """Raise unless ``value`` has ``length`` numbers, each between -bound and bound. An infinite bound requires finite
+    numbers only.
+    """
     if not isinstance(values, (tuple, list)) or len(values) != length:
         raise InvalidCommand("%s is %.200r; it must be %d numbers in %s" % (name, values, length, unit))
     for n, value in enumerate(values):
@@ -213,7 +217,7 @@ def _servo_joint(command: commands.ServoJoint, model: ArmModel, state: Optional[
     _flag("relative", command.relative)
     _integer("cycles", command.cycles, *SERVO_CYCLES)
     if command.relative:
-        reach = JOINT_SPEED_CEILING * SERVO_PERIOD * command.cycles
+        reach = JOINT_SPEED_CEILING * SERVO_PERIOD_S * command.cycles
         for n, increment in enumerate(command.joint_position):
             _number("joint_position[%d] (increment over %d cycles)" % (n, command.cycles), increment,
                     -reach, reach, "rad")
@@ -274,7 +278,7 @@ def _inverse_kinematics(command: commands.InverseKinematics, model: ArmModel, st
 
 
 def _nothing(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
-    """A command without fields."""
+    """Check a command without fields: there is nothing to check."""
 
 
 def _switch(field: str) -> Checker:
@@ -311,8 +315,8 @@ _CHECKERS: Dict[type, Checker] = {
     commands.SetDigitalOutput: _set_digital_output,
     commands.SetAnalogOutput: _set_analog_output,
     commands.SetRapidRate: _within("rate", (0.0, 1.0), ""),
-    commands.SetFeedPeriod: _within("period", FEED_PERIODS, "s"),
-    commands.SetLinkLoss: _within("seconds", LINK_LOSS_TIMES, "s"),
+    commands.SetFeedPeriod: _within("period", FEED_PERIODS_S, "s"),
+    commands.SetLinkLoss: _within("seconds", LINK_LOSS_TIMES_S, "s"),
     commands.ForwardKinematics: _forward_kinematics,
     commands.InverseKinematics: _inverse_kinematics,
     commands.Query: _nothing,

@@ -1,4 +1,4 @@
-"""Inverse kinematics where no closed form holds: Newton refinement, and the A12's search over joint 6.
+"""Inverse kinematics without a closed form: Newton refinement, and a search over joint 6 for the A12.
 
 The A12's search (experimental): once q6 is assumed, axis 5 and the meeting point of axes 4 and 5 are known;
 that point gives q1 (two ways), axis 4 is perpendicular to axes 2 and 5 (two signs), and what remains is one
@@ -17,23 +17,25 @@ from jaka_ros_driver.state import Vector
 
 _REFINE_STEPS = 20
 _REFINED = 1e-11
-"""Twist (m and rad together) below which a refinement is done."""
+"""Length of the remaining twist (m and rad together) below which a refinement ends."""
 _SETTLE_STEPS = 15
 _SAME_BRANCH = 1e-6
-"""rad; two refined branches nearer than this in every joint are one."""
+"""rad; two refined branches that differ by less in every joint count as one."""
 _GRID = 720
 """Steps of the search over joint 6."""
 _EDGE_GRID = 33
 """Points of the finer search next to an edge of the domain."""
 _ROOT_TOLERANCE = 1e-9
-"""m; how well the equation must hold at what is taken for a root."""
+"""m; largest residual of the equation at a root."""
 
 if TYPE_CHECKING:
     Samples = np.ndarray[Tuple[int], np.dtype[np.float64]]
 
 
 def refine(model: ArmModel, target: Transform, start: Sequence[float]) -> Optional[Vector]:
-    """Joint angles near ``start``, not wrapped, that reach the target on the model's real table; None if they don't."""
+    """Joint angles near ``start``, rad (6,), not wrapped, that reach the target with the model's real DH table; None if
+    the iteration does not converge.
+    """
     angles = np.array(start, dtype=float)
     for _ in range(_REFINE_STEPS):
         twist = _twist(forward(model, tuple(angles)), target)
@@ -48,9 +50,10 @@ def refine(model: ArmModel, target: Transform, start: Sequence[float]) -> Option
 
 
 def settle(model: ArmModel, target: Transform, start: Sequence[float]) -> Vector:
-    """Joint angles near ``start``, not wrapped, that come nearest to the target; works at singularities too.
+    """Joint angles near ``start``, rad (6,), not wrapped, that come nearest to the target; it works at singularities,
+    too.
 
-    Levenberg-Marquardt, at most ``_SETTLE_STEPS``; how near it came is for the caller to judge.
+    At most ``_SETTLE_STEPS`` steps of Levenberg-Marquardt. The caller checks how near the result is.
     """
     angles = np.array(start, dtype=float)
     twist = np.array(_twist(forward(model, tuple(angles)), target))
@@ -69,7 +72,7 @@ def settle(model: ArmModel, target: Transform, start: Sequence[float]) -> Vector
 
 
 def refine_all(model: ArmModel, target: Transform, starts: Sequence[Sequence[float]]) -> List[Vector]:
-    """``refine`` of each start, each result once."""
+    """The results of ``refine`` for each start, without duplicates."""
     found: List[Vector] = []
     for start in starts:
         angles = refine(model, target, start)
@@ -83,7 +86,7 @@ def _is_same(a: Vector, b: Vector) -> bool:
 
 
 def _twist(reached: Transform, target: Transform) -> Tuple[float, ...]:
-    """What still leads from reached to target, in the base frame: m, then rad."""
+    """The twist from ``reached`` to ``target`` in the base frame: translation, m (3), then rotation, rad (3)."""
     a, b = reached, target
     turn = tuple(b[3 * i] * a[3 * j] + b[3 * i + 1] * a[3 * j + 1] + b[3 * i + 2] * a[3 * j + 2]
                  for i in range(3) for j in range(3))
@@ -96,7 +99,7 @@ class _JointSixSearch:
     def __init__(self, dh: Sequence[DhRow], target: Transform) -> None:
         _, row2, row3, row4, row5, row6 = dh
         self._target = target
-        self._d1, self._upper, self._offset, self._d4, self._d5 = dh[0].d, row2.a, row2.d + row3.d, row4.d, row5.d
+        self._upper, self._offset, self._d4, self._d5 = row2.a, row2.d + row3.d, row4.d, row5.d
         zx, zy, zz, px, py, pz = target[2], target[5], target[8], target[9], target[10], target[11]
         self._wrist = px - row6.d * zx, py - row6.d * zy, pz - row6.d * zz - dh[0].d
 
@@ -148,7 +151,7 @@ class _JointSixSearch:
         return c1, s1, along - self._d4 * z3_along, z - self._d4 * z3_up, z3_along, z3_up, z4x, z4y, z4z
 
     def angles(self, q6: float, choice: int) -> Optional[Angles]:
-        """The whole solution at a root."""
+        """All joint angles of the solution at a root."""
         state = self._state(q6, choice)
         if state is None:
             return None
@@ -168,7 +171,7 @@ class _JointSixSearch:
 
 
 def two_parallel(dh: Sequence[DhRow], base_t_flange: Transform) -> Branches:
-    """Every branch of the A12's family that the search finds; arguments as in ``closed_forms``."""
+    """Every branch of the A12's family that the search finds. Arguments as in ``closed_forms``."""
     search = _JointSixSearch(dh, base_t_flange)
     found: List[Angles] = []
     for choice, low, high in _brackets(search):
@@ -181,10 +184,10 @@ def two_parallel(dh: Sequence[DhRow], base_t_flange: Transform) -> Branches:
 
 
 def _brackets(search: _JointSixSearch) -> Iterator[Tuple[int, float, float]]:
-    """(sign choice, low, high) around each root that the grid shows; a root may come twice.
+    """Intervals (sign choice, low, high) around each root that the grid shows; a root may be in two of them.
 
-    Next to an edge of the domain the residual runs like a square root: there a second grid is laid, even in
-    the root of the distance to the edge, in which it is smooth.
+    Near an edge of the domain the residual behaves like a square root. There a second grid is used, whose points are
+    equidistant in the square root of the distance to the edge, in which the residual is smooth.
     """
     grid = np.linspace(-math.pi, math.pi, _GRID + 1)
     for choice, row in enumerate(search.residuals(grid)):
@@ -201,7 +204,7 @@ def _brackets(search: _JointSixSearch) -> Iterator[Tuple[int, float, float]]:
 
 
 def _scan(search: _JointSixSearch, choice: int, points: "Samples", values: "Samples") -> Iterator[Tuple[float, float]]:
-    """Brackets between neighbouring points: changes of sign, and dips that may hide a close pair of roots."""
+    """Intervals between neighbouring points with a change of sign, or with a minimum that may hide two close roots."""
     with np.errstate(invalid="ignore"):
         valid = np.isfinite(values)
         changes = valid[:-1] & valid[1:] & (np.signbit(values[:-1]) != np.signbit(values[1:]))
@@ -219,7 +222,7 @@ def _scan(search: _JointSixSearch, choice: int, points: "Samples", values: "Samp
 
 
 def _edge_of_domain(search: _JointSixSearch, choice: int, inside: float, outside: float) -> float:
-    """The last q6 on the way from inside to outside at which joint 1 still reaches."""
+    """The last q6, from ``inside`` towards ``outside``, at which joint 1 still reaches the point."""
     for _ in range(60):
         middle = 0.5 * (inside + outside)
         if math.isnan(search.residual(middle, choice)):
@@ -230,7 +233,7 @@ def _edge_of_domain(search: _JointSixSearch, choice: int, inside: float, outside
 
 
 def _lowest(search: _JointSixSearch, choice: int, low: float, high: float) -> float:
-    """Where |residual| is smallest between low and high, or anything beyond a change of sign (golden section)."""
+    """The q6 between low and high with the smallest |residual|, or one where its sign has changed (golden section)."""
     shrink = 0.5 * (math.sqrt(5.0) - 1.0)
     negative = search.residual(low, choice) < 0.0
     left, right = high - shrink * (high - low), low + shrink * (high - low)
@@ -252,7 +255,7 @@ def _lowest(search: _JointSixSearch, choice: int, low: float, high: float) -> fl
 
 
 def _root(search: _JointSixSearch, choice: int, low: float, high: float) -> float:
-    """The root between low and high (regula falsi, Illinois); without a change of sign, the better end."""
+    """The root between low and high (regula falsi, Illinois variant); without a change of sign the better of both."""
     at_low, at_high = search.residual(low, choice), search.residual(high, choice)
     if at_low == 0.0 or (at_low < 0.0) == (at_high < 0.0):
         return low if abs(at_low) < abs(at_high) else high

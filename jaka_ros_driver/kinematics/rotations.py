@@ -17,7 +17,7 @@ Transform = Tuple[float, float, float, float, float, float, float, float, float,
 IDENTITY: Transform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 _GIMBAL_COSINE = 1e-12
-"""cos(ry) below which rx and rz turn about one axis and only their sum or difference is known."""
+"""cos(ry) below which rx and rz turn about the same axis, so that only their sum or difference is defined."""
 
 
 def wrap_angle(angle: float) -> float:
@@ -42,8 +42,8 @@ def matrix_from_rpy(rpy: Sequence[float]) -> Matrix:
 def rpy_from_matrix(matrix: Sequence[float]) -> Vector3:
     """The rpy of a rotation matrix (or of a Transform), rad, ry in [-pi/2, pi/2].
 
-    In gimbal lock (ry = +-pi/2) rx is 0. Near it the rotation is still reproduced to rounding,
-    because rz is taken from the matrix after rx has been undone.
+    In gimbal lock (ry = +-pi/2) rx is 0. Near it the rotation is still exact to rounding, because rz is computed from
+    the matrix after rx was undone.
     """
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = matrix[:9]
     cos_ry = math.hypot(r00, r10)
@@ -72,8 +72,8 @@ def matrix_from_rotation_vector(rotation_vector: Sequence[float]) -> Matrix:
 def rotation_vector_from_matrix(matrix: Sequence[float]) -> Vector3:
     """The rotation vector of a rotation matrix (or of a Transform), rad, angle in [0, pi].
 
-    Goes through the unit quaternion, so that angles near 0 and near pi lose no digits. At exactly pi
-    either sign of the axis is right; which one is returned is not defined.
+    It is computed by the unit quaternion, so that angles near 0 and near pi lose no digits. At exactly pi both signs of
+    the axis are right; which one is returned is not defined.
     """
     w, x, y, z = _quaternion_from_matrix(matrix)
     if w < 0.0:

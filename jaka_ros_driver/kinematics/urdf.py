@@ -13,9 +13,9 @@ from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel, DhRow
 from jaka_ros_driver.kinematics.rotations import rpy_from_matrix
 
 _EFFORT_UNKNOWN = 0.0
-"""N m; URDF demands the attribute, no source gives a value."""
+"""N m; URDF requires the attribute, and no source gives a value."""
 _RADIUS = 0.12
-"""Of a link's cylinder, as a part of the arm's longest link."""
+"""Radius of a link's cylinder as a share of the arm's longest link."""
 
 
 def urdf_from_model(model: ArmModel, prefix: str = "", base_link: str = "base_link", tool_link: str = "tool0") -> str:

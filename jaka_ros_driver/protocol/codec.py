@@ -25,7 +25,7 @@ _JOG_COORD_MAP = {c.JogFrame.BASE: 0, c.JogFrame.JOINT: 1, c.JogFrame.TOOL: 2}
 _JOG_STOP, _JOG_CONTINUOUS = 0, 1
 _LINK_LOSS_KEEP, _LINK_LOSS_ABORT = 0, 2
 _MAX_NUMBER = 1e9
-"""No quantity of a reply is more, deg or mm, and whatever publishes it as float32 can hold it."""
+"""deg or mm; no quantity of a reply is larger, and a float32 can hold it."""
 _MAX_CODE = 1 << 31
 _LONGEST_CODE = 40
 
@@ -56,7 +56,7 @@ ERROR_MEANINGS: Dict[int, str] = {
     -60: "I/O not set",
     -61: "I/O operation timed out",
 }
-"""What a reply's errorCode stands for where the controller sends no text (controller protocol 4.3)."""
+"""Meaning of a reply's errorCode, used where the controller sends no text (docs/controller-protocol.md section 4.3)."""
 
 
 def encode(command: c.Command) -> JsonObject:
@@ -101,7 +101,7 @@ def decode(command: c.Command, reply: Mapping[str, Any]) -> Any:
 
 
 def raise_if_rejected(name: str, reply: Mapping[str, Any]) -> None:
-    """Look at a reply's ``errorCode``, a number or its text.
+    """Raise unless a reply's ``errorCode``, a number or its text, is 0.
 
     Raises:
         CommandRejected: It is not 0.
@@ -151,7 +151,7 @@ def _pose_from_wire(values: Any) -> c.Pose:
 
 
 def _finite(values: Any, count: int) -> Tuple[float, ...]:
-    """The first ``count`` of an array; firmware differs in whether it writes a number or its text."""
+    """The first ``count`` numbers of an array; some firmware writes numbers as text."""
     if not isinstance(values, list) or len(values) < count:
         raise ValueError("expected %d numbers" % count)
     return tuple(_number(value) for value in values[:count])
@@ -165,7 +165,9 @@ def _number(value: Any) -> float:
 
 
 def _user_frame(command: c.SetUserFrame) -> Params:
-    """Both spellings: which of them a firmware reads is not known, and unknown keys are ignored (5.7)."""
+    """Write both spellings of the key: which of them a firmware reads is not known, and unknown keys are ignored
+    (docs/controller-protocol.md section 5.7).
+    """
     pose = _pose(command.pose)
     return {"userffset": pose, "useroffset": pose, "id": command.user_frame_id, "name": command.name}
 
@@ -226,7 +228,7 @@ def _payload(reply: Mapping[str, Any]) -> c.SetPayload:
 
 
 def _collision_level(reply: Mapping[str, Any]) -> int:
-    """The key differs by firmware (controller protocol 5.9)."""
+    """Read the level; its key depends on the firmware (docs/controller-protocol.md section 5.9)."""
     level = _number(reply["sensitivityLevel"] if "sensitivityLevel" in reply else reply["sensitivityVal"])
     if level not in range(6):
         raise ValueError("expected 0 to 5")
@@ -234,7 +236,7 @@ def _collision_level(reply: Mapping[str, Any]) -> int:
 
 
 def _truth(value: Any) -> bool:
-    """Firmware differs in how it writes true (controller protocol 5.1)."""
+    """Read a boolean; how it is written depends on the firmware (docs/controller-protocol.md section 5.1)."""
     if isinstance(value, (str, int, float)) and str(value).lower() in _TRUTHS:
         return _TRUTHS[str(value).lower()]
     raise ValueError("expected true or false")
@@ -253,7 +255,7 @@ def _frames(values: Any) -> Tuple[c.Pose, ...]:
 
 
 def _hand_guiding(reply: Mapping[str, Any]) -> bool:
-    """The status feed's word for it, or a plain one: no source shows this reply."""
+    """Read the reply's ``drag_status``, the key of the status feed, or ``status``: no source shows this reply."""
     return _truth(reply["drag_status"] if "drag_status" in reply else reply["status"])
 
 

@@ -1,4 +1,4 @@
-"""Which reply answers which request on the command port: a record of what is outstanding, told the time."""
+"""Pairs the replies of the command port with requests, and tells which are overdue. The caller tells the time."""
 from collections import deque
 from typing import Any, Deque, Generic, List, Mapping, Optional, TypeVar
 
@@ -6,13 +6,13 @@ T = TypeVar("T")
 
 
 class Request(Generic[T]):
-    """One request on its way.
+    """A request that was sent and not answered yet.
 
     Attributes:
         name: Its ``cmdName``.
         sent_at: Monotonic time it was sent, s.
         deadline: Monotonic time by which the reply is due, s.
-        waiter: Whatever the caller wants back with the reply; None for one that nobody waits for.
+        waiter: An object that the caller gets back with the reply; None where nobody waits for it.
     """
 
     __slots__ = ("name", "sent_at", "deadline", "waiter")
@@ -25,10 +25,10 @@ class Request(Generic[T]):
 
 
 class Exchange(Generic[T]):
-    """Pairs replies with requests: in order, with ``cmdName`` as the check (controller protocol 3.2).
+    """Pairs replies with requests: in order, with ``cmdName`` as the check (docs/controller-protocol.md section 3.2).
 
-    A reply names the oldest outstanding request of its ``cmdName``. One without a name (error code 1 comes
-    without) answers the oldest of all. One that nothing asked for is stale and dropped.
+    A reply answers the oldest outstanding request of its ``cmdName``. A reply without a name, as with error code 1,
+    answers the oldest request of all. A reply that answers no request is stale and is dropped.
 
     Attributes:
         stale_replies: How many were dropped.
@@ -42,13 +42,13 @@ class Exchange(Generic[T]):
         return len(self._outstanding)
 
     def sent(self, name: str, now: float, deadline_s: float, waiter: Optional[T] = None) -> Request[T]:
-        """Note a request that is sent now and due within ``deadline_s``."""
+        """Note a request that is sent now, whose reply is due within ``deadline_s``."""
         request = Request(name, now, now + deadline_s, waiter)
         self._outstanding.append(request)
         return request
 
     def answered(self, reply: Mapping[str, Any]) -> Optional[Request[T]]:
-        """The request that this reply answers, no longer outstanding; None for a stale reply."""
+        """Take the request that this reply answers off the record and return it; None for a stale reply."""
         name = reply.get("cmdName")
         if self._outstanding and (name is None or self._outstanding[0].name == name):
             return self._outstanding.popleft()
@@ -67,7 +67,7 @@ class Exchange(Generic[T]):
         return None
 
     def abandon(self) -> List[Request[T]]:
-        """Forget and return all that is outstanding: the link is gone, none of it will be answered."""
+        """Forget and return all outstanding requests, which will not be answered because the link is lost."""
         lost = list(self._outstanding)
         self._outstanding.clear()
         return lost

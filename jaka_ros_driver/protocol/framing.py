@@ -3,6 +3,10 @@
 Both streams return damage as values, in its place among the objects, so that nothing after it is lost.
 How the bytes were split over ``feed`` calls changes neither the objects nor the number of errors.
 Memory is bounded: bytes that cannot become an object are dropped.
+
+Two other places cut objects, because they promise something else. ``simulation/server/request_parser.py`` reports a
+byte that cannot belong to an object as soon as it comes, where ``ObjectStream`` waits for the closing brace.
+``wire/script.py`` has the whole stream at hand and must keep every byte of it, those of damaged objects included.
 """
 import json
 import re
@@ -16,7 +20,7 @@ Item = Union[JsonObject, FramingError]
 MAX_OBJECT_BYTES = 1 << 20
 """Longest object accepted from the command port; the longest known reply is a status frame of about 9 kB."""
 MAX_FRAME_BYTES = 1 << 16
-"""Longest status frame accepted; the longest known is 8979 bytes (controller protocol 3.3)."""
+"""Longest status frame accepted; the longest known is 8979 bytes (docs/controller-protocol.md section 3.3)."""
 
 _STRUCTURAL = re.compile(rb'["{}]')
 _STRING_END = re.compile(rb'["\\]')
@@ -29,8 +33,8 @@ def _refuse_constant(name: str) -> NoReturn:
     raise ValueError("%s is not JSON" % name)
 
 
-_DECODER = json.JSONDecoder(parse_constant=_refuse_constant)
-"""One for all frames: to make it takes as long as to parse a short reply."""
+STRICT_DECODER = json.JSONDecoder(parse_constant=_refuse_constant)
+"""Refuses NaN and Infinity. One object for all texts: to make one takes as long as to parse a short reply."""
 
 
 def parse_object(text: bytes) -> JsonObject:
@@ -40,7 +44,7 @@ def parse_object(text: bytes) -> JsonObject:
         FramingError: The text is anything else.
     """
     try:
-        value = _DECODER.decode(text.decode("utf-8"))
+        value = STRICT_DECODER.decode(text.decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise FramingError("not a JSON object: %s" % error) from error
     if not isinstance(value, dict):
@@ -49,7 +53,8 @@ def parse_object(text: bytes) -> JsonObject:
 
 
 def encode_object(value: JsonObject) -> bytes:
-    """The object as the controller writes it: ``", "`` and ``": "`` between the tokens (controller protocol 3.2).
+    """The object as the controller writes it: ``", "`` and ``": "`` between the tokens (docs/controller-protocol.md
+    section 3.2).
 
     Raises:
         FramingError: A number in it is not finite.
@@ -61,9 +66,9 @@ def encode_object(value: JsonObject) -> bytes:
 
 
 class ObjectStream:
-    """Objects back to back, without delimiter, as on the command port in both directions.
+    """Cuts objects that follow each other without delimiter, as on the command port in both directions.
 
-    Between objects white space and NUL are passed over; other bytes come out as one FramingError a stretch.
+    White space and NUL between objects are skipped; each run of other bytes gives one FramingError.
     """
 
     def __init__(self, max_bytes: int = MAX_OBJECT_BYTES) -> None:
@@ -102,7 +107,7 @@ class ObjectStream:
         return items
 
     def clear(self) -> None:
-        """Forget the object that has begun."""
+        """Forget an object that has begun and not ended."""
         self._restart(len(self._buffer))
 
     def _restart(self, consumed: int) -> None:
@@ -122,7 +127,7 @@ class ObjectStream:
         return start >= 0
 
     def _find_end(self) -> int:
-        """Length of the object at the head of the buffer, 0 while it is not whole; never looks at a byte twice."""
+        """Length of the object at the start of the buffer, 0 while it is not complete. No byte is scanned twice."""
         position = self._scanned
         while True:
             pattern = _STRING_END if self._in_string else _STRUCTURAL
@@ -148,10 +153,11 @@ class ObjectStream:
 
 
 class FrameStream:
-    """Status frames back to back, each led by ``len``, its exact size in bytes (controller protocol 3.3).
+    """Cuts status frames that follow each other, each of which begins with ``len``, its exact size in bytes
+    (docs/controller-protocol.md section 3.3).
 
-    ``len`` is also the check on the bytes in between: a frame whose text has another length, or is not JSON,
-    is damaged. Reading goes on at the next whole frame; a stretch of damage comes out as one FramingError.
+    ``len`` also serves as a check: a frame whose text has another length, or is not JSON, is damaged. Reading continues
+    at the next whole frame; each run of damaged bytes gives one FramingError.
     """
 
     def __init__(self, max_bytes: int = MAX_FRAME_BYTES) -> None:
@@ -169,7 +175,7 @@ class FrameStream:
         return items
 
     def clear(self) -> None:
-        """Forget the frame that has begun."""
+        """Forget a frame that has begun and not ended."""
         self._drop(len(self._buffer))
         self._in_damage = False
 
@@ -198,9 +204,10 @@ class FrameStream:
         return following > 0
 
     def _whole_frame_after(self, position: int) -> int:
-        """Where a whole frame begins behind this position, 0 for nowhere: the frame before it lost its tail.
+        """Where a whole frame begins after this position, which means that the frame before it is cut off; 0 for
+        nowhere.
 
-        What has been searched is not searched again, but for heads whose frames were not whole yet.
+        Bytes that were searched are not searched again, except heads whose frames were not complete.
         """
         unfinished = len(self._buffer)
         for head in _FRAME_HEAD.finditer(self._buffer, max(position, self._unsearched)):

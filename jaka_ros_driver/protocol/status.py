@@ -1,4 +1,4 @@
-"""Status frames of the feed: their text with a true ``len``, and their fields as a RobotState."""
+"""Status frames of the feed: writes their text with its exact ``len``, and reads their fields as a RobotState."""
 import math
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
@@ -11,7 +11,7 @@ from jaka_ros_driver.units import all_deg_to_rad, all_mm_to_m, mm_to_m
 _MAX_ANGLE_DEG = 1e4
 _MAX_LENGTH_MM = 1e6
 _MAX_NUMBER = 1e9
-"""No quantity is more, and whatever publishes it as float32 or int32 can hold it."""
+"""No quantity is larger, and a float32 or int32 can hold it."""
 _MAX_EVENT_CODE = 0xFFFFFFFF
 _NUMBERS = frozenset((int, float, bool))
 
@@ -24,7 +24,7 @@ _ANALOG_OUTPUTS = ((IoBank.CABINET, "aout"),)
 def encode_frame(fields: Mapping[str, Any]) -> bytes:
     """The text of a status frame: ``len`` first, the exact size of the whole text in bytes, then the fields.
 
-    Source: controller protocol 3.3.
+    Source: docs/controller-protocol.md section 3.3.
 
     Raises:
         FramingError: A number in it is not finite.
@@ -40,10 +40,10 @@ def encode_frame(fields: Mapping[str, Any]) -> bytes:
 
 
 def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
-    """The state that a status frame tells.
+    """Read a status frame.
 
-    Which fields a controller sends is configurable there (controller protocol 6.1): a missing one is None in the
-    state, except those without which the arm's condition is unknown.
+    A controller can be configured to leave fields out (docs/controller-protocol.md section 6.1). A missing field is
+    None in the state, except those without which the arm's condition is unknown.
 
     Args:
         fields: The frame as parsed JSON; deg and mm.
@@ -99,7 +99,9 @@ def _is_finite_number(value: Any) -> bool:
 
 
 def _are_numbers(values: List[Any]) -> bool:
-    """All are numbers and none is huge: their root sum square says both in one go, and of a hundred in 2 us."""
+    """True where all are numbers and their root sum square is within ``_MAX_NUMBER``; this check takes 2 us for a
+    hundred.
+    """
     try:
         return math.hypot(*values) <= _MAX_NUMBER
     except (TypeError, OverflowError):
@@ -107,7 +109,9 @@ def _are_numbers(values: List[Any]) -> bool:
 
 
 def _numbers(fields: Mapping[str, Any], key: str, count: int, limit: float) -> Optional[List[float]]:
-    """The first ``count`` numbers of an array; older firmware sends 9 for the joints (controller protocol 4.2)."""
+    """The first ``count`` numbers of an array; older firmware sends 9 for the joints (docs/controller-protocol.md
+    section 4.2).
+    """
     values = fields.get(key)
     if values is None:
         return None
@@ -154,7 +158,7 @@ def _essential_flag(fields: Mapping[str, Any], key: str) -> bool:
 
 
 def _event_code(value: Any) -> int:
-    """``"0x0"``, ``"0"`` and 0 all stand for none (controller protocol 4.4)."""
+    """``"0x0"``, ``"0"`` and 0 all stand for none (docs/controller-protocol.md section 4.4)."""
     try:
         code = value if type(value) is int else int(value, 0)
     except (TypeError, ValueError):
@@ -185,9 +189,9 @@ def _io(fields: Mapping[str, Any]) -> IoState:
 
 
 def _temperatures(monitor: Any) -> Tuple[Optional[float], Optional[Vector]]:
-    """Cabinet and joint temperatures, deg C, out of ``monitor_data`` (controller protocol 6.3).
+    """Cabinet and joint temperatures, deg C, out of ``monitor_data`` (docs/controller-protocol.md section 6.3).
 
-    They warn, they do not decide: another shape than the known one reads as unknown.
+    They are used for warnings only, so an unknown shape reads as unknown temperatures instead of an error.
     """
     if not isinstance(monitor, list) or len(monitor) < 6:
         return None, None

@@ -1,17 +1,17 @@
-r"""The controller's words, made fit for logs, messages and terminals where they enter.
+r"""Makes texts of the controller safe for logs, messages and terminals.
 
-JSON can hold what none of those can: a lone surrogate (``\ud800``) cannot be written as UTF-8, a control character
-rewrites a terminal, and a text of a megabyte buries everything else.
+A JSON text can contain a lone surrogate (``\ud800``), which cannot be written as UTF-8; control characters, which
+change a terminal; and megabytes.
 """
 from typing import Any
 
 LONGEST_TEXT = 500
-"""Characters; the longest text of the controller's event list has about 200."""
+"""Largest number of characters of a text; the longest one of the controller's event list has about 200."""
 _LONGEST_VALUE = 200
 
 
 def printable(text: str, longest: int = LONGEST_TEXT) -> str:
-    """The text with blanks for white space of any kind, ``?`` for what cannot be printed, and so long at most."""
+    """The text, cut to ``longest`` characters, with blanks for white space and ``?`` for what cannot be printed."""
     if len(text) > longest:
         text = text[:longest - 3] + "..."
     if text.isprintable():
@@ -20,13 +20,13 @@ def printable(text: str, longest: int = LONGEST_TEXT) -> str:
 
 
 def shown(value: Any, longest: int = _LONGEST_VALUE) -> str:
-    """Any JSON value for a message, as Python writes it, and so long at most."""
+    """A JSON value for a message: its Python notation, made printable and cut to ``longest`` characters."""
     try:
         return printable(repr(value), longest)
-    except (ValueError, RecursionError):  # an int of too many digits, lists in lists in lists
+    except (ValueError, RecursionError):  # an int with too many digits, or lists nested too deeply
         return "a %s that cannot be written" % type(value).__name__
 
 
 def text_of(value: Any) -> str:
-    """What stands where a text is due; of another type, it is shown."""
+    """The value of a field that should be a text, made printable; of another type, its Python notation."""
     return printable(value) if isinstance(value, str) else shown(value)

@@ -1,10 +1,14 @@
 """The ROS layer: the only room that imports rospy and the generated messages.
 
+node          the program jaka_driver: puts everything below together
 params        private parameters, checked, as one DriverConfig
-convert       ROS requests to commands, results and states to ROS messages; the only units changed here
-operations    what each service does with the arm
-services      the table of services and how a call becomes a reply and its evidence
-publishers    state topics and transforms
-diagnostics   the arm's and the link's condition, once a second
-node          puts them together: the program jaka_driver
+convert       ROS requests to commands, results and states to ROS messages; no other file here changes units
+services      the services: their table, their server, what each does with the arm, the record of every call
+topics        state topics, transforms, diagnostics, and the topics that take servo targets
+frame_table   the tool and user frames that the controller has stored
+model_check   whether the controller's pose agrees with the arm model
+connections   how many connections this node serves, and which are closed when there are too many
+driver_lock, single_name   one driver for each controller, one node for each name
+master_watch  registers again with a ROS master that was restarted
+log_bridge    log records of the package to rosout, the screen and the node's log file
 """

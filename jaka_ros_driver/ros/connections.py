@@ -1,7 +1,8 @@
-"""Who may connect to this node, and who has to go when there are too many: rospy itself serves until it falls over.
+"""Bounds how many connections this node serves, and closes some when there are too many. rospy itself has no bound.
 
-A process has so many descriptors. rospy gives one, and a thread, to everybody who connects, also to a peer that then
-says nothing, and ends its accepting thread for good when there are none left: nobody could stop the arm any more.
+The number of file descriptors of a process is limited. rospy gives one, and a thread, to every connection, also where
+the peer then sends nothing. When none is left, its accepting thread ends for good, and nobody could stop the arm any
+more.
 """
 import errno
 import logging
@@ -23,27 +24,29 @@ from jaka_ros_driver.protocol.texts import printable
 _LOG = logging.getLogger(__name__)
 
 MOST_DESCRIPTORS = 65536
-"""What the soft limit is raised to where the hard one allows it; threads and memory end before."""
-GREETING_TIMEOUT = 5.0
-"""s; a ROS client sends its whole greeting at once."""
-MOST_GREETINGS = 64
-"""Connections that have not said what they want; no cell has as many clients that all start at once."""
+"""The soft limit of file descriptors is raised to this where the hard limit allows it; threads and memory run out
+earlier.
+"""
+HANDSHAKE_TIMEOUT_S = 5.0
+"""s; a ROS client sends its whole handshake at once."""
+MOST_HANDSHAKES = 64
+"""Most connections whose handshake is not complete; no cell has as many clients that start at the same time."""
 MOST_CONNECTIONS = 2000
-"""Of each other kind; each has a thread."""
-_XMLRPC_TIMEOUT = 60.0
-"""s without a request; masters and nodes connect again by themselves."""
-_LONGEST_GREETING = 1 << 20
+"""Most connections of each other kind; each has a thread."""
+_XMLRPC_TIMEOUT_S = 60.0
+"""s without a request, after which an XML-RPC connection is closed; masters and nodes connect again by themselves."""
+_LONGEST_HANDSHAKE = 1 << 20
 _BACKLOG = 128
 _NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _CLOSED = (errno.EBADF, errno.EINVAL, errno.ENOTSOCK)
-_RETRY_PERIOD = 0.01
-_JUST_COME = 1.0
-_LOG_PERIOD = 10.0
+_RETRY_PERIOD_S = 0.01
+_JUST_COME_S = 1.0
+_LOG_PERIOD_S = 10.0
 _BUSY = float("inf")
 
 
-class Guest:
-    """One connection of a Crowd.
+class PooledConnection:
+    """One connection of a ConnectionPool.
 
     Attributes:
         idle_since: Monotonic time, s; infinite while its call is under way.
@@ -60,72 +63,74 @@ class Guest:
         self.idle_since = _BUSY
 
     def is_idle_now(self) -> None:
-        """It is over."""
+        """The call has ended."""
         self.idle_since = time.monotonic()
 
 
-class Crowd:
-    """Connections of one kind: when there are more than ``most``, the one that has been idle longest has to go.
+class ConnectionPool:
+    """Connections of one kind. When there are more than ``most``, the one that has been idle longest is ended.
 
-    It is only shut down here, which wakes the thread that reads it; that thread closes it and calls ``leave``.
+    Here it is only shut down, which wakes the thread that reads it; that thread closes it and calls ``remove``.
     """
 
     def __init__(self, what: str, most: int) -> None:
-        """``what`` names them in the log."""
+        """``what`` names the connections in the log."""
         self.most = most
         self._what = what
         self._lock = threading.Lock()
-        self._guests: Dict[Guest, None] = {}
+        self._connections: Dict[PooledConnection, None] = {}
         self._told_at = -_BUSY
 
-    def enter(self, sock: Any) -> Guest:
-        """One more; it never has to make room for those who are there."""
-        guest = Guest(sock, time.monotonic())
+    def add(self, sock: Any) -> PooledConnection:
+        """Add a connection; where there are too many, older ones are ended."""
+        connection = PooledConnection(sock, time.monotonic())
         with self._lock:
-            too_many = len(self._guests) + 1 - self.most
+            too_many = len(self._connections) + 1 - self.most
             for _ in range(too_many):
-                self._shed_one()
-            self._guests[guest] = None
-        return guest
+                self._close_oldest()
+            self._connections[connection] = None
+        return connection
 
-    def leave(self, guest: Guest) -> None:
-        """It is closed."""
+    def remove(self, connection: PooledConnection) -> None:
+        """Remove a connection that was closed."""
         with self._lock:
-            self._guests.pop(guest, None)
+            self._connections.pop(connection, None)
 
-    def shed_one(self, least_idle: float) -> bool:
-        """Make room; False where nobody has been idle so long, s."""
+    def close_oldest(self, least_idle: float) -> bool:
+        """End the connection that has been idle longest; False where none has been idle for ``least_idle`` s."""
         with self._lock:
-            return self._shed_one(least_idle)
+            return self._close_oldest(least_idle)
 
-    def _shed_one(self, least_idle: float = 0.0) -> bool:
+    def _close_oldest(self, least_idle: float = 0.0) -> bool:
         now = time.monotonic()
-        oldest = min(self._guests, key=lambda guest: guest.idle_since, default=None)
+        oldest = min(self._connections, key=lambda connection: connection.idle_since, default=None)
         if oldest is None or now - oldest.idle_since < least_idle:
             return False
-        del self._guests[oldest]
+        del self._connections[oldest]
         _shut_down(oldest.sock)
-        if now - self._told_at > _LOG_PERIOD:
+        if now - self._told_at > _LOG_PERIOD_S:
             self._told_at = now
             _LOG.warning("too many %s: those that have been idle longest are closed", self._what)
         return True
 
 
-CALLERS = Crowd("service connections", MOST_CONNECTIONS)
-_GREETINGS = Crowd("connections that have not said what they want", MOST_GREETINGS)
-_XMLRPC = Crowd("XML-RPC connections", MOST_CONNECTIONS)
+SERVICE_CONNECTIONS = ConnectionPool("service connections", MOST_CONNECTIONS)
+_HANDSHAKES = ConnectionPool("connections that have not said what they want", MOST_HANDSHAKES)
+_XMLRPC_CONNECTIONS = ConnectionPool("XML-RPC connections", MOST_CONNECTIONS)
 
 
-class _Listeners:
-    """Connections of topics. Nobody knows how idle they are, so that the new one has to go when there are too many."""
+class _TopicConnections:
+    """Connections of topics. How long they have been idle is not known, so a new one is refused when there are too
+    many.
+    """
 
     def __init__(self, most: int) -> None:
         self.most = most
         self._lock = threading.Lock()
         self._sockets: List[socket.socket] = []
 
-    def enter(self, sock: socket.socket) -> bool:
-        """False where there is no room."""
+    def add(self, sock: socket.socket) -> bool:
+        """Add a connection; False where there are too many."""
         with self._lock:
             self._sockets = [other for other in self._sockets if other.fileno() >= 0]
             if len(self._sockets) >= self.most:
@@ -134,31 +139,32 @@ class _Listeners:
             return True
 
 
-_LISTENERS = _Listeners(MOST_CONNECTIONS)
+_TOPIC_CONNECTIONS = _TopicConnections(MOST_CONNECTIONS)
 
 
 def keep_serving(service_handler: Callable[[Any, Any, Dict[str, str]], Optional[str]]) -> None:
     """Change how this process takes connections; call once, after init_node.
 
-    Every connection is greeted in a thread of its own: rospy greets one after the other, so that a peer which connects
-    and says nothing would keep everybody out, also who wants to stop the arm.
+    Each connection has its handshake in a thread of its own. rospy makes them one after the other, so that a peer which
+    connects and sends nothing would keep everybody out, also clients that want to stop the arm.
 
     Args:
-        service_handler: Gets socket, address and greeting of those who want a service; returns what is wrong.
+        service_handler: Takes socket, address and connection header of a service client; returns why it is refused, or
+            None.
     """
     _share_out(_raise_descriptor_limit())
     tcpros_base.start_tcpros_server()
     server = tcpros_base.init_tcpros_server()
     server.service_connection_handler = service_handler
-    door = server.tcp_ros_server
-    door.server_sock.listen(_BACKLOG)
-    door.inbound_handler = lambda sock, address: _greet_in_background(server, sock, address)
-    door.server_sock = _Door(door.server_sock)
+    listener = server.tcp_ros_server
+    listener.server_sock.listen(_BACKLOG)
+    listener.inbound_handler = lambda sock, address: _shake_hands_in_background(server, sock, address)
+    listener.server_sock = _AcceptingSocket(listener.server_sock)
     _prepare_xmlrpc()
 
 
 def _raise_descriptor_limit() -> int:
-    """Towards the hard limit; returns how many descriptors there are."""
+    """Raise the soft limit of file descriptors towards the hard one; returns the limit."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     soft, highest = (MOST_DESCRIPTORS if limit == resource.RLIM_INFINITY else limit for limit in (soft, hard))
     wanted = min(highest, MOST_DESCRIPTORS)
@@ -172,26 +178,27 @@ def _raise_descriptor_limit() -> int:
 
 
 def _share_out(descriptors: int) -> None:
-    """A quarter stays for the controller, the log and what else opens files."""
-    CALLERS.most = min(MOST_CONNECTIONS, descriptors // 2)
-    _GREETINGS.most = min(MOST_GREETINGS, descriptors // 16)
-    _XMLRPC.most = min(MOST_CONNECTIONS, descriptors // 16)
-    _LISTENERS.most = min(MOST_CONNECTIONS, descriptors // 8)
+    """Divide the descriptors among the kinds; about a quarter is left for the controller, the log and other files."""
+    SERVICE_CONNECTIONS.most = min(MOST_CONNECTIONS, descriptors // 2)
+    _HANDSHAKES.most = min(MOST_HANDSHAKES, descriptors // 16)
+    _XMLRPC_CONNECTIONS.most = min(MOST_CONNECTIONS, descriptors // 16)
+    _TOPIC_CONNECTIONS.most = min(MOST_CONNECTIONS, descriptors // 8)
 
 
 def _make_room() -> None:
-    """One descriptor less in a moment, when the thread that reads it closes it; the least loss goes first.
+    """End one connection, of the kind whose loss matters least; its descriptor is free as soon as its thread has closed
+    it.
 
-    Who has just come is spared: the descriptor that it got would go to the next one, which would be no better.
+    New connections are spared: the next connection would take the descriptor, and nothing would be gained.
     """
-    for crowd in (_GREETINGS, _XMLRPC, CALLERS):
-        if crowd.shed_one(_JUST_COME):
+    for pool in (_HANDSHAKES, _XMLRPC_CONNECTIONS, SERVICE_CONNECTIONS):
+        if pool.close_oldest(_JUST_COME_S):
             break
-    time.sleep(_RETRY_PERIOD)
+    time.sleep(_RETRY_PERIOD_S)
 
 
-class _Door:
-    """The listening socket of rospy's TCPServer, whose accept fails only when it is closed."""
+class _AcceptingSocket:
+    """The listening socket of rospy's TCPServer; its ``accept`` raises only when the socket was closed."""
 
     def __init__(self, sock: socket.socket) -> None:
         self._sock = sock
@@ -209,35 +216,35 @@ class _Door:
                     raise
                 if error.errno in _NO_ROOM:
                     _make_room()
-                else:  # of this one peer, or of the network: accept(2) says to try again
-                    time.sleep(_RETRY_PERIOD)
+                else:  # an error of this peer or the network: accept(2) says to try again
+                    time.sleep(_RETRY_PERIOD_S)
 
 
-def _greet_in_background(server: Any, sock: socket.socket, address: Any) -> None:
-    guest = _GREETINGS.enter(sock)
+def _shake_hands_in_background(server: Any, sock: socket.socket, address: Any) -> None:
+    connection = _HANDSHAKES.add(sock)
     try:
-        threading.Thread(target=_greet, args=(server, guest, address), name="greeting", daemon=True).start()
-    except RuntimeError:  # no more threads: the accepting one must not end with it
-        _GREETINGS.leave(guest)
+        threading.Thread(target=_shake_hands, args=(server, connection, address), name="greeting", daemon=True).start()
+    except RuntimeError:  # no more threads: the accepting thread must not end
+        _HANDSHAKES.remove(connection)
         sock.close()
         _make_room()
 
 
-def _greet(server: Any, guest: Guest, address: Any) -> None:
-    """What rospy's TCPROSServer does with a connection, with a bound on how long the peer may take."""
-    sock = guest.sock
+def _shake_hands(server: Any, connection: PooledConnection, address: Any) -> None:
+    """Do what rospy's TCPROSServer does with a new connection, but wait for the peer for a limited time only."""
+    sock = connection.sock
     try:
-        header = _read_greeting(sock, time.monotonic() + GREETING_TIMEOUT)
+        header = _read_handshake(sock, time.monotonic() + HANDSHAKE_TIMEOUT_S)
     except (OSError, ValueError, struct.error, rosgraph.network.ROSHandshakeException) as error:
         _LOG.debug("connection of %s ended before it said what it wants: %s", address, error)
         sock.close()
         return
     finally:
-        _GREETINGS.leave(guest)
+        _HANDSHAKES.remove(connection)
     try:
         refusal: Optional[str]
-        if "topic" in header and not _LISTENERS.enter(sock):
-            refusal = "this node has %d subscribers, and room for no more" % _LISTENERS.most
+        if "topic" in header and not _TOPIC_CONNECTIONS.add(sock):
+            refusal = "this node has %d subscribers, and room for no more" % _TOPIC_CONNECTIONS.most
         elif "topic" in header:
             refusal = server.topic_connection_handler(sock, address, header)
         elif "service" in header:
@@ -250,17 +257,17 @@ def _greet(server: Any, guest: Guest, address: Any) -> None:
             rosgraph.network.write_ros_handshake_header(
                 sock, {"error": "node shutting down" if rospy.core.is_shutdown_requested() else refusal})
             sock.close()
-    except Exception as error:  # whatever a peer brings about ends its connection, and nothing else
+    except Exception as error:  # whatever goes wrong ends this connection and nothing else
         if not rospy.core.is_shutdown_requested():
             _LOG.warning("connection of %s failed: %s", address, printable(str(error)))
         sock.close()
 
 
-def _read_greeting(sock: socket.socket, deadline: float) -> Dict[str, str]:
-    """The connection header, and not a byte more: a first request may follow at once."""
+def _read_handshake(sock: socket.socket, deadline: float) -> Dict[str, str]:
+    """Read the connection header and no byte more: a first request may follow at once."""
     size_bytes = _read_exactly(sock, 4, deadline)
     size, = struct.unpack("<I", size_bytes)
-    if size > _LONGEST_GREETING:
+    if size > _LONGEST_HANDSHAKE:
         raise ValueError("a greeting of %d bytes" % size)
     header: Dict[str, str] = rosgraph.network.decode_ros_handshake_header(
         size_bytes + _read_exactly(sock, size, deadline))
@@ -283,14 +290,14 @@ def _read_exactly(sock: socket.socket, count: int, deadline: float) -> bytes:
 
 
 def _prepare_xmlrpc() -> None:
-    """The node's other port: a connection on it takes a descriptor and a thread as well, for as long as it likes.
+    """Bound the connections of the node's XML-RPC port, each of which takes a descriptor and a thread, too.
 
-    By the class: the running server is nowhere to be had.
+    The class is changed, because rospy keeps no reference to the running server.
     """
     server = rosgraph.xmlrpc.ThreadingXMLRPCServer
-    rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler.timeout = _XMLRPC_TIMEOUT
+    rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler.timeout = _XMLRPC_TIMEOUT_S
     accept, process, close = server.get_request, server.process_request, server.shutdown_request
-    guests: Dict[Any, Guest] = {}
+    connections: Dict[Any, PooledConnection] = {}
 
     def get_request(self: Any) -> Any:
         try:
@@ -301,13 +308,13 @@ def _prepare_xmlrpc() -> None:
             raise
 
     def process_request(self: Any, request: Any, client_address: Any) -> None:
-        guests[request] = _XMLRPC.enter(request)
+        connections[request] = _XMLRPC_CONNECTIONS.add(request)
         process(self, request, client_address)
 
     def shutdown_request(self: Any, request: Any) -> None:
-        guest = guests.pop(request, None)
-        if guest is not None:
-            _XMLRPC.leave(guest)
+        connection = connections.pop(request, None)
+        if connection is not None:
+            _XMLRPC_CONNECTIONS.remove(connection)
         close(self, request)
 
     server.get_request, server.process_request, server.shutdown_request = get_request, process_request, shutdown_request
@@ -317,4 +324,4 @@ def _shut_down(sock: Any) -> None:
     try:
         sock.shutdown(socket.SHUT_RDWR)
     except OSError:
-        return  # closed meanwhile
+        return  # it has been closed meanwhile

@@ -1,8 +1,9 @@
-"""ROS requests to commands, results and states to ROS: shapes, enums and units; the only units changed in this room.
+"""ROS requests to commands, and results and states to ROS messages: shapes, enums and units. No other file of ``ros``
+changes units.
 
-A float32 of the wire may lie above the limit that it was made from (2 pi as float32 is 1.7e-7 rad more). The rule: a
-joint target, speed or acceleration that is beyond a limit of the arm by no more than ``limits.FLOAT32_SLACK`` of the
-limit is set on the limit; anything farther out is refused. So the controller never gets a value beyond its limits.
+A float32 in a request may be larger than the limit that it was made from (2 pi as float32 is 1.7e-7 rad more). So a
+joint target, speed or acceleration that exceeds a limit of the arm by no more than ``limits.FLOAT32_SLACK`` of the
+limit is set to the limit; a larger one is refused. The controller never gets a value beyond its limits.
 """
 import math
 from dataclasses import dataclass, replace
@@ -26,11 +27,11 @@ from jaka_ros_driver.state import IoBank, RobotState
 from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m, all_rad_to_deg, mm_to_m
 
 COLLISION_STEPS = (25, 50, 75, 100)
-"""Upper ends of the ranges of ``value`` for the levels 1 to 4 (interface document 2)."""
+"""Upper ends of the ranges of ``value`` for the levels 1 to 4 (docs/interface.md section 2)."""
 COLLISION_LOWEST = 10
 VENDOR_IO_FAILURE = -999999.0
 VENDOR_KINEMATICS_FAILURE = 9999.0
-"""What the maker's driver answers in every number of a failed get_fk or get_ik (interface document 5)."""
+"""The value of each number in the maker's reply to a failed get_fk or get_ik (docs/interface.md section 5)."""
 
 _JOINTS = "six joint angles, rad"
 _QUATERNION_TOLERANCE = 1e-3
@@ -39,7 +40,7 @@ _LONGEST_ROTATION = 2.0 * math.pi
 
 @dataclass(frozen=True)
 class Terminal:
-    """One input or output: which of them a get_io asks for."""
+    """One input or output, as get_io names it."""
 
     is_digital: bool
     is_output: bool
@@ -52,17 +53,18 @@ class Terminal:
 
 
 class Payload(NamedTuple):
-    """A load and the tool that carries it."""
+    """A load, and the id of the tool that carries it."""
 
     tool_id: int
     load: c.SetPayload
 
 
-class Requests:
-    """Requests of the services as commands; every method raises InvalidCommand with the field and what is valid.
+class RequestDecoder:
+    """Decodes the requests of services and topics to commands. Every method raises InvalidCommand, which names the
+    field and its valid range.
 
     Attributes:
-        is_vendor: Read requests as the maker's own driver does, where it differs (interface document 5).
+        is_vendor: Read requests as the maker's own driver does, where it differs (docs/interface.md section 5).
     """
 
     def __init__(self, model: ArmModel, is_vendor: bool = False) -> None:
@@ -70,15 +72,16 @@ class Requests:
         self.is_vendor = is_vendor
 
     def joint_move(self, request: Any) -> c.JointMove:
-        """Of a Move: rad, rad/s, rad/s2."""
+        """Decode a Move: ``pose`` is joint angles, rad; ``mvvelo`` rad/s; ``mvacc`` rad/s2."""
         return c.JointMove(self._joint_target("pose", request.pose),
                            _settled_speed(_positive("mvvelo", request.mvvelo), limits.joint_speed_limit(self._model)),
                            _settled_speed(_positive("mvacc", request.mvacc), limits.JOINT_ACCELERATION_CEILING))
 
     def linear_move(self, request: Any) -> c.LinearMove:
-        """Of a Move: mm and rotation vector, mm/s, mm/s2; the vendor's rotation is the inverse.
+        """Decode a Move: ``pose`` is x, y, z, mm, and a rotation vector, rad; ``mvvelo`` mm/s; ``mvacc`` mm/s2. In the
+        vendor's interface the rotation is the inverse.
 
-        A Move names no angular speed: it follows from the linear one, held to what the model's joints can do.
+        A Move has no angular speed: it follows from the linear one, lowered to what the model's joints can do.
         """
         pose = _numbers("pose", request.pose, "x y z, mm, and a rotation vector, rad")
         turn = _rotation_vector("pose", pose)
@@ -92,7 +95,9 @@ class Requests:
                        angular_acceleration=move.turn_acceleration)
 
     def jog(self, request: Any) -> c.Jog:
-        """Of a Move: rad/s for joints and turns, mm/s along a line; ``mvacc`` where ``mvvelo`` is 0."""
+        """Decode a Move: the speed is ``mvvelo``, or ``mvacc`` where ``mvvelo`` is 0; rad/s for joints and rotations,
+        mm/s along x, y, z.
+        """
         frame = _member("coord_mode", request.coord_mode, c.JogFrame)
         _whole("index", request.index, 0, 11)
         name = "mvacc" if request.mvvelo == 0.0 and request.mvacc != 0.0 else "mvvelo"
@@ -108,23 +113,25 @@ class Requests:
         return c.Jog(frame, axis, -speed if is_negative else speed)
 
     def servo_mode(self, request: Any) -> bool:
-        """Of a ServoMoveEnable."""
+        """Decode a ServoMoveEnable: True to enter servo mode."""
         return bool(request.enable)
 
     def servo_joint(self, request: Any) -> c.ServoJoint:
-        """Of a ServoMove: rad; the vendor's is an increment."""
+        """Decode a ServoMove: ``pose`` is joint angles, rad; in the vendor's interface an increment."""
         if self.is_vendor:
             return c.ServoJoint(_numbers("pose", request.pose, "six joint increments, rad"), relative=True)
         return c.ServoJoint(self._joint_target("pose", request.pose))
 
     def servo_pose(self, request: Any) -> c.ServoPose:
-        """Of a ServoMove: m and rpy; the vendor's is an increment, mm and rpy."""
+        """Decode a ServoMove: ``pose`` is x, y, z, m, and rpy, rad; in the vendor's interface an increment, x, y, z in
+        mm.
+        """
         pose = _numbers("pose", request.pose, "x y z, %s, and roll pitch yaw, rad" % ("mm" if self.is_vendor else "m"))
         position = all_mm_to_m(pose[:3]) if self.is_vendor else pose[:3]
         return c.ServoPose(c.Pose(position, pose[3:]), relative=self.is_vendor)
 
     def servo_joint_topic(self, message: JointState) -> c.ServoJoint:
-        """Of a JointState: rad, absolute in both interfaces; in any order where it has names."""
+        """Decode a JointState: joint angles, rad, absolute in both interfaces; in any order where they have names."""
         values = message.position
         if message.name:
             if sorted(message.name) != sorted(c.JOINTS) or len(values) != len(c.JOINTS):
@@ -134,7 +141,9 @@ class Requests:
         return c.ServoJoint(self._joint_target("position", values))
 
     def servo_pose_topic(self, message: PoseStamped, user_frame: str) -> c.ServoPose:
-        """Of a PoseStamped: m and unit quaternion, absolute in both interfaces, in the active user frame."""
+        """Decode a PoseStamped: position, m, and unit quaternion, absolute in both interfaces. ``user_frame`` is the
+        name of the active user frame; the message may name no other.
+        """
         if message.header.frame_id not in ("", user_frame):
             raise InvalidCommand("frame_id is %.60r; valid: the active user frame %r, or empty"
                                  % (message.header.frame_id, user_frame))
@@ -153,20 +162,22 @@ class Requests:
             _numbers(name, values, _JOINTS), self._model.joint_limits))
 
     def nothing(self, request: Any) -> None:
-        """Of a request without fields."""
+        """Decode a request without fields."""
 
     def tool_frame(self, request: Any) -> c.SetToolFrame:
-        """Of a SetTcpFrame: mm and rotation vector."""
+        """Decode a SetTcpFrame: ``pose`` is x, y, z, mm, and a rotation vector, rad."""
         _whole("tool_num", request.tool_num, *limits.TOOL_IDS)
         return c.SetToolFrame(request.tool_num, _frame_pose(request.pose), "tool_%d" % request.tool_num)
 
     def user_frame(self, request: Any) -> c.SetUserFrame:
-        """Of a SetUserFrame: mm and rotation vector."""
+        """Decode a SetUserFrame: ``pose`` is x, y, z, mm, and a rotation vector, rad."""
         _whole("user_num", request.user_num, *limits.USER_FRAME_IDS)
         return c.SetUserFrame(request.user_num, _frame_pose(request.pose), "user_%d" % request.user_num)
 
     def payload(self, request: Any) -> Payload:
-        """Of a SetPayload: kg, mm. The load is audited here already: its tool is selected before it is sent."""
+        """Decode a SetPayload: mass, kg, and centre of mass, mm. The load is checked here, because the tool is selected
+        before the load is sent.
+        """
         _whole("tool_num", request.tool_num, 0, limits.TOOL_IDS[1])
         mass = _finite("mass", request.mass)
         centroid = tuple(_finite(name, getattr(request, name)) for name in ("xc", "yc", "zc"))
@@ -175,18 +186,20 @@ class Requests:
         return Payload(request.tool_num, load)
 
     def switch(self, request: Any) -> bool:
-        """Of a SetBool."""
+        """Decode a SetBool: its ``data``."""
         return bool(request.data)
 
     def collision_level(self, request: Any) -> int:
-        """Of a SetCollision: 10..100 to the controller's levels 1..4, 0 for off (interface document 2)."""
+        """Decode a SetCollision: ``value``, 10 to 100, to the controller's levels 1 to 4; 0 where it is to be off
+        (docs/interface.md section 2).
+        """
         if not request.is_enable:
             return 0
         _whole("value", request.value, COLLISION_LOWEST, COLLISION_STEPS[-1])
         return 1 + sum(request.value > step for step in COLLISION_STEPS)
 
     def output(self, request: Any) -> Union[c.SetDigitalOutput, c.SetAnalogOutput]:
-        """Of a SetIO; any value but 0 switches a digital output on."""
+        """Decode a SetIO. Any value but 0 switches a digital output on."""
         bank = _member("type", request.type, IoBank)
         index = _whole("index", request.index, *limits.IO_INDICES)
         value = _finite("value", request.value)
@@ -195,32 +208,34 @@ class Requests:
         return c.SetAnalogOutput(bank, index, value)
 
     def terminal(self, request: Any) -> Terminal:
-        """Of a GetIO."""
+        """Decode a GetIO."""
         is_digital = _is_digital(request.signal)
         is_output = _whole("path", request.path, 0, 1) == 1
         return Terminal(is_digital, is_output, _member("type", request.type, IoBank),
                         _whole("index", request.index, *limits.IO_INDICES))
 
     def forward(self, request: Any) -> c.ForwardKinematics:
-        """Of a GetFK: rad."""
+        """Decode a GetFK: joint angles, rad."""
         return c.ForwardKinematics(_numbers("joint", request.joint, _JOINTS))
 
     def inverse(self, request: Any) -> c.InverseKinematics:
-        """Of a GetIK: mm and rpy; reference rad."""
+        """Decode a GetIK: ``cartesian_pose`` is x, y, z, mm, and rpy, rad; ``ref_joint`` joint angles, rad."""
         pose = _numbers("cartesian_pose", request.cartesian_pose, "x y z, mm, and roll pitch yaw, rad")
         return c.InverseKinematics(c.Pose(all_mm_to_m(pose[:3]), pose[3:]),
                                    _numbers("ref_joint", request.ref_joint, _JOINTS))
 
 
 def wire_pose(pose: c.Pose) -> Tuple[float, ...]:
-    """The ``cartesian_pose`` of get_fk: mm and rpy."""
+    """A pose as the ``cartesian_pose`` of get_fk: x, y, z, mm, and rpy, rad."""
     return all_m_to_mm(pose.position) + tuple(pose.rpy)
 
 
 # ---- state to messages ----
 
 def tool_position(state: RobotState, stamp: Any, frame_id: str, is_vendor: bool) -> Optional[TwistStamped]:
-    """m and rotation vector (the vendor's: mm and rpy in deg); None where the controller does not report the pose."""
+    """The message of ``~tool_position``: m and rotation vector, rad (vendor's interface: mm and rpy, deg). None where
+    the controller does not report the pose.
+    """
     if state.tcp_position is None or state.tcp_rpy is None:
         return None
     message = TwistStamped()
@@ -238,7 +253,7 @@ def tool_position(state: RobotState, stamp: Any, frame_id: str, is_vendor: bool)
 
 def joint_position(state: RobotState, stamp: Any, names: Sequence[str],
                    velocity: Optional[Sequence[float]]) -> JointState:
-    """rad, and rad/s where it is known."""
+    """A JointState: positions, rad, and velocities, rad/s, where these are known."""
     message = JointState()
     message.header.stamp = stamp
     message.name = list(names)
@@ -248,7 +263,9 @@ def joint_position(state: RobotState, stamp: Any, names: Sequence[str],
 
 
 def robot_states(state: RobotState, is_servo_active: bool, is_vendor: bool) -> RobotMsg:
-    """``servo_state`` is servo mode; the vendor's is 1 while the arm is enabled."""
+    """The message of ``~robot_states``. ``servo_state`` tells servo mode; in the vendor's interface whether the arm is
+    enabled.
+    """
     return RobotMsg(
         motion_state=int(state.motion_state), power_state=int(state.is_powered),
         servo_state=int(state.is_enabled if is_vendor else is_servo_active),
@@ -256,7 +273,7 @@ def robot_states(state: RobotState, is_servo_active: bool, is_vendor: bool) -> R
 
 
 def transform_message(parent_t_child: Transform, parent: str, child: str, stamp: Any) -> TransformStamped:
-    """m and unit quaternion."""
+    """A TransformStamped: m and unit quaternion."""
     message = TransformStamped()
     message.header.stamp = stamp
     message.header.frame_id = parent
@@ -296,7 +313,9 @@ def _frame_pose(values: Sequence[float]) -> c.Pose:
 
 
 def _rotation_vector(name: str, pose: Sequence[float]) -> Tuple[float, ...]:
-    """The last three of the six; more than a whole turn is a mistake, or degrees, and far more has no digits left."""
+    """The rotation vector, rad (3,), in the last three of the six values. More than a whole turn is refused: it is a
+    mistake or in degrees, and a much larger one has lost its digits.
+    """
     vector = tuple(pose[3:])
     angle = math.hypot(*vector)
     if angle > _LONGEST_ROTATION * (1.0 + limits.FLOAT32_SLACK):

@@ -1,7 +1,7 @@
-"""One driver for one controller: the second one on this machine refuses to start.
+"""A lock that lets only one driver on this machine use a controller; a second driver refuses to start.
 
-A lock of the kernel's on a file named after the controller: it goes with the process that holds it, however that ends.
-Whatever the controller is called, the name tells the address that is meant, and the network that it is in.
+It is a kernel lock on a file that is named after the controller's address and network namespace, whichever of its host
+names is used. The kernel releases it when the process ends, however that happens.
 """
 import fcntl
 import ipaddress
@@ -18,7 +18,7 @@ class AlreadyDriven(JakaError):
 
 
 class DriverLock:
-    """Held from its creation until ``release`` or the end of the process."""
+    """The lock. It is held from its creation until ``release`` or the end of the process."""
 
     def __init__(self, host: str, port: int, holder: str, folder: str = "") -> None:
         """Take it.
@@ -26,12 +26,12 @@ class DriverLock:
         Args:
             host: The controller's address.
             port: Its command port.
-            holder: Who takes it, for the message that the next one gets.
-            folder: Where the lock files are; without, the system's folder for temporary files.
+            holder: Name of the driver, for the message to a second one.
+            folder: Where the lock files are; None for the system's folder for temporary files.
 
         Raises:
-            AlreadyDriven: Somebody has it; the message says who.
-            OSError: The file can be neither opened nor made.
+            AlreadyDriven: Another driver holds it; the message says which.
+            OSError: The file can be neither opened nor created.
         """
         name = "jaka_ros_driver.%s_%d%s.lock" % (re.sub(r"[^A-Za-z0-9.-]", "_", _address(host)), port, _network())
         path = os.path.join(folder or tempfile.gettempdir(), name)
@@ -46,7 +46,7 @@ class DriverLock:
         self._note("%s (pid %d)\n" % (holder, os.getpid()))
 
     def release(self) -> None:
-        """Give it back."""
+        """Release the lock."""
         os.close(self._file)
 
     def _note(self, text: str) -> None:
@@ -54,11 +54,11 @@ class DriverLock:
             os.ftruncate(self._file, 0)
             os.pwrite(self._file, text.encode("utf-8"), 0)
         except OSError:
-            return  # another user's file, open for reading: it locks as well, and only the name in it is missing
+            return  # another user's file, open for reading: it can be locked, but our name cannot be written into it
 
 
 def _address(host: str) -> str:
-    """One text for all names of a host; a name that nobody knows stands for itself."""
+    """The same text for all names of a host; an unknown name itself."""
     try:
         found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError, ValueError):
@@ -70,7 +70,7 @@ def _address(host: str) -> str:
 
 
 def _unmapped(address: str) -> str:
-    """An IPv4 address as such, also where it is written as IPv6."""
+    """The address; an IPv4 address that is written as IPv6 is turned into IPv4."""
     try:
         mapped = ipaddress.IPv6Address(address).ipv4_mapped
     except ValueError:
@@ -79,12 +79,12 @@ def _unmapped(address: str) -> str:
 
 
 def _is_here(address: str) -> bool:
-    """True for each address of this machine: loopback, "any", and every interface's, for only such can be bound."""
+    """True for each address of this machine: loopback, "any", and those of its interfaces. Only such can be bound."""
     try:
         known = ipaddress.ip_address(address)
         if known.is_loopback or known.is_unspecified:
             return True
-    except ValueError:  # one with the name of an interface in it
+    except ValueError:  # it contains the name of an interface
         pass
     try:
         with socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -95,7 +95,7 @@ def _is_here(address: str) -> bool:
 
 
 def _network() -> str:
-    """Which network namespace this is: the same address is another controller in another one."""
+    """Identifies the network namespace: the same address may be another controller in another namespace."""
     try:
         return "_net%d" % os.stat("/proc/self/ns/net").st_ino
     except OSError:
@@ -103,7 +103,7 @@ def _network() -> str:
 
 
 def _open(path: str) -> int:
-    """For writing where the file is ours; another user's can be opened for reading, which is enough for a lock."""
+    """Open the file for writing, or another user's for reading, which is enough for a lock."""
     try:
         return os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
     except PermissionError:

@@ -1,4 +1,4 @@
-"""What the controller has stored as its tools and user frames, read again whenever that may have changed."""
+"""The tools and user frames that the controller has stored, read again whenever they may have changed."""
 import contextlib
 import logging
 import threading
@@ -12,15 +12,15 @@ from jaka_ros_driver.state import RobotState
 
 _LOG = logging.getLogger(__name__)
 
-_CHECK_PERIOD = 0.2
-_READ_PERIOD = 5.0
-"""s; a frame that was changed at the controller's own panel is seen after so long at most."""
+_CHECK_PERIOD_S = 0.2
+_READ_PERIOD_S = 5.0
+"""s; a frame that was changed at the controller's own panel is noticed after this time at most."""
 
 Frames = Tuple[Transform, ...]
 
 
 class FrameTable:
-    """``flange_T_tool`` and ``base_T_user`` by id, None where they are not known now. A thread reads them."""
+    """``flange_T_tool`` and ``base_T_user`` by id; None while they are not known. A thread of its own reads them."""
 
     def __init__(self, arm: ArmClient) -> None:
         self._arm = arm
@@ -28,7 +28,7 @@ class FrameTable:
         self._tools: Optional[Frames] = None
         self._users: Optional[Frames] = None
         self._changes = 0
-        """Counts beginnings and ends of changes: odd while one is under way."""
+        """Number of beginnings and ends of changes; odd while a change is under way."""
         self._connections = 0
         self._wake = threading.Event()
         self._is_closing = False
@@ -47,7 +47,9 @@ class FrameTable:
 
     @contextlib.contextmanager
     def changing(self) -> Iterator[None]:
-        """While a frame is being set nothing is known; afterwards all is read again. One at a time."""
+        """A context in which frames are set: inside it no frame is known, afterwards all are read again. Only one
+        thread at a time may use it.
+        """
         self._forget()
         try:
             yield
@@ -69,16 +71,16 @@ class FrameTable:
             self._tools = self._users = None
 
     def _run(self) -> None:
-        waited = _READ_PERIOD
+        waited = _READ_PERIOD_S
         while not self._is_closing:
             connections = self._arm.link_health.connections
-            if waited >= _READ_PERIOD or self._wake.is_set() or connections != self._connections:
+            if waited >= _READ_PERIOD_S or self._wake.is_set() or connections != self._connections:
                 self._wake.clear()
                 waited = 0.0
                 self._connections = connections
                 self._read_all()
-            self._wake.wait(_CHECK_PERIOD)
-            waited += _CHECK_PERIOD
+            self._wake.wait(_CHECK_PERIOD_S)
+            waited += _CHECK_PERIOD_S
 
     def _read_all(self) -> None:
         changes = self._changes

@@ -1,77 +1,15 @@
-"""Log records of the package, which knows nothing of ROS, to rosout, the screen and the node's log file."""
-import contextlib
+"""Passes the log records of the package, which uses Python's ``logging``, to rosout, the screen and the node's log
+file.
+"""
 import logging
-import queue
-import threading
 from typing import Callable
 
 import rospy
 
+from jaka_ros_driver.background_log import Background
+
 _PACKAGE = "jaka_ros_driver"
 _ROSPY_LOGGER = "rosout"
-_QUEUE_LIMIT = 1000
-
-
-class Background(logging.Handler):
-    """Gives records to another handler in a thread of its own; what does not fit into its queue is left out.
-
-    Who logs then never waits for a terminal or a pipe that nobody reads, nor for a master that does not answer: a
-    thread that stops the arm logs as well.
-    """
-
-    def __init__(self, handler: logging.Handler) -> None:
-        super().__init__(handler.level)
-        self._handler = handler
-        self._records: queue.Queue[logging.LogRecord] = queue.Queue(_QUEUE_LIMIT)
-        threading.Thread(target=self._run, name="log", daemon=True).start()
-
-    def emit(self, record: logging.LogRecord) -> None:
-        _settle(record)
-        try:
-            self._records.put_nowait(record)
-        except queue.Full:
-            return
-
-    def drain(self, timeout: float) -> bool:
-        """Wait until all records are out, s at most; False when some are still there."""
-        with self._records.all_tasks_done:
-            return self._records.all_tasks_done.wait_for(lambda: not self._records.unfinished_tasks, timeout)
-
-    def _run(self) -> None:
-        while True:
-            record = self._records.get()
-            try:
-                self._handle(record)
-            finally:
-                self._records.task_done()
-
-    def _handle(self, record: logging.LogRecord) -> None:
-        """What the handler cannot write, it gets once more in plain letters; one record never ends all others."""
-        try:
-            self._handler.handle(record)
-        except Exception:  # a terminal that knows only ASCII, one that is gone, a bug in the handler
-            record.msg = ascii(record.msg)[1:-1]
-            record.exc_info = record.exc_text = record.stack_info = None
-            with contextlib.suppress(Exception):
-                self._handler.handle(record)
-
-
-def _settle(record: logging.LogRecord) -> None:
-    """Make the record's text final here, where its arguments are what they were, and such that UTF-8 can hold it.
-
-    A text with half a character in it would spoil the buffer of rosout's publisher for all texts after it.
-    """
-    try:
-        text = record.getMessage()
-    except Exception as error:  # the message does not fit its arguments; who logs must not fall over that
-        text = "%s (%r with %.200r)" % (error, record.msg, record.args)
-    record.msg, record.args = _writable(text), None
-    if record.exc_info:
-        record.exc_text = _writable(logging.Formatter().formatException(record.exc_info))
-
-
-def _writable(text: str) -> str:
-    return text.encode("utf-8", "replace").decode("utf-8")
 
 
 class RosLogHandler(logging.Handler):
@@ -90,10 +28,12 @@ class RosLogHandler(logging.Handler):
 
 
 def log_to_ros() -> Callable[[float], bool]:
-    """From now on; call after init_node. The screen and rosout each get their records in a thread of their own.
+    """Begin to pass records on; call it after ``rospy.init_node``. Screen and rosout each get theirs in a thread of
+    their own.
 
     Returns:
-        A function that waits until all records are out, s at most; False when some are still there.
+        A function that waits until all records are written, at most the given time, s; it returns False when some are
+            left.
     """
     rospy_logger = logging.getLogger(_ROSPY_LOGGER)
     backgrounds = [Background(handler) for handler in rospy_logger.handlers]

@@ -1,7 +1,7 @@
-"""Survives a restart of the ROS master: the new one knows nothing of a node that was there before it.
+"""Registers the node again after a restart of the ROS master, which knows nothing of nodes that started before it.
 
-The master's ``/run_id`` changes with every start. rospy's own registration does the work; connections that exist stay
-as they are.
+A restart is noticed by the master's ``/run_id``, which changes with every start. The registration is rospy's own;
+existing connections are left as they are.
 """
 import logging
 import threading
@@ -14,17 +14,17 @@ from rospy.impl import registration
 
 _LOG = logging.getLogger(__name__)
 
-_PERIOD = 1.0
+_PERIOD_S = 1.0
 
 
 class MasterWatch:
     """Polls the master; after its restart registers all publishers, subscribers and services again."""
 
-    def __init__(self, on_new_master: Callable[[], None], period: float = _PERIOD) -> None:
+    def __init__(self, on_new_master: Callable[[], None], period: float = _PERIOD_S) -> None:
         """Prepare; ``start`` begins.
 
         Args:
-            on_new_master: Called afterwards: parameters are gone as well.
+            on_new_master: Called after the registration, to set parameters again: a new master has lost them, too.
             period: Of the polling, s.
         """
         self._on_new_master = on_new_master
@@ -38,7 +38,7 @@ class MasterWatch:
         self._thread.start()
 
     def close(self) -> None:
-        """Poll no more; a call of the master under way is not waited for."""
+        """Stop polling; a call to the master that is under way is not waited for."""
         self._closing.set()
 
     def _run(self) -> None:
@@ -54,7 +54,7 @@ class MasterWatch:
                 return
 
     def _is_new_master(self) -> bool:
-        """It has another run id (roscore gives it one), or does not know this node."""
+        """True where the master has another run id (roscore sets it), or does not know this node."""
         master = rosgraph.Master(rospy.get_name())
         known_run = self._run_id
         self._run_id = str(master.getParam("/run_id")) if master.hasParam("/run_id") else ""

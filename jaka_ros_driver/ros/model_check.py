@@ -1,4 +1,6 @@
-"""Is the configured model the arm that is there? The controller's own pose against ours, from the same joints."""
+"""Checks whether the configured model is that of the arm: compares the controller's pose with ours, from the same
+joints.
+"""
 import logging
 from typing import NamedTuple, Optional
 
@@ -17,26 +19,26 @@ from jaka_ros_driver.state import RobotState
 _LOG = logging.getLogger(__name__)
 
 POSITION_TOLERANCE = 0.0003
-"""m; joints and pose of one frame are rounded to 6 digits, and may be of two cycles: so it is compared at rest."""
+"""m. Joints and pose of a frame are rounded to 6 digits and may be of two cycles, so they are compared at rest only."""
 ANGLE_TOLERANCE = 0.001
 """rad"""
 _CONFIRMATIONS = 2
 
 
 class Deviation(NamedTuple):
-    """Between the controller's pose and ours: distance m, angle rad."""
+    """Difference of the controller's pose and ours: distance, m, and angle, rad."""
 
     distance: float
     angle: float
 
     @property
     def is_wrong(self) -> bool:
-        """More than rounding explains."""
+        """True where the difference is larger than rounding explains."""
         return self.distance > POSITION_TOLERANCE or self.angle > ANGLE_TOLERANCE
 
 
 class ModelCheck:
-    """Compares whenever it is called with a state of an arm at rest; a deviation counts when seen twice in a row."""
+    """Compares the poses for each state of an arm at rest. A deviation counts when it is seen twice in a row."""
 
     def __init__(self, arm: ArmClient, frames: FrameTable) -> None:
         self._arm = arm
@@ -45,7 +47,9 @@ class ModelCheck:
         self._has_warned = False
 
     def check(self, state: RobotState) -> Optional[Deviation]:
-        """The deviation; None where it cannot be told (in motion, frames or pose unknown). Logs once when it counts."""
+        """The deviation; None where it is not known (the arm moves; frames or pose are unknown). Logs it once when it
+        counts.
+        """
         found = self._deviation(state)
         if found is None:
             return None

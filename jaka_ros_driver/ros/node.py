@@ -16,21 +16,21 @@ from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.urdf import urdf_from_model
-from jaka_ros_driver.ros.convert import Requests
-from jaka_ros_driver.ros.diagnostics import Diagnostics
+from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.driver_lock import DriverLock
-from jaka_ros_driver.ros.evidence import Evidence
 from jaka_ros_driver.ros.frame_table import FrameTable
 from jaka_ros_driver.ros.log_bridge import log_to_ros
 from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
-from jaka_ros_driver.ros.operations import Operations
 from jaka_ros_driver.ros.params import DriverConfig, config_from
-from jaka_ros_driver.ros.publishers import FrameNames, StatePublishers
-from jaka_ros_driver.ros.service_server import prepare_connections
-from jaka_ros_driver.ros.services import Services
-from jaka_ros_driver.ros.servo_topics import ServoTopics
+from jaka_ros_driver.ros.services.call_publisher import CallPublisher
+from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
+from jaka_ros_driver.ros.services.service_server import prepare_connections
+from jaka_ros_driver.ros.services.service_table import Services
 from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
+from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
+from jaka_ros_driver.ros.topics.servo_topics import ServoTopics
+from jaka_ros_driver.ros.topics.state_publishers import FrameNames, StatePublishers
 
 _LOG = logging.getLogger(__name__)
 
@@ -57,10 +57,10 @@ class Driver:
         self._guard = Guard(config.ip, config.command_port, config.status_port) if config.guard else None
         self._arm = ArmClient(config.client_settings(), model, self._guard)
         self._frames = FrameTable(self._arm)
-        requests = Requests(model, config.is_vendor)
+        decoder = RequestDecoder(model, config.is_vendor)
         self._publishers = StatePublishers(self._arm, config, self._frames)
-        self._services = Services(requests, Operations(self._arm, config, self._frames), Evidence())
-        self._topics = ServoTopics(self._arm, requests, FrameNames(config))
+        self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames), CallPublisher())
+        self._topics = ServoTopics(self._arm, decoder, FrameNames(config))
         self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames))
         self._master_watch = MasterWatch(self._set_description)
         self._simulated = rospy.Publisher("~simulated", Bool, queue_size=1, latch=True)
@@ -68,11 +68,11 @@ class Driver:
 
     @property
     def has_failed(self) -> bool:
-        """A defect has ended what moves and stops the arm; the node must end."""
+        """True where the thread that moves and stops the arm has ended by a defect; the node must end then."""
         return self._arm.has_failed
 
     def start(self) -> None:
-        """Begin; returns at once. The controller need not be there yet."""
+        """Begin; returns at once. The controller need not be reachable yet."""
         self._set_description()
         prepare_connections()
         self._publishers.start()
@@ -88,7 +88,7 @@ class Driver:
                   self._config.command_port, self._config.status_port, self._config.interface)
 
     def tell_kind(self) -> None:
-        """Say whether the arm is real or simulated, in the log and on a latched topic, whenever that is learnt."""
+        """Tell in the log and on a latched topic whether the arm is real or simulated, whenever that becomes known."""
         is_simulated = self._arm.is_simulated
         if is_simulated is None or is_simulated is self._is_simulated:
             return
@@ -101,7 +101,7 @@ class Driver:
             _LOG.info("REAL ARM: the controller at %s:%d", self._config.ip, self._config.command_port)
 
     def close(self) -> None:
-        """Stop what this driver moves, answer every pending call, disconnect, give the controller free."""
+        """Stop what this driver moves, answer every pending call, disconnect, and release the controller's lock."""
         self._arm.close()
         self._services.finish_calls(_ANSWER_TIMEOUT_S)
         self._master_watch.close()
@@ -112,7 +112,7 @@ class Driver:
         self._lock.release()
 
     def _set_description(self) -> None:
-        """A URDF that somebody else has set is left alone."""
+        """Set ``robot_description``, unless another program has set it."""
         if not self._config.publish_description:
             return
         urdf = urdf_from_model(self._model, self._config.frame_prefix, self._config.base_frame,
@@ -141,7 +141,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         return _print_urdf(options)
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)  # a log that goes to a file is read while the driver runs
+        sys.stdout.reconfigure(line_buffering=True)  # a log in a file is to be complete while the driver runs
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # there is nothing to stop yet
     try:
         refuse_second_node(resolved_node_name(_NAME, sys.argv))
@@ -168,15 +168,15 @@ def main(argv: Optional[List[str]] = None) -> int:
         driver.tell_kind()
     rospy.signal_shutdown("signal %s" % signals)
     if not drain_log(_DRAIN_TIMEOUT_S):
-        os._exit(0)  # a terminal that does not read any more would keep the process for ever
+        os._exit(0)  # a terminal that does not read any more would keep the process from ending
     return 1 if driver.has_failed else 0
 
 
 def _noted_signals() -> List[int]:
-    """The SIGINT and SIGTERM that come from now on.
+    """A list to which each SIGINT and SIGTERM that comes from now on is added.
 
-    They are noted only: a handler that ended the driver itself, as rospy's does, could wait for a lock that the code
-    it interrupts holds.
+    The handler does no more: one that ended the driver itself, as rospy's does, could wait for a lock that the
+    interrupted code holds.
     """
     noted: List[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -195,7 +195,7 @@ def _print_urdf(options: argparse.Namespace) -> int:
 
 
 def _set_scheduler(priority: int) -> None:
-    """For this thread and those made later."""
+    """Set real-time priority for this thread and those that it starts later."""
     if priority:
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))

@@ -10,9 +10,10 @@ import re
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, List, Mapping, NamedTuple, Optional, Tuple
 
-from jaka_ros_driver.client.settings import COMMAND_PORT, STATUS_PORT, ClientSettings
+from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import InvalidCommand, JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, load_model_file, model_names
+from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.units import ms_to_s, s_to_ms
 
 DOCUMENTED, VENDOR = "documented", "vendor"
@@ -33,7 +34,7 @@ class WrongParameter(JakaError, ValueError):
 class Parameter(NamedTuple):
     """What a private parameter may be.
 
-    ``check`` raises ValueError where the value is not valid, and returns it in the type that the driver uses.
+    ``check`` returns a value in the type that the driver uses, and raises ValueError where it is not valid.
     """
 
     kind: str
@@ -122,14 +123,14 @@ class DriverConfig:
     """Everything that a user can set; the fields are the private parameters, documented in docs/parameters.md."""
 
     ip: str = _parameter("127.0.0.1", "text", "", "host name or IPv4 address", "Address of the controller.", _host)
-    command_port: int = _integer(COMMAND_PORT, 1, 65535, "Its request and reply port.")
-    status_port: int = _integer(STATUS_PORT, 1, 65535, "Its status feed.")
+    command_port: int = _integer(PORT_NUMBERS["command"], 1, 65535, "Its request and reply port.")
+    status_port: int = _integer(PORT_NUMBERS["status"], 1, 65535, "Its status feed.")
     model: str = _parameter("zu7", "text", "", "one of " + ", ".join(model_names()),
                             "The arm; its limits are the audit of every command.", _model)
     dh_file: str = _parameter("", "text", "", "empty, or path of a model file",
                               "A model file of your own (calibrated arm), instead of `model`.", _model_file)
     interface: str = _choice(DOCUMENTED, (DOCUMENTED, VENDOR),
-                             "Follow the interface document, or the maker's own ROS driver where the two differ.")
+                             "Follow docs/interface.md, or the maker's own ROS driver where the two differ.")
     blocking: bool = _flag(True, "linear_move and joint_move answer when the motion has ended; false: on acceptance.")
     activate_frames: Optional[bool] = _flag(None, "set_toolframe and set_userframe also make the frame the active one. "
                                                   "Default: true; false with interface vendor.")
@@ -184,16 +185,16 @@ class DriverConfig:
 
     @property
     def is_vendor(self) -> bool:
-        """Clients get what the maker's own driver gives them."""
+        """True where the interface is that of the maker's own driver."""
         return self.interface == VENDOR
 
     @property
     def activates_frames(self) -> bool:
-        """A frame that is set becomes the active one."""
+        """True where a frame that is set also becomes the active one."""
         return not self.is_vendor if self.activate_frames is None else self.activate_frames
 
     def client_settings(self) -> ClientSettings:
-        """What the client needs of it."""
+        """The settings of the client."""
         return ClientSettings(
             host=self.ip,
             feed_period=min(_CLIENT.feed_period, ms_to_s(max(1.0, round(s_to_ms(1.0 / self.publish_rate))))),
@@ -215,7 +216,7 @@ def table() -> List[Tuple[str, Any, Parameter]]:
 
 
 def config_from(values: Mapping[str, Any]) -> DriverConfig:
-    """The configuration that these private parameters give; what is not there has its default.
+    """Make the configuration from private parameters; those that are not set have their defaults.
 
     Raises:
         WrongParameter: Names every unknown parameter with the nearest known one, and every wrong value with what
@@ -241,7 +242,7 @@ def config_from(values: Mapping[str, Any]) -> DriverConfig:
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:
-    """The known name that shares most words with this one; among those the most similar."""
+    """The known name that has most words in common with this one; among several the most similar."""
     words = set(name.lower().split("_"))
     return max(known, key=lambda k: (len(words & set(k.split("_"))), difflib.SequenceMatcher(None, name, k).ratio()))
 

@@ -1,7 +1,8 @@
-"""One node of a name: a second one refuses to start, before the master has the first one end for its sake.
+"""Lets only one node of a name run: a second one refuses to start, before the master would end the first.
 
-The master lets the newer of two nodes of one name have it and tells the older one to shut down. Where both are to drive
-the same controller, the older one still holds it then, so that the newer one ends as well, and the arm has none.
+Where two nodes have the same name, the master keeps the newer one and tells the older one to shut down. Where both are
+to drive the same controller, the older one still holds its lock at that time, so that the newer one ends, too, and the
+arm is left without a driver.
 """
 import http.client
 from typing import Any, Sequence
@@ -14,7 +15,7 @@ import rosgraph.names
 
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven
 
-_TIMEOUT = 1.0
+_TIMEOUT_S = 1.0
 _NOT_ANSWERED = (OSError, XmlRpcError, http.client.HTTPException, ExpatError, ValueError, TypeError)
 
 
@@ -32,7 +33,8 @@ def resolved_node_name(default: str, argv: Sequence[str]) -> str:
 
 
 def refuse_second_node(name: str) -> None:
-    """Call before ``rospy.init_node``. Where there is no master, or a dead node of this name, nothing is refused.
+    """Raise where a node of this name runs. Call it before ``rospy.init_node``. Without a master, or where the node is
+    dead, it does nothing.
 
     Args:
         name: The resolved name of the node that is to start.
@@ -56,10 +58,10 @@ def refuse_second_node(name: str) -> None:
 
 
 def _ask(uri: str, method: str, *arguments: str) -> Any:
-    """What a master or node answers; None where it says no, or does not answer: it may hang, or be stopped.
+    """The answer of a master or node; None where it reports an error or does not answer in time.
 
     Raises:
-        _NobodyThere: Nobody listens at its address.
+        _NobodyThere: Nothing listens at its address.
     """
     try:
         with ServerProxy(uri, transport=_ShortTransport()) as proxy:
@@ -70,15 +72,15 @@ def _ask(uri: str, method: str, *arguments: str) -> Any:
 
 
 class _NobodyThere(Exception):
-    """The address is deserted."""
+    """Nothing listens at the address."""
 
 
 class _ShortTransport(Transport):
-    """Waits for so long at most; the standard one waits for ever for a process that has been stopped."""
+    """A transport with a time limit; the standard one waits for ever for a process that was stopped (SIGSTOP)."""
 
     def make_connection(self, host: Any) -> http.client.HTTPConnection:
         connection = super().make_connection(host)
-        connection.timeout = _TIMEOUT
+        connection.timeout = _TIMEOUT_S
         if connection.sock is None:
             try:
                 connection.connect()

@@ -1,1 +1,10 @@
-"""The simulated controller: motion of the arm (plant), state machine, wire, faults."""
+"""The simulated controller: a program (``jaka_sim``) and, as ``SimulatedController``, a part of other programs.
+
+The rooms, from the ground up; a room imports only from those above it in this list:
+
+arm                   joints over time: profiles, paths, jog, servo mode, limits; no requests, no sockets
+controller            power, errors, frames, inputs and outputs, and the commands that change them; no sockets
+server                ports, clients, wire faults, the clock of the cycle, the operator's panel
+simulated_controller  all of it in one object
+__main__              the command line
+"""

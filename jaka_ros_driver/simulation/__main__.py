@@ -1,18 +1,19 @@
 """Command line: ``jaka_sim`` serves a simulated controller, ``jaka_sim panel ACTION key=value`` asks a running one."""
 import argparse
 import json
-import signal
 import sys
 from typing import Any, Dict, List, Optional
 
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import model_names
-from jaka_ros_driver.simulation import proxy
-from jaka_ros_driver.simulation.firmware import FIRMWARES
-from jaka_ros_driver.simulation.panel import ACTIONS
-from jaka_ros_driver.simulation.priority import raise_priority
-from jaka_ros_driver.simulation.server import LOOPBACK, ask_panel
+from jaka_ros_driver.protocol.ports import PORT_NUMBERS
+from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.server.panel import ACTIONS
+from jaka_ros_driver.simulation.server.server import ask_panel
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
+from jaka_ros_driver.wire import proxy
+from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
+from jaka_ros_driver.wire.sockets import LOOPBACK
 
 
 def main(argv: Optional[List[str]] = None) -> int:
@@ -41,11 +42,8 @@ def _serve(arguments: List[str]) -> int:
               % options.host, file=sys.stderr)
     try:
         arm = SimulatedController(**settings)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda _number, _frame: arm.stop())
-        ports = {"command_port": arm.command_port, "status_port": arm.status_port, "poll_port": arm.poll_port,
-                 "panel_port": arm.panel_port}
-        print(json.dumps(ports), flush=True)
+        stop_on_signals(arm.stop)
+        print_ports({**arm.server.port_numbers, "panel": arm.panel_port})
         arm.run()
     except (JakaError, OSError) as error:
         print("jaka_sim: error: %s" % error, file=sys.stderr)
@@ -61,8 +59,9 @@ def _serving_parser() -> argparse.ArgumentParser:
     parser.add_argument("--model", default="zu7", metavar="NAME", help="one of %s" % ", ".join(model_names()))
     parser.add_argument("--dh-file", metavar="FILE", help="a model of your own instead, see docs/simulation.md")
     parser.add_argument("--host", default=LOOPBACK, metavar="ADDRESS", help="where to listen; default loopback only")
-    for port, default, text in (("command", 10001, "commands"), ("status", 10000, "status feed"),
-                                ("poll", 10004, "polled status"), ("panel", 0, "operator's panel, -1 for none")):
+    for port, default, text in (
+            ("command", PORT_NUMBERS["command"], "commands"), ("status", PORT_NUMBERS["status"], "status feed"),
+            ("poll", PORT_NUMBERS["poll"], "polled status"), ("panel", 0, "operator's panel, -1 for none")):
         parser.add_argument("--%s-port" % port, type=int, default=default, metavar="N",
                             help="%s; 0 for a free port, default %d" % (text, default))
     parser.add_argument("--time-scale", type=float, default=1.0, metavar="FACTOR",

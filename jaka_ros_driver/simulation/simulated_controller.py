@@ -13,25 +13,27 @@ from typing import Any, Dict, Optional, Type
 
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
-from jaka_ros_driver.simulation import panel
-from jaka_ros_driver.simulation.cabinet import Options, Start
-from jaka_ros_driver.simulation.controller import Controller
-from jaka_ros_driver.simulation.cycle_clock import MIN_FEED_PERIOD_S
-from jaka_ros_driver.simulation.firmware import FIRMWARES
-from jaka_ros_driver.simulation.plant import Starvation
-from jaka_ros_driver.simulation.server import LOOPBACK, Addresses, Server
-from jaka_ros_driver.simulation.wire_log import WireLog
+from jaka_ros_driver.simulation.arm.plant import Starvation
+from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.controller_state import Options, Start
+from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.server import panel
+from jaka_ros_driver.simulation.server.cycle_clock import MIN_FEED_PERIOD_S
+from jaka_ros_driver.simulation.server.server import Addresses, Server
+from jaka_ros_driver.wire.log import WireLog
+from jaka_ros_driver.wire.sockets import LOOPBACK
 
 MAX_TIME_SCALE = 100.0
 _IDENTITY = re.compile(r"[!-~]{1,256}\Z")
 
 
 class SimulatedController:
-    """Listens from its creation on, serves inside ``with`` or from ``start`` to ``close``.
+    """A simulated controller. It listens as soon as it is made, and serves inside ``with``, or from ``start`` to
+    ``close``.
 
     Attributes:
-        server: Its sockets; its ``controller`` is the state. Touch them through ``panel`` or ``server.call`` only,
-            while it runs.
+        server: Its sockets; ``server.controller`` is what it serves. While it runs, use both only through ``panel`` or
+            ``server.call``.
     """
 
     def __init__(self, model: str = "zu7", dh_file: Optional[str] = None, *, time_scale: float = 1.0,
@@ -49,19 +51,19 @@ class SimulatedController:
             start: "off", "powered" or "enabled".
             power_delay: From power_on to energised drives, s of simulated time.
             enable_delay: From enable_robot to released brakes, s of simulated time.
-            starvation: "hold" or "repeat": what a servo stream that runs dry does.
+            starvation: What the arm does when a servo stream has no more points: "hold" or "repeat".
             single_client: "replace": a new command client replaces the old; "refuse": it is closed.
-            seed: Of the wire faults.
+            seed: Of the random generator of the wire faults.
             log: File for the wire log; None for none.
             host: Address for the three ports.
             command_port: TCP port, 0 for a free one.
             status_port: As command_port.
             poll_port: As command_port.
             panel_port: As command_port, on loopback; None for none.
-            identity: What it answers to ``get_simulator_identity``; None for one that no other has.
+            identity: What it answers to ``get_simulator_identity``; None for a unique text.
 
         Raises:
-            InvalidCommand: A value that is none of those.
+            InvalidCommand: A value is not one of those above.
             WireLogError: The log cannot be written.
             OSError: A port cannot be had.
         """
@@ -144,7 +146,7 @@ class SimulatedController:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop serving, close every socket and the log; again is no error."""
+        """Stop serving, close every socket and the log; a second call has no effect."""
         if self._thread is not None:
             self.stop()
             self._thread.join()

@@ -29,7 +29,7 @@ from soak_bench import master, percentile  # noqa: E402
 
 from jaka_msgs.msg import RobotMsg  # noqa: E402
 from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream  # noqa: E402
-from jaka_ros_driver.simulation.wire_log import WireEvent, read_log  # noqa: E402
+from jaka_ros_driver.wire.log import WireEvent, read_log  # noqa: E402
 
 TOPICS = {"tool_position": TwistStamped, "joint_position": JointState, "robot_states": RobotMsg}
 STOPS = 30

@@ -14,7 +14,7 @@ from plant_watch import shift  # noqa: E402
 
 from jaka_ros_driver.commands import JogFrame  # noqa: E402
 from jaka_ros_driver.kinematics.arm_models import load_model  # noqa: E402
-from jaka_ros_driver.simulation.plant import JogMode, Plant, ServoFilter  # noqa: E402
+from jaka_ros_driver.simulation.arm.plant import JogMode, Plant, ServoFilter  # noqa: E402
 
 ROUNDS = 10
 FILTERS = {

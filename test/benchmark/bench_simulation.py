@@ -21,11 +21,11 @@ from raw_client import RawClient, RawFeed  # noqa: E402
 from jaka_ros_driver.kinematics import closed_forms  # noqa: E402
 from jaka_ros_driver.kinematics.arm_models import load_model  # noqa: E402
 from jaka_ros_driver.kinematics.forward import forward  # noqa: E402
-from jaka_ros_driver.simulation.cabinet import Options, Start  # noqa: E402
-from jaka_ros_driver.simulation.controller import Controller  # noqa: E402
-from jaka_ros_driver.simulation.firmware import FIRMWARES  # noqa: E402
-from jaka_ros_driver.simulation.request_parser import RequestParser  # noqa: E402
-from jaka_ros_driver.simulation.server import ask_panel  # noqa: E402
+from jaka_ros_driver.simulation.controller.controller import Controller  # noqa: E402
+from jaka_ros_driver.simulation.controller.controller_state import Options, Start  # noqa: E402
+from jaka_ros_driver.simulation.controller.firmware import FIRMWARES  # noqa: E402
+from jaka_ros_driver.simulation.server.request_parser import RequestParser  # noqa: E402
+from jaka_ros_driver.simulation.server.server import ask_panel  # noqa: E402
 from jaka_ros_driver.units import deg_to_rad  # noqa: E402
 
 MOVE = {"cmdName": "moveL", "cartPosition": [460.0, 60.0, 320.0, 180.0, 0.0, -90.0], "speed": 50.0, "accel": 200.0}
@@ -58,7 +58,7 @@ def costs():
     print("parse a request of %3d bytes                  %8.1f us" % (
         len(request), microseconds(lambda: parser.feed(request, 0.0))))
     chance = random.Random(1)
-    plant, poses = controller.cabinet.plant, []
+    plant, poses = controller.state.plant, []
     while len(poses) < 200:
         joints = [deg_to_rad(chance.uniform(low, high)) for low, high in (
             (-180, 180), (30, 150), (-130, -30), (30, 150), (30, 150), (-180, 180))]

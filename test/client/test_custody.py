@@ -363,7 +363,7 @@ def test_the_simulated_controller_that_was_launched_is_stopped_and_driven_again_
 def test_an_arm_that_somebody_else_moves_is_not_moved(bench):
     one = bench()
     arm = one.connect()
-    plant = one.controller.server.controller.cabinet.plant
+    plant = one.controller.server.controller.state.plant
     one.controller.server.call(lambda: plant.add_joint_move((1.0,) + HOME[1:], 0.2))
     assert eventually(one.is_moving)
     assert eventually(lambda: arm.fresh_state().joint_position[0] > 0.01)

@@ -10,8 +10,8 @@ from jaka_ros_driver.client.driver_pipe import (
     FAREWELL,
     IDLE,
     MOVING,
-    SILENCE_TIMEOUT,
-    STARVED_TIMEOUT,
+    SILENCE_TIMEOUT_S,
+    STARVED_TIMEOUT_S,
     STOPPING,
     WATCHING,
     DriverPipe,
@@ -77,18 +77,18 @@ def silence_of(pipe):
 
 def test_a_driver_in_motion_is_silent_after_a_quarter_of_a_second(ends, idle_host):
     one = ends(is_moving=True)
-    assert SILENCE_TIMEOUT - 0.01 < silence_of(one.pipe) < STARVED_TIMEOUT - 0.1
+    assert SILENCE_TIMEOUT_S - 0.01 < silence_of(one.pipe) < STARVED_TIMEOUT_S - 0.1
     assert one.pipe.driver() is Driver.SILENT
 
 
 def test_a_driver_that_gets_no_time_is_waited_for(ends, starved):
-    assert silence_of(ends(is_moving=True).pipe) > STARVED_TIMEOUT - 0.01
+    assert silence_of(ends(is_moving=True).pipe) > STARVED_TIMEOUT_S - 0.01
 
 
 def test_a_driver_that_freezes_while_it_waits_for_its_turn_is_noticed_soon(ends, monkeypatch):
-    froze_at = time.monotonic() + 2 * SILENCE_TIMEOUT
+    froze_at = time.monotonic() + 2 * SILENCE_TIMEOUT_S
     monkeypatch.setattr(driver_pipe, "waits_for_processor", lambda process: time.monotonic() < froze_at)
-    assert 2 * SILENCE_TIMEOUT - 0.01 < silence_of(ends(is_moving=True).pipe) < STARVED_TIMEOUT - 0.1
+    assert 2 * SILENCE_TIMEOUT_S - 0.01 < silence_of(ends(is_moving=True).pipe) < STARVED_TIMEOUT_S - 0.1
 
 
 def test_a_guard_that_was_held_up_itself_gives_the_driver_another_quarter_of_a_second(ends, idle_host, monkeypatch):
@@ -101,13 +101,13 @@ def test_a_guard_that_was_held_up_itself_gives_the_driver_another_quarter_of_a_s
         return wait(pipe, 0.0)
 
     monkeypatch.setattr(DriverPipe, "wait", wait_too_long)
-    assert 1.0 + SILENCE_TIMEOUT - 0.01 < silence_of(one.pipe)
+    assert 1.0 + SILENCE_TIMEOUT_S - 0.01 < silence_of(one.pipe)
 
 
 def test_an_idle_driver_may_be_silent_until_it_leaves(ends, idle_host):
     one = ends()
-    threading.Timer(3 * SILENCE_TIMEOUT, one.say, [FAREWELL]).start()
-    assert silence_of(one.pipe) > 2.9 * SILENCE_TIMEOUT
+    threading.Timer(3 * SILENCE_TIMEOUT_S, one.say, [FAREWELL]).start()
+    assert silence_of(one.pipe) > 2.9 * SILENCE_TIMEOUT_S
     assert one.pipe.has_left and one.pipe.is_over and one.pipe.driver() is Driver.BACK
 
 

@@ -10,9 +10,9 @@ from arm_bench import WAIT, eventually, fill
 from guarded_driver import ROOT, GuardedDriver
 
 from jaka_ros_driver.client.process_state import waits_for_processor
-from jaka_ros_driver.simulation.command_spec import CommandSpec
-from jaka_ros_driver.simulation.command_table import COMMANDS
-from jaka_ros_driver.simulation.replies import Refused
+from jaka_ros_driver.simulation.controller.command_spec import CommandSpec
+from jaka_ros_driver.simulation.controller.command_table import COMMANDS
+from jaka_ros_driver.simulation.controller.replies import Refused
 
 
 @pytest.fixture
@@ -35,19 +35,19 @@ def answer_stops(monkeypatch):
     def install(*reactions):
         real, left = COMMANDS["stop_program"], list(reactions)
 
-        def handle(cabinet, arguments):
-            return left.pop(0)(cabinet) if left else real.handler(cabinet, arguments)
+        def handle(state, arguments):
+            return left.pop(0)(state) if left else real.handler(state, arguments)
 
         monkeypatch.setitem(COMMANDS, "stop_program", CommandSpec(real.name, real.section, handle))
 
     return install
 
 
-def accept_and_go_on(_cabinet):
+def accept_and_go_on(_state):
     """The reply is that of a stop that was accepted."""
 
 
-def refuse(_cabinet):
+def refuse(_state):
     raise Refused("2")
 
 

@@ -10,8 +10,8 @@ from arm_bench import WAIT, eventually, processes_with
 from guarded_driver import GuardedDriver
 
 from jaka_ros_driver.client import guard_post
-from jaka_ros_driver.client.guard import BEAT_PERIOD, Guard
-from jaka_ros_driver.client.guard_post import ANSWER_TIMEOUT, GuardPost
+from jaka_ros_driver.client.guard import BEAT_PERIOD_S, Guard
+from jaka_ros_driver.client.guard_post import ANSWER_TIMEOUT_S, GuardPost
 
 COMMAND_PORT, STATUS_PORT = 9, 10
 """Nobody listens there; a guard whose driver moves nothing never connects."""
@@ -48,16 +48,16 @@ class Beats:
         self.now = time.monotonic()
 
     def go_on(self, duration):
-        for _ in range(round(duration / BEAT_PERIOD)):
-            self.now += 1.001 * BEAT_PERIOD
+        for _ in range(round(duration / BEAT_PERIOD_S)):
+            self.now += 1.001 * BEAT_PERIOD_S
             self._guard.beat(self.now)
 
     def until(self, condition):
         """Beat as time goes by until the condition holds."""
         deadline = time.monotonic() + WAIT
         while not condition() and time.monotonic() < deadline:
-            self.go_on(BEAT_PERIOD)
-            time.sleep(BEAT_PERIOD)
+            self.go_on(BEAT_PERIOD_S)
+            time.sleep(BEAT_PERIOD_S)
         assert condition()
 
 
@@ -83,7 +83,7 @@ def test_a_guard_that_dies_or_freezes_in_motion_is_replaced_and_its_successor_st
     os.kill(pid, how)
     struck_at = time.monotonic()
     assert eventually(lambda: pid not in process.guards() and process.guards())
-    assert time.monotonic() - struck_at < ANSWER_TIMEOUT + 2.0
+    assert time.monotonic() - struck_at < ANSWER_TIMEOUT_S + 2.0
     assert process.watched() != pid
     health = process.health()
     assert health["replacements"] == 1
@@ -114,9 +114,9 @@ def test_a_driver_that_was_held_up_does_not_blame_its_guard(guard):
     freeze(pid)
     beats.go_on(0.1)
     beats.now += 30.0  # the driver itself was frozen
-    beats.go_on(0.8 * ANSWER_TIMEOUT)
+    beats.go_on(0.8 * ANSWER_TIMEOUT_S)
     assert guard.health().replacements == 0
-    beats.go_on(0.4 * ANSWER_TIMEOUT)
+    beats.go_on(0.4 * ANSWER_TIMEOUT_S)
     assert guard.health().replacements == 1
     assert eventually(lambda: pid not in guards())
 

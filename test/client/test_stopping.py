@@ -1,7 +1,7 @@
 """How the guard stops an arm, step by step: what it does next, after what it was told."""
 import pytest
 
-from jaka_ros_driver.client.stopping import GIVE_UP_AFTER, LOCKED_OUT_AFTER, STILL_FOR, Driver, Step, Stopping
+from jaka_ros_driver.client.stopping import GIVE_UP_AFTER_S, LOCKED_OUT_AFTER_S, STILL_FOR_S, Driver, Step, Stopping
 from jaka_ros_driver.errors import FramingError
 from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.state import RobotState
@@ -63,7 +63,7 @@ def test_it_leaves_servo_mode_and_stops_and_waits_for_the_stops_reply_only(story
     story.reply("servo_move", "2")
     assert story.step() is Step.WAIT
     story.reply()
-    assert story.until(Step.FINISH, speed=0.0) == pytest.approx(STILL_FOR, abs=2.1 * PERIOD)
+    assert story.until(Step.FINISH, speed=0.0) == pytest.approx(STILL_FOR_S, abs=2.1 * PERIOD)
     assert story.said[-1] == "the arm is at rest"
 
 
@@ -76,7 +76,7 @@ def test_stillness_before_the_stop_was_accepted_is_no_evidence(story):
     story.send()
     story.reply()
     assert story.step() is Step.WAIT
-    assert story.until(Step.FINISH, speed=0.0) > 0.9 * STILL_FOR
+    assert story.until(Step.FINISH, speed=0.0) > 0.9 * STILL_FOR_S
 
 
 def test_a_slow_arm_is_not_at_rest(story):
@@ -87,7 +87,7 @@ def test_a_slow_arm_is_not_at_rest(story):
         assert story.until(Step.SEND, speed=0.01) == pytest.approx(0.5, abs=2 * PERIOD)
         story.send()
         story.reply()
-    assert story.until(Step.FINISH, speed=0.0) < 2 * STILL_FOR
+    assert story.until(Step.FINISH, speed=0.0) < 2 * STILL_FOR_S
 
 
 def test_it_gives_up_after_a_minute_of_an_arm_that_moves_on(story):
@@ -100,7 +100,7 @@ def test_it_gives_up_after_a_minute_of_an_arm_that_moves_on(story):
             stops += 1
         story.now += PERIOD
         story.frame(1.0 * PERIOD)
-    assert story.now - began == pytest.approx(GIVE_UP_AFTER, abs=0.1) and stops > 100
+    assert story.now - began == pytest.approx(GIVE_UP_AFTER_S, abs=0.1) and stops > 100
     assert "was not seen at rest" in story.said[-1] and len(story.said) < 6
 
 
@@ -117,7 +117,7 @@ def test_an_arm_without_drives_is_at_rest_though_the_controller_refuses_stops(st
     story.connect()
     story.send()
     story.reply(code="2")
-    assert story.until(Step.FINISH, speed=0.0, is_on=False) < 2 * STILL_FOR
+    assert story.until(Step.FINISH, speed=0.0, is_on=False) < 2 * STILL_FOR_S
     assert "its drives are off" in story.said[-1]
 
 
@@ -173,7 +173,7 @@ def test_a_frozen_driver_is_ended_after_a_quarter_of_a_second_of_being_turned_aw
         if step is Step.CONNECT:
             story.turn_away()
         story.now += PERIOD
-    assert story.now - began == pytest.approx(LOCKED_OUT_AFTER, abs=0.1)
+    assert story.now - began == pytest.approx(LOCKED_OUT_AFTER_S, abs=0.1)
     assert story.until(Step.CONNECT, Driver.SILENT) < 0.05
 
 

@@ -6,7 +6,7 @@ the core says of itself, but for its answers, which are themselves judged. Each 
 from collections import deque
 from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
-from cabinet_room import DRIVER, STREAMED, CabinetRoom, is_motion
+from controller_room import DRIVER, STREAMED, ControllerRoom, is_motion
 from driver_process import Call, DriverProcess
 from sent_rules import SentRules
 from status_feed import Frame
@@ -73,7 +73,7 @@ class Judge:
         answers: How often which kind of call ended how.
     """
 
-    def __init__(self, clock: Clock, network: Network, room: CabinetRoom, model: ArmModel, settings: ClientSettings,
+    def __init__(self, clock: Clock, network: Network, room: ControllerRoom, model: ArmModel, settings: ClientSettings,
                  lateness: float, identity: str, note: Callable[..., None]) -> None:
         self._clock, self._network, self._room, self._settings, self._note = clock, network, room, settings, note
         self.driver: DriverProcess
@@ -198,7 +198,7 @@ class Judge:
         """A state for the publishers."""
         if not is_new:
             return
-        age = max(self._shown_age, SHOWN_PERIODS * self._room.controller.cabinet.feed_period + self._wire_age)
+        age = max(self._shown_age, SHOWN_PERIODS * self._room.controller.state.feed_period + self._wire_age)
         oldest = now - age
         until = now
         for since, joints in reversed(self._joints):
@@ -228,7 +228,7 @@ class Judge:
     def cycle(self) -> None:
         """Judge the arm as it is now."""
         now, room = self._clock.now, self._room
-        plant = room.controller.cabinet.plant
+        plant = room.controller.state.plant
         joints = plant.joint_position
         if self._joints_before is not joints:
             self._joints_before = joints
@@ -308,7 +308,7 @@ class Judge:
     # ---- answers ----
 
     def _is_completed(self, call: Call, now: float) -> None:
-        plant = self._room.controller.cabinet.plant
+        plant = self._room.controller.state.plant
         speed = max(map(abs, plant.joint_velocity))
         if self._room.mover is DRIVER and speed > AT_REST:
             raise RuleBroken("e", now, "%s is completed, and the arm moves at %.4f rad/s" % (call, speed))
@@ -338,13 +338,13 @@ class Judge:
 
     def must_rest(self) -> None:
         """Nobody wants motion any more, and nothing stands against a stop; or the driver is gone, and no guard acts."""
-        plant = self._room.controller.cabinet.plant
+        plant = self._room.controller.state.plant
         if plant.is_moving and self._room.mover is DRIVER and max(map(abs, plant.joint_velocity)) > MOVING:
             raise RuleBroken("e", self._clock.now, "the arm has not come to rest at the end")
 
     def must_be_free(self) -> None:
         """As ``must_rest``; and there is nothing left to guard."""
-        if self._room.controller.cabinet.plant.is_servo_active:
+        if self._room.controller.state.plant.is_servo_active:
             raise RuleBroken("k", self._clock.now, "all is well, and the controller is still in servo mode")
         if not self.driver.core.is_free or self.driver.is_moving_told:
             raise RuleBroken("k", self._clock.now, "the arm rests, all is well, and it is still in custody: %s" % (

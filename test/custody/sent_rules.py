@@ -6,7 +6,7 @@ import json
 import math
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
-from cabinet_room import CabinetRoom, is_motion
+from controller_room import ControllerRoom, is_motion
 from driver_process import Call
 from verdict import RuleBroken
 
@@ -50,7 +50,7 @@ class SentRules:
         stops_seen: So many stops went out.
     """
 
-    def __init__(self, room: CabinetRoom, model: ArmModel, settings: ClientSettings, lateness: float,
+    def __init__(self, room: ControllerRoom, model: ArmModel, settings: ClientSettings, lateness: float,
                  identity: str) -> None:
         self._room, self._model, self._settings, self._lateness = room, model, settings, lateness
         self._is_foreign = bool(settings.simulator) and settings.simulator != identity
@@ -200,7 +200,7 @@ class SentRules:
         self._within_limits("servo_j", joints, now)
         before = self._frame if self._kind == "servo_j" else None
         if before is None:
-            measured = self._room.controller.cabinet.plant.joint_position
+            measured = self._room.controller.state.plant.joint_position
             if not _near(measured, joints, FIRST_FRAME_NEAR):
                 raise RuleBroken("f", now, "the first servo frame is %.3f rad from the arm" % max(
                     [abs(a - b) for a, b in zip(measured, joints)]))

@@ -6,9 +6,9 @@ from virtual_clock import Clock
 from wire import Network
 
 from jaka_ros_driver.client.core.actions import Port
-from jaka_ros_driver.simulation.connection import FRAME_BACKLOG_BYTES
-from jaka_ros_driver.simulation.controller import Controller
-from jaka_ros_driver.simulation.status_frame import all_field_names
+from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.status_frame import all_field_names
+from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES
 
 _NEEDED_FIELDS = frozenset((
     "drag_status", "errcode", "errmsg", "joint_actual_position", "actual_position", "interp_state", "enabled",
@@ -70,12 +70,12 @@ class StatusFeed:
 
     def start(self) -> None:
         """The controller has been started."""
-        cabinet = self._controller.cabinet
-        cabinet.slow_feed(self._forced_period)
+        state = self._controller.state
+        state.slow_feed(self._forced_period)
         if not self._has_all_fields:
-            for name in all_field_names(cabinet.firmware):
+            for name in all_field_names(state.firmware):
                 if name not in _NEEDED_FIELDS:
-                    cabinet.memory.field_switches[name] = False
+                    state.memory.field_switches[name] = False
         self.restarts += 1
         self._next_frame = self._clock.now
 
@@ -83,7 +83,7 @@ class StatusFeed:
         """Send a frame where one is due."""
         now = self._clock.now
         if now >= self._next_frame - _SAME_MOMENT:
-            self._next_frame = max(self._next_frame + self._controller.cabinet.feed_period, now)
+            self._next_frame = max(self._next_frame + self._controller.state.feed_period, now)
             self._send_frame(now)
 
     def _send_frame(self, now: float) -> None:
@@ -91,9 +91,9 @@ class StatusFeed:
         faults = self.faults
         if not clients or now < faults.silent_until:
             return
-        cabinet = self._controller.cabinet
+        state = self._controller.state
         text, is_readable, shows_fault = self._frame_text(now)
-        frame = Frame(now, is_readable, shows_fault or cabinet.emergency_stop or cabinet.protective_stop, self.restarts)
+        frame = Frame(now, is_readable, shows_fault or state.emergency_stop or state.protective_stop, self.restarts)
         for cable in clients:
             if cable.to_driver.unsent_bytes <= FRAME_BACKLOG_BYTES:
                 cable.to_driver.send(text, frame)
@@ -121,11 +121,11 @@ class StatusFeed:
 
     def _honest_text(self) -> bytes:
         """The frame's text; kept while the arm rests and nothing else in it has changed, for speed."""
-        cabinet = self._controller.cabinet
-        plant, memory = cabinet.plant, cabinet.memory
-        key = (plant.joint_position, plant.is_in_position, plant.is_hand_guided, plant.is_moving, cabinet.is_powered,
-               cabinet.is_enabled, cabinet.emergency_stop, cabinet.protective_stop, cabinet.program_state,
-               cabinet.is_paused, memory.tool_id, memory.user_frame_id, cabinet.alarms.shown(), plant.motion_line,
+        state = self._controller.state
+        plant, memory = state.plant, state.memory
+        key = (plant.joint_position, plant.is_in_position, plant.is_hand_guided, plant.is_moving, state.is_powered,
+               state.is_enabled, state.emergency_stop, state.protective_stop, state.program_state,
+               state.is_paused, memory.tool_id, memory.user_frame_id, state.alarms.shown(), plant.motion_line,
                plant.add_error_line, memory.tools[memory.tool_id].pose,
                memory.user_frames[memory.user_frame_id].pose, self.restarts)
         if key != self._kept_text[0]:

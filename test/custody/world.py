@@ -7,8 +7,8 @@ import random
 import zlib
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
-from cabinet_room import CabinetRoom
 from clients import Clients
+from controller_room import ControllerRoom
 from driver_process import Call, DriverProcess
 from generator import Event, Scenario
 from invariants import FREE_AFTER, REST_AFTER_STOP, Judge
@@ -20,9 +20,9 @@ from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model
-from jaka_ros_driver.simulation.cabinet import Options, Start
-from jaka_ros_driver.simulation.firmware import FIRMWARES
-from jaka_ros_driver.simulation.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
+from jaka_ros_driver.simulation.controller.controller_state import Options, Start
+from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 
 MODEL = "zu7"
 BEGIN = 1000.0
@@ -74,7 +74,7 @@ class World:
         self._network = network = Network(clock, chance, scenario.latency)
         options = Options(scenario.power_delay, scenario.enable_delay, Start(scenario.start),
                           identity=scenario.identity)
-        self._room = room = CabinetRoom(clock, network, chance, model, FIRMWARES[scenario.firmware], options,
+        self._room = room = ControllerRoom(clock, network, chance, model, FIRMWARES[scenario.firmware], options,
                                         scenario.forced_feed_period, scenario.full_frames, self.note)
         self._judge = judge = Judge(clock, network, room, model, settings, scenario.lateness, scenario.identity,
                                     self.note)
@@ -119,14 +119,14 @@ class World:
         except RuleBroken as error:
             broken = error
             self.note("BROKEN", error)
-        return Result(broken, clock.now - BEGIN, self._judge.cycles_moving * CYCLE_TIME, self._judge.answers,
+        return Result(broken, clock.now - BEGIN, self._judge.cycles_moving * CYCLE_TIME_S, self._judge.answers,
                       self._digest.hexdigest())
 
     def _loop(self) -> None:
         clock, driver = self._clock, self._driver
         run_cycle, judge_cycle, next_due = self._room.cycle, self._judge.cycle, clock.next_due
         cycles = 1
-        next_cycle = BEGIN + CYCLE_TIME
+        next_cycle = BEGIN + CYCLE_TIME_S
         while not self._is_over:
             next_tick = driver.next_tick if clock.now >= driver.paused_until else _NEVER
             due = next_due()
@@ -143,7 +143,7 @@ class World:
                 if self._closing_until is not None:
                     self._say_good_bye()
                 cycles += 1
-                next_cycle = BEGIN + cycles * CYCLE_TIME
+                next_cycle = BEGIN + cycles * CYCLE_TIME_S
 
     def _happens(self, event: Event) -> None:
         if event.at <= self._scenario.length:
@@ -174,10 +174,10 @@ class World:
         """Somebody stops what is still under way; a driver that does not know yet that all is well gets time."""
         def answered(call: Call) -> None:
             if call.error is None:
-                self._clock.after(REST_AFTER_STOP + CYCLE_TIME, self._judge.must_rest)
+                self._clock.after(REST_AFTER_STOP + CYCLE_TIME_S, self._judge.must_rest)
                 self._clock.after(FREE_AFTER, self._judge.must_be_free)
                 self._clock.after(FREE_AFTER, self._judge.must_be_ready)
-                self._clock.after(FREE_AFTER + CYCLE_TIME, self._close)
+                self._clock.after(FREE_AFTER + CYCLE_TIME_S, self._close)
             elif tries > 1:
                 self._clock.after(1.0, lambda: self._last_stop(tries - 1))
             else:
@@ -335,7 +335,7 @@ class World:
 
     def do_emergency_stop(self, held: float) -> None:
         self._room.press_emergency_stop()
-        self._clock.after(held, lambda: self._room.controller.cabinet.release_emergency_stop())
+        self._clock.after(held, lambda: self._room.controller.state.release_emergency_stop())
 
     def do_hit(self, force: float) -> None:
         self._room.hit(force)
@@ -356,8 +356,8 @@ class World:
         self._room.pause_at_pendant(duration)
 
     def do_rapid_rate(self, rate: float, duration: float) -> None:
-        self._room.controller.cabinet.plant.set_rapid_rate(rate)
-        self._clock.after(duration, lambda: self._room.controller.cabinet.plant.set_rapid_rate(1.0))
+        self._room.controller.state.plant.set_rapid_rate(rate)
+        self._clock.after(duration, lambda: self._room.controller.state.plant.set_rapid_rate(1.0))
 
     def do_lying_refusal(self, command: str, duration: float) -> None:
         self._room.faults.lies_until[command] = self._clock.now + duration

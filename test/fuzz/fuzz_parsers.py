@@ -18,7 +18,7 @@ with atheris.instrument_imports():
     from jaka_ros_driver.errors import FramingError, StatusFrameError
     from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream
     from jaka_ros_driver.protocol.status import encode_frame, parse_status
-    from jaka_ros_driver.simulation.request_parser import MAX_REQUEST_BYTES, RequestParser
+    from jaka_ros_driver.simulation.server.request_parser import MAX_REQUEST_BYTES, RequestParser
 
 FRAME = (ROOT / "test" / "data" / "frames" / "zu5s_1.5.14.json").read_bytes()
 LIMIT = 4096

@@ -4,14 +4,15 @@ import random
 import dh_oracle
 import numpy as np
 import pytest
+from reference_values import reference_values
 
-from jaka_ros_driver.kinematics import arm_models, rotations
+from jaka_ros_driver.kinematics import rotations
 from jaka_ros_driver.kinematics.arm_models import load_model, model_names
 from jaka_ros_driver.kinematics.forward import forward, jacobian, link_transforms, singularity_measures
 
 MODELS = model_names()
 TOOL = rotations.transform(rotations.matrix_from_rpy((0.2, -0.4, 1.0)), (0.05, -0.1, 0.3))
-REFERENCES = {values["id"]: values for values in arm_models.reference_values()}
+REFERENCES = {values["id"]: values for values in reference_values()}
 
 
 def random_pairs(count, names=MODELS):

@@ -4,10 +4,11 @@ import random
 import dh_oracle
 import numpy as np
 import pytest
+from reference_values import reference_values
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import InvalidCommand, PoseOutsideLimits, UnreachablePose
-from jaka_ros_driver.kinematics import arm_models, inverse, rotations
+from jaka_ros_driver.kinematics import inverse, rotations
 from jaka_ros_driver.kinematics.arm_models import ArmModel, DhRow, load_model, model_names
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.units import mm_to_m
@@ -50,7 +51,7 @@ def test_the_branch_next_to_the_reference_is_chosen(name):
 
 
 def test_the_solution_printed_by_a_controller_is_reproduced():
-    reference = next(values for values in arm_models.reference_values() if "ref_joint" in values)
+    reference = next(values for values in reference_values() if "ref_joint" in values)
     x, y, z, rx, ry, rz = reference["pose"]
     target = rotations.transform_from_pose(Pose((mm_to_m(x), mm_to_m(y), mm_to_m(z)), (rx, ry, rz)))
     found = inverse.inverse(load_model(reference["model"]), target, reference["ref_joint"])

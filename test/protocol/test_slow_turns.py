@@ -15,10 +15,10 @@ from jaka_ros_driver.kinematics.rotations import (
 )
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.framing import encode_object, parse_object
-from jaka_ros_driver.simulation.cabinet import Options, Start
-from jaka_ros_driver.simulation.controller import Controller
-from jaka_ros_driver.simulation.firmware import FIRMWARES
-from jaka_ros_driver.simulation.plant import CYCLE_TIME
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
+from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.controller_state import Options, Start
+from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 
 QUARTER = math.pi / 2.0
 
@@ -26,15 +26,15 @@ QUARTER = math.pi / 2.0
 def turned(axis, speed):
     """Fastest joint, rad/s, and angle turned, rad, of a quarter turn about an axis of the tool, done at its place."""
     controller = Controller(load_model("zu7"), FIRMWARES["1.7"], Options(start=Start.ENABLED))
-    plant = controller.cabinet.plant
+    plant = controller.state.plant
     begin = transform_from_pose(plant.tcp_pose())
     quarter = transform(matrix_from_rotation_vector([QUARTER * share for share in axis]), (0.0, 0.0, 0.0))
     command = LinearMove(pose_from_transform(compose(begin, quarter)), speed, 1.0)
     reply = controller.execute(parse_object(encode_object(codec.encode(command)))).reply
     codec.decode(command, parse_object(reply))
     fastest = 0.0
-    for _ in range(int(60.0 / CYCLE_TIME)):
-        controller.step(CYCLE_TIME)
+    for _ in range(int(60.0 / CYCLE_TIME_S)):
+        controller.step(CYCLE_TIME_S)
         fastest = max(fastest, *map(abs, plant.joint_velocity))
     return fastest, rotation_angle_between(begin, transform_from_pose(plant.tcp_pose()))
 

@@ -28,7 +28,7 @@ import rospy
 from std_srvs.srv import Empty, EmptyResponse, SetBool, SetBoolResponse, Trigger, TriggerResponse
 from jaka_msgs.srv import GetIO, GetIOResponse
 from jaka_ros_driver.ros.log_bridge import log_to_ros
-from jaka_ros_driver.ros.service_server import CallCount, ServiceServer, prepare_connections
+from jaka_ros_driver.ros.services.service_server import CallCount, ServiceServer, prepare_connections
 
 def hold_all_descriptors(request):
     held, until = [], time.monotonic() + 1.5

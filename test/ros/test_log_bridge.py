@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from jaka_ros_driver.ros.log_bridge import Background
+from jaka_ros_driver.background_log import Background
 
 WAIT = 10.0
 

@@ -8,7 +8,7 @@ import pytest
 import rosgraph
 from ros_bench import HOME, WAIT, DriverProcess, SimulatorProcess, eventually, on
 
-from jaka_ros_driver.ros.services import SERVICES
+from jaka_ros_driver.ros.services.service_table import SERVICES
 
 FIELDS = "{joint: %s}" % HOME
 

@@ -13,7 +13,7 @@ from ros_bench import HOME, Arm, DriverProcess, SimulatorProcess, collecting, ev
 from sensor_msgs.msg import JointState
 
 from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.ros import services
+from jaka_ros_driver.ros.services import service_table as services
 
 PROGRAM = [sys.executable, str(ROOT / "tools" / "jaka_driver")]
 
@@ -139,12 +139,12 @@ def test_a_defect_in_a_service_is_a_service_error_with_evidence_and_the_next_cal
     def defective(operations, command):
         raise KeyError("a defect")
     monkeypatch.setattr(services, "SERVICES", (
-        services.ServiceSpec("defective", services.ClearErr, services.Requests.nothing, defective),))
-    evidence = SimpleNamespace(failures=[], failed=lambda call, error: evidence.failures.append((call.service, error)))
-    requests = services.Requests(load_model("zu7"))
-    services.Services(requests, None, evidence).offer()
+        services.ServiceSpec("defective", services.ClearErr, services.RequestDecoder.nothing, defective),))
+    publisher = SimpleNamespace(
+        failures=[], failed=lambda call, error: publisher.failures.append((call.service, error)))
+    services.Services(services.RequestDecoder(load_model("zu7")), None, publisher).offer()
     proxy = rospy.ServiceProxy("~defective", services.ClearErr)
     for _ in range(2):
         with pytest.raises(rospy.ServiceException, match="a defect"):
             proxy()
-    assert evidence.failures == [(rospy.get_name() + "/defective", "internal error: KeyError('a defect')")] * 2
+    assert publisher.failures == [(rospy.get_name() + "/defective", "internal error: KeyError('a defect')")] * 2

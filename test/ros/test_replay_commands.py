@@ -37,32 +37,32 @@ def joints_of(arm):
 
 def test_the_arm_must_stand_where_the_log_began(arm):
     stand_at(arm, AWAY)
-    with evidence_of(arm) as evidence:
+    with evidence_of(arm) as call_publisher:
         done = replay(GOLDEN)
         assert done.returncode == 1
         assert "joint 1 stands 0.3000 rad from where the log began" in done.stderr
-        assert not evidence()
+        assert not call_publisher()
     assert joints_of(arm) == pytest.approx(AWAY, abs=1e-3)
 
 
 def test_it_goes_to_the_start_and_makes_every_call_again(arm):
     stand_at(arm, AWAY)
-    with evidence_of(arm) as evidence:
+    with evidence_of(arm) as call_publisher:
         done = replay(GOLDEN, "--go-to-start", "--after-previous")
         assert done.returncode == 0, done.stderr
-        assert eventually(lambda: len(evidence()) == 5)
+        assert eventually(lambda: len(call_publisher()) == 5)
         assert "4 calls made" in done.stdout and done.stdout.count("succeeded") == 4
-        assert [message.success for message in evidence()] == [True] * 5
+        assert [message.success for message in call_publisher()] == [True] * 5
     assert joints_of(arm) == pytest.approx(START, abs=1e-3)
 
 
 def test_the_speed_limit_slows_every_move(arm):
     stand_at(arm, START)
-    with evidence_of(arm) as evidence:
+    with evidence_of(arm) as call_publisher:
         done = replay(GOLDEN, "--speed-limit", "80", "--after-previous")
         assert done.returncode == 0, done.stderr
-        assert eventually(lambda: len(evidence()) == 4)
-        speeds = [float(message.request_text.split("mvvelo: ")[1].split()[0]) for message in evidence()]
+        assert eventually(lambda: len(call_publisher()) == 4)
+        speeds = [float(message.request_text.split("mvvelo: ")[1].split()[0]) for message in call_publisher()]
     assert speeds == pytest.approx([0.48, 0.48, 0.72, 0.48])
 
 
@@ -70,11 +70,11 @@ def test_it_ends_at_the_first_refusal_that_the_log_does_not_have(arm):
     stand_at(arm, START)
     assert arm.call("enable", data=False).success
     try:
-        with evidence_of(arm) as evidence:
+        with evidence_of(arm) as call_publisher:
             done = replay(GOLDEN)
             assert done.returncode == 1
             assert "was refused, unlike in the log" in done.stderr
-            assert eventually(lambda: [message.service.rsplit("/")[-1] for message in evidence()]
+            assert eventually(lambda: [message.service.rsplit("/")[-1] for message in call_publisher()]
                               == ["joint_move", "stop_move"])
     finally:
         assert arm.call("enable", data=True).success

@@ -4,13 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from jaka_ros_driver.simulation.command_table import COMMANDS
-from jaka_ros_driver.simulation.faults import KINDS
-from jaka_ros_driver.simulation.panel import ACTIONS
+from jaka_ros_driver.simulation.controller.command_table import COMMANDS
+from jaka_ros_driver.simulation.server.faults import KINDS
+from jaka_ros_driver.simulation.server.panel import ACTIONS
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parents[1] / "docs" / "simulation.md"
-DEEPER = ("test_states", "test_sdk_client", "test_panel", "test_server", "test_link_loss", "test_identity")
+DEEPER = ("controller/test_states", "controller/test_sdk_client", "server/test_panel", "server/test_server",
+          "controller/test_link_loss", "test_identity")
 BLOCK = "<!-- %s -->\n(.*?)<!-- end -->"
 
 
@@ -21,8 +22,8 @@ def table(heads, rows):
 
 def where_tested(command):
     """``test_commands`` tests each; the others go deeper into some."""
-    deeper = [stem for stem in DEEPER
-              if '"%s"' % command in (HERE / (stem + ".py")).read_text(encoding="utf-8")]
+    deeper = [file.split("/")[-1] for file in DEEPER
+              if '"%s"' % command in (HERE / (file + ".py")).read_text(encoding="utf-8")]
     return ", ".join(["test_commands", *deeper])
 
 

@@ -9,7 +9,7 @@ import pytest
 from raw_client import RawClient, RawFeed
 
 from jaka_ros_driver.simulation.__main__ import main
-from jaka_ros_driver.simulation.wire_log import read_log
+from jaka_ros_driver.wire.log import read_log
 
 PROGRAM = [sys.executable, "-m", "jaka_ros_driver.simulation"]
 FREE = ["--command-port", "0", "--status-port", "0", "--poll-port", "0"]

@@ -76,15 +76,15 @@ class Bench:
 
     def requests(self, name):
         """How many requests of this name have come in, while the controller runs."""
-        return self._requests[name]
+        return self._decoder[name]
 
     def _count_requests(self, core):
-        self._requests = collections.Counter()
+        self._decoder = collections.Counter()
         execute = core.execute
 
         def counted(request):
             outcome = execute(request)
-            self._requests[outcome.command] += 1
+            self._decoder[outcome.command] += 1
             return outcome
         core.execute = counted
 

@@ -4,9 +4,9 @@ from typing import List
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.rotations import Transform
-from jaka_ros_driver.simulation.arm_frames import ArmFrames
-from jaka_ros_driver.simulation.events import PlantEvent
-from jaka_ros_driver.simulation.plant import CYCLE_TIME, HOME, Plant
+from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames
+from jaka_ros_driver.simulation.arm.events import PlantEvent
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S, HOME, Plant
 
 ZU7 = load_model("zu7")
 NO_TURN = (0.0, 0.0, 0.0)
@@ -39,7 +39,7 @@ class PlantWatch:
 
     def run(self, longest_s=120.0):
         """Step until the arm is in position."""
-        for _ in range(int(longest_s / CYCLE_TIME)):
+        for _ in range(int(longest_s / CYCLE_TIME_S)):
             if self.plant.is_in_position:
                 return
             self.step()
@@ -47,9 +47,9 @@ class PlantWatch:
 
     def _check(self):
         before, after = self.joints[-1], self.plant.joint_position
-        velocity = tuple((b - a) / CYCLE_TIME for a, b in zip(before, after))
+        velocity = tuple((b - a) / CYCLE_TIME_S for a, b in zip(before, after))
         speed = max(abs(v) / limit for v, limit in zip(velocity, self.model.joint_max_speed))
-        acceleration = max(abs(v - u) / CYCLE_TIME / limit for u, v, limit in
+        acceleration = max(abs(v - u) / CYCLE_TIME_S / limit for u, v, limit in
                            zip(self._velocity, velocity, self.model.joint_max_acceleration))
         self.fastest, self.hardest = max(self.fastest, speed), max(self.hardest, acceleration)
         assert speed <= 1.001, "joint speed %.3f of the limit" % speed

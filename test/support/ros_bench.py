@@ -14,8 +14,8 @@ import yaml
 from import_graph import ROOT
 
 from jaka_msgs.msg import ServiceCall
-from jaka_ros_driver.ros.services import SERVICES
-from jaka_ros_driver.simulation.server import ask_panel
+from jaka_ros_driver.ros.services.service_table import SERVICES
+from jaka_ros_driver.simulation.server.server import ask_panel
 
 WAIT = 60.0
 """s; many programs are started here, which a busy host may delay. Never a measure of speed."""

@@ -4,7 +4,7 @@ Times are the host's monotonic clock, s, the same as ``time.monotonic()`` of eve
 """
 from jaka_ros_driver.errors import FramingError
 from jaka_ros_driver.protocol.framing import ObjectStream
-from jaka_ros_driver.simulation.wire_log import TrueJoints, WireEvent, read_log
+from jaka_ros_driver.wire.log import TrueJoints, WireEvent, read_log
 
 REST = 1e-6
 """rad: an arm that moves less is at rest."""

@@ -94,7 +94,7 @@ class Stage:
                 told[event["event"]] = event
                 (began if event["event"] == "begin" else ended).set()
 
-        player = self._start("wire", "-m", "jaka_ros_driver.simulation.wire_player", wire_log, "--speed",
+        player = self._start("wire", "-m", "jaka_ros_driver.wire.player", wire_log, "--speed",
                              "%g" % self._time_scale, on_line=hear)
         facts = player.first_object(_START_S)
         self._ports[self._scenario.arms[0].namespace] = facts
@@ -145,7 +145,7 @@ class Stage:
             "--status-port", "0", "--poll-port", "0", "--time-scale", "%g" % self._time_scale, *arm.simulation)
         self._ports[arm.namespace] = simulation.first_object(_START_S)
         if any(event.arm == arm.namespace for event in self._scenario.events):
-            panel = self._start("panel%d" % number, "-m", "jaka_ros_driver.simulation.panel_session",
+            panel = self._start("panel%d" % number, "-m", "jaka_ros_driver.simulation.server.panel_session",
                                 str(self._ports[arm.namespace]["panel_port"]), on_line=self._panel_answered)
             panel.first_line(_START_S)
             self._panels[arm.namespace] = panel

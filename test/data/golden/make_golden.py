@@ -30,7 +30,7 @@ from jaka_ros_driver.bags.regression.scenario import parse_scenario  # noqa: E40
 from jaka_ros_driver.kinematics.arm_models import load_model  # noqa: E402
 from jaka_ros_driver.kinematics.forward import forward  # noqa: E402
 from jaka_ros_driver.kinematics.rotations import pose_from_transform, rotation_vector_from_rpy  # noqa: E402
-from jaka_ros_driver.simulation.plant import HOME  # noqa: E402
+from jaka_ros_driver.simulation.arm.plant import HOME  # noqa: E402
 from jaka_ros_driver.units import all_m_to_mm  # noqa: E402
 
 LICENCE = "CC0-1.0: made by a program, free for any use"

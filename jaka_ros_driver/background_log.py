@@ -1,0 +1,130 @@
+"""Log records and lines on standard error, written in a thread of their own: who logs never waits for who reads.
+
+Nobody may read: a terminal is paused, a pipe is full, a ROS master does not answer. Code that stops an arm, forwards
+its bytes or records them must go on all the same. The queue between the two is bounded; what does not fit into it is
+dropped.
+"""
+import contextlib
+import copy
+import logging
+import logging.handlers
+import os
+import queue
+import sys
+from typing import Optional
+
+_QUEUE_LIMIT = 1000
+
+
+class Background(logging.handlers.QueueHandler):
+    """Passes log records to another handler, which runs in a thread of its own."""
+
+    def __init__(self, handler: logging.Handler) -> None:
+        """Start the thread.
+
+        Args:
+            handler: Gets every record of its level or above.
+        """
+        self._records: queue.Queue[logging.LogRecord] = queue.Queue(_QUEUE_LIMIT)
+        super().__init__(self._records)
+        self.setLevel(handler.level)
+        self._listener = _Listener(self._records, handler)
+        self._listener.start()
+
+    def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
+        """A copy of the record with its final text: its arguments may change before it is written.
+
+        The text is such that UTF-8 can hold it: half a surrogate pair would spoil the buffer of rosout's publisher for
+        all texts after it.
+        """
+        record = copy.copy(record)
+        try:
+            text = record.getMessage()
+        except Exception as error:  # the message does not fit its arguments; that must not become the caller's error
+            text = "%s (%r with %.200r)" % (error, record.msg, record.args)
+        record.msg, record.args = _as_utf8(text), None
+        if record.exc_info:
+            record.exc_text = _as_utf8(logging.Formatter().formatException(record.exc_info))
+        return record
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        """Put it in the queue; drop it where that is full."""
+        with contextlib.suppress(queue.Full):
+            self._records.put_nowait(record)
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Stay silent: the inherited method writes to standard error, which may be full."""
+
+    def drain(self, timeout: Optional[float] = None) -> bool:
+        """Wait until the other handler has got every record, at most ``timeout`` s; False where some are left."""
+        with self._records.all_tasks_done:
+            return self._records.all_tasks_done.wait_for(lambda: not self._records.unfinished_tasks, timeout)
+
+    def end(self, timeout: Optional[float] = None) -> bool:
+        """``drain``, then end the thread; call when nothing logs any more.
+
+        A thread that is stuck in its handler is left to the end of the process, which does not wait for it.
+        """
+        is_drained = self.drain(timeout)
+        if is_drained:
+            self._listener.stop()
+        return is_drained
+
+
+class _Listener(logging.handlers.QueueListener):
+    """The thread of a Background; an error of the handler does not end it, as it would end the inherited one."""
+
+    def handle(self, record: logging.LogRecord) -> None:
+        """Pass the record on; a text that the handler cannot write is passed once more in ASCII."""
+        handler, = self.handlers
+        try:
+            handler.handle(record)
+        except Exception:  # a terminal that knows only ASCII, one that is gone, a defect of the handler
+            record.msg = ascii(record.msg)[1:-1]
+            record.exc_info = record.exc_text = record.stack_info = None
+            with contextlib.suppress(Exception):
+                handler.handle(record)
+
+
+class StandardErrorLog:
+    """A program's lines on standard error, written in a thread of their own."""
+
+    def __init__(self, program: str) -> None:
+        """``program`` stands in front of every line."""
+        self._background = Background(_StandardError())
+        self._logger = logging.Logger(program)
+        self._logger.addHandler(self._background)
+
+    def write(self, text: str) -> None:
+        """Have a line written; returns at once."""
+        self._logger.warning("%s: %s", self._logger.name, text)
+
+    def close(self, timeout: Optional[float] = None) -> bool:
+        """Wait until all lines are written, at most ``timeout`` s; False where some are left."""
+        return self._background.end(timeout)
+
+
+class _StandardError(logging.Handler):
+    """Writes past the locks of ``logging`` and ``sys.stderr``.
+
+    The interpreter takes both when it ends: a thread that holds them in a full pipe would keep it from ending.
+    """
+
+    def createLock(self) -> None:
+        """None."""
+        self.lock = None
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """One line; a reader that is gone is no error."""
+        line = self.format(record) + "\n"
+        try:
+            descriptor = sys.stderr.fileno()
+        except (OSError, AttributeError):  # replaced by an object that is no file, or None
+            print(line, end="", file=sys.stderr)
+            return
+        with contextlib.suppress(OSError):
+            os.write(descriptor, line.encode("utf-8", "replace"))
+
+
+def _as_utf8(text: str) -> str:
+    return text.encode("utf-8", "replace").decode("utf-8")

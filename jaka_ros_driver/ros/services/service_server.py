@@ -1,0 +1,116 @@
+"""A rospy service for clients that were built with different definitions of its type; it counts the calls under way.
+
+rospy compares the md5 of the definition with which a client was built. A connection of a client that was built with
+another known definition gets that definition's request class.
+"""
+import contextlib
+import logging
+import threading
+from typing import Any, Callable, Dict, Iterator, Optional, Tuple
+
+import rospy
+from rospy.impl import registration, tcpros_base, tcpros_service
+
+from jaka_ros_driver.protocol.texts import printable
+from jaka_ros_driver.ros.connections import SERVICE_CONNECTIONS, keep_serving
+
+_LOG = logging.getLogger(__name__)
+
+
+class CallCount:
+    """Counts the calls under way."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._count = 0
+
+    @contextlib.contextmanager
+    def one(self) -> Iterator[None]:
+        """A context that lasts from a call's request to its reply."""
+        with self._changed:
+            self._count += 1
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._count -= 1
+                self._changed.notify_all()
+
+    def wait_for_none(self, timeout: float) -> bool:
+        """Wait until none is under way, at most ``timeout`` s; False when there are still some."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self._count == 0, timeout)
+
+
+class ServiceServer(rospy.Service):
+    """A service; every connection has a thread of its own, so that calls run in parallel."""
+
+    def __init__(self, name: str, srv_type: Any, handler: Callable[[Any], Any], calls: CallCount,
+                 other_types: Tuple[Any, ...] = ()) -> None:
+        """Register it.
+
+        Args:
+            name: As rospy takes it.
+            srv_type: The generated type.
+            handler: Takes the request and returns the response; runs in the connection's thread.
+            calls: Counts the calls.
+            other_types: Other definitions of the type; the handler must be able to take their requests.
+        """
+        self._calls = calls
+        self._other: Dict[str, Any] = {other._md5sum: other for other in other_types}
+        super().__init__(name, srv_type, handler)
+
+    def accept(self, sock: Any, header: Dict[str, str]) -> bool:
+        """Take a connection of a client that was built with one of the other definitions; False where it was not."""
+        other = self._other.get(header.get("md5sum", ""))
+        if other is None:
+            return False
+        protocol = tcpros_service.TCPService(self.resolved_name, other, self.buff_size)
+        transport = tcpros_base.TCPROSTransport(protocol, self.resolved_name, header=header)
+        transport.set_socket(sock, header["callerid"])
+        transport.write_header()
+        threading.Thread(target=self.handle, args=(transport, header), daemon=True).start()
+        return True
+
+    def handle(self, transport: Any, header: Dict[str, str]) -> None:
+        """Serve one connection, in its thread, until it ends."""
+        transport.connection = SERVICE_CONNECTIONS.add(transport.socket)
+        try:
+            super().handle(transport, header)
+        except (rospy.exceptions.TransportException, OSError) as error:
+            _LOG.debug("%s: connection of %s ended: %s", self.resolved_name, header["callerid"], error)
+        finally:
+            transport.close()
+            SERVICE_CONNECTIONS.remove(transport.connection)
+
+    def _handle_request(self, transport: Any, request: Any) -> None:
+        transport.connection.is_busy_now()
+        with self._calls.one():
+            super()._handle_request(transport, request)
+        transport.connection.is_idle_now()
+
+    def _write_service_error(self, transport: Any, err_msg: str) -> None:
+        """Send an error. A response that could be serialised only in part is discarded first; it would precede the next
+        one.
+        """
+        if transport.write_buff is not None:
+            transport.write_buff.seek(0)
+            transport.write_buff.truncate(0)
+        super()._write_service_error(transport, printable(err_msg))
+
+
+def prepare_connections() -> None:
+    """Change how this process takes connections; call once, after init_node.
+
+    Services see a connection before rospy compares its md5, and no number of connections keeps out a client that wants
+    to stop the arm.
+    """
+    keep_serving(_service_connection)
+
+
+def _service_connection(sock: Any, client_addr: Any, header: Dict[str, str]) -> Optional[str]:
+    service = registration.get_service_manager().get_service(header.get("service", ""))
+    if isinstance(service, ServiceServer) and "callerid" in header and service.accept(sock, header):
+        return None
+    error: Optional[str] = tcpros_service.service_connection_handler(sock, client_addr, header)
+    return error

@@ -1,0 +1,192 @@
+"""The table of all services, and the way from a call to its response and its record.
+
+A refusal or failure is told in the response. Only where a type has no field for it (stop_move) does the call fail with
+a ROS service error.
+"""
+import logging
+import time
+from typing import Any, Callable, Dict, List, NamedTuple, Tuple
+
+import rospy
+from std_srvs.srv import Empty, SetBool
+
+from jaka_msgs.srv import (
+    ClearErr,
+    GetFK,
+    GetIK,
+    GetIO,
+    Move,
+    ServoMove,
+    ServoMoveEnable,
+    SetCollision,
+    SetIO,
+    SetPayload,
+    SetTcpFrame,
+    SetUserFrame,
+)
+from jaka_ros_driver.commands import Pose
+from jaka_ros_driver.errors import JakaError, ProtocolError
+from jaka_ros_driver.ros.convert import VENDOR_IO_FAILURE, VENDOR_KINEMATICS_FAILURE, RequestDecoder, wire_pose
+from jaka_ros_driver.ros.services.call_publisher import Call, CallPublisher
+from jaka_ros_driver.ros.services.service_handlers import Outcome, ServiceHandlers
+from jaka_ros_driver.ros.services.service_server import CallCount, ServiceServer
+from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed
+
+_LOG = logging.getLogger(__name__)
+
+FLOAT32_MAX = 3.4028234663852886e38
+
+
+def as_ret(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+    """Set ``ret``, 1 or 0, and ``message`` (docs/interface.md section 4.1)."""
+    response.ret = int(outcome.is_success)
+    response.message = outcome.message
+
+
+def as_success(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+    """Set the fields of std_srvs/SetBool."""
+    response.success = outcome.is_success
+    response.message = outcome.message
+
+
+def as_exception(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+    """Raise on failure: std_srvs/Empty has no field to tell it.
+
+    Raises:
+        rospy.ServiceException: The call failed.
+    """
+    if not outcome.is_success:
+        raise rospy.ServiceException(outcome.message)
+
+
+def as_value(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+    """Set the fields of get_io, which has no ``ret``: a failure is NaN and a message that begins with ``error:``
+    (docs/interface.md section 4.1).
+    """
+    response.message = outcome.message if outcome.is_success else "error: " + outcome.message
+    response.value = outcome.value if outcome.is_success else VENDOR_IO_FAILURE if is_vendor else float("nan")
+
+
+def as_pose(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+    """Set the fields of get_fk; the pose is empty on failure."""
+    response.message = outcome.message
+    response.cartesian_pose = wire_pose(outcome.value) if outcome.is_success else _no_numbers(is_vendor)
+
+
+def as_joints(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+    """Set the fields of get_ik; the joints are empty on failure."""
+    response.message = outcome.message
+    response.joint = outcome.value if outcome.is_success else _no_numbers(is_vendor)
+
+
+def require_float32(value: Any) -> None:
+    """Raise where the response's float32 cannot hold a result: serialising it would end the call without telling why.
+
+    Raises:
+        ProtocolError: It holds such a number, or something else than numbers.
+    """
+    numbers = wire_pose(value) if isinstance(value, Pose) else value if isinstance(value, (tuple, list)) else (value,)
+    if not all(isinstance(number, (int, float)) and -FLOAT32_MAX <= number <= FLOAT32_MAX for number in numbers):
+        raise ProtocolError("the result %.200r holds what is no number of float32" % (value,))
+
+
+def _no_numbers(is_vendor: bool) -> Tuple[float, ...]:
+    return (VENDOR_KINEMATICS_FAILURE,) * 6 if is_vendor else ()
+
+
+class ServiceSpec(NamedTuple):
+    """One service: its name, its type, how its request is decoded, what it does, and how its outcome is reported.
+
+    Attributes:
+        name: Its name in the node's private namespace.
+        srv_type: The generated service type.
+        to_command: Decodes the request: checks shapes and enums, changes units, raises InvalidCommand. It does nothing
+            else.
+        perform: Carries the command out; raises a JakaError where that fails.
+        report: Writes the outcome into the response.
+    """
+
+    name: str
+    srv_type: Any
+    to_command: Callable[[RequestDecoder, Any], Any]
+    perform: Callable[[ServiceHandlers, Any], Outcome]
+    report: Callable[[Any, Outcome, bool], None] = as_ret
+
+
+SERVICES: Tuple[ServiceSpec, ...] = (
+    ServiceSpec("linear_move", Move, RequestDecoder.linear_move, ServiceHandlers.move),
+    ServiceSpec("joint_move", Move, RequestDecoder.joint_move, ServiceHandlers.move),
+    ServiceSpec("jog", Move, RequestDecoder.jog, ServiceHandlers.jog),
+    ServiceSpec("servo_move_enable", ServoMoveEnable, RequestDecoder.servo_mode, ServiceHandlers.servo_mode),
+    ServiceSpec("servo_p", ServoMove, RequestDecoder.servo_pose, ServiceHandlers.servo_target),
+    ServiceSpec("servo_j", ServoMove, RequestDecoder.servo_joint, ServiceHandlers.servo_target),
+    ServiceSpec("stop_move", Empty, RequestDecoder.nothing, ServiceHandlers.stop, as_exception),
+    ServiceSpec("set_toolframe", SetTcpFrame, RequestDecoder.tool_frame, ServiceHandlers.tool_frame),
+    ServiceSpec("set_userframe", SetUserFrame, RequestDecoder.user_frame, ServiceHandlers.user_frame),
+    ServiceSpec("set_payload", SetPayload, RequestDecoder.payload, ServiceHandlers.payload),
+    ServiceSpec("drag_mode", SetBool, RequestDecoder.switch, ServiceHandlers.hand_guiding, as_success),
+    ServiceSpec("drag_move", SetBool, RequestDecoder.switch, ServiceHandlers.hand_guiding, as_success),
+    ServiceSpec("set_collisionlevel", SetCollision, RequestDecoder.collision_level, ServiceHandlers.collision_level),
+    ServiceSpec("set_io", SetIO, RequestDecoder.output, ServiceHandlers.output),
+    ServiceSpec("get_io", GetIO, RequestDecoder.terminal, ServiceHandlers.read, as_value),
+    ServiceSpec("clear_err", ClearErr, RequestDecoder.nothing, ServiceHandlers.clear_error),
+    ServiceSpec("get_fk", GetFK, RequestDecoder.forward, ServiceHandlers.forward, as_pose),
+    ServiceSpec("get_ik", GetIK, RequestDecoder.inverse, ServiceHandlers.inverse, as_joints),
+    ServiceSpec("power", SetBool, RequestDecoder.switch, ServiceHandlers.power, as_success),
+    ServiceSpec("enable", SetBool, RequestDecoder.switch, ServiceHandlers.enable, as_success),
+)
+OTHER_DEFINITIONS: Dict[Any, Tuple[Any, ...]] = {ServoMove: (ServoMoveWithSpeed,)}
+"""For a type of jaka_msgs: other definitions with which clients may have been built."""
+
+
+class Services:
+    """All services of the table on one arm."""
+
+    def __init__(self, decoder: RequestDecoder, handlers: ServiceHandlers, call_publisher: CallPublisher) -> None:
+        self._decoder = decoder
+        self._handlers = handlers
+        self._call_publisher = call_publisher
+        self._calls = CallCount()
+        self._servers: List[ServiceServer] = []
+
+    def offer(self) -> None:
+        """Register all services."""
+        for spec in SERVICES:
+            self._servers.append(ServiceServer(
+                "~" + spec.name, spec.srv_type, self._handler(spec), self._calls,
+                OTHER_DEFINITIONS.get(spec.srv_type, ())))
+
+    def finish_calls(self, timeout: float) -> None:
+        """Wait until every call under way is answered, at most ``timeout`` s."""
+        if not self._calls.wait_for_none(timeout):
+            _LOG.warning("some service calls were not answered before the driver shut down")
+
+    def _handler(self, spec: ServiceSpec) -> Callable[[Any], Any]:
+        name = rospy.resolve_name("~" + spec.name)
+
+        def handle(request: Any) -> Any:
+            call = Call(name, spec.srv_type, request, rospy.Time.now(), time.monotonic())
+            try:
+                outcome = self._outcome(spec, request)
+                response = spec.srv_type._response_class()
+                spec.report(response, outcome, self._decoder.is_vendor)
+            except rospy.ServiceException as error:
+                self._call_publisher.failed(call, str(error))
+                raise
+            except Exception as error:
+                self._call_publisher.failed(call, "internal error: %r" % error)
+                raise
+            self._call_publisher.answered(call, response, outcome)
+            return response
+
+        return handle
+
+    def _outcome(self, spec: ServiceSpec, request: Any) -> Outcome:
+        try:
+            outcome = spec.perform(self._handlers, spec.to_command(self._decoder, request))
+            if outcome.value is not None:
+                require_float32(outcome.value)
+            return outcome
+        except JakaError as error:
+            _LOG.info("%s: %s", spec.name, error)
+            return Outcome(str(error), is_success=False)

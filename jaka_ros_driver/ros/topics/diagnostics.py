@@ -1,0 +1,264 @@
+"""The condition of arm and links on /diagnostics, once a second."""
+import logging
+import platform
+import threading
+from typing import Callable, Optional, Tuple
+
+import rospkg
+import rospy
+from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_updater import DiagnosticStatusWrapper, Updater
+
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.core.power import missing_for_motion
+from jaka_ros_driver.errors import ConnectionLost
+from jaka_ros_driver.ros.model_check import ModelCheck
+from jaka_ros_driver.ros.params import DriverConfig
+from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.units import s_to_ms
+
+_LOG = logging.getLogger(__name__)
+
+OK, WARN, ERROR, STALE = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
+PERIOD_S = 1.0
+_SLOW_FEED = 0.95
+"""Share of the wanted rate below which the feed is reported as slow."""
+_MAX_JITTER_S = 0.004
+_WARM, _HOT = 70.0, 80.0
+"""deg C of a joint or the cabinet, above which a warning or an error is reported. No source gives limits; the
+controller itself protects the arm.
+"""
+
+Task = Callable[[DiagnosticStatusWrapper], None]
+
+
+class Diagnostics:
+    """Reports once a second in a thread of its own. A check that fails is reported and does not affect the others."""
+
+    def __init__(self, arm: ArmClient, config: DriverConfig, model_check: ModelCheck) -> None:
+        self._arm = arm
+        self._config = config
+        self._model_check = model_check
+        self._late_cycles = 0
+        self._damaged = 0
+        self._connections = 0
+        self._version = _package_version()
+        self._closing = threading.Event()
+        self._updater = Updater()
+        self._guard_replacements = 0
+        self._name_hardware(None)
+        for name, task in self._tasks():
+            self._updater.add(name, _guarded(name, task))
+        self._thread = threading.Thread(target=self._run, name="diagnostics", daemon=True)
+
+    def start(self) -> None:
+        """Begin to report."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop reporting."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        while not self._closing.wait(PERIOD_S):
+            self._name_hardware(self._arm.is_simulated)
+            try:
+                self._updater.force_update()
+            except Exception:  # a message that cannot be sent must not end the thread
+                _LOG.exception("diagnostics")
+
+    def _name_hardware(self, is_simulated: Optional[bool]) -> None:
+        kind = "" if is_simulated is None else "simulated " if is_simulated else "controller "
+        self._updater.setHardwareID("%s%s:%d" % (kind, self._config.ip, self._config.command_port))
+
+    def _tasks(self) -> Tuple[Tuple[str, Task], ...]:
+        return (
+            ("controller link", self._link), ("arm", self._arm_kind), ("guard", self._guard),
+            ("status feed", self._feed), ("controller state", self._state),
+            ("emergency stop", self._emergency_stop), ("protective stop", self._protective_stop),
+            ("soft limit", self._soft_limit), ("temperature", self._temperature), ("servo stream", self._servo),
+            ("kinematic model", self._model), ("versions", self._versions))
+
+    def _link(self, status: DiagnosticStatusWrapper) -> None:
+        health = self._arm.link_health
+        reconnects = max(0, health.connections - 1)
+        if not health.command_is_up or not health.status_is_up:
+            status.summary(ERROR, "down: " + health.last_error)
+        elif health.connections != self._connections and reconnects:
+            status.summary(WARN, "connected anew")
+        else:
+            status.summary(OK, "up")
+        self._connections = health.connections
+        status.add("command port", "%d, %s" % (self._config.command_port, "up" if health.command_is_up else "down"))
+        status.add("status port", "%d, %s" % (self._config.status_port, "up" if health.status_is_up else "down"))
+        status.add("reconnects", str(reconnects))
+        status.add("last error", health.last_error)
+        status.add("damaged replies", str(health.damaged_replies))
+
+    def _arm_kind(self, status: DiagnosticStatusWrapper) -> None:
+        is_simulated = self._arm.is_simulated
+        if is_simulated is None:
+            status.summary(OK, "not known yet whether real or simulated")
+        elif is_simulated:
+            status.summary(WARN, "SIMULATED: no real arm moves")
+        else:
+            status.summary(OK, "real")
+
+    def _guard(self, status: DiagnosticStatusWrapper) -> None:
+        if self._arm.guard is None:
+            status.summary(WARN, "switched off: nothing stops the arm when the driver dies")
+            return
+        health = self._arm.guard.health()
+        if not health.is_alive:
+            status.summary(ERROR, "does not answer: " + (health.last_trouble or "it is being started"))
+        elif health.replacements != self._guard_replacements:
+            status.summary(WARN, "was replaced: " + health.last_trouble)
+        else:
+            status.summary(OK, "watches")
+        self._guard_replacements = health.replacements
+        status.add("replacements", str(health.replacements))
+        status.add("last trouble", health.last_trouble)
+
+    def _feed(self, status: DiagnosticStatusWrapper) -> None:
+        health = self._arm.feed_health
+        damaged_now = health.damaged - self._damaged
+        self._damaged = health.damaged
+        if health.age > self._config.stale_after:
+            status.summary(STALE, "no fresh state" if health.frames else "no state yet")
+        elif damaged_now:
+            status.summary(WARN, "%d damaged frames in the last second" % damaged_now)
+        elif health.rate < _SLOW_FEED * self._config.publish_rate:
+            status.summary(WARN, "slow: %.1f Hz" % health.rate)
+        elif health.jitter > _MAX_JITTER_S:
+            status.summary(WARN, "jitter %.1f ms" % s_to_ms(health.jitter))
+        else:
+            status.summary(OK, "%.1f Hz" % health.rate)
+        status.add("rate, Hz", "%.2f" % health.rate)
+        status.add("age, ms", "%.1f" % s_to_ms(health.age))
+        status.add("jitter p99, ms", "%.2f" % s_to_ms(health.jitter))
+        state = self._arm.state
+        if state is not None:
+            status.add("joint velocity", "filtered difference" if state.joint_velocity is None else "the controller's")
+        status.add("frames", str(health.frames))
+        status.add("damaged frames", str(health.damaged))
+        status.add("last damage", health.last_damage)
+
+    def _state(self, status: DiagnosticStatusWrapper) -> None:
+        state = self._fresh(status)
+        if state is None:
+            return
+        missing = missing_for_motion(state)
+        if state.has_fault:
+            status.summary(ERROR, "event 0x%X %s" % (state.error_code, state.error_message))
+        elif missing:
+            status.summary(WARN, "cannot move; to do: " + ", ".join(missing))
+        else:
+            status.summary(OK, state.motion_state.name.lower().replace("_", " "))
+        status.add("powered", str(state.is_powered))
+        status.add("enabled", str(state.is_enabled))
+        status.add("motion state", state.motion_state.name.lower())
+        status.add("servo mode", str(self._arm.is_servo_active))
+        owner = self._arm.motion_owner
+        status.add("motion owner", owner.value if owner is not None else "nobody")
+        status.add("hand guiding", str(state.is_hand_guided))
+        status.add("tool", str(state.tool_id))
+        status.add("user frame", str(state.user_frame_id))
+        status.add("speed override", str(state.rapid_rate))
+        status.add("event", "0x%X %s" % (state.error_code, state.error_message))
+
+    def _emergency_stop(self, status: DiagnosticStatusWrapper) -> None:
+        state = self._fresh(status)
+        if state is not None:
+            status.summary(*((ERROR, "pressed") if state.emergency_stop else (OK, "released")))
+
+    def _protective_stop(self, status: DiagnosticStatusWrapper) -> None:
+        state = self._fresh(status)
+        if state is not None:
+            status.summary(*((ERROR, "stands: clear_err") if state.protective_stop else (OK, "none")))
+
+    def _soft_limit(self, status: DiagnosticStatusWrapper) -> None:
+        state = self._fresh(status)
+        if state is not None:
+            status.summary(*((WARN, "a joint stands at its soft limit") if state.on_soft_limit else (OK, "none")))
+
+    def _temperature(self, status: DiagnosticStatusWrapper) -> None:
+        state = self._fresh(status)
+        if state is None:
+            return
+        joints = state.joint_temperature or ()
+        cabinet = () if state.cabinet_temperature is None else (state.cabinet_temperature,)
+        if not joints and not cabinet:
+            status.summary(OK, "not reported by the controller")
+            return
+        hottest = max(joints + cabinet)
+        level = ERROR if hottest > _HOT else WARN if hottest > _WARM else OK
+        status.summary(level, "hottest %.1f deg C" % hottest)
+        for value in cabinet:
+            status.add("cabinet, deg C", "%.1f" % value)
+        for n, value in enumerate(joints):
+            status.add("joint %d, deg C" % (n + 1), "%.1f" % value)
+
+    def _servo(self, status: DiagnosticStatusWrapper) -> None:
+        late = self._arm.late_servo_cycles
+        late_now, self._late_cycles = max(0, late - self._late_cycles), late
+        if not self._arm.is_servo_active:
+            status.summary(OK, "not in servo mode")
+        elif late_now:
+            status.summary(WARN, "%d cycles too late in the last second" % late_now)
+        else:
+            status.summary(OK, "on time")
+        status.add("late cycles of this stream", str(late))
+
+    def _model(self, status: DiagnosticStatusWrapper) -> None:
+        state = self._fresh(status)
+        if state is None:
+            return
+        deviation = self._model_check.check(state)
+        if deviation is None:
+            status.summary(OK, "not compared now: in motion, or the controller does not tell its frames")
+        elif deviation.is_wrong:
+            status.summary(ERROR, "the controller's pose differs from model %s: is ~model right?"
+                           % self._arm.model.name)
+        else:
+            status.summary(OK, "%s agrees with the controller" % self._arm.model.name)
+        if deviation is not None:
+            status.add("distance, mm", "%.4f" % s_to_ms(deviation.distance))
+            status.add("angle, mrad", "%.4f" % s_to_ms(deviation.angle))
+
+    def _versions(self, status: DiagnosticStatusWrapper) -> None:
+        health = self._arm.link_health
+        status.summary(OK, "driver %s, controller %s" % (self._version, health.version or "unknown"))
+        status.add("driver", self._version)
+        status.add("controller", health.version or "unknown")
+        status.add("model", self._arm.model.name)
+        status.add("interface", self._config.interface)
+        status.add("status period, ms", "unknown" if health.feed_period is None else "%g" % s_to_ms(health.feed_period))
+        status.add("python", platform.python_version())
+
+    def _fresh(self, status: DiagnosticStatusWrapper) -> Optional[RobotState]:
+        try:
+            return self._arm.fresh_state()
+        except ConnectionLost:
+            status.summary(STALE, "no fresh state")
+            return None
+
+
+def _guarded(name: str, task: Task) -> Callable[[DiagnosticStatusWrapper], DiagnosticStatusWrapper]:
+    def run(status: DiagnosticStatusWrapper) -> DiagnosticStatusWrapper:
+        try:
+            task(status)
+        except Exception as error:  # a check that fails must not affect the others
+            _LOG.exception("diagnostic task %s", name)
+            status.summary(ERROR, "this check failed: %r" % error)
+        return status
+    return run
+
+
+def _package_version() -> str:
+    try:
+        return str(rospkg.RosPack().get_manifest("jaka_ros_driver").version)
+    except (rospkg.ResourceNotFound, rospkg.InvalidManifest) as error:
+        rospy.logdebug("%s", error)
+        return "unknown"

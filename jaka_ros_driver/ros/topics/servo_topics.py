@@ -1,0 +1,46 @@
+"""Servo targets by topic: streaming without the cost of a service call each.
+
+Targets are absolute and in SI units in both interfaces. A refused target moves nothing; the refusal is logged and
+counted.
+"""
+from typing import Any, Callable
+
+import rospy
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
+
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.ros.convert import RequestDecoder
+from jaka_ros_driver.ros.topics.state_publishers import FrameNames
+
+_LOG_PERIOD_S = 1.0
+
+
+class ServoTopics:
+    """``~servo_j_command`` (sensor_msgs/JointState) and ``~servo_p_command`` (geometry_msgs/PoseStamped)."""
+
+    def __init__(self, arm: ArmClient, decoder: RequestDecoder, names: FrameNames) -> None:
+        self._arm = arm
+        self._decoder = decoder
+        self._names = names
+        self.refused = 0
+
+    def start(self) -> None:
+        """Subscribe."""
+        for name, kind, to_command in (("~servo_j_command", JointState, self._decoder.servo_joint_topic),
+                                       ("~servo_p_command", PoseStamped, self._pose_target)):
+            rospy.Subscriber(name, kind, self._taker(name, to_command), queue_size=1, tcp_nodelay=True)
+
+    def _pose_target(self, message: PoseStamped) -> Any:
+        state = self._arm.fresh_state()
+        return self._decoder.servo_pose_topic(message, self._names.user(state.user_frame_id))
+
+    def _taker(self, name: str, to_command: Callable[[Any], Any]) -> Callable[[Any], None]:
+        def take(message: Any) -> None:
+            try:
+                self._arm.servo_target(to_command(message))
+            except JakaError as error:
+                self.refused += 1
+                rospy.logwarn_throttle(_LOG_PERIOD_S, "%s: %s" % (name, error))
+        return take

@@ -1,0 +1,137 @@
+"""Publishes the state topics and transforms for every new sample as it arrives, in the thread of the arm's client.
+
+Nothing is published while the newest state is stale or the status link is down. A message
+that nobody subscribes to is not made: its making would cost as much as that of those which are read.
+"""
+from typing import Any, List, NamedTuple, Optional
+
+import rospy
+from geometry_msgs.msg import TransformStamped, TwistStamped
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from jaka_msgs.msg import RobotMsg
+from jaka_ros_driver.client.arm_client import ArmClient, LoopTask
+from jaka_ros_driver.commands import JOINTS
+from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.ros import convert
+from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.ros.params import TF_ALL, TF_NONE, DriverConfig
+from jaka_ros_driver.ros.topics.stamps import StampClock
+from jaka_ros_driver.ros.topics.state_repeater import StateRepeater, StateThinner
+from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
+from jaka_ros_driver.state import RobotState
+
+_QUEUE = 10
+_EARLY_S = 0.0005
+"""s; a repeat is published this much early at most, because the timer is no more exact."""
+
+
+class Sample(NamedTuple):
+    """The messages of one status frame, kept so that they can be published again."""
+
+    received_at: float
+    tool_position: Optional[TwistStamped]
+    joint_position: JointState
+    robot_states: RobotMsg
+
+
+class FrameNames:
+    """Names of the tf frames, with their prefix."""
+
+    def __init__(self, config: DriverConfig) -> None:
+        self.prefix = config.frame_prefix
+        self.base = config.frame_prefix + config.base_frame
+        self.flange = config.frame_prefix + config.flange_frame
+        self.tool = config.frame_prefix + config.tool_frame
+
+    def user(self, user_frame_id: Optional[int]) -> str:
+        """The name of a user frame; id 0 is the base."""
+        return self.base if not user_frame_id else "%suser_frame_%d" % (self.prefix, user_frame_id)
+
+
+class StatePublishers(LoopTask):
+    """Publishes what the status feed tells, from ``start`` on. As a task of the client's thread it repeats samples of a
+    slow feed.
+    """
+
+    def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameTable) -> None:
+        self._arm = arm
+        self._config = config
+        self._frames = frames
+        self._names = FrameNames(config)
+        self._joint_names = [config.frame_prefix + joint for joint in JOINTS]
+        self._clock = StampClock()
+        self._velocity = VelocityEstimate()
+        self._tool_position = _publisher("~tool_position", TwistStamped)
+        self._joint_position = _publisher("~joint_position", JointState)
+        self._robot_states = _publisher("~robot_states", RobotMsg)
+        self._joint_states = _publisher(config.joint_states_topic, JointState)
+        self._tf = _publisher("/tf", TFMessage) if config.publish_tf != TF_NONE else None
+        self._repeater = StateRepeater(1.0 / config.publish_rate)
+        self._thinner = StateThinner(1.0 / config.publish_rate, arm.settings.feed_period)
+        self._newest: Optional[Sample] = None
+
+    def start(self) -> None:
+        """Begin to publish."""
+        self._arm.add_listener(self._arrived)
+        self._arm.add_task(self)
+
+    def due(self) -> Optional[float]:
+        """When the newest sample is to be published again, monotonic time, s; None while the feed is fast enough."""
+        due = self._repeater.next_repeat()
+        return None if due is None or self._newest is None else due - _EARLY_S
+
+    def run(self, now: float) -> None:
+        """Publish the newest sample again, with its own stamp, unless it is stale."""
+        newest = self._newest
+        if newest is None or now - newest.received_at > self._config.stale_after or (
+                not self._arm.link_health.status_is_up):
+            self._repeater.forget()
+        else:
+            self._publish(newest)
+            self._repeater.repeated(now)
+
+    def _arrived(self, state: RobotState, is_new: bool) -> None:
+        self._velocity.add(state)
+        if not is_new or not self._thinner.takes(state.received_at):
+            return
+        stamp = self._clock.stamp(state.received_at)
+        sample = Sample(
+            state.received_at,
+            convert.tool_position(state, stamp, self._names.user(state.user_frame_id), self._config.is_vendor),
+            convert.joint_position(state, stamp, JOINTS, state.joint_velocity),
+            convert.robot_states(state, self._arm.is_servo_active, self._config.is_vendor))
+        self._newest = sample
+        self._publish(sample)
+        self._repeater.arrived(state.received_at)
+        if self._joint_states.get_num_connections():
+            velocity = state.joint_velocity if state.joint_velocity is not None else self._velocity.value()
+            self._joint_states.publish(convert.joint_position(state, stamp, self._joint_names, velocity))
+        if self._tf is not None and self._tf.get_num_connections():
+            self._tf.publish(TFMessage(self._transforms(state, stamp)))
+
+    def _publish(self, sample: Sample) -> None:
+        if sample.tool_position is not None:
+            self._tool_position.publish(sample.tool_position)
+        self._joint_position.publish(sample.joint_position)
+        self._robot_states.publish(sample.robot_states)
+
+    def _transforms(self, state: RobotState, stamp: rospy.Time) -> List[TransformStamped]:
+        names = self._names
+        transforms = []
+        if self._config.publish_tf == TF_ALL:
+            transforms.append(convert.transform_message(
+                forward(self._arm.model, state.joint_position), names.base, names.flange, stamp))
+        flange_t_tool = self._frames.flange_t_tool(state)
+        if flange_t_tool is not None:
+            transforms.append(convert.transform_message(flange_t_tool, names.flange, names.tool, stamp))
+        base_t_user = self._frames.base_t_user(state)
+        if state.user_frame_id and base_t_user is not None:
+            transforms.append(convert.transform_message(
+                base_t_user, names.base, names.user(state.user_frame_id), stamp))
+        return transforms
+
+
+def _publisher(name: str, message_type: Any) -> rospy.Publisher:
+    return rospy.Publisher(name, message_type, queue_size=_QUEUE, tcp_nodelay=True)

@@ -1,0 +1,196 @@
+"""Kinematics of the active tool in the active user frame, on top of the kinematics of the flange."""
+import math
+from typing import Optional, Sequence, Tuple
+
+from jaka_ros_driver.commands import Pose
+from jaka_ros_driver.errors import PoseOutsideLimits, UnreachablePose
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.kinematics.inverse import inverse, inverse_all
+from jaka_ros_driver.kinematics.numeric_inverse import refine
+from jaka_ros_driver.kinematics.rotations import (
+    IDENTITY,
+    Transform,
+    compose,
+    invert,
+    matrix_from_rotation_vector,
+    matrix_from_rpy,
+    pose_from_transform,
+    transform,
+    transform_from_pose,
+)
+from jaka_ros_driver.simulation.arm import events
+from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.state import Vector
+
+LIMIT_TOLERANCE = 1e-5
+"""rad; a joint that is no farther than this from its soft limit counts as being on it."""
+
+SAME_ANGLE = 1e-6
+"""rad; a target that differs by less from where the arm will be counts as the same place."""
+
+_FOLLOWED = 0.3  # rad; an iterative solution that is no farther than this from the reference counts as the same branch
+
+
+def finite_six(what: str, values: Sequence[float]) -> Vector:
+    """The values as a tuple.
+
+    Raises:
+        TargetRejected: Not six finite numbers.
+    """
+    if len(values) != 6 or not all(math.isfinite(v) for v in values):
+        raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "%s must be six finite numbers" % what)
+    return tuple(values)
+
+
+def checked_transform(pose: Pose) -> Transform:
+    """The pose as a Transform.
+
+    Raises:
+        TargetRejected: Not six finite numbers.
+    """
+    finite_six("pose", tuple(pose.position) + tuple(pose.rpy))
+    return transform_from_pose(pose)
+
+
+class ArmFrames:
+    """Model, active tool and active user frame.
+
+    Attributes:
+        model: The arm.
+        flange_t_tool: Active tool in the flange frame.
+        base_t_user: Active user frame in the base frame.
+    """
+
+    def __init__(self, model: ArmModel) -> None:
+        self.model = model
+        self.flange_t_tool: Transform = IDENTITY
+        self.tool_t_flange: Transform = IDENTITY
+        self.base_t_user: Transform = IDENTITY
+        self.user_t_base: Transform = IDENTITY
+
+    def set_tool(self, flange_t_tool: Transform) -> None:
+        """Make this the active tool."""
+        self.flange_t_tool, self.tool_t_flange = flange_t_tool, invert(flange_t_tool)
+
+    def set_user_frame(self, base_t_user: Transform) -> None:
+        """Make this the active user frame."""
+        self.base_t_user, self.user_t_base = base_t_user, invert(base_t_user)
+
+    def tool_at(self, joint_position: Sequence[float]) -> Transform:
+        """``base_t_tool`` at these joints."""
+        return compose(forward(self.model, joint_position), self.flange_t_tool)
+
+    def pose_at(self, joint_position: Sequence[float]) -> Pose:
+        """Pose of the active tool in the active user frame at these joints."""
+        return pose_from_transform(compose(self.user_t_base, self.tool_at(joint_position)))
+
+    def in_base(self, pose: Pose) -> Transform:
+        """``base_t_tool`` of a pose in the active user frame.
+
+        Raises:
+            TargetRejected: Not six finite numbers.
+        """
+        return compose(self.base_t_user, checked_transform(pose))
+
+    def displaced(self, base_t_tool: Transform, increment: Pose) -> Transform:
+        """The pose ``start``, moved along and turned about the axes of the active user frame by an increment.
+
+        docs/controller-protocol.md section 5.4.1: increments add along the axes in which the pose is reported.
+
+        Raises:
+            TargetRejected: Not six finite numbers.
+        """
+        finite_six("increment", tuple(increment.position) + tuple(increment.rpy))
+        turn = compose(self.base_t_user, transform(matrix_from_rpy(increment.rpy), (0.0, 0.0, 0.0)))
+        turned = compose(compose(turn, self.user_t_base), transform(base_t_tool[:9], (0.0, 0.0, 0.0)))
+        shift = self.in_base_axes(increment.position)
+        x, y, z = base_t_tool[9:]
+        return transform(turned[:9], (x + shift[0], y + shift[1], z + shift[2]))
+
+    def in_base_axes(self, vector: Sequence[float]) -> Tuple[float, float, float]:
+        """A direction of the active user frame in the axes of the base."""
+        return rotated(self.base_t_user, vector)
+
+    def nearest_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Optional[Vector]:
+        """Joints, rad (6,), that bring the active tool there: the solution nearest to the reference. Joint limits are
+        not checked. None if the pose is out of reach.
+        """
+        return nearest_joints(self.model, compose(base_t_tool, self.tool_t_flange), reference)
+
+    def reachable_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Vector:
+        """Joints within their limits, rad (6,), that bring the active tool there: the solution nearest to the
+        reference.
+
+        Raises:
+            TargetRejected: The pose is out of reach (0x0F0017), or reachable only with a joint outside its limits
+                (0x0F0011).
+        """
+        try:
+            return inverse(self.model, compose(base_t_tool, self.tool_t_flange), reference)
+        except PoseOutsideLimits as error:
+            raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, str(error)) from error
+        except UnreachablePose as error:
+            raise TargetRejected(events.TARGET_UNREACHABLE, str(error)) from error
+
+    def joint_outside(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
+        """The first joint outside its limits, and True where it is above the upper one; None if all are within."""
+        for joint, (value, (low, high)) in enumerate(zip(joint_position, self.model.joint_limits)):
+            if value > high + 1e-9:
+                return joint, True
+            if value < low - 1e-9:
+                return joint, False
+        return None
+
+    def joint_on_limit(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
+        """The first joint on a soft limit, and True where that is the upper one; None if there is none."""
+        for joint, (value, (low, high)) in enumerate(zip(joint_position, self.model.joint_limits)):
+            if value > high - LIMIT_TOLERANCE:
+                return joint, True
+            if value < low + LIMIT_TOLERANCE:
+                return joint, False
+        return None
+
+
+def rotated(frame: Transform, vector: Sequence[float]) -> Tuple[float, float, float]:
+    """A direction of the frame in the axes of its parent."""
+    x, y, z = vector
+    return (frame[0] * x + frame[1] * y + frame[2] * z, frame[3] * x + frame[4] * y + frame[5] * z,
+            frame[6] * x + frame[7] * y + frame[8] * z)
+
+
+def turned(matrix: Sequence[float], rotation_vector: Sequence[float], position: Sequence[float]) -> Transform:
+    """A Transform at position whose rotation is matrix, turned about the parent's axes by rotation_vector."""
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = matrix[:9]
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = matrix_from_rotation_vector(rotation_vector)
+    x, y, z = position
+    return (r00 * m00 + r01 * m10 + r02 * m20, r00 * m01 + r01 * m11 + r02 * m21, r00 * m02 + r01 * m12 + r02 * m22,
+            r10 * m00 + r11 * m10 + r12 * m20, r10 * m01 + r11 * m11 + r12 * m21, r10 * m02 + r11 * m12 + r12 * m22,
+            r20 * m00 + r21 * m10 + r22 * m20, r20 * m01 + r21 * m11 + r22 * m21, r20 * m02 + r21 * m12 + r22 * m22,
+            x, y, z)
+
+
+def nearest_joints(model: ArmModel, base_t_flange: Transform, reference: Sequence[float]) -> Optional[Vector]:
+    """Joints, rad (6,), that bring the flange there: the solution nearest to the reference. Joint limits are not
+    checked. None if the pose is out of reach.
+    """
+    if not model.has_closed_form:
+        followed = refine(model, base_t_flange, reference)
+        if followed is not None and all(abs(a - b) < _FOLLOWED for a, b in zip(followed, reference)):
+            return followed
+    best: Optional[Vector] = None
+    best_cost = math.inf
+    remainder, turn = math.remainder, math.tau
+    r1, r2, r3, r4, r5, r6 = reference
+    for q1, q2, q3, q4, q5, q6 in inverse_all(model, base_t_flange, reference):
+        d1, d2, d3 = remainder(q1 - r1, turn), remainder(q2 - r2, turn), remainder(q3 - r3, turn)
+        d4, d5, d6 = remainder(q4 - r4, turn), remainder(q5 - r5, turn), remainder(q6 - r6, turn)
+        cost = d1 * d1 + d2 * d2 + d3 * d3 + d4 * d4 + d5 * d5 + d6 * d6
+        if cost < best_cost:
+            best, best_cost = (r1 + d1, r2 + d2, r3 + d3, r4 + d4, r5 + d5, r6 + d6), cost
+    return best
+
+
+def same_joints(a: Vector, b: Vector) -> bool:
+    """True where two joint positions, rad (6,), differ by less than ``SAME_ANGLE`` in every joint."""
+    return all(abs(x - y) < SAME_ANGLE for x, y in zip(a, b))

@@ -1,0 +1,118 @@
+"""Moves the arm along one route; speed changes, pauses and stops stay on the route."""
+from typing import Optional, Sequence
+
+from jaka_ros_driver.simulation.arm import events
+from jaka_ros_driver.simulation.arm.arm_frames import same_joints
+from jaka_ros_driver.simulation.arm.events import PlantEvent
+from jaka_ros_driver.simulation.arm.profiles import Profile, stopping_way
+from jaka_ros_driver.simulation.arm.routes import Route
+from jaka_ros_driver.state import Vector
+
+_OVERSPEED = 1.05  # a joint that exceeds its speed limit by this factor means that the path runs into a singularity
+_NO_CHANGE = 1e-9
+
+
+class Follower:
+    """One route under way.
+
+    Attributes:
+        route: What is followed.
+        joints: Where the arm is on it, rad (6,).
+        is_ending: True once ``end`` was called.
+        fault: Set where the arm cannot go on along the path; ``joints`` then are those before that place.
+    """
+
+    def __init__(self, route: Route, max_joint_speed: Sequence[float], jerk_limited: bool) -> None:
+        self.route = route
+        self.joints = route.start_joints
+        self.is_ending = False
+        self.fault: Optional[PlantEvent] = None
+        self._profile = Profile(jerk_limited)
+        self._joint_limits = [speed * _OVERSPEED for speed in max_joint_speed]
+        self._aimed_at = (-1.0, -1.0, -1.0)
+        self._is_braking = False
+
+    @property
+    def way(self) -> float:
+        """Where the arm is: the parameter of the route."""
+        return self._profile.position
+
+    @property
+    def speed(self) -> float:
+        """Rate of the parameter, per s."""
+        return self._profile.velocity
+
+    @property
+    def is_done(self) -> bool:
+        """True at the end of the route, or at rest after ``end``."""
+        return self.way >= self.route.length or (self.is_ending and self._profile.at_rest)
+
+    @property
+    def is_at_end(self) -> bool:
+        """True at the end of the route."""
+        return self.way >= self.route.length
+
+    def take_limits_of(self, route: Route) -> bool:
+        """Continue with the limits of ``route``. False, and no change, where its geometry differs or it ends before the
+        arm can stop.
+        """
+        needed = stopping_way(self.speed, route.stopping_acceleration(self.way, 0.0), self._profile.jerk_time)
+        here = route.joints_at(self.way, self.joints)
+        if route.length <= self.way + needed or here is None or not same_joints(here, self.joints):
+            return False
+        self.route = route
+        return True
+
+    def end(self) -> Vector:
+        """Slow down and stop for good; returns the joints where the arm will come to rest, rad (6,)."""
+        self.is_ending = True
+        return self.joints_at_rest(self._brake())
+
+    def joints_at_rest(self, way: float) -> Vector:
+        """Joints at a parameter ahead, rad (6,); the present ones where the route has no solution there."""
+        return self.route.joints_at(way, self.joints) or self.joints
+
+    def _brake(self) -> float:
+        """Slow down along the path; returns the parameter where the arm will come to rest."""
+        self._is_braking = True
+        self._aimed_at = (-1.0, -1.0, -1.0)
+        profile, route = self._profile, self.route
+        acceleration = route.stopping_acceleration(profile.position, 0.0)
+        ahead = stopping_way(profile.velocity, acceleration, profile.jerk_time)
+        acceleration = route.stopping_acceleration(profile.position, ahead)
+        where = profile.brake(acceleration)
+        if where > route.length:
+            profile.aim(route.length, max(profile.velocity, _NO_CHANGE), acceleration)
+            where = route.length
+        return where
+
+    def step(self, dt: float, rate: float) -> Vector:
+        """Run one cycle of ``dt`` s at ``rate`` (0 to 1) of the programmed speed; returns the joints, rad (6,).
+
+        Rate 0 slows down to a standstill and waits there. A later rate above 0 takes effect once the arm stands.
+        """
+        if not self.is_ending:
+            self._steer(rate)
+        way = self._profile.step(dt)
+        joints = self.route.joints_at(way, self.joints)
+        if joints is None or not all(
+                -limit <= (b - a) / dt <= limit for a, b, limit in zip(self.joints, joints, self._joint_limits)):
+            self.fault = events.event(events.SINGULARITY)
+            return self.joints
+        self.joints = joints
+        return joints
+
+    def _steer(self, rate: float) -> None:
+        profile, route = self._profile, self.route
+        if rate <= 0.0:
+            if not self._is_braking:
+                self._brake()
+            return
+        if self._is_braking and not profile.at_rest:
+            return
+        self._is_braking = False
+        speed, acceleration = route.limits(profile.position, profile.velocity, profile.jerk_time)
+        aim = (route.length, rate * speed, acceleration)
+        if aim != self._aimed_at:
+            profile.aim(*aim)
+            self._aimed_at = aim

@@ -1,0 +1,255 @@
+"""Geometry of Cartesian paths: straight lines, arcs, and the rounding of the corner between two lines.
+
+The parameter of a leg is its length in metre-equivalents: the larger of its translation, m, and its rotation, rad,
+times speed over rotation speed. At ``speed`` along it neither translation nor rotation is faster than asked for.
+"""
+import math
+from typing import NamedTuple, Optional, Sequence, Tuple
+
+from jaka_ros_driver.kinematics.rotations import Transform, rotation_angle_between, rotation_vector_from_matrix
+from jaka_ros_driver.simulation.arm import events
+from jaka_ros_driver.simulation.arm.arm_frames import turned
+from jaka_ros_driver.simulation.arm.events import TargetRejected
+
+Vector3 = Tuple[float, float, float]
+
+_TINY = 1e-9
+
+
+class Pace(NamedTuple):
+    """How fast a leg is run: speed m/s, acceleration m/s2, rotation speed rad/s, rotation acceleration rad/s2; and
+    braking, m/s2, the tool's deceleration in a stop.
+    """
+
+    speed: float
+    acceleration: float
+    rotation_speed: float
+    rotation_acceleration: float
+    braking: float
+
+
+class Leg:
+    """One programmed piece of a Cartesian path, parameter 0 to ``length``.
+
+    Attributes:
+        start: ``base_t_tool`` at its start.
+        end: ``base_t_tool`` at its end.
+        way: Translation along it, m.
+        angle: Rotation along it, rad.
+        length: Of the parameter, m.
+        max_speed: Highest rate of the parameter, m/s.
+        max_acceleration: Of the parameter, m/s2.
+        max_braking: Of the parameter in a stop, as far as the tool is concerned, m/s2.
+        line_id: ``executing_line_id``.
+        tolerance: How far the rounded corner at its end may leave the two lines, m.
+    """
+
+    def __init__(self, start: Transform, end: Transform, way: float, angle: float, pace: Pace,
+                 line_id: int, tolerance: float) -> None:
+        self.start, self.end, self.way, self.angle = start, end, way, angle
+        self.pace, self.line_id, self.tolerance = pace, line_id, tolerance
+        self.length = max(way, angle * pace.speed / pace.rotation_speed)
+        self.max_speed = pace.speed
+        self.max_acceleration = math.inf
+        self.max_braking = math.inf
+        if angle > _TINY:
+            self.max_acceleration = pace.rotation_acceleration * self.length / angle
+        if way > _TINY:
+            self.max_acceleration = min(self.max_acceleration, pace.acceleration * self.length / way)
+            self.max_braking = pace.braking * self.length / way
+
+    def at(self, parameter: float) -> Transform:
+        """``base_t_tool`` at this parameter."""
+        raise NotImplementedError
+
+
+class Line(Leg):
+    """A straight line; the rotation turns about one fixed axis.
+
+    Attributes:
+        position_rate: Change of position per parameter, shape (3,).
+        rotation_rate: Rotation vector per parameter about the axes of the base, rad/m, shape (3,).
+    """
+
+    def __init__(self, start: Transform, end: Transform, pace: Pace, line_id: int = 0, tolerance: float = 0.0,
+                 rotation_vector: Optional[Vector3] = None) -> None:
+        """rotation_vector: The rotation from start to end, rad (3,); None for the shortest one."""
+        shift = (end[9] - start[9], end[10] - start[10], end[11] - start[11])
+        turn = rotation_between(start, end) if rotation_vector is None else rotation_vector
+        super().__init__(start, end, norm(shift), norm(turn), pace, line_id, tolerance)
+        scale = 1.0 / self.length if self.length > 0.0 else 0.0
+        self.position_rate = (shift[0] * scale, shift[1] * scale, shift[2] * scale)
+        self.rotation_rate = (turn[0] * scale, turn[1] * scale, turn[2] * scale)
+
+    def at(self, parameter: float) -> Transform:
+        if parameter >= self.length:
+            return self.end
+        x, y, z = self.position_rate
+        s = self.start
+        position = (s[9] + parameter * x, s[10] + parameter * y, s[11] + parameter * z)
+        if self.angle < 1e-12:
+            return (s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8]) + position
+        u, v, w = self.rotation_rate
+        return turned(s, (parameter * u, parameter * v, parameter * w), position)
+
+
+class Arc(Leg):
+    """A piece of a circle. The tangential and the radial acceleration together stay within the pace's acceleration."""
+
+    def __init__(self, start: Transform, end: Transform, centre: Vector3, normal: Vector3, sweep: float,
+                 turn: Vector3, pace: Pace, line_id: int = 0) -> None:
+        """sweep: angle about ``normal``, rad. turn: rotation of the tool from start to end, a rotation vector of any
+        length, rad (3,).
+        """
+        arm = difference(start[9:], centre)
+        radius = norm(arm)
+        # Tangential and radial acceleration are at right angles: a / sqrt(2) each makes a.
+        acceleration = pace.acceleration * math.sqrt(0.5)
+        super().__init__(start, end, radius * sweep, norm(turn), pace._replace(acceleration=acceleration), line_id, 0.0)
+        self.max_speed = min(pace.speed, math.sqrt(acceleration * radius) * self.length / self.way)
+        self._centre, self._sweep, self._turn = centre, sweep, turn
+        self._arm, self._across = arm, cross(normal, arm)
+
+    def at(self, parameter: float) -> Transform:
+        if parameter >= self.length:
+            return self.end
+        share = parameter / self.length
+        c, s = math.cos(share * self._sweep), math.sin(share * self._sweep)
+        position = (self._centre[0] + c * self._arm[0] + s * self._across[0],
+                    self._centre[1] + c * self._arm[1] + s * self._across[1],
+                    self._centre[2] + c * self._arm[2] + s * self._across[2])
+        return turned(self.start, scaled(self._turn, share), position)
+
+
+class Corner:
+    """A parabola that replaces the corner between two lines and is tangent to both; its parameter continues theirs.
+
+    No point of it is farther from the two lines, or from the corner where it passes it, than the first line's
+    tolerance.
+
+    Attributes:
+        half: Length of each line that it replaces, in their parameter, m.
+        max_speed: Of the parameter, m/s.
+    """
+
+    def __init__(self, before: Line, after: Line, half: float) -> None:
+        self.half = half
+        self._before, self._after = before, after
+        bend = difference(after.position_rate, before.position_rate)
+        twist = difference(after.rotation_rate, before.rotation_rate)
+        acceleration = min(before.pace.acceleration, after.pace.acceleration)
+        rotation_acceleration = min(before.pace.rotation_acceleration, after.pace.rotation_acceleration)
+        square = math.inf
+        if norm(bend) > _TINY:
+            square = 0.5 * acceleration * 2.0 * half / norm(bend)
+        if norm(twist) > _TINY:
+            square = min(square, 0.5 * rotation_acceleration * 2.0 * half / norm(twist))
+        self.max_speed = min(before.max_speed, after.max_speed, math.sqrt(square))
+
+    def at(self, offset: float) -> Transform:
+        """``base_t_tool`` at offset -half..half from the corner."""
+        share = 0.5 * (offset / self.half + 1.0)
+        back = self.half * (1.0 - share) * (1.0 - share)
+        ahead = self.half * share * share
+        b, a = self._before.position_rate, self._after.position_rate
+        corner = self._before.end
+        position = (corner[9] - back * b[0] + ahead * a[0], corner[10] - back * b[1] + ahead * a[1],
+                    corner[11] - back * b[2] + ahead * a[2])
+        u, v = self._before.rotation_rate, self._after.rotation_rate
+        entry = turned(corner, (-back * u[0], -back * u[1], -back * u[2]), position)
+        return turned(entry, (ahead * v[0], ahead * v[1], ahead * v[2]), position)
+
+
+def corner_half(before: Leg, after: Leg) -> float:
+    """Length of each line that a corner within ``before.tolerance`` replaces, in their parameter, m; 0 where the corner
+    cannot be rounded.
+    """
+    if not isinstance(before, Line) or not isinstance(after, Line) or before.tolerance <= 0.0:
+        return 0.0
+    if before.way < _TINY or after.way < _TINY:
+        return 0.0
+    longest = 0.5 * min(before.length, after.length)
+    bend = norm(difference(after.position_rate, before.position_rate))
+    return min(longest, 4.0 * before.tolerance / bend) if bend > _TINY else longest
+
+
+def arc_through(start: Transform, via: Transform, end: Transform, turns: int, circle_mode: int, pace: Pace,
+                line_id: int) -> Arc:
+    """The arc from start through via to end, preceded by full turns.
+
+    Args:
+        start: ``base_t_tool``, as via and end.
+        via: Its position lies on the arc.
+        end: Where the arc ends.
+        turns: ``circle_cnt``: number of full circles before the arc; the motion still ends at ``end``.
+        circle_mode: How the tool turns: 0 by the shortest rotation from start to end; 1 the other way round the same
+            axis; 2 by whichever of the two passes nearer to the orientation at via; 3 with the circle, whatever the
+            orientation at end. The numbers are the SDK's, their meaning is inferred.
+        pace: Speeds and accelerations.
+        line_id: ``executing_line_id``.
+
+    Raises:
+        TargetRejected: The three points lie on a line, two of them coincide, or the mode is unknown.
+    """
+    a, b, c = start[9:], via[9:], end[9:]
+    ab, ac = difference(b, a), difference(c, a)
+    plane = cross(ab, ac)
+    area = norm(plane)
+    if area < 1e-6 * norm(ab) * norm(ac) or min(norm(ab), norm(ac), norm(difference(c, b))) < 1e-6:
+        raise TargetRejected(events.TARGET_UNREACHABLE, "no circle through these three points")
+    if turns < 0 or circle_mode not in (0, 1, 2, 3):
+        raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "circle_cnt %d, circle_mode %d" % (turns, circle_mode))
+    normal = (plane[0] / area, plane[1] / area, plane[2] / area)
+    to_centre = cross(difference(scaled(ac, dot(ab, ab)), scaled(ab, dot(ac, ac))), plane)
+    centre = (a[0] + to_centre[0] / (2.0 * area * area), a[1] + to_centre[1] / (2.0 * area * area),
+              a[2] + to_centre[2] / (2.0 * area * area))
+    arm = difference(a, centre)
+    sweep = _angle_from(arm, difference(c, centre), normal) + math.tau * turns
+    turn = scaled(normal, sweep) if circle_mode == 3 else rotation_between(start, end)
+    if norm(turn) > _TINY and circle_mode in (1, 2):
+        long_way = scaled(turn, 1.0 - math.tau / norm(turn))
+        share = _angle_from(arm, difference(b, centre), normal) / sweep
+        if circle_mode == 1 or (rotation_angle_between(turned(start, scaled(long_way, share), b), via)
+                                < rotation_angle_between(turned(start, scaled(turn, share), b), via)):
+            turn = long_way
+    return Arc(start, turned(start, turn, c) if circle_mode == 3 else end, centre, normal, sweep, turn, pace, line_id)
+
+
+def _angle_from(arm: Vector3, other: Vector3, normal: Vector3) -> float:
+    """Angle from arm to other about normal, rad, within 0 to 2 pi."""
+    return math.atan2(dot(cross(arm, other), normal), dot(arm, other)) % math.tau
+
+
+def rotation_between(start: Transform, end: Transform) -> Vector3:
+    """The shortest rotation vector, about the axes of the base, that turns start's orientation into end's, rad."""
+    s00, s01, s02, s10, s11, s12, s20, s21, s22 = start[:9]
+    e00, e01, e02, e10, e11, e12, e20, e21, e22 = end[:9]
+    return rotation_vector_from_matrix((
+        e00 * s00 + e01 * s01 + e02 * s02, e00 * s10 + e01 * s11 + e02 * s12, e00 * s20 + e01 * s21 + e02 * s22,
+        e10 * s00 + e11 * s01 + e12 * s02, e10 * s10 + e11 * s11 + e12 * s12, e10 * s20 + e11 * s21 + e12 * s22,
+        e20 * s00 + e21 * s01 + e22 * s02, e20 * s10 + e21 * s11 + e22 * s12, e20 * s20 + e21 * s21 + e22 * s22))
+
+
+def norm(v: Sequence[float]) -> float:
+    """Euclidean length."""
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+def dot(a: Sequence[float], b: Sequence[float]) -> float:
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Sequence[float], b: Sequence[float]) -> Vector3:
+    """Vector product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def difference(a: Sequence[float], b: Sequence[float]) -> Vector3:
+    """a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def scaled(v: Sequence[float], factor: float) -> Vector3:
+    """v times factor."""
+    return v[0] * factor, v[1] * factor, v[2] * factor

@@ -1,0 +1,561 @@
+"""The simulated arm: where its joints are over time. No sockets, threads, clock or wire units; SI throughout.
+
+The drives are ideal: the measured joints are the commanded ones. Which module does what:
+
+moves, legs, routes, path_scan   a move's numbers, its geometry, its limits along the way
+profiles, follower               progress along a route over time
+motion_queue, jog                what runs now and next
+servo, servo_filters             streaming
+hand_guiding, coasting           pushed by hand; coming to rest
+"""
+import math
+from typing import Dict, List, Optional, Sequence, Tuple
+
+from jaka_ros_driver.commands import JogFrame, Pose
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.rotations import distance_between
+from jaka_ros_driver.simulation.arm import events
+from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, checked_transform, finite_six, same_joints
+from jaka_ros_driver.simulation.arm.coasting import Coast
+from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
+from jaka_ros_driver.simulation.arm.hand_guiding import HandGuiding
+from jaka_ros_driver.simulation.arm.jog import JogMode, jog_route
+from jaka_ros_driver.simulation.arm.legs import Leg, Line, arc_through
+from jaka_ros_driver.simulation.arm.limit_watch import NEAR_LIMIT, LimitWatch
+from jaka_ros_driver.simulation.arm.motion_queue import MotionQueue
+from jaka_ros_driver.simulation.arm.moves import DEFAULT_JOINT_ACCELERATION, positive, same_pose, tool_pace, tool_rate
+from jaka_ros_driver.simulation.arm.routes import JointRoute
+from jaka_ros_driver.simulation.arm.servo import CYCLE_TIME_S, ServoStream, Starvation
+from jaka_ros_driver.simulation.arm.servo_filters import ServoFilter, checked_parameters, make_filter
+from jaka_ros_driver.state import Vector
+
+__all__ = ["CYCLE_TIME_S", "HOME", "JogMode", "NEAR_LIMIT", "Plant", "ServoFilter", "Starvation"]
+
+HOME = (0.0, math.pi / 2, -math.pi / 2, math.pi / 2, math.pi / 2, 0.0)
+"""rad (6,); a position away from the singularities of the main family."""
+
+_STILL: Vector = (0.0,) * 6
+
+
+class Plant:
+    """The arm's joints over time. Call its methods between cycles and ``step`` once a cycle; no method blocks.
+
+    It knows nothing of power, latched stops and sockets: its owner decides which commands reach it. A command that the
+    arm cannot carry out raises TargetRejected and changes nothing.
+    """
+
+    def __init__(self, model: ArmModel, joint_position: Sequence[float] = HOME, *,
+                 starvation: Starvation = Starvation.HOLD, settle_time: float = 0.04, jerk_limited: bool = True
+                 ) -> None:
+        """An arm at rest.
+
+        Args:
+            model: Geometry, joint limits and speeds.
+            joint_position: Where the arm stands at first, rad (6,).
+            starvation: What to do when a servo stream has no more points.
+            settle_time: How long is_in_position stays False at least after a move was accepted, s. With the period of
+                the status feed, the first frame after the acceptance shows it.
+            jerk_limited: Limit the jerk of moves and jogs, where ruckig is installed.
+        """
+        self.settle_time = settle_time
+        self.starvation = starvation
+        self._frames = ArmFrames(model)
+        self._joints: Vector = finite_six("joint_position", joint_position)
+        self._before = self._joints
+        self._dt = CYCLE_TIME_S
+        self._velocity = _STILL
+        self._queue = MotionQueue(self._frames, jerk_limited)
+        self._servo: Optional[ServoStream] = None
+        self._guiding: Optional[HandGuiding] = None
+        self._coast: Optional[Coast] = None
+        self._filter_kind = ServoFilter.NONE
+        self._filter_parameters: Dict[str, float] = {}
+        self._rapid_rate = 1.0
+        self._unsettled = 0.0
+        self._add_error_line = 0
+        self._events: List[PlantEvent] = []
+        self._watch = LimitWatch(model, self._joints)
+        self._pose: Optional[Pose] = None
+
+    # --- what can be seen -------------------------------------------------------------------------------------------
+
+    @property
+    def joint_position(self) -> Vector:
+        """Measured joint angles, rad (6,)."""
+        return self._joints
+
+    @property
+    def joint_velocity(self) -> Vector:
+        """Over the last cycle, rad/s (6,)."""
+        return self._velocity
+
+    @property
+    def joint_position_commanded(self) -> Vector:
+        """Commanded joint angles, rad (6,)."""
+        return self._joints
+
+    def tcp_pose(self) -> Pose:
+        """Measured pose of the active tool in the active user frame, m and rpy rad."""
+        if self._pose is None:
+            self._pose = self._frames.pose_at(self._joints)
+        return self._pose
+
+    def tcp_pose_commanded(self) -> Pose:
+        """Commanded pose of the active tool in the active user frame, m and rpy rad."""
+        return self.tcp_pose()
+
+    @property
+    def tcp_speed(self) -> float:
+        """Speed of the tool centre point over the last cycle, m/s."""
+        if self._velocity is _STILL:
+            return 0.0
+        return distance_between(self._frames.tool_at(self._before), self._frames.tool_at(self._joints)) / self._dt
+
+    @property
+    def is_in_position(self) -> bool:
+        """True when nothing is queued, running or coasting and settle_time has passed since the last acceptance."""
+        if self._unsettled > 0.0 or self._coast is not None or not self._queue.is_empty:
+            return False
+        if self._guiding is None and self._velocity is not _STILL:
+            return False
+        return self._servo is None or self._servo.is_idle
+
+    @property
+    def is_moving(self) -> bool:
+        """True while any joint moves, for whatever reason."""
+        return self._velocity is not _STILL
+
+    @property
+    def is_jogging(self) -> bool:
+        """True from the acceptance of a jog until it has come to rest."""
+        return self._queue.is_jogging
+
+    @property
+    def queue_length(self) -> int:
+        """Accepted moves not yet completed, the running one included."""
+        return self._queue.length
+
+    @property
+    def is_paused(self) -> bool:
+        """True from ``pause`` until ``resume`` or ``stop``."""
+        return self._queue.is_paused
+
+    @property
+    def is_servo_active(self) -> bool:
+        """True in servo (streaming) mode."""
+        return self._servo is not None
+
+    @property
+    def is_hand_guided(self) -> bool:
+        """True while hand guiding is on."""
+        return self._guiding is not None
+
+    @property
+    def on_soft_limit(self) -> bool:
+        """True while a joint stands on a soft limit."""
+        return self._frames.joint_on_limit(self._joints) is not None
+
+    @property
+    def near_limit(self) -> Tuple[bool, ...]:
+        """For each joint, True close to a soft limit (feed field ``drag_near_limit``)."""
+        near = [joint for joint, _ in self._watch.near(self._joints)]
+        return tuple(joint in near for joint in range(6))
+
+    @property
+    def rapid_rate(self) -> float:
+        """Speed override in force, 0 to 1."""
+        return self._rapid_rate
+
+    @property
+    def motion_line(self) -> int:
+        """``executing_line_id`` of the move running or last run; 0 before the first and for a move without one."""
+        return self._queue.motion_line
+
+    @property
+    def add_error_line(self) -> int:
+        """``executing_line_id`` of the last move not queued because its target is the end of the queue; 0 for none.
+
+        The next move that is queued clears it: ids restart at 2 in every client (docs/sdk-client.md section 1, point
+        7).
+        """
+        return self._add_error_line
+
+    def take_events(self) -> List[PlantEvent]:
+        """The events since the last call, oldest first."""
+        taken, self._events = self._events, []
+        return taken
+
+    # --- frames and kinematics --------------------------------------------------------------------------------------
+
+    def set_tool(self, flange_t_tool: Pose) -> None:
+        """Make this the active tool. Moves that are queued already keep the tool with which they were added."""
+        self._frames.set_tool(checked_transform(flange_t_tool))
+        self._pose = None
+
+    def set_user_frame(self, base_t_user: Pose) -> None:
+        """Make this the active user frame. Moves that are queued already keep the frame that was active when they were
+        added.
+        """
+        self._frames.set_user_frame(checked_transform(base_t_user))
+        self._pose = None
+
+    def forward(self, joint_position: Sequence[float]) -> Pose:
+        """Pose of the active tool in the active user frame at these joints, rad (6,).
+
+        Raises:
+            TargetRejected: Not six finite numbers.
+        """
+        return self._frames.pose_at(finite_six("joint_position", joint_position))
+
+    def inverse_nearest(self, pose: Pose, reference: Sequence[float]) -> Vector:
+        """Joints within their limits, rad (6,), that bring the active tool to a pose in the active user frame: the
+        solution nearest to the reference.
+
+        Raises:
+            TargetRejected: The pose is out of reach, reachable only with a joint outside its limits, or not finite.
+        """
+        return self._frames.reachable_joints(self._frames.in_base(pose), finite_six("reference", reference))
+
+    # --- queued moves -----------------------------------------------------------------------------------------------
+    # Each returns True when the move was queued, False when its target is where the queue ends (add_error_line then
+    # holds its line_id), and raises TargetRejected for a target out of reach or outside limits, numbers that are
+    # missing, surplus or not finite, speed or acceleration not above 0, and in servo mode, hand guiding or a jog.
+
+    def add_joint_move(self, target: Sequence[float], speed: float, acceleration: Optional[float] = None,
+                       relative: bool = False, line_id: Optional[int] = None) -> bool:
+        """Queue a synchronised joint motion (docs/controller-protocol.md section 5.2).
+
+        Args:
+            target: rad (6,); increments on the end of the queue where relative.
+            speed: Of the joint with the longest way, rad/s; cut to what every joint can do.
+            acceleration: rad/s2; None for the default, cut as speed.
+            relative: See target.
+            line_id: ``executing_line_id``.
+        """
+        self._check_planned_mode()
+        start = self._queue_end()
+        values = finite_six("target", target)
+        end = tuple(a + b for a, b in zip(start, values)) if relative else values
+        return self._queue_joint_motion(start, end, speed, acceleration, line_id)
+
+    def add_end_move(self, target: Pose, speed: float, acceleration: Optional[float] = None,
+                     line_id: Optional[int] = None) -> bool:
+        """Queue a joint motion to a tool pose in the active user frame (docs/controller-protocol.md section 5.3); speed
+        rad/s.
+        """
+        self._check_planned_mode()
+        start = self._queue_end()
+        end = self._frames.reachable_joints(self._frames.in_base(target), start)
+        return self._queue_joint_motion(start, end, speed, acceleration, line_id)
+
+    def add_linear_move(self, target: Pose, speed: float, acceleration: Optional[float] = None, relative: bool = False,
+                        tolerance: Optional[float] = None, rotation_speed: Optional[float] = None,
+                        rotation_acceleration: Optional[float] = None, line_id: Optional[int] = None) -> bool:
+        """Queue a straight line of the active tool (docs/controller-protocol.md section 5.4.1).
+
+        Args:
+            target: In the active user frame; where relative, position is added along the axes of the user frame and
+                the rotation turns about them.
+            speed: m/s.
+            acceleration: m/s2.
+            relative: See target.
+            tolerance: How far the rounded corner to the next line may leave the lines, m; None or 0 for a full stop.
+            rotation_speed: rad/s.
+            rotation_acceleration: rad/s2.
+            line_id: ``executing_line_id``.
+        """
+        self._check_planned_mode()
+        pace = tool_pace(self._frames.model, speed, acceleration, rotation_speed, rotation_acceleration)
+        if tolerance is not None and not 0.0 <= tolerance < math.inf:
+            raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "tolerance must be finite and not below 0")
+        joints = self._queue_end()
+        start = self._frames.tool_at(joints)
+        end = self._frames.displaced(start, target) if relative else self._frames.in_base(target)
+        self._frames.reachable_joints(end, joints)
+        if same_pose(start, end):
+            return self._already_there(line_id)
+        self._queue_leg(Line(start, end, pace, line_id or 0, tolerance or 0.0), joints)
+        return True
+
+    def add_arc_move(self, via: Pose, target: Pose, speed: float, acceleration: Optional[float] = None,
+                     relative: bool = False, turns: int = 0, circle_mode: int = 0,
+                     line_id: Optional[int] = None) -> bool:
+        """Queue an arc from the end of the queue through via to target (docs/controller-protocol.md section 5.4.2);
+        m/s, m/s2.
+
+        turns (``circle_cnt``): full circles before the arc. circle_mode: how the tool turns, see ``legs.arc_through``.
+        """
+        self._check_planned_mode()
+        pace = tool_pace(self._frames.model, speed, acceleration, None, None)
+        joints = self._queue_end()
+        start = self._frames.tool_at(joints)
+        through = self._frames.displaced(start, via) if relative else self._frames.in_base(via)
+        end = self._frames.displaced(start, target) if relative else self._frames.in_base(target)
+        self._frames.reachable_joints(through, joints)
+        if same_pose(start, end) and same_pose(start, through):
+            return self._already_there(line_id)
+        arc = arc_through(start, through, end, turns, circle_mode, pace, line_id or 0)
+        self._frames.reachable_joints(arc.end, joints)
+        self._queue_leg(arc, joints)
+        return True
+
+    def pause(self) -> None:
+        """Slow down along the path to a standstill and hold the queue."""
+        self._queue.pause()
+
+    def resume(self) -> None:
+        """Continue after ``pause``."""
+        self._queue.resume()
+
+    def stop(self) -> None:
+        """Slow down along the path, empty the queue and end a jog; in servo mode drop the points and stop."""
+        self._queue.stop()
+        if self._servo is not None:
+            self._come_to_rest()
+            self._servo = self._new_stream()
+
+    def halt_protective(self) -> None:
+        """Stop everything: queue and jog slow down along their path, servo mode and hand guiding end."""
+        self._queue.stop()
+        self.leave_servo()
+        self.stop_hand_guiding()
+
+    def halt_emergency(self) -> None:
+        """Stop everything with the highest deceleration of the joints; the path is left."""
+        self._come_to_rest()
+        self._queue.clear()
+        self._servo = self._guiding = None
+
+    def set_jerk_limited(self, jerk_limited: bool) -> None:
+        """Choose the speed profile of moves and jogs that are added from now on: S-curve (with ruckig) or trapezoid
+        (``set_motion_planner``).
+        """
+        self._queue.jerk_limited = jerk_limited
+
+    def set_rapid_rate(self, rate: float) -> None:
+        """Set the speed override of queued moves and jogs, 0 to 1; it takes effect during a motion, too.
+
+        Raises:
+            TargetRejected: Not within 0 to 1.
+        """
+        if not 0.0 <= rate <= 1.0:
+            raise TargetRejected(events.BAD_SPEED, "rapid rate must be within 0 to 1")
+        self._rapid_rate = rate
+
+    # --- jog --------------------------------------------------------------------------------------------------------
+
+    def jog(self, mode: JogMode, frame: JogFrame, axis: int, velocity: float, position: Optional[float] = None) -> bool:
+        """Jog one axis (docs/controller-protocol.md section 5.5).
+
+        Args:
+            mode: Continuous (sign of velocity), step (sign of position), absolute.
+            frame: JOINT, BASE (the axes of the active user frame) or TOOL.
+            axis: 0..5: joint, or x, y, z, rx, ry, rz.
+            velocity: rad/s or m/s.
+            position: Step or target, rad or m; step and absolute only.
+
+        Returns:
+            False where it is ignored because another motion runs. A continuous jog that runs already gets the new
+                velocity.
+
+        Raises:
+            TargetRejected: A number is not finite or out of range, or the jog would leave the limits or the reach at
+                once.
+        """
+        self._check_planned_mode()
+        key = (frame, axis, velocity > 0.0)
+        running_start = self._queue.running_jog_start(key) if mode == JogMode.CONTINUOUS else None
+        if running_start is not None:
+            again = jog_route(self._frames, running_start, mode, frame, axis, velocity, position)
+            return again is not None and self._queue.change_jog(again)
+        if not self._queue.takes_jog:
+            return False
+        route = jog_route(self._frames, self._queue_end(), mode, frame, axis, velocity, position)
+        if route is not None:
+            self._queue.start_jog(key, route)
+            self._unsettled = self.settle_time
+        return True
+
+    def jog_stop(self, frame: JogFrame, axis: int) -> None:
+        """End the jog of this frame and axis smoothly; no effect on any other motion."""
+        self._queue.end_jog(frame, axis)
+
+    # --- servo mode -------------------------------------------------------------------------------------------------
+
+    def enter_servo(self) -> bool:
+        """Enter servo mode; False, and no change, where the arm moves or the queue is not empty."""
+        if self._guiding is not None or self._coast is not None or not self._queue.is_empty:
+            return False
+        if self._servo is None:
+            self._servo = self._new_stream()
+        return True
+
+    def leave_servo(self) -> None:
+        """Leave servo mode; the arm comes to rest smoothly."""
+        if self._servo is not None:
+            self._come_to_rest()
+            self._servo = None
+
+    def servo_joint(self, target: Sequence[float], relative: bool = False, cycles: int = 1) -> bool:
+        """Append one joint point, rad (6,), that is to be reached in ``cycles`` times 8 ms.
+
+        Returns:
+            False when ignored: over 180 deg/s on a joint (docs/controller-protocol.md section 5.6.5), or the buffer is
+            full.
+
+        Raises:
+            TargetRejected: Bad numbers, beyond a soft limit, or not in servo mode.
+        """
+        return self._streaming().add_joints(tuple(target), relative, cycles)
+
+    def servo_pose(self, target: Pose, relative: bool = False, cycles: int = 1) -> bool:
+        """Append one Cartesian point in the active user frame; as ``servo_joint``."""
+        return self._streaming().add_pose(target, relative, cycles)
+
+    def set_servo_filter(self, kind: ServoFilter, **parameters: float) -> None:
+        """Choose the filter of the servo stream. Parameters have their names on the wire and SI units, e.g.
+        ``lpf_cf=0.5``.
+
+        Raises:
+            TargetRejected: In servo mode, or parameters that are missing, surplus or out of range.
+        """
+        if self._servo is not None:
+            raise TargetRejected(events.NOT_ALLOWED_IN_MODE, "the filter can't be changed in servo mode")
+        self._filter_parameters = checked_parameters(kind, parameters)
+        self._filter_kind = kind
+
+    # --- hand guiding -----------------------------------------------------------------------------------------------
+
+    def start_hand_guiding(self) -> None:
+        """Let the arm be pushed by hand.
+
+        Raises:
+            TargetRejected: Moving or in servo mode (0x0F0044), or on a soft limit (0x0F0040).
+        """
+        if self._guiding is not None:
+            return
+        if self._servo is not None or self._coast is not None or not self._queue.is_empty:
+            raise TargetRejected(events.HAND_GUIDING_REFUSED_MOVING, "the arm moves or is in servo mode")
+        if self.on_soft_limit:
+            raise TargetRejected(events.HAND_GUIDING_ON_SOFT_LIMIT, "a joint is on its soft limit")
+        self._guiding = HandGuiding(self._frames.model, self._joints)
+
+    def stop_hand_guiding(self) -> None:
+        """End hand guiding; joints that move come to rest."""
+        if self._guiding is not None:
+            self._come_to_rest()
+            self._guiding = None
+
+    def push_joint(self, joint: int, velocity: float) -> bool:
+        """Push joint 0..5 by hand at a velocity, rad/s, until the next call; 0 lets go. False, and no effect, unless
+        hand guiding is on.
+        """
+        if self._guiding is None:
+            return False
+        self._guiding.push(joint, velocity)
+        return True
+
+    # --- time -------------------------------------------------------------------------------------------------------
+
+    def step(self, dt: float = CYCLE_TIME_S) -> None:
+        """Let dt seconds pass: one cycle."""
+        self._unsettled -= dt
+        joints = self._next_joints(dt)
+        if joints is None or joints == self._joints:
+            if self._velocity is not _STILL:
+                self._velocity, self._before, self._pose = _STILL, self._joints, None
+            return
+        self._before, self._joints, self._dt, self._pose = self._joints, joints, dt, None
+        self._velocity = tuple([(b - a) / dt for a, b in zip(self._before, joints)])
+        if self._servo is not None or self._guiding is not None or self._queue.is_jogging:
+            self._events += self._watch.look(self._joints)
+
+    def _next_joints(self, dt: float) -> Optional[Vector]:
+        """The joints after this cycle; None where nothing drives them."""
+        if self._coast is not None:
+            joints = self._coast.step(dt)
+            if self._coast.is_done:
+                self._coast = None
+            return joints
+        if self._guiding is not None:
+            return self._guided(self._guiding, dt)
+        if self._servo is not None:
+            return self._streamed(self._servo, dt)
+        queued, happened = self._queue.step(dt, self._rapid_rate)
+        self._events += happened
+        if self._queue.fault is not None:
+            self._come_to_rest()
+            self._queue.clear()
+            return self._next_joints(dt) if self._coast is not None else None
+        return queued
+
+    def _guided(self, guiding: HandGuiding, dt: float) -> Vector:
+        joints = guiding.step(dt)
+        if guiding.hit_limit is not None:
+            self._events += [events.on_soft_limit(*guiding.hit_limit), events.event(events.HAND_GUIDING_HIT_SOFT_LIMIT)]
+            self._come_to_rest(joints, guiding.velocity)
+            self._guiding = None
+        return joints
+
+    def _streamed(self, stream: ServoStream, dt: float) -> Vector:
+        self._events += stream.step(dt)
+        for joint, (before, after, limit) in enumerate(
+                zip(self._joints, stream.joints, self._frames.model.joint_max_speed)):
+            if abs(after - before) > limit * dt * 1.001:
+                self._events.append(events.overspeed(joint))
+                self.leave_servo()
+                return self._joints if self._coast is None else self._coast.step(dt)
+        return stream.joints
+
+    def _come_to_rest(self, joints: Optional[Vector] = None, velocity: Optional[Vector] = None) -> None:
+        """Let the joints slow down from their present positions and speeds, unless they do so already."""
+        if self._coast is None:
+            coast = Coast(self._frames.model, joints or self._joints, velocity or self._velocity)
+            self._coast = None if coast.is_done else coast
+
+    def _queue_end(self) -> Vector:
+        standing_at = self._joints if self._coast is None else self._coast.end_joints
+        return self._queue.end_joints(standing_at)
+
+    def _new_stream(self) -> ServoStream:
+        joints = self._queue_end()
+        servo_filter = make_filter(self._filter_kind, self._filter_parameters, self._frames, joints)
+        return ServoStream(self._frames, joints, servo_filter, self.starvation)
+
+    def _streaming(self) -> ServoStream:
+        if self._servo is None:
+            raise TargetRejected(events.NOT_ALLOWED_IN_MODE, "not in servo mode")
+        return self._servo
+
+    def _check_planned_mode(self) -> None:
+        if self._servo is not None or self._guiding is not None:
+            raise TargetRejected(events.NOT_ALLOWED_IN_MODE, "not in servo mode or hand guiding")
+
+    def _queue_joint_motion(self, start: Vector, end: Vector, speed: float, acceleration: Optional[float],
+                            line_id: Optional[int]) -> bool:
+        top = positive("speed", speed, 0.0)
+        strongest = positive("acceleration", acceleration, DEFAULT_JOINT_ACCELERATION)
+        outside = self._frames.joint_outside(end)
+        if outside is not None:
+            raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "joint %d beyond its %s limit" % (
+                outside[0] + 1, "upper" if outside[1] else "lower"))
+        if same_joints(start, end):
+            return self._already_there(line_id)
+        tool_top = self._frames.model.tcp_max_speed
+        if tool_top is not None:
+            top = min(top, tool_top / max(tool_rate(self._frames, start, end), 1e-9))
+        self._queue.add_joint_route(JointRoute(self._frames.model, start, end, top, strongest, line_id or 0))
+        self._accepted()
+        return True
+
+    def _queue_leg(self, leg: Leg, joints: Vector) -> None:
+        self._queue.add_leg(leg, joints)
+        self._accepted()
+
+    def _accepted(self) -> None:
+        self._unsettled = self.settle_time
+        self._add_error_line = 0
+
+    def _already_there(self, line_id: Optional[int]) -> bool:
+        self._add_error_line = line_id or 0
+        return False

@@ -1,0 +1,202 @@
+"""Progress along a path over time: jerk-limited by ruckig where it is installed, trapezoidal otherwise.
+
+A profile has one coordinate, the distance along a path, which only grows. Every motion along a path uses one, so that a
+change of speed, a pause or a stop during the motion never leaves the path.
+"""
+import importlib
+import math
+from typing import Any, Optional
+
+JERK_TIME_S = 0.05
+"""s; with ruckig, the time in which acceleration builds up or fades. No vendor value exists."""
+
+try:
+    RUCKIG: Optional[Any] = importlib.import_module("ruckig")
+except ImportError:
+    RUCKIG = None
+
+HAS_RUCKIG = RUCKIG is not None
+
+_REST_SPEED = 1e-9
+_STEEPER = 1.25
+_STEEPER_TRIES = 16
+
+
+def jerk_time(jerk_limited: bool) -> float:
+    """Time in which acceleration builds up, s; 0 where the profile is not jerk-limited."""
+    return JERK_TIME_S if jerk_limited and HAS_RUCKIG else 0.0
+
+
+class Profile:
+    """Distance, speed and acceleration along a path, advanced by ``step``; in the units of the path (m or rad).
+
+    Attributes:
+        position: Distance covered so far.
+        velocity: Never below 0.
+        acceleration: Signed.
+        jerk_time: s over which acceleration builds up; 0 without ruckig.
+    """
+
+    def __init__(self, jerk_limited: bool = True) -> None:
+        """jerk_limited: has no effect without ruckig."""
+        self.position = 0.0
+        self.velocity = 0.0
+        self.acceleration = 0.0
+        self.jerk_time = jerk_time(jerk_limited)
+        self._target: Optional[float] = None
+        self._max_velocity = 0.0
+        self._max_acceleration = 1.0
+        self._trajectory: Any = None
+        self._jerk = 0.0
+        self._elapsed = 0.0
+
+    @property
+    def at_rest(self) -> bool:
+        """True while nothing moves."""
+        return self.velocity == 0.0
+
+    def aim(self, target: float, max_velocity: float, max_acceleration: float) -> None:
+        """Move from now on to ``target`` and come to rest there. It must lie ahead, and far enough to stop before it.
+
+        Where a lowered max_acceleration would lead beyond the target, it brakes harder than that.
+        """
+        if max_velocity <= 0.0:
+            self.brake(max_acceleration)
+            return
+        self._target, self._max_velocity, self._max_acceleration = target, max_velocity, max_acceleration
+        remaining = target - self.position
+        if remaining > 0.0:
+            self._max_acceleration = max(max_acceleration, 0.5 * self.velocity * self.velocity / remaining)
+        self._trajectory = None
+        if self.jerk_time:
+            self._plan_to(target)
+
+    def brake(self, max_acceleration: float) -> float:
+        """Come to rest as soon as the limits allow; returns the position where that will be."""
+        self._target, self._max_velocity, self._max_acceleration = None, 0.0, max_acceleration
+        self._trajectory = None
+        if self.velocity == 0.0:
+            self.acceleration = 0.0
+            return self.position
+        if self.jerk_time:
+            self._plan_brake()
+        if self._trajectory is not None:
+            return max(self.position, self._trajectory.at_time(self._trajectory.duration)[0][0])
+        return self.position + 0.5 * self.velocity * self.velocity / max_acceleration
+
+    def step(self, dt: float) -> float:
+        """Let dt seconds pass; returns the new position."""
+        if self._trajectory is not None:
+            self._follow(dt)
+        elif self._target is None:
+            self._slow_down(dt)
+        else:
+            self._trapezoid(dt, self._target)
+        return self.position
+
+    def _follow(self, dt: float) -> None:
+        self._elapsed += dt
+        if self._elapsed >= self._trajectory.duration:
+            end = self._trajectory.at_time(self._trajectory.duration)[0][0]
+            self._rest_at(max(self.position, end) if self._target is None else self._target)
+            return
+        position, velocity, acceleration = self._trajectory.at_time(self._elapsed)
+        self.position = max(self.position, position[0])
+        self.velocity, self.acceleration = max(velocity[0], _REST_SPEED), acceleration[0]
+
+    def _rest_at(self, position: float) -> None:
+        self.position, self.velocity, self.acceleration = position, 0.0, 0.0
+        self._trajectory = None
+
+    def _slow_down(self, dt: float) -> None:
+        if self.velocity <= self._max_acceleration * dt:
+            self._rest_at(self.position + 0.5 * self.velocity * self.velocity / self._max_acceleration)
+            return
+        self.acceleration = -self._max_acceleration
+        self.position += dt * (self.velocity - 0.5 * self._max_acceleration * dt)
+        self.velocity -= self._max_acceleration * dt
+
+    def _trapezoid(self, dt: float, target: float) -> None:
+        """One cycle at the constant acceleration after which the remaining distance still suffices to stop at the
+        target.
+        """
+        remaining = target - self.position
+        limit = self._max_acceleration * dt
+        root = limit * limit - 4.0 * (limit * self.velocity - 2.0 * self._max_acceleration * remaining)
+        stoppable = 0.5 * (math.sqrt(root) - limit) if root > 0.0 else -1.0
+        if remaining <= 0.0 or stoppable <= 0.0:
+            self._rest_at(max(target, self.position))
+            return
+        wanted = min(self._max_velocity, self.velocity + limit, stoppable)
+        velocity = max(wanted, self.velocity - limit)
+        self.acceleration = (velocity - self.velocity) / dt
+        self.position += 0.5 * (self.velocity + velocity) * dt
+        self.velocity = velocity
+        if self.position >= target:
+            self._rest_at(target)
+
+    def _plan_to(self, target: float) -> None:
+        if RUCKIG is None:
+            return
+        acceleration = self._max_acceleration
+        for _ in range(_STEEPER_TRIES):
+            plan = self._request(acceleration)
+            plan.target_position = [target]
+            plan.max_velocity = [self._max_velocity]
+            trajectory = self._solve(plan)
+            if trajectory is None:
+                return
+            if trajectory.position_extrema[0].max <= target + 1e-12 + 1e-9 * abs(target):
+                self._trajectory, self._elapsed, self._jerk = trajectory, 0.0, plan.max_jerk[0]
+                return
+            acceleration *= _STEEPER
+
+    def _plan_brake(self) -> None:
+        if RUCKIG is None:
+            return
+        plan = self._request(self._max_acceleration)
+        plan.control_interface = RUCKIG.ControlInterface.Velocity
+        plan.target_velocity = [0.0]
+        self._trajectory, self._elapsed, self._jerk = self._solve(plan), 0.0, plan.max_jerk[0]
+
+    def _request(self, acceleration: float) -> Any:
+        assert RUCKIG is not None
+        plan = RUCKIG.InputParameter(1)
+        plan.current_position = [self.position]
+        plan.current_velocity = [self.velocity]
+        plan.current_acceleration = [self.acceleration]
+        plan.max_acceleration = [acceleration]
+        jerk = max(acceleration, abs(self.acceleration)) / self.jerk_time
+        # acceleration that has begun to fade must fade as fast as before, or the speed would exceed its limit
+        plan.max_jerk = [max(jerk, self._jerk) if self.acceleration else jerk]
+        return plan
+
+    def _solve(self, plan: Any) -> Any:
+        """The trajectory, or None where ruckig finds none; the trapezoid then takes over."""
+        assert RUCKIG is not None
+        trajectory = RUCKIG.Trajectory(1)
+        return trajectory if ruckig_solves(RUCKIG.Ruckig(1), plan, trajectory) else None
+
+
+def ruckig_solves(solver: Any, plan: Any, trajectory: Any) -> bool:
+    """Let ruckig compute the trajectory of the plan; False where it fails, as with numbers of very different size."""
+    assert RUCKIG is not None
+    try:
+        return int(solver.calculate(plan, trajectory).value) >= 0
+    except (RUCKIG.RuckigError, ValueError):  # ValueError: a result that its own enumeration lacks
+        return False
+
+
+def speed_for_way(way: float, final_speed: float, acceleration: float, jerk_time: float) -> float:
+    """The highest speed from which ``final_speed`` can be reached within the distance ``way`` at this deceleration,
+    which builds up over jerk_time, s.
+    """
+    half = 0.5 * jerk_time
+    budget = way - half * final_speed + 0.5 * final_speed * final_speed / acceleration
+    root = half * half + 2.0 * budget / acceleration
+    return max(final_speed, acceleration * (math.sqrt(root) - half)) if root > 0.0 else final_speed
+
+
+def stopping_way(speed: float, acceleration: float, jerk_time: float) -> float:
+    """The distance from ``speed`` to rest at this deceleration, which builds up over jerk_time, s; an upper bound."""
+    return 0.5 * speed * (speed / acceleration + jerk_time)

@@ -1,0 +1,148 @@
+"""Servo (streaming) mode: points of 8 ms and their multiples, interpolated, filtered (docs/controller-protocol.md
+section 5.6).
+"""
+import enum
+import math
+from collections import deque
+from typing import Deque, List, NamedTuple, Optional
+
+from jaka_ros_driver.commands import Pose
+from jaka_ros_driver.simulation.arm import events
+from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, finite_six
+from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
+from jaka_ros_driver.simulation.arm.legs import Line, Pace
+from jaka_ros_driver.simulation.arm.servo_filters import Filter
+from jaka_ros_driver.state import Vector
+
+CYCLE_TIME_S = 0.008
+"""s, interpolation cycle: docs/controller-protocol.md section 5.6.5."""
+MAX_STEP_SPEED = math.pi
+"""rad/s (180 deg/s): a point that needs more of a joint is ignored, docs/controller-protocol.md section 5.6.5."""
+MAX_POINTS = 50
+"""Largest number of waiting points; further ones are ignored. No vendor value exists."""
+MAX_CYCLES = 1000
+"""``stepNum`` at most. No vendor value exists."""
+
+_UNIT_PACE = Pace(1.0, 1.0, 1.0, 1.0, 1.0)
+
+
+class Starvation(enum.Enum):
+    """What the arm does when a servo stream has no more points: hold the last target, or repeat the last increment."""
+
+    HOLD = "hold"
+    REPEAT = "repeat"
+
+
+class _Point(NamedTuple):
+    start: Vector
+    end: Vector
+    line: Optional[Line]
+    duration: float
+
+
+class ServoStream:
+    """The points of a servo stream, from entering servo mode until it is left.
+
+    Attributes:
+        joints: Commanded, rad (6,).
+        starvation: What happens when the points run out.
+    """
+
+    def __init__(self, frames: ArmFrames, joints: Vector, servo_filter: Filter, starvation: Starvation) -> None:
+        self.joints = joints
+        self.starvation = starvation
+        self._frames, self._filter = frames, servo_filter
+        self._points: Deque[_Point] = deque()
+        self._target = joints  # interpolated, before the filter
+        self._end = joints  # of the last point taken
+        self._elapsed = 0.0
+        self._increment: Vector = (0.0,) * 6
+        self._clamped: Optional[int] = None
+
+    @property
+    def is_idle(self) -> bool:
+        """True when no point is left."""
+        return not self._points
+
+    def add_joints(self, target: Vector, relative: bool, cycles: int) -> bool:
+        """Append a joint point, rad (6,), to be reached in ``cycles`` cycles; False where it is ignored.
+
+        Raises:
+            TargetRejected: A number is not finite, the point is beyond a soft limit, or ``cycles`` is out of range.
+        """
+        finite_six("servo point", target)
+        end = tuple(a + b for a, b in zip(self._end, target)) if relative else tuple(target)
+        return self._add(end, None, cycles)
+
+    def add_pose(self, target: Pose, relative: bool, cycles: int) -> bool:
+        """Append a Cartesian point in the active user frame, to be reached in ``cycles`` cycles; False where it is
+        ignored.
+
+        Raises:
+            TargetRejected: A number is not finite, the point is out of reach or beyond a soft limit, or ``cycles`` is
+                out of range.
+        """
+        start = self._frames.tool_at(self._end)
+        goal = self._frames.displaced(start, target) if relative else self._frames.in_base(target)
+        end = self._frames.nearest_joints(goal, self._end)
+        if end is None:
+            raise TargetRejected(events.INVERSE_KINEMATICS_FAILED, "servo point out of reach")
+        return self._add(end, Line(start, goal, _UNIT_PACE), cycles)
+
+    def _add(self, end: Vector, line: Optional[Line], cycles: int) -> bool:
+        if not 1 <= cycles <= MAX_CYCLES:
+            raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "stepNum must be 1 to %d" % MAX_CYCLES)
+        outside = self._frames.joint_outside(end)
+        if outside is not None:
+            cause = events.on_soft_limit(*outside)
+            raise TargetRejected(cause.code, "servo point: " + cause.text)
+        duration = cycles * CYCLE_TIME_S
+        longest = max(abs(b - a) for a, b in zip(self._end, end))
+        if longest > MAX_STEP_SPEED * duration * (1.0 + 1e-9) or len(self._points) >= MAX_POINTS:
+            return False
+        self._points.append(_Point(self._end, end, line, duration))
+        self._end = end
+        return True
+
+    def step(self, dt: float) -> List[PlantEvent]:
+        """Run one cycle of ``dt`` s; ``joints`` then holds the new command. Returns the events of this cycle."""
+        if self._points:
+            before = self._target
+            self._interpolate(dt)
+            self._increment = tuple(b - a for a, b in zip(before, self._target))
+        elif self.starvation is Starvation.REPEAT:
+            self._repeat()
+        filtered = self._filter.step(self._target, dt)
+        self.joints = self._within_limits(filtered)
+        return self._limit_events()
+
+    def _interpolate(self, dt: float) -> None:
+        point = self._points[0]
+        self._elapsed += dt
+        share = self._elapsed / point.duration
+        if share >= 1.0 - 1e-6:
+            self._points.popleft()
+            self._elapsed = 0.0
+            self._target = point.end
+            return
+        joints: Optional[Vector] = None
+        if point.line is not None:
+            joints = self._frames.nearest_joints(point.line.at(share * point.line.length), self._target)
+        self._target = joints or tuple(a + share * (b - a) for a, b in zip(point.start, point.end))
+
+    def _repeat(self) -> None:
+        target = tuple(a + b for a, b in zip(self._target, self._increment))
+        self._end = self._target = self._within_limits(target)
+        if self._target != target:
+            self._increment = (0.0,) * 6
+
+    def _within_limits(self, joints: Vector) -> Vector:
+        return tuple(min(max(q, low), high) for q, (low, high) in zip(joints, self._frames.model.joint_limits))
+
+    def _limit_events(self) -> List[PlantEvent]:
+        reached = self._frames.joint_on_limit(self.joints)
+        joint = None if reached is None else reached[0]
+        if joint == self._clamped:
+            return []
+        self._clamped = joint
+        return [] if reached is None else [events.on_soft_limit(*reached)]

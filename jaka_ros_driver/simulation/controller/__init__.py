@@ -1,0 +1,10 @@
+"""The simulated controller without its sockets: a request in, a reply out, status frames at any time.
+
+controller                             carries out one request
+command_spec, command_table            what a command is; the table of all commands
+commands_*                             the commands, by subject
+controller_state                       power, stops, errors and programs: the state that commands change
+alarms, io_banks, memory, firmware     which error is shown, inputs and outputs, what survives a restart, generations
+arguments, replies, wire_units         parameters of a request, replies, units and decimals of the wire
+status_frame                           the frames of the status feed and of the polled port
+"""

@@ -1,0 +1,252 @@
+"""Commands that move the arm: queued moves, jog, servo mode, hand guiding (docs/controller-protocol.md sections 5.2
+to 5.8).
+"""
+from typing import Callable, Dict, Optional, Tuple
+
+from jaka_ros_driver.commands import JogFrame
+from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.simulation.arm.plant import JogMode, ServoFilter
+from jaka_ros_driver.simulation.controller.arguments import Arguments
+from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain, query
+from jaka_ros_driver.simulation.controller.controller_state import ControllerState
+from jaka_ros_driver.simulation.controller.replies import SERVO_ONLY, Refused, Reply
+from jaka_ros_driver.simulation.controller.wire_units import pose_from_wire
+from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, mm_to_m
+
+_JOG_FRAMES = {0: JogFrame.BASE, 1: JogFrame.JOINT, 2: JogFrame.TOOL}
+_JOG_STOP = 0
+MIN_RATE = 1e-3
+"""Lowest speed and acceleration taken, mm or deg per s or s2; with lower ones a move would take days."""
+_RAPID_RATE_DECIMALS = 4
+
+
+def _move(command: str, queue: Callable[[ControllerState, Arguments], bool]) -> Handler:
+    """Make the handler of a queued move. It refuses the move where the arm takes none, and a bad target with "call
+    <cmd> failed"; neither latches an error.
+    """
+    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+        state.require_motion(command)
+        try:
+            queue(state, arguments)
+        except TargetRejected as error:
+            raise Refused() from error
+        state.moved()
+        return None
+    return handle
+
+
+def _optional(arguments: Arguments, key: str, to_si: Callable[[float], float]) -> Optional[float]:
+    return to_si(arguments.number(key)) if arguments.has(key) else None
+
+
+def _rate(arguments: Arguments, key: str) -> float:
+    """A speed or acceleration; its sign is not checked here."""
+    rate = arguments.number(key)
+    if abs(rate) < MIN_RATE:
+        raise Refused()
+    return rate
+
+
+def _optional_rate(arguments: Arguments, key: str, to_si: Callable[[float], float]) -> Optional[float]:
+    return to_si(_rate(arguments, key)) if arguments.has(key) else None
+
+
+def _line(arguments: Arguments) -> Optional[int]:
+    return arguments.integer("executing_line_id") if arguments.has("executing_line_id") else None
+
+
+def _joint_move(state: ControllerState, arguments: Arguments) -> bool:
+    arguments.number("tol", 0.0)
+    return state.plant.add_joint_move(
+        all_deg_to_rad(arguments.vector("jointPosition", 6)), deg_to_rad(_rate(arguments, "speed")),
+        _optional_rate(arguments, "accel", deg_to_rad), arguments.flag("relFlag", False), _line(arguments))
+
+
+def _end_move(state: ControllerState, arguments: Arguments) -> bool:
+    return state.plant.add_end_move(
+        pose_from_wire(arguments.vector("endPosition", 6)), deg_to_rad(_rate(arguments, "speed")),
+        _optional_rate(arguments, "accel", deg_to_rad), _line(arguments))
+
+
+def _linear_move(state: ControllerState, arguments: Arguments) -> bool:
+    return state.plant.add_linear_move(
+        pose_from_wire(arguments.vector("cartPosition", 6)), mm_to_m(_rate(arguments, "speed")),
+        _optional_rate(arguments, "accel", mm_to_m), arguments.flag("relFlag", False),
+        _optional(arguments, "tol", mm_to_m), _optional_rate(arguments, "ori_vel", deg_to_rad),
+        _optional_rate(arguments, "ori_acc", deg_to_rad), _line(arguments))
+
+
+def _arc_move(state: ControllerState, arguments: Arguments) -> bool:
+    arguments.number("tol", 0.0)
+    return state.plant.add_arc_move(
+        pose_from_wire(arguments.vector("pos_mid", 6)), pose_from_wire(arguments.vector("pos_end", 6)),
+        mm_to_m(_rate(arguments, "speed")), _optional_rate(arguments, "accel", mm_to_m),
+        arguments.flag("relFlag", False), arguments.integer("circle_cnt", 0), arguments.integer("circle_mode", 0),
+        _line(arguments))
+
+
+def _jog(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    mode = arguments.integer("jog_mode")
+    coord_map, axis = arguments.integer("coord_map", 1), arguments.integer("jnum", 0)
+    if mode == _JOG_STOP:
+        state.stop_jog()
+        return None
+    velocity = _rate(arguments, "jogvel")
+    position = arguments.number("poscmd") if mode in (JogMode.STEP, JogMode.ABSOLUTE) else None
+    if mode not in tuple(JogMode) or coord_map not in _JOG_FRAMES or not 0 <= axis < 6:
+        raise Refused()
+    frame = _JOG_FRAMES[coord_map]
+    to_si = mm_to_m if frame is not JogFrame.JOINT and axis < 3 else deg_to_rad
+    state.require_motion("jog")
+    try:
+        taken = state.plant.jog(JogMode(mode), frame, axis, to_si(velocity),
+                                  None if position is None else to_si(position))
+    except TargetRejected as error:
+        raise Refused() from error
+    if taken:
+        state.jogged(frame, axis)
+    return None
+
+
+def _servo_move(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    if not arguments.flag("relFlag"):
+        state.plant.leave_servo()
+        return None
+    state.require_drives()
+    if not state.plant.is_servo_active:
+        state.plant.enter_servo()
+    return None
+
+
+def _servo_point(vendor_name: str, append: Callable[[ControllerState, Arguments, bool, int], bool]) -> Handler:
+    """Make the handler of a servo point. Outside servo mode a point is refused with the vendor's text; a point that
+    needs more than 180 deg/s is ignored.
+    """
+    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+        relative, cycles = arguments.flag("relFlag", False), arguments.integer("stepNum", 1)
+        if not state.plant.is_servo_active:
+            raise Refused("-1", SERVO_ONLY % vendor_name)
+        state.require_drives()
+        try:
+            append(state, arguments, relative, cycles)
+        except TargetRejected as error:
+            raise Refused() from error
+        return None
+    return handle
+
+
+def _servo_joint(state: ControllerState, arguments: Arguments, relative: bool, cycles: int) -> bool:
+    return state.plant.servo_joint(all_deg_to_rad(arguments.vector("jointPosition", 6)), relative, cycles)
+
+
+def _servo_pose(state: ControllerState, arguments: Arguments, relative: bool, cycles: int) -> bool:
+    return state.plant.servo_pose(pose_from_wire(arguments.vector("catPosition", 6)), relative, cycles)
+
+
+def _same(value: float) -> float:
+    return value
+
+
+_FILTER_PARAMETERS: Dict[ServoFilter, Tuple[Tuple[str, Callable[[float], float]], ...]] = {
+    ServoFilter.NONE: (),
+    ServoFilter.JOINT_LOW_PASS: (("lpf_cf", _same),),
+    ServoFilter.JOINT_LIMITS: (("nlf_max_vr", deg_to_rad), ("nlf_max_ar", deg_to_rad), ("nlf_max_jr", deg_to_rad)),
+    ServoFilter.JOINT_MEAN: (("mmf_max_buf", _same), ("mmf_kp", _same), ("mmf_kv", _same), ("mmf_ka", _same)),
+    ServoFilter.CARTESIAN_LIMITS: (
+        ("nlf_max_vr", deg_to_rad), ("nlf_max_ar", deg_to_rad), ("nlf_max_jr", deg_to_rad),
+        ("nlf_max_vp", mm_to_m), ("nlf_max_ap", mm_to_m), ("nlf_max_jp", mm_to_m)),
+    ServoFilter.FORESIGHT: (("mmf_max_buf", _same), ("mmf_kp", _same)),
+}
+"""Keys and units of each filter: docs/controller-protocol.md section 5.6.6, docs/sdk-client.md section 8."""
+
+
+def _set_servo_filter(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    number = arguments.integer("filter_type")
+    if number not in tuple(ServoFilter):
+        raise Refused()
+    kind = ServoFilter(number)
+    parameters = {key: to_si(_rate(arguments, key)) for key, to_si in _FILTER_PARAMETERS[kind]}
+    if state.plant.is_servo_active:
+        raise Refused("-1", "set_servo_move_filter command can not be excuted in servo move mode")
+    try:
+        state.plant.set_servo_filter(kind, **parameters)
+    except TargetRejected as error:
+        raise Refused() from error
+    return None
+
+
+def _rapid_rate(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    rate = round(arguments.number("rate_value"), _RAPID_RATE_DECIMALS)
+    try:
+        state.plant.set_rapid_rate(rate)
+    except TargetRejected as error:
+        raise Refused() from error
+    return None
+
+
+def _wait_complete(state: ControllerState, _arguments: Arguments) -> Held:
+    return Held(lambda: state.plant.is_in_position)
+
+
+def _motion_planner(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    """Choose the profile of moves and jogs that come later: 0 trapezoid; -1 (off) and 1 S-curve, where ruckig is
+    installed.
+    """
+    kind = arguments.integer("type")
+    if kind not in (-1, 0, 1):
+        raise Refused()
+    state.memory.settings["set_motion_planner", 0] = {"type": kind}
+    state.plant.set_jerk_limited(kind != 0)
+    return None
+
+
+def _motion_state(state: ControllerState) -> Reply:
+    plant = state.plant
+    motion_line, add_error_line = state.executing_lines()
+    return {"inpos": plant.is_in_position, "paused": state.is_paused, "queue": plant.queue_length,
+            "active_queue": min(1, plant.queue_length), "motion_line": motion_line, "err_add_line": add_error_line,
+            "queue_full": False, "isOnLimit": plant.on_soft_limit, "isInEstop": state.emergency_stop,
+            "isInCollision": state.protective_stop}
+
+
+def _hand_guiding(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    state.set_hand_guiding(arguments.flag("enable_flag"))
+    return None
+
+
+def _torque_feedforward(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    """Stored only: the simulated arm has no dynamics."""
+    state.memory.settings["torque_feedforward", 0] = {
+        "grvCurrent": list(arguments.vector("grvCurrent", 6)), "includeGrvFlag": arguments.integer("includeGrvFlag", 0)}
+    return None
+
+
+def _drag_status(state: ControllerState) -> Reply:
+    return {"drag_status": state.plant.is_hand_guided}
+
+
+MOTION_COMMANDS: Tuple[CommandSpec, ...] = (
+    CommandSpec("joint_move", "5.2", _move("joint_move", _joint_move)),
+    CommandSpec("end_move", "5.3", _move("end_move", _end_move)),
+    CommandSpec("moveL", "5.4.1", _move("moveL", _linear_move)),
+    CommandSpec("movc", "5.4.2", _move("movc", _arc_move)),
+    CommandSpec("set_motion_planner", "5.4.3", _motion_planner),
+    CommandSpec("stop_program", "5.4.4", plain(ControllerState.stop)),
+    CommandSpec("pause_program", "5.4.5", plain(ControllerState.pause)),
+    CommandSpec("resume_program", "5.4.5", plain(ControllerState.resume)),
+    CommandSpec("wait_complete", "5.4.6", _wait_complete),
+    CommandSpec("get_motion_state", "5.4.7", query(_motion_state)),
+    CommandSpec("jog", "5.5", _jog),
+    CommandSpec("servo_move", "5.6.1", _servo_move),
+    CommandSpec("is_in_servomove", "5.6.2", query(lambda state: {"in_servomove": state.plant.is_servo_active})),
+    CommandSpec("servo_j", "5.6.3", _servo_point("servoj", _servo_joint)),
+    CommandSpec("servo_p", "5.6.4", _servo_point("servop", _servo_pose)),
+    CommandSpec("set_servo_move_filter", "5.6.6", _set_servo_filter),
+    CommandSpec("torque_control_enable", "5.8", _hand_guiding),
+    CommandSpec("torque_feedforward", "5.8", _torque_feedforward),
+    CommandSpec("drag_status", "5.8", query(_drag_status)),
+    CommandSpec("get_drag_status", "5.8", query(_drag_status)),
+    CommandSpec("rapid_rate", "5.10", _rapid_rate),
+    CommandSpec("get_rapid_rate", "5.10", query(lambda state: {
+        "rapid_rate": state.plant.rapid_rate, "rate_value": state.plant.rapid_rate})),
+)

@@ -1,0 +1,249 @@
+"""Settings that are stored and returned, and do nothing else here: tool I/O, RS-485, torque sensor, force control,
+trajectory recording (docs/controller-protocol.md sections 5.11, 5.15; docs/sdk-client.md section 8).
+
+Where the keys of a reply are not known, the setter's keys are used; the SDK reads a missing key as zero.
+"""
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+
+from jaka_ros_driver.simulation.controller.arguments import Arguments
+from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, query
+from jaka_ros_driver.simulation.controller.controller_state import ControllerState
+from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused, Reply
+
+_MAX_INDEX = 63
+_MAX_SIGNALS = 8
+_MAX_TRAJECTORIES = 64
+
+
+class _Key(NamedTuple):
+    """One stored parameter.
+
+    Attributes:
+        name: On the wire.
+        default: Its value before it is set. Its type is the type that a request must have; a tuple stands for an array
+            of that length.
+        low: Smallest whole number taken.
+        high: Largest whole number taken.
+    """
+
+    name: str
+    default: Any
+    low: Optional[int] = None
+    high: Optional[int] = None
+
+    def read(self, arguments: Arguments) -> Any:
+        """Its value in a request.
+
+        Raises:
+            BadParameter: It is missing or mistyped.
+            Refused: It is out of range, or the array has another length.
+        """
+        if isinstance(self.default, tuple):
+            return list(arguments.vector(self.name, len(self.default)))
+        if isinstance(self.default, str):
+            return arguments.text(self.name)
+        if isinstance(self.default, float):
+            return arguments.number(self.name)
+        value = arguments.integer(self.name)
+        if (self.low is not None and value < self.low) or (self.high is not None and value > self.high):
+            raise Refused()
+        return value
+
+
+class _Setting(NamedTuple):
+    """A pair of commands around stored values.
+
+    Attributes:
+        setter: Name of the command that stores.
+        getter: Name of the command that returns; "" for none.
+        section: Where both are described.
+        keys: The parameters that are stored.
+        selector: Key that chooses one of several sets of values; "" where there is only one.
+    """
+
+    setter: str
+    getter: str
+    section: str
+    keys: Tuple[_Key, ...]
+    selector: str = ""
+
+
+_SETTINGS: Tuple[_Setting, ...] = (
+    _Setting("set_tio_vout_param", "get_tio_vout_param", "5.11",
+             (_Key("tio_vout_ena", 0, 0, 1), _Key("tio_vout_vol", 0, 0, 1))),
+    _Setting("set_tio_pin_mode", "get_tio_pin_mode", "5.11", (_Key("pinMode", 0),), "pinType"),
+    _Setting("set_rs485_chn_mode", "get_rs485_chn_mode", "5.11", (_Key("chnMode", 0),), "chnId"),
+    _Setting("set_rs485_chn_comm", "get_rs485_chn_comm", "5.11", (
+        _Key("slaveId", 1), _Key("baudrate", 115200, 1), _Key("databit", 8, 7, 8), _Key("stopbit", 1, 1, 2),
+        _Key("parity", 78, 69, 79)), "chn_id"),
+    _Setting("set_motion_limit_warning_range", "get_motion_limit_warning_range", "5.15", (
+        _Key("range_level", 1, 1, 5),)),
+    _Setting("set_torsenosr_brand", "get_torsenosr_brand", "5.15", (_Key("sensor_brand", 1, 1, 3),)),
+    _Setting("set_torque_sensor_mode", "get_torque_sensor_mode", "5.15", (_Key("sensor_mode", 0, 0, 1),)),
+    _Setting("set_torque_sensor_comm", "get_torque_sensor_comm", "5.15", (
+        _Key("type", 0, 0, 1), _Key("ip_addr", ""), _Key("port", 0, 0, 65535))),
+    _Setting("set_compliant_type", "get_compliant_type", "5.15", (
+        _Key("sensor_compensation", 0, 0, 1), _Key("compliance_type", 0, 0, 2))),
+    _Setting("set_torque_sensor_filter", "get_torque_sensor_filter", "sdk-client.md 8", (
+        _Key("torqueSensorFilter", 0.0),)),
+    _Setting("set_ft_ctrl_frame", "get_ft_ctrl_frame", "sdk-client.md 8", (_Key("ftFrame", 0, 0, 1),)),
+    _Setting("set_traj_config", "get_traj_config", "sdk-client.md 8", (
+        _Key("acc", 0.0), _Key("rpy_interval", 0.0), _Key("vel", 0.0), _Key("xyz_interval", 0.0))),
+    _Setting("enable_admittance_ctrl", "", "sdk-client.md 8", (_Key("enable_flag", 0, 0, 1),)),
+    _Setting("disable_force_control", "", "sdk-client.md 8", ()),
+    _Setting("set_vel_compliant_ctrl", "", "sdk-client.md 8", (_Key("compliant_ctrl", (0.0,) * 5),)),
+    _Setting("set_compliance_condition", "", "sdk-client.md 8", (_Key("compliant_condition", (0.0,) * 6),)),
+    _Setting("send_tio_rs_command", "", "5.11", ()),
+)
+
+
+def _place(arguments: Arguments, selector: str) -> int:
+    place = arguments.integer(selector) if selector else 0
+    if not 0 <= place <= _MAX_INDEX:
+        raise Refused()
+    return place
+
+
+def _setter(setting: _Setting) -> Handler:
+    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+        place = _place(arguments, setting.selector)
+        state.memory.settings[setting.setter, place] = {key.name: key.read(arguments) for key in setting.keys}
+        return None
+    return handle
+
+
+def _getter(setting: _Setting) -> Handler:
+    def handle(state: ControllerState, arguments: Arguments) -> Reply:
+        place = _place(arguments, setting.selector)
+        stored = state.memory.settings.get((setting.setter, place), {})
+        reply: Dict[str, Any] = {setting.selector: place} if setting.selector else {}
+        reply.update((key.name, stored.get(key.name, key.default)) for key in setting.keys)
+        return reply
+    return handle
+
+
+def _rows() -> List[CommandSpec]:
+    rows = []
+    for setting in _SETTINGS:
+        rows.append(CommandSpec(setting.setter, setting.section, _setter(setting)))
+        if setting.getter:
+            rows.append(CommandSpec(setting.getter, setting.section, _getter(setting)))
+    return rows
+
+
+_SOFT_LIMIT_KEYS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+_ADMITTANCE_KEYS = ("opt", "ftUser", "ftConstant", "ftNnormalTrack", "ftReboundFK")
+
+
+def _set_soft_limit(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    limits = arguments.raw("torqueSensorSoftLimit")
+    if not isinstance(limits, dict):
+        raise BadParameter("torqueSensorSoftLimit is no object")
+    numbers = Arguments(limits)
+    state.memory.settings["set_torque_sensor_soft_limit", 0] = {key: numbers.number(key) for key in _SOFT_LIMIT_KEYS}
+    return None
+
+
+def _soft_limit(state: ControllerState) -> Reply:
+    zeros = dict.fromkeys(_SOFT_LIMIT_KEYS, 0.0)
+    return {"torqueSensorSoftLimit": state.memory.settings.get(("set_torque_sensor_soft_limit", 0), zeros)}
+
+
+def _set_admittance(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    axis = arguments.integer("axis")
+    if not 0 <= axis < 6:
+        raise Refused()
+    values = {key: arguments.number(key) for key in _ADMITTANCE_KEYS}
+    state.memory.settings["set_admit_ctrl_config", axis] = values
+    return None
+
+
+def _admittance(state: ControllerState) -> Reply:
+    zeros = dict.fromkeys(_ADMITTANCE_KEYS, 0.0)
+    return {"admit_ctrl_config": [
+        dict(state.memory.settings.get(("set_admit_ctrl_config", axis), zeros)) for axis in range(6)]}
+
+
+def _names(state: ControllerState, what: str) -> Dict[str, Any]:
+    return state.memory.settings.setdefault((what, 0), {})
+
+
+def _add_signal(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    signals, name = _names(state, "signals"), arguments.text("tio_signal_name")
+    values = {key: arguments.integer(arguments.first_of("tio_signal_" + key, "_" + key, key))
+              for key in ("chnId", "sigType", "sigAddr", "frequency")
+              if key != "frequency"}
+    values["frequency"] = arguments.integer("frequency", 1)
+    if name not in signals and len(signals) >= _MAX_SIGNALS:
+        raise Refused()
+    signals[name] = values
+    return None
+
+
+def _delete_signal(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    if _names(state, "signals").pop(arguments.text("tio_signal_name"), None) is None:
+        raise Refused()
+    return None
+
+
+def _signals(state: ControllerState) -> Reply:
+    return {"signals": [dict(values, tio_signal_name=name) for name, values in _names(state, "signals").items()]}
+
+
+def _sample_mode(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    mode, name = arguments.flag("mode"), arguments.text("filename")
+    files = _names(state, "trajectories")
+    if mode and name not in files:
+        if len(files) >= _MAX_TRAJECTORIES:
+            raise Refused()
+        files[name] = True
+    state.memory.settings["set_traj_sample_mode", 0] = {"mode": int(mode)}
+    return None
+
+
+def _rename_trajectory(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    files, source, target = _names(state, "trajectories"), arguments.text("src"), arguments.text("dest")
+    files.pop(source, None)
+    if target not in files and len(files) >= _MAX_TRAJECTORIES:
+        raise Refused()
+    files[target] = True
+    return None
+
+
+def _with_file(act: Callable[[Dict[str, Any], str], object]) -> Handler:
+    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+        act(_names(state, "trajectories"), arguments.text("fileName"))
+        return None
+    return handle
+
+
+def _identify_payload(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    """Accept the identification, which ends at once: the simulated sensor measures no load."""
+    arguments.vector("jointPosition", 6)
+    state.require_motion("start_torq_sensor_payload_identify")
+    return None
+
+
+SETTING_COMMANDS: Tuple[CommandSpec, ...] = (
+    *_rows(),
+    CommandSpec("set_torque_sensor_soft_limit", "sdk-client.md 8", _set_soft_limit),
+    CommandSpec("get_torque_sensor_soft_limit", "sdk-client.md 8", query(_soft_limit)),
+    CommandSpec("set_admit_ctrl_config", "sdk-client.md 8", _set_admittance),
+    CommandSpec("get_admit_ctrl_config", "sdk-client.md 8", query(_admittance)),
+    CommandSpec("add_tio_rs_signal", "5.11", _add_signal),
+    CommandSpec("del_tio_rs_signal", "5.11", _delete_signal),
+    CommandSpec("get_rs485_signal_list", "5.11", query(_signals)),
+    CommandSpec("get_tio_signals", "5.11", query(_signals)),
+    CommandSpec("set_traj_sample_mode", "sdk-client.md 8", _sample_mode),
+    CommandSpec("get_traj_sample_status", "sdk-client.md 8", query(
+        lambda state: {"sampleStatus": state.memory.settings.get(("set_traj_sample_mode", 0), {}).get("mode", 0)})),
+    CommandSpec("get_exist_traj_file_name", "sdk-client.md 8", query(
+        lambda state: {"trajFileName": list(_names(state, "trajectories"))})),
+    CommandSpec("rename_traj_file_name", "sdk-client.md 8", _rename_trajectory),
+    CommandSpec("remove_traj_file", "sdk-client.md 8", _with_file(lambda files, name: files.pop(name, None))),
+    CommandSpec("generate_traj_exe_file", "sdk-client.md 8", _with_file(lambda files, name: None)),
+    CommandSpec("start_torq_sensor_payload_identify", "sdk-client.md 8", _identify_payload),
+    CommandSpec("get_torq_sensor_identify_staus", "sdk-client.md 8", query(lambda state: {"identify_status": 0})),
+    CommandSpec("get_torq_sensor_payload_identify_result", "sdk-client.md 8", query(
+        lambda state: {"mass": 0.0, "centroid": [0.0, 0.0, 0.0]})),
+)

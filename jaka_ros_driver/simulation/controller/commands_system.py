@@ -1,0 +1,120 @@
+"""Commands about power, states, errors and positions (docs/controller-protocol.md sections 5.1, 5.10, 5.12, 5.13)."""
+import math
+from typing import List, Optional, Tuple
+
+from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.simulation.controller.arguments import Arguments
+from jaka_ros_driver.simulation.controller.command_spec import SIMULATED_ONLY, CommandSpec, Then, plain, query
+from jaka_ros_driver.simulation.controller.controller_state import ControllerState, LinkLoss
+from jaka_ros_driver.simulation.controller.replies import Refused, Reply
+from jaka_ros_driver.simulation.controller.status_frame import errcode_text
+from jaka_ros_driver.simulation.controller.wire_units import (
+    QUERY_DECIMALS,
+    joints_to_wire,
+    pose_from_wire,
+    pose_to_wire,
+    rounded,
+)
+from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, m_to_mm, ms_to_s, rad_to_deg
+
+
+def _robot_state(state: ControllerState) -> Reply:
+    if not state.firmware.is_modern:
+        return {"enable": "robot_enabled" if state.is_enabled else "robot_disabled",
+                "power": "powered_on" if state.is_powered else "powered_off"}
+    code, text = state.alarms.shown()
+    return {"enable": state.is_enabled, "power": int(state.is_powered), "errcode": errcode_text(code), "msg": text}
+
+
+def _shutdown(state: ControllerState, _arguments: Arguments) -> Optional[Reply]:
+    if state.is_powered or state.is_enabled:
+        raise Refused()
+    return None
+
+
+def _set_installation_angle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    about_x, about_z = arguments.number("angleX"), arguments.number("angleZ")
+    if not 0.0 <= about_x <= 180.0 or not 0.0 <= about_z < 360.0:
+        raise Refused()
+    state.memory.installation_angles = (about_x, about_z)
+    return None
+
+
+def _installation_angle(state: ControllerState) -> Reply:
+    """Quaternion (scalar first) and rpy, deg, of the mounting: about x, then about z (docs/sdk-client.md section 6)."""
+    about_x, about_z = state.memory.installation_angles
+    cx, sx = math.cos(deg_to_rad(about_x) / 2.0), math.sin(deg_to_rad(about_x) / 2.0)
+    cz, sz = math.cos(deg_to_rad(about_z) / 2.0), math.sin(deg_to_rad(about_z) / 2.0)
+    quaternion = rounded((cz * cx, cz * sx, sz * sx, sz * cx), QUERY_DECIMALS)
+    return {"installation_angle": [quaternion, [about_x, 0.0, about_z]]}
+
+
+def _set_network_exception_handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    delay, reaction = arguments.number("timeLimit"), arguments.integer("motType")
+    if delay < 0.0 or reaction not in tuple(LinkLoss):
+        raise Refused()
+    state.link_loss, state.link_loss_delay = LinkLoss(reaction), ms_to_s(delay)
+    return None
+
+
+def _kine_forward(state: ControllerState, arguments: Arguments) -> Reply:
+    pose = state.plant.forward(all_deg_to_rad(arguments.vector("jointPosition", 6)))
+    return {"cartPosition": pose_to_wire(pose, QUERY_DECIMALS)}
+
+
+def _kine_inverse(state: ControllerState, arguments: Arguments) -> Reply:
+    pose = pose_from_wire(arguments.vector("cartPosition", 6))
+    reference = all_deg_to_rad(arguments.vector("jointPosition", 6))
+    try:
+        joints = state.plant.inverse_nearest(pose, reference)
+    except TargetRejected as error:
+        raise Refused("-4", "inverse kinematics failed") from error
+    return {"jointPosition": joints_to_wire(joints, QUERY_DECIMALS)}
+
+
+def _dh_param(state: ControllerState) -> Reply:
+    """The modified DH table, deg and mm, as the SDK shows it: alpha and a are those of the link before
+    (docs/sdk-client.md section 6).
+    """
+    rows = state.model.dh
+    alphas = [0.0] + [rad_to_deg(row.alpha) for row in rows[:-1]]
+    lengths = [0.0] + [m_to_mm(row.a) for row in rows[:-1]]
+    return {"dh_param": [rounded(values, QUERY_DECIMALS) for values in (
+        alphas, lengths, [m_to_mm(row.d) for row in rows], [rad_to_deg(row.theta_offset) for row in rows])]}
+
+
+def _joint_pos(state: ControllerState) -> List[float]:
+    return joints_to_wire(state.plant.joint_position, QUERY_DECIMALS)
+
+
+def _tcp_pos(state: ControllerState) -> List[float]:
+    return pose_to_wire(state.plant.tcp_pose(), QUERY_DECIMALS)
+
+
+SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
+    CommandSpec("power_on", "5.1", plain(ControllerState.power_on)),
+    CommandSpec("power_off", "5.1", plain(ControllerState.power_off)),
+    CommandSpec("enable_robot", "5.1", plain(ControllerState.enable)),
+    CommandSpec("disable_robot", "5.1", plain(ControllerState.disable)),
+    CommandSpec("shutdown", "5.1", _shutdown, then=Then.SHUT_DOWN),
+    CommandSpec("quit", "5.1", plain(lambda state: None), then=Then.CLOSE),
+    CommandSpec("get_robot_state", "5.1", query(_robot_state)),
+    CommandSpec("get_version", "5.1", query(lambda state: {"version": state.firmware.version})),
+    CommandSpec("set_installation_angle", "5.1", _set_installation_angle),
+    CommandSpec("get_installation_angle", "sdk-client.md 6", query(_installation_angle)),
+    CommandSpec("set_network_exception_handle", "sdk-client.md 2", _set_network_exception_handle),
+    CommandSpec("get_simulator_identity", SIMULATED_ONLY, query(
+        lambda state: {"identity": state.options.identity})),
+    CommandSpec("clear_error", "5.10", plain(ControllerState.clear_error)),
+    CommandSpec("protective_stop_status", "5.10", query(
+        lambda state: {"protective_stop": int(state.protective_stop)})),
+    CommandSpec("emergency_stop_status", "5.10", query(
+        lambda state: {"emergency_stop": int(state.emergency_stop)}), modern_only=True),
+    CommandSpec("kine_forward", "5.12", _kine_forward),
+    CommandSpec("kine_inverse", "5.12", _kine_inverse),
+    CommandSpec("get_dh_param", "sdk-client.md 6", query(_dh_param)),
+    CommandSpec("get_joint_pos", "5.13", query(lambda state: {"joint_pos": _joint_pos(state)})),
+    CommandSpec("get_tcp_pos", "5.13", query(lambda state: {"tcp_pos": _tcp_pos(state)})),
+    CommandSpec("get_actual_joint_pos", "5.13", query(lambda state: {"position": _joint_pos(state)})),
+    CommandSpec("get_actual_tcp_pos", "5.13", query(lambda state: {"position": _tcp_pos(state)})),
+)

@@ -1,0 +1,114 @@
+"""The controller without sockets, threads and clock: it takes a request and returns the reply; ``step`` tells it the
+time.
+"""
+import dataclasses
+import sys
+import traceback
+from typing import Any, Callable, Mapping, NamedTuple, Optional, Tuple, Union
+
+from jaka_ros_driver.errors import FramingError
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.protocol.framing import JsonObject, encode_object
+from jaka_ros_driver.protocol.status import encode_frame
+from jaka_ros_driver.simulation.arm.plant import HOME
+from jaka_ros_driver.simulation.controller.arguments import Arguments
+from jaka_ros_driver.simulation.controller.command_spec import Held, Then
+from jaka_ros_driver.simulation.controller.command_table import COMMANDS
+from jaka_ros_driver.simulation.controller.controller_state import ControllerState, Options, Start
+from jaka_ros_driver.simulation.controller.firmware import Firmware
+from jaka_ros_driver.simulation.controller.memory import Memory
+from jaka_ros_driver.simulation.controller.replies import (
+    BadParameter,
+    Refused,
+    Reply,
+    accepted,
+    not_understood,
+    refused,
+)
+from jaka_ros_driver.simulation.controller.status_frame import StatusFrame
+from jaka_ros_driver.state import Vector
+
+
+class RequestResult(NamedTuple):
+    """What a request leads to.
+
+    Attributes:
+        command: The command it named; None where it named none.
+        reply: Bytes of the reply.
+        until: Where not None, the reply and all later requests wait until this returns True.
+        then: What follows the reply.
+    """
+
+    command: Optional[str]
+    reply: bytes
+    until: Optional[Callable[[], bool]] = None
+    then: Then = Then.NOTHING
+
+
+class Controller:
+    """A simulated controller without its sockets.
+
+    Attributes:
+        state: What commands change.
+        feed_frame: Builds the frames of the status feed.
+        polled_frame: Builds the frames of the polled port.
+        failures: Requests whose handling ended in a bug of this program.
+    """
+
+    def __init__(self, model: ArmModel, firmware: Firmware, options: Options, joint_position: Vector = HOME) -> None:
+        self._firmware = firmware
+        self._options = options
+        self.failures = 0
+        self.state = ControllerState(model, firmware, options, Memory(), joint_position)
+        self._build_frames({}, ())
+
+    def _build_frames(self, added: Mapping[str, Any], dropped: Tuple[str, ...]) -> None:
+        self.feed_frame = StatusFrame(self.state)
+        self.polled_frame = StatusFrame(self.state, polled=True)
+        self.change_fields(added, dropped)
+
+    def change_fields(self, added: Mapping[str, Any], dropped: Tuple[str, ...]) -> None:
+        """Leave fields out of every frame and put others in, as a wire fault."""
+        for frame in (self.feed_frame, self.polled_frame):
+            frame.added, frame.dropped = dict(added), tuple(dropped)
+
+    def restart(self) -> None:
+        """Start again as after a power cut: no drive power, the arm where it stands, the stored settings."""
+        old = self.state
+        options = dataclasses.replace(self._options, start=Start.OFF)
+        self.state = ControllerState(old.model, self._firmware, options, old.memory, old.plant.joint_position)
+        if old.emergency_stop:
+            self.state.press_emergency_stop()
+        self._build_frames(self.feed_frame.added, self.feed_frame.dropped)
+
+    def step(self, dt: float) -> None:
+        """Let dt seconds of simulated time pass."""
+        self.state.step(dt)
+
+    def execute(self, request: Union[JsonObject, FramingError]) -> RequestResult:
+        """Carry out one request. Every request gets a reply; one that is not understood changes nothing.
+
+        An exception that a handler does not expect is answered with the controller's own "Exception:function call
+        failed", and its traceback goes to stderr, so that other clients and the moving arm are still served.
+        """
+        name = request.get("cmdName") if isinstance(request, dict) else None
+        spec = COMMANDS.get(name) if isinstance(name, str) else None
+        if spec is None or (spec.modern_only and not self._firmware.is_modern):
+            return RequestResult(name if isinstance(name, str) else None, encode_object(not_understood()))
+        try:
+            fields = spec.handler(self.state, Arguments(request))  # type: ignore[arg-type]
+        except BadParameter:
+            return RequestResult(spec.name, encode_object(not_understood()))
+        except Refused as refusal:
+            return RequestResult(spec.name, encode_object(refused(spec.name, refusal)))
+        except Exception:
+            self.failures += 1
+            traceback.print_exc(file=sys.stderr)
+            return RequestResult(spec.name, encode_object(not_understood()))
+        if isinstance(fields, Held):
+            return RequestResult(spec.name, _encode(accepted(spec.name, {})), fields.until)
+        return RequestResult(spec.name, _encode(accepted(spec.name, fields or {})), None, spec.then)
+
+
+def _encode(reply: Reply) -> bytes:
+    return encode_frame(reply) if "len" in reply else encode_object(reply)

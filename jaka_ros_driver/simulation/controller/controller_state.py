@@ -1,0 +1,469 @@
+"""The controller's state machine: power, drives, stops, servo mode, programs. No sockets; time is told, SI units.
+
+Nothing here energises, enables or moves the arm by itself: each needs a command, and a stop ends it.
+"""
+import enum
+import heapq
+import itertools
+from dataclasses import dataclass
+from typing import Callable, List, Optional, Tuple
+
+from jaka_ros_driver.commands import JogFrame
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.simulation.arm import events
+from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
+from jaka_ros_driver.simulation.arm.plant import HOME, Plant, Starvation
+from jaka_ros_driver.simulation.controller import alarms
+from jaka_ros_driver.simulation.controller.firmware import Firmware
+from jaka_ros_driver.simulation.controller.io_banks import IoBanks
+from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Memory
+from jaka_ros_driver.simulation.controller.replies import Refused
+from jaka_ros_driver.state import Vector
+from jaka_ros_driver.units import ms_to_s
+
+FORCE_PER_LEVEL_N = 25.0
+"""Collision levels 1 to 5 stop at 25 N to 125 N (docs/controller-protocol.md section 5.9)."""
+FRAME_SWITCH_DELAY_S = 0.04
+"""How long a tool or user frame takes to become active. The switch is asynchronous; its real duration is not known
+(docs/controller-protocol.md section 5.7).
+"""
+DISABLE_DELAY_S = 0.3
+"""How long the event code precedes the flags when the drives are disabled (docs/controller-protocol.md section 4.4)."""
+
+
+class Start(enum.Enum):
+    """State of the arm at the beginning."""
+
+    OFF = "off"
+    POWERED = "powered"
+    ENABLED = "enabled"
+
+
+class ProgramState(enum.IntEnum):
+    """As the feed's ``interp_state`` numbers it (docs/controller-protocol.md section 6.2)."""
+
+    IDLE = 0
+    PAUSED = 2
+    RUNNING = 3
+
+
+class LinkLoss(enum.IntEnum):
+    """What happens to the motion when the command client is lost (docs/sdk-client.md section 2)."""
+
+    KEEP = 0
+    PAUSE = 1
+    ABORT = 2
+
+
+@dataclass(frozen=True)
+class Options:
+    """How the simulated controller is set up.
+
+    Attributes:
+        power_delay: From ``power_on`` to energised drives, s of simulated time (docs/controller-protocol.md section
+            5.1).
+        enable_delay: From ``enable_robot`` to released brakes, s.
+        start: State at the beginning.
+        starvation: What the arm does when a servo stream has no more points.
+        shortest_feed_period: Lower bound of the status feed's period, whatever a client asks for, s of simulated time.
+        identity: What ``get_simulator_identity`` answers; no real controller knows that command.
+    """
+
+    power_delay: float = 8.0
+    enable_delay: float = 4.0
+    start: Start = Start.OFF
+    starvation: Starvation = Starvation.HOLD
+    shortest_feed_period: float = 0.0
+    identity: str = ""
+
+
+class ControllerState:
+    """The state of the controller; it owns the arm and decides which commands reach it.
+
+    Attributes:
+        plant: The arm.
+        io: The terminals.
+        alarms: The event shown, and past ones.
+        memory: What survives a restart.
+        now: Simulated time since the start, s.
+        is_powered: Drives energised.
+        is_enabled: Brakes off, torque on.
+        emergency_stop: The button is pressed.
+        protective_stop: Stands until ``clear_error``.
+        program_state: Of the loaded program.
+        asked_feed_period: Period of the status feed as the client set it, s.
+        link_loss: What happens when the present command client is lost, as that client has set it.
+        link_loss_delay: How long after the loss that happens, s of simulated time.
+    """
+
+    def __init__(self, model: ArmModel, firmware: Firmware, options: Options, memory: Memory,
+                 joint_position: Vector = HOME) -> None:
+        self.model = model
+        self.firmware = firmware
+        self.options = options
+        self.memory = memory
+        self.plant = Plant(model, joint_position, starvation=options.starvation)
+        self.io = IoBanks(firmware)
+        self.alarms = alarms.Alarms()
+        self.now = 0.0
+        self.is_powered = options.start is not Start.OFF
+        self.is_enabled = options.start is Start.ENABLED
+        self.emergency_stop = False
+        self.protective_stop = False
+        self.program_state = ProgramState.IDLE
+        self.link_loss = LinkLoss.KEEP
+        self.link_loss_delay = 0.0
+        self._was_enabled = self.is_enabled
+        self._forced_feed_period: Optional[float] = None
+        self._power_at: Optional[float] = None
+        self._enable_at: Optional[float] = None
+        self._disable_at: Optional[float] = None
+        self._link_loss_at: Optional[float] = None
+        self._jogged: Optional[Tuple[JogFrame, int]] = None
+        self._lines_are_stale = False
+        self._timers: List[Tuple[float, int, Callable[[], None]]] = []
+        self._timer_ids = itertools.count()
+        self.plant.set_tool(memory.tools[memory.tool_id].pose)
+        self.plant.set_user_frame(memory.user_frames[memory.user_frame_id].pose)
+        self.set_feed_period(ms_to_s(memory.feed_period_ms))
+
+    # --- time -------------------------------------------------------------------------------------------------------
+
+    def step(self, dt: float) -> None:
+        """Let dt seconds of simulated time pass."""
+        self.now += dt
+        while self._timers and self._timers[0][0] <= self.now:
+            heapq.heappop(self._timers)[2]()
+        if self._link_loss_at is not None and self.now >= self._link_loss_at:
+            self._link_loss_at = None
+            self._react_to_link_loss()
+        if self._power_at is not None and self.now >= self._power_at:
+            self._power_at, self.is_powered = None, True
+        if self._enable_at is not None and self.now >= self._enable_at:
+            self._enable_at, self.is_enabled, self._was_enabled = None, True, True
+        if self._disable_at is not None and self.now >= self._disable_at:
+            self._disable_at, self.is_enabled = None, False
+        self.plant.step(dt)
+        for event in self.plant.take_events():
+            self._take_event(event)
+        if not self.plant.on_soft_limit:
+            self.alarms.left_soft_limit()
+        if self._jogged and not self.plant.is_jogging:
+            self._jogged = None
+
+    def after(self, delay: float, action: Callable[[], None]) -> None:
+        """Call ``action`` after ``delay`` s of simulated time."""
+        heapq.heappush(self._timers, (self.now + delay, next(self._timer_ids), action))
+
+    def _take_event(self, event: PlantEvent) -> None:
+        self.alarms.raise_event(event, self.now)
+        if event.code == events.SINGULARITY_PROTECTIVE_STOP:
+            self.protective_stop = True
+            self.plant.halt_protective()
+
+    # --- power and drives (docs/controller-protocol.md section 5.1) ---------------------------------------------------
+
+    def power_on(self) -> None:
+        """Begin to energise the drives; no effect where that has begun already.
+
+        Raises:
+            Refused: The emergency stop is pressed.
+        """
+        if self.emergency_stop:
+            raise Refused()
+        if not self.is_powered and self._power_at is None:
+            self._power_at = self.now + self.options.power_delay
+
+    def power_off(self) -> None:
+        """Cut the drives.
+
+        Raises:
+            Refused: They are enabled (event 0x0F0026).
+        """
+        if self.is_enabled or self._enable_at is not None:
+            raise Refused()
+        self.is_powered = self._was_enabled = False
+        self._power_at = None
+
+    def enable(self) -> None:
+        """Begin to enable; no effect before the drives have power (docs/controller-protocol.md section 5.1).
+
+        Raises:
+            Refused: A stop stands.
+        """
+        if self.emergency_stop or self.protective_stop:
+            raise Refused()
+        if self._disable_at is not None:
+            self._disable_at, self.is_enabled = None, False
+        if self.is_powered and not self.is_enabled and self._enable_at is None:
+            self.alarms.drives_enabled()
+            self._enable_at = self.now + self.options.enable_delay
+
+    def disable(self) -> None:
+        """Engage the brakes; the feed's event code tells it before its flags change (docs/controller-protocol.md
+        section 4.4).
+
+        Raises:
+            Refused: The arm moves (0x0F003A) or a program runs (0x0F0027).
+        """
+        if self.is_enabled:
+            self.require_standstill()
+        if self.program_state is not ProgramState.IDLE:
+            raise Refused()
+        self._enable_at = None
+        if self.is_enabled and self._disable_at is None:
+            self.plant.leave_servo()
+            self.plant.stop_hand_guiding()
+            self.alarms.raise_event(alarms.DISABLED_NOTE, self.now)
+            self._disable_at = self.now + DISABLE_DELAY_S
+
+    @property
+    def task_state(self) -> int:
+        """1 power off, 2 power on, 3 disabled, 4 enabled (docs/controller-protocol.md section 6.2)."""
+        if not self.is_powered:
+            return 1
+        if self.is_enabled:
+            return 4
+        return 3 if self._was_enabled else 2
+
+    # --- stops ------------------------------------------------------------------------------------------------------
+
+    def press_emergency_stop(self) -> None:
+        """Press the button: motion ends, the drives lose power."""
+        if self.emergency_stop:
+            return
+        self.emergency_stop = True
+        self.plant.halt_emergency()
+        self.program_state = ProgramState.IDLE
+        self.is_powered = self.is_enabled = self._was_enabled = False
+        self._power_at = self._enable_at = self._disable_at = None
+        self.alarms.raise_event(alarms.EMERGENCY_STOP, self.now)
+
+    def release_emergency_stop(self) -> None:
+        """Release the button; the event stays until ``clear_error``, the drives stay without power."""
+        self.emergency_stop = False
+
+    def hit(self, force: float, joint: Optional[int] = None) -> bool:
+        """Hit the arm.
+
+        Args:
+            force: N; the arm stops where this is at least the force of the collision level.
+            joint: 0..5 where the event is to name a joint.
+
+        Returns:
+            True when the arm noticed it.
+        """
+        level = self.memory.collision_level
+        if not self.is_enabled or level == 0 or force < level * FORCE_PER_LEVEL_N:
+            return False
+        event = alarms.COLLISION if joint is None else alarms.joint_collision(joint)
+        self.alarms.raise_event(event, self.now)
+        self.protective_stop = True
+        self.program_state = ProgramState.IDLE
+        self.plant.halt_protective()
+        return True
+
+    def clear_error(self) -> None:
+        """Clear errors and recover from a protective stop (docs/controller-protocol.md section 5.10); moves and
+        energises nothing.
+        """
+        self.alarms.clear(self.emergency_stop)
+        self.protective_stop = False
+
+    # --- motion -----------------------------------------------------------------------------------------------------
+
+    def require_drives(self) -> None:
+        """Raise unless the drives are ready for motion.
+
+        Raises:
+            Refused: Not powered, not enabled or being disabled, a stop stands, hand guiding is on, a program runs
+                (docs/controller-protocol.md section 4.3, code 2).
+        """
+        ready = self.is_powered and self.is_enabled and self._disable_at is None
+        if not ready or self.emergency_stop or self.protective_stop:
+            raise Refused()
+        if self.plant.is_hand_guided or self.program_state is ProgramState.RUNNING:
+            raise Refused()
+
+    def require_motion(self, command: str) -> None:
+        """Raise unless the arm can take a planned motion.
+
+        Raises:
+            Refused: As ``require_drives``; or servo mode is on (code -1).
+        """
+        self.require_drives()
+        if self.plant.is_servo_active:
+            raise Refused("-1", "%s command can not be excuted in servo move mode" % command)
+
+    def moved(self) -> None:
+        """A queued move was accepted: the line ids in the feed now belong to the present client."""
+        self._lines_are_stale = False
+
+    def executing_lines(self) -> Tuple[int, int]:
+        """``motion_line`` and ``err_add_line`` of the feed.
+
+        Lines of an earlier client read 0. Ids restart at 2 in every client, and a client that finds its id in the feed
+        together with ``inpos`` considers its move done (docs/sdk-client.md section 1, point 7).
+        """
+        return (0, 0) if self._lines_are_stale else (self.plant.motion_line, self.plant.add_error_line)
+
+    def stop(self) -> None:
+        """End the program, every motion and every jog; never refused."""
+        self.program_state = ProgramState.IDLE
+        self.plant.stop()
+
+    def pause(self) -> None:
+        """Pause the program and the queued motion."""
+        if self.program_state is ProgramState.RUNNING:
+            self.program_state = ProgramState.PAUSED
+        if self.plant.queue_length:
+            self.plant.pause()
+
+    def resume(self) -> None:
+        """Continue the program and the queued motion.
+
+        Raises:
+            Refused: The drives are not ready.
+        """
+        if self.program_state is ProgramState.PAUSED or self.plant.is_paused:
+            self.require_drives()
+        if self.program_state is ProgramState.PAUSED:
+            self.program_state = ProgramState.RUNNING
+        if self.plant.is_paused:
+            self.plant.resume()
+
+    @property
+    def is_paused(self) -> bool:
+        """The value of the feed's field ``paused``."""
+        return self.plant.is_paused or self.program_state is ProgramState.PAUSED
+
+    def jogged(self, frame: JogFrame, axis: int) -> None:
+        """A jog was accepted."""
+        self._jogged = (frame, axis)
+
+    def stop_jog(self) -> None:
+        """End the running jog, also where the request names another axis."""
+        if self._jogged:
+            self.plant.jog_stop(*self._jogged)
+
+    def set_hand_guiding(self, active: bool) -> None:
+        """Switch hand guiding (docs/controller-protocol.md section 5.8).
+
+        Raises:
+            Refused: The drives are not ready, the arm moves or stands on a soft limit.
+        """
+        if not active:
+            self.plant.stop_hand_guiding()
+        elif not self.plant.is_hand_guided:
+            self.require_drives()
+            try:
+                self.plant.start_hand_guiding()
+            except TargetRejected as error:
+                raise Refused() from error
+
+    def push(self, joint: int, velocity: float, duration: float) -> bool:
+        """Push a joint by hand for a while.
+
+        Args:
+            joint: 0..5.
+            velocity: rad/s.
+            duration: s of simulated time.
+
+        Returns:
+            False, and nothing moves, unless hand guiding is on.
+        """
+        pushed = self.plant.push_joint(joint, velocity)
+        if pushed:
+            self.after(duration, lambda: self._let_go(joint))
+        return pushed
+
+    def _let_go(self, joint: int) -> None:
+        self.plant.push_joint(joint, 0.0)
+
+    # --- frames and feed --------------------------------------------------------------------------------------------
+
+    def select_tool(self, tool_id: int) -> None:
+        """Make a stored tool the active one, after ``FRAME_SWITCH_DELAY_S``.
+
+        Raises:
+            Refused: There is no such id, or the arm moves.
+        """
+        self._require_frame_change(tool_id, self.memory.tool_id)
+
+        def switch() -> None:
+            self.memory.tool_id = tool_id
+            self.plant.set_tool(self.memory.tools[tool_id].pose)
+        self.after(FRAME_SWITCH_DELAY_S, switch)
+
+    def select_user_frame(self, frame_id: int) -> None:
+        """Make a stored user frame the active one, after ``FRAME_SWITCH_DELAY_S``.
+
+        Raises:
+            Refused: There is no such id, or the arm moves.
+        """
+        self._require_frame_change(frame_id, self.memory.user_frame_id)
+
+        def switch() -> None:
+            self.memory.user_frame_id = frame_id
+            self.plant.set_user_frame(self.memory.user_frames[frame_id].pose)
+        self.after(FRAME_SWITCH_DELAY_S, switch)
+
+    def _require_frame_change(self, wanted: int, active: int) -> None:
+        if not 0 <= wanted < FRAME_COUNT:
+            raise Refused()
+        if wanted != active:
+            self.require_standstill()
+
+    def require_standstill(self) -> None:
+        """Raise unless nothing moves and nothing is queued.
+
+        Raises:
+            Refused: Something does.
+        """
+        if self.plant.is_moving or self.plant.queue_length or self.plant.is_jogging:
+            raise Refused()
+
+    def set_feed_period(self, period: float) -> None:
+        """Set the period of the status feed, s of simulated time; a move then shows in at least one frame
+        (docs/sdk-client.md section 1, point 7).
+        """
+        self.asked_feed_period = period
+        self.plant.settle_time = self.feed_period
+
+    def slow_feed(self, period: Optional[float]) -> None:
+        """Use this period of the feed, s of simulated time, instead of the one that the client asked for; None ends
+        that.
+        """
+        self._forced_feed_period = period
+        self.plant.settle_time = self.feed_period
+
+    @property
+    def feed_period(self) -> float:
+        """Period of the status feed, s of simulated time."""
+        return max(self._forced_feed_period or self.asked_feed_period, self.options.shortest_feed_period)
+
+    # --- the command client -----------------------------------------------------------------------------------------
+
+    def client_connected(self) -> None:
+        """A new client has the command port; settings of the one before, and the reaction to its loss, end."""
+        self._lines_are_stale = not self.plant.queue_length
+        self.link_loss, self.link_loss_delay = LinkLoss.KEEP, 0.0
+        self._link_loss_at = None
+
+    def client_lost(self) -> None:
+        """The connection of the command client, or its network, is lost; further calls have no effect.
+
+        What follows was set by ``set_network_exception_handle``.
+        """
+        if self._link_loss_at is None and self.link_loss is not LinkLoss.KEEP:
+            self._link_loss_at = self.now + self.link_loss_delay
+
+    def client_back(self) -> None:
+        """The network of the command client works again; what its loss has caused so far stays."""
+        self._link_loss_at = None
+
+    def _react_to_link_loss(self) -> None:
+        if self.link_loss is LinkLoss.PAUSE:
+            self.pause()
+        elif self.link_loss is LinkLoss.ABORT:
+            self.stop()

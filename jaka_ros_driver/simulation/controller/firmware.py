@@ -1,0 +1,32 @@
+"""What differs between the controller generations that are simulated (docs/controller-protocol.md section 8)."""
+from dataclasses import dataclass
+from typing import Dict
+
+
+@dataclass(frozen=True)
+class Firmware:
+    """One generation.
+
+    Attributes:
+        name: As ``--firmware`` takes it.
+        version: What ``get_version`` answers.
+        is_modern: True from 1.7 on: get_robot_state answers numbers and booleans, emergency_stop_status exists, and the
+            feed has commanded positions, executing lines and field bus blocks (docs/controller-protocol.md sections
+            5.1, 6.2).
+        digital_count: Length of ``din`` and ``dout`` (docs/controller-protocol.md section 6.2).
+        analog_count: Length of ``ain`` and ``aout``.
+        tool_analog_count: Length of ``tio_ain``.
+    """
+
+    name: str
+    version: str
+    is_modern: bool
+    digital_count: int
+    analog_count: int
+    tool_analog_count: int
+
+
+FIRMWARES: Dict[str, Firmware] = {firmware.name: firmware for firmware in (
+    Firmware("1.5.14", "1.5.14_13_X64", False, 135, 64, 2),
+    Firmware("1.7", "1.7.2_16_X64", True, 144, 66, 1),
+)}

@@ -1,0 +1,75 @@
+"""The cabinet's terminals: inputs and outputs of every bank, by the wire's ``type`` (docs/controller-protocol.md
+section 5.11).
+"""
+from typing import Dict, Tuple, Union
+
+from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.simulation.controller.firmware import Firmware
+from jaka_ros_driver.state import Vector
+
+BANK_NAMES = ("cabinet", "tool", "extension", "relay", "modbus", "profinet", "ethernet_ip")
+"""Banks in the order of the wire's ``type`` (docs/controller-protocol.md section 5.11)."""
+
+_DIGITAL_INPUTS = ("din", "tio_din", "ext_din", "", "mb_slave_din", "pn_dev_din", "eip_adpt_din")
+_DIGITAL_OUTPUTS = ("dout", "tio_dout", "ext_dout", "relay_io", "mb_slave_dout", "pn_dev_dout", "eip_adpt_dout")
+_ANALOG_INPUTS = ("ain", "tio_ain", "ext_ain", "", "mb_slave_ain", "pn_dev_ain", "eip_adpt_ain")
+_ANALOG_OUTPUTS = ("aout", "tio_aout", "ext_aout", "", "mb_slave_aout", "pn_dev_aout", "eip_adpt_aout")
+_KEYS = {("digital", False): _DIGITAL_INPUTS, ("digital", True): _DIGITAL_OUTPUTS,
+         ("analog", False): _ANALOG_INPUTS, ("analog", True): _ANALOG_OUTPUTS}
+
+MAX_ANALOG = 65535.0
+"""Largest analog value kept; a 16 bit register of the field bus banks."""
+
+
+class IoBanks:
+    """Values by feed field; each array is a tuple that is replaced when a value changes."""
+
+    def __init__(self, firmware: Firmware) -> None:
+        sizes: Dict[str, int] = {
+            "din": firmware.digital_count, "dout": firmware.digital_count, "tio_din": 8, "tio_dout": 8,
+            "ext_din": 64, "ext_dout": 64, "relay_io": 2, "mb_slave_din": 128, "mb_slave_dout": 128,
+            "pn_dev_din": 64, "pn_dev_dout": 64, "eip_adpt_din": 64, "eip_adpt_dout": 64}
+        analog_sizes: Dict[str, int] = {
+            "ain": firmware.analog_count, "aout": firmware.analog_count, "tio_ain": firmware.tool_analog_count,
+            "tio_aout": 2, "ext_ain": 64, "ext_aout": 64, "mb_slave_ain": 64, "mb_slave_aout": 64,
+            "pn_dev_ain": 64, "pn_dev_aout": 64, "eip_adpt_ain": 48, "eip_adpt_aout": 48}
+        self._values: Dict[str, Tuple[Union[int, float], ...]] = {key: (0,) * n for key, n in sizes.items()}
+        self._values.update((key, (0.0,) * n) for key, n in analog_sizes.items())
+
+    def array(self, key: str) -> Vector:
+        """The array of this feed field; the same object until one of its values changes."""
+        return self._values[key]
+
+    def get(self, signal: str, output: bool, bank: int, index: int) -> float:
+        """One terminal.
+
+        Args:
+            signal: "digital" or "analog".
+            output: False for inputs.
+            bank: Index into ``BANK_NAMES``.
+            index: Terminal, from 0.
+
+        Raises:
+            InvalidCommand: There is no such terminal.
+        """
+        return self._values[self._key(signal, output, bank, index)][index]
+
+    def set(self, signal: str, output: bool, bank: int, index: int, value: float) -> None:
+        """Set one terminal; parameters as ``get``. Any digital value but 0 is 1.
+
+        Raises:
+            InvalidCommand: There is no such terminal, or the analog value is out of range.
+        """
+        key = self._key(signal, output, bank, index)
+        if abs(value) > MAX_ANALOG:
+            raise InvalidCommand("%s %d: %g is beyond %g" % (key, index, value, MAX_ANALOG))
+        values = list(self._values[key])
+        values[index] = int(value != 0) if signal == "digital" else round(float(value), 5)
+        self._values[key] = tuple(values)
+
+    def _key(self, signal: str, output: bool, bank: int, index: int) -> str:
+        keys = _KEYS.get((signal, output))
+        key = keys[bank] if keys and 0 <= bank < len(keys) else ""
+        if not key or not 0 <= index < len(self._values[key]):
+            raise InvalidCommand("no %s %s %d in bank %d" % (signal, "output" if output else "input", index, bank))
+        return key

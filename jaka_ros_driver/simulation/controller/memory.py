@@ -1,0 +1,72 @@
+"""What the controller keeps over a restart: frames, payload, settings (docs/controller-protocol.md sections 5.7,
+5.9, 6.1).
+"""
+from dataclasses import dataclass, field
+from typing import Any, Dict, List, Tuple
+
+from jaka_ros_driver.commands import Pose
+from jaka_ros_driver.state import Vector
+
+FRAME_COUNT = 16
+"""Ids 0 to 15. The maker's manual names 1 to 10; newer firmware takes up to 15 (docs/controller-protocol.md section
+5.7).
+"""
+DEFAULT_FEED_PERIOD_MS = 30
+"""Measured on 1.5.14 (docs/controller-protocol.md section 6.1)."""
+
+IDENTITY = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+@dataclass
+class Frame:
+    """A stored tool (in the flange) or user frame (in the base)."""
+
+    pose: Pose = IDENTITY
+    name: str = ""
+
+
+def _frames() -> List[Frame]:
+    return [Frame() for _ in range(FRAME_COUNT)]
+
+
+@dataclass
+class Payload:
+    """Mass kg, centre of mass in the flange m (3,)."""
+
+    mass: float = 0.0
+    centroid: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass
+class Memory:
+    """Everything that survives a restart.
+
+    Attributes:
+        tools: By id; 0 is the bare flange and stays.
+        user_frames: By id; 0 is the base and stays.
+        tool_id: Active tool.
+        user_frame_id: Active user frame.
+        payload: Load at the flange.
+        sensor_payload: Load behind the torque sensor.
+        collision_level: 0 off, 1 to 5.
+        installation_angles: About x and z, deg.
+        feed_period_ms: Period of the status feed after a start.
+        field_switches: Names of feed fields, False where the field is switched off.
+        program_name: The loaded program.
+        variables: User-defined variables: (id, alias, value).
+        settings: Values of the settings of ``commands_settings``, by setter and index.
+    """
+
+    tools: List[Frame] = field(default_factory=_frames)
+    user_frames: List[Frame] = field(default_factory=_frames)
+    tool_id: int = 0
+    user_frame_id: int = 0
+    payload: Payload = field(default_factory=Payload)
+    sensor_payload: Payload = field(default_factory=Payload)
+    collision_level: int = 3
+    installation_angles: Tuple[float, float] = (0.0, 0.0)
+    feed_period_ms: int = DEFAULT_FEED_PERIOD_MS
+    field_switches: Dict[str, bool] = field(default_factory=dict)
+    program_name: str = ""
+    variables: Dict[int, Tuple[str, Any]] = field(default_factory=dict)
+    settings: Dict[Tuple[str, int], Dict[str, Any]] = field(default_factory=dict)

@@ -1,0 +1,89 @@
+"""When cycles and status frames are due on the wall clock, and how late they were. The caller tells the time."""
+import math
+from collections import deque
+from typing import Deque, NamedTuple
+
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
+
+MIN_TICK_S = 0.002
+"""Shortest time between two wake-ups; with a high time scale, several cycles are run at each."""
+MIN_FEED_PERIOD_S = 0.004
+"""Shortest wall time between two status frames, whatever the time scale."""
+_MAX_LAG_S = 0.25
+_SAMPLES = 7500
+_SAME_MOMENT_S = 1e-6
+
+
+class Lateness(NamedTuple):
+    """How late the cycles of the last minute began, s; ``lags``: how often the clock was started anew because the host
+    stood still.
+    """
+
+    cycles: int
+    median: float
+    p99: float
+    maximum: float
+    lags: int
+
+
+class CycleClock:
+    """Absolute deadlines of cycles and frames: a late cycle does not delay those that follow."""
+
+    def __init__(self, time_scale: float, now: float) -> None:
+        self._scale = time_scale
+        self._tick = max(CYCLE_TIME_S / time_scale, MIN_TICK_S)
+        self._late: Deque[float] = deque(maxlen=_SAMPLES)
+        self._lags = 0
+        self._feed_period = 0.0
+        self._start(now)
+
+    def _start(self, now: float) -> None:
+        self._origin = now
+        self._ticks = 0
+        self._cycles = 0
+        self.next_tick = now + self._tick
+        self.next_frame = self.next_tick
+
+    def due_cycles(self, now: float) -> int:
+        """Number of cycles to run now; 0 before the next tick."""
+        late = now - self.next_tick
+        if late < 0.0:
+            return 0
+        self._late.append(late)
+        if late > _MAX_LAG_S:
+            self._lags += 1
+            self._start(now)
+            return 1
+        self._ticks += 1 + int(late / self._tick)
+        reached = math.floor(self._ticks * self._tick * self._scale / CYCLE_TIME_S + _SAME_MOMENT_S)
+        cycles, self._cycles = reached - self._cycles, reached
+        self.next_tick = self._origin + (self._ticks + 1) * self._tick
+        return cycles
+
+    def frame_is_due(self, now: float, period: float) -> bool:
+        """Whether a frame is to be sent now: True once in each period.
+
+        Args:
+            now: Wall clock, s.
+            period: Of the feed, s of simulated time.
+        """
+        wall_period = max(period / self._scale, MIN_FEED_PERIOD_S)
+        if wall_period != self._feed_period:
+            self._feed_period = wall_period
+            self.next_frame = self.next_tick
+        if now < self.next_frame - _SAME_MOMENT_S:
+            return False
+        missed = int((now - self.next_frame) / wall_period)
+        self.next_frame += (1 + max(0, missed)) * wall_period
+        return True
+
+    def restart(self, now: float) -> None:
+        """Begin anew after a time without cycles."""
+        self._start(now)
+
+    def lateness(self) -> Lateness:
+        """How late the cycles of the last minute were."""
+        late = sorted(self._late)
+        if not late:
+            return Lateness(0, 0.0, 0.0, 0.0, self._lags)
+        return Lateness(len(late), late[len(late) // 2], late[int(0.99 * (len(late) - 1))], late[-1], self._lags)

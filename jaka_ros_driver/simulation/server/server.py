@@ -1,0 +1,512 @@
+"""The sockets of the simulated controller: its three ports and the panel, served by one thread that also runs the
+cycles.
+
+One loop does everything, so that nothing needs a lock: it wakes up for cycles, status frames, bytes, and calls from
+other threads. It never waits for a client: one that does not read misses frames or is dropped.
+"""
+import json
+import queue
+import select
+import selectors
+import socket
+import threading
+import time
+import zlib
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+
+from jaka_ros_driver.errors import ConnectionLost, FramingError
+from jaka_ros_driver.protocol.ports import PORT_NUMBERS, PORTS
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
+from jaka_ros_driver.simulation.controller.command_spec import Then
+from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, Connection, HeldReply
+from jaka_ros_driver.simulation.server.cycle_clock import CycleClock
+from jaka_ros_driver.simulation.server.faults import Delivery, Effect, FaultScript
+from jaka_ros_driver.wire import sockets
+from jaka_ros_driver.wire.listeners import Listeners
+from jaka_ros_driver.wire.log import WireLog
+from jaka_ros_driver.wire.sockets import LOOPBACK
+
+PANEL = "panel"
+_READ_BYTES = 4096
+_REQUESTS_A_TURN = 20
+_MAX_CLIENTS = 32
+_IDLE_S = 1.0
+_COMPRESSION = 1
+_LONGEST_ANSWER = 1 << 18
+
+PanelHandler = Callable[[Dict[str, Any]], Dict[str, Any]]
+
+
+class Addresses(NamedTuple):
+    """Where to listen.
+
+    Attributes:
+        host: Address for the three ports; the panel always listens on loopback.
+        command: TCP port, 0 for a free one.
+        status: As command.
+        poll: As command.
+        panel: As command; None for no panel.
+    """
+
+    host: str = LOOPBACK
+    command: int = PORT_NUMBERS["command"]
+    status: int = PORT_NUMBERS["status"]
+    poll: int = PORT_NUMBERS["poll"]
+    panel: Optional[int] = None
+
+
+class Server:
+    """Serves one controller.
+
+    Attributes:
+        controller: What is served.
+        faults: The script of wire faults.
+        is_off: True while the controller is turned off: no port but the panel listens, and simulated time stands still.
+    """
+
+    def __init__(self, controller: Controller, addresses: Addresses, *, time_scale: float = 1.0,
+                 refuse_second_client: bool = False, seed: int = 0, log: Optional[WireLog] = None) -> None:
+        self.controller = controller
+        self.faults = FaultScript(seed)
+        self.is_off = False
+        self._addresses = addresses
+        self._refuse_second = refuse_second_client
+        self._log = log
+        self._panel_handler: Optional[PanelHandler] = None
+        self._selector = selectors.EpollSelector()
+        self._listeners = Listeners(self._selector)
+        self._sockets: Dict[Connection, socket.socket] = {}
+        self._count = 0
+        self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._wake_receive, self._wake_send = socket.socketpair()
+        self._wake_receive.setblocking(False)
+        self._selector.register(self._wake_receive, selectors.EVENT_READ)
+        self._is_running = False
+        self._is_closed = False
+        self._stalled_until: Dict[str, float] = {}
+        self._refusing_until: Dict[str, float] = {}
+        self._boot_at: Optional[float] = None
+        self._clock = CycleClock(time_scale, time.monotonic())
+
+    @property
+    def port_numbers(self) -> Dict[str, int]:
+        """Name of a port to its number, once open."""
+        return self._listeners.numbers
+
+    # --- life -------------------------------------------------------------------------------------------------------
+
+    def open(self, panel_handler: Optional[PanelHandler] = None) -> None:
+        """Listen.
+
+        Args:
+            panel_handler: Answers the panel's requests.
+
+        Raises:
+            OSError: A port cannot be had.
+        """
+        self._panel_handler = panel_handler
+        host = self._addresses.host
+        try:
+            for port, number in (("command", self._addresses.command), ("status", self._addresses.status),
+                                 ("poll", self._addresses.poll)):
+                self._listeners.add(port, host, number)
+            if self._addresses.panel is not None:
+                self._listeners.add(PANEL, LOOPBACK, self._addresses.panel)
+        except OSError:
+            self.close()
+            raise
+
+    def run(self) -> None:
+        """Serve until ``stop``; then close every socket."""
+        self._is_running = True
+        self._clock.restart(time.monotonic())
+        try:
+            while self._is_running:
+                self._turn()
+        finally:
+            self.close()
+
+    def stop(self) -> None:
+        """End ``run``; from any thread or signal handler."""
+        self._calls.put(self._end)
+        self._wake()
+
+    def _end(self) -> None:
+        self._is_running = False
+
+    def call(self, action: Callable[[], Any], timeout: float = 30.0) -> Any:
+        """Call ``action`` in the server's thread; returns its result and raises its exceptions.
+
+        Raises:
+            ConnectionLost: The server does not run.
+        """
+        done = threading.Event()
+        outcome: List[Any] = [None, None]
+
+        def act() -> None:
+            try:
+                outcome[0] = action()
+            except Exception as error:  # handed to the caller, whose exception it is
+                outcome[1] = error
+            done.set()
+
+        self._calls.put(act)
+        self._wake()
+        deadline = time.monotonic() + timeout
+        while not done.wait(0.1):
+            if self._is_closed or time.monotonic() > deadline:
+                raise ConnectionLost("the simulated controller does not run")
+        if outcome[1] is not None:
+            raise outcome[1]
+        return outcome[0]
+
+    def _wake(self) -> None:
+        try:
+            self._wake_send.send(b"\0")
+        except OSError:
+            pass  # full: it will wake anyway; closed: nobody is left to wake
+
+    def close(self) -> None:
+        """Close every socket."""
+        self._is_closed = True
+        for connection in list(self._sockets):
+            self._drop(connection)
+        self._listeners.close()
+        self._selector.close()
+        self._wake_receive.close()
+        self._wake_send.close()
+
+    # --- the loop ---------------------------------------------------------------------------------------------------
+
+    def _turn(self) -> None:
+        now = time.monotonic()
+        self._advance(now)
+        self._end_of_faults(now)
+        for connection in list(self._sockets):
+            self._serve(connection, now)
+        self._wait(time.monotonic())
+        for key, events in self._selector.select(0):
+            if key.fileobj is self._wake_receive:
+                self._take_calls()
+            elif isinstance(key.data, str):
+                self._accept(key.data, key.fileobj)
+            elif events & selectors.EVENT_READ and key.data in self._sockets:
+                self._read(key.data, time.monotonic())
+
+    def _wait(self, now: float) -> None:
+        """Wait for the next deadline or event. epoll counts in whole ms; select on epoll's descriptor is exact."""
+        deadline = self._next_deadline(now)
+        if deadline > now:
+            select.select([self._selector.fileno()], [], [], deadline - now)
+
+    def _next_deadline(self, now: float) -> float:
+        times = [now + _IDLE_S, *self._refusing_until.values(), *self._stalled_until.values()]
+        if self._boot_at is not None:
+            times.append(self._boot_at)
+        if not self.is_off:
+            times.append(self._clock.next_tick)
+            if self._clients("status"):
+                times.append(self._clock.next_frame)
+        for connection in self._sockets:
+            if connection.is_half_open or self._is_stalled(connection.port, now):
+                continue
+            if connection.inbox and connection.held is None and not connection.is_closing:
+                return now
+            for moment in (connection.next_due(), connection.parser.next_deadline()):
+                if moment is not None and not connection.has_unsent():
+                    times.append(moment)
+        return min(times)
+
+    def _advance(self, now: float) -> None:
+        if self.is_off:
+            return
+        cycles = self._clock.due_cycles(now)
+        for _ in range(cycles):
+            self.controller.step(CYCLE_TIME_S)
+        if cycles and self._log:
+            self._log.joints(time.monotonic_ns(), self.controller.state.now,
+                             self.controller.state.plant.joint_position)
+        if self._clock.frame_is_due(now, self.controller.state.feed_period):
+            self._send_frames(now)
+
+    def _take_calls(self) -> None:
+        try:
+            self._wake_receive.recv(_READ_BYTES)
+        except BlockingIOError:
+            pass
+        while True:
+            try:
+                action = self._calls.get_nowait()
+            except queue.Empty:
+                return
+            action()
+
+    # --- clients ----------------------------------------------------------------------------------------------------
+
+    def _clients(self, port: str) -> List[Connection]:
+        return [connection for connection in self._sockets if connection.port == port]
+
+    def _accept(self, port: str, listener: Any) -> None:
+        accepted = sockets.accept(listener)
+        if accepted is None:
+            return
+        client, peer = accepted
+        present = [connection for connection in self._clients(port) if not connection.is_half_open]
+        if (port == "command" and self._refuse_second and present) or len(self._clients(port)) >= _MAX_CLIENTS:
+            client.close()
+            return
+        self._count += 1
+        connection = Connection(port, self._count, peer)
+        self._sockets[connection] = client
+        self._selector.register(client, selectors.EVENT_READ, connection)
+        self._note(connection, "open")
+        if port == "command":
+            for replaced in present:
+                self._drop(replaced)
+            self.controller.state.client_connected()
+
+    def _drop(self, connection: Connection) -> None:
+        client = self._sockets.pop(connection, None)
+        if client is None:
+            return
+        self._unwatch(client)
+        sockets.close(client, connection.resets)
+        self._note(connection, "reset" if connection.resets else "close")
+        if connection.port == "command" and not connection.is_half_open:
+            self._client_lost()
+
+    def _has_client(self) -> bool:
+        """True while a command client is connected; one whose connection is half open does not count."""
+        return any(not connection.is_half_open for connection in self._clients("command"))
+
+    def _client_lost(self) -> None:
+        """A command connection ended or fell silent for good; without effect while the controller is off."""
+        if not self.is_off and not self._has_client():
+            self.controller.state.client_lost()
+
+    def _note(self, connection: Connection, what: str) -> None:
+        if self._log:
+            self._log.event(time.monotonic_ns(), connection.port, connection.number, what, connection.peer)
+
+    def _read(self, connection: Connection, now: float) -> None:
+        if connection.is_half_open or self._is_stalled(connection.port, now):
+            return
+        data = sockets.receive(self._sockets[connection], _READ_BYTES)
+        if data is None:
+            return
+        if not data:
+            self._drop(connection)
+            return
+        if self._log and connection.port != PANEL:
+            self._log.bytes_in(time.monotonic_ns(), connection.port, connection.number, data)
+        if connection.port != "status":
+            connection.inbox.extend(connection.parser.feed(data, now))
+        self._carry_out(connection, now)
+        self._flush(connection, now)
+
+    def _serve(self, connection: Connection, now: float) -> None:
+        """Do what is due by time: requests that were not finished, held replies, scheduled deliveries."""
+        if connection.is_half_open:
+            return
+        if self._is_stalled(connection.port, now):
+            self._unwatch(self._sockets[connection])
+            return
+        connection.inbox.extend(connection.parser.expire(now))
+        self._carry_out(connection, now)
+        self._flush(connection, now)
+
+    def _carry_out(self, connection: Connection, now: float) -> None:
+        held = connection.held
+        if held is not None and held.until():
+            connection.held = None
+            self._reply(connection, held, now)
+        for _ in range(_REQUESTS_A_TURN):
+            if connection.held is not None or not connection.inbox or connection.is_closing or self.is_off:
+                return
+            request = connection.inbox.popleft()
+            if connection.port == "poll":
+                if isinstance(request, dict) and request.get("cmdName") == "data_request":
+                    self._answer_poll(connection, now)
+            elif connection.port == PANEL:
+                self._answer_panel(connection, request, now)
+            else:
+                outcome = self.controller.execute(request)
+                reply = HeldReply(outcome.until or _at_once, outcome.command, outcome.reply, outcome.then)
+                if reply.until():
+                    self._reply(connection, reply, now)
+                else:
+                    connection.held = reply
+
+    def _reply(self, connection: Connection, reply: HeldReply, now: float) -> None:
+        connection.post(self.faults.deliveries("command", reply.reply, reply.command, now))
+        if reply.then is not Then.NOTHING:
+            connection.post([Delivery(b"", now, Effect.CLOSE)])
+        if reply.then is Then.SHUT_DOWN:
+            self._calls.put(lambda: self.shut_down(None) if PANEL in self._listeners.numbers else self._end())
+            self._wake()
+
+    def _answer_poll(self, connection: Connection, now: float) -> None:
+        text = self.faults.frame_text("poll", self.controller.polled_frame.text())
+        connection.post(self.faults.deliveries("poll", zlib.compress(text, _COMPRESSION), None, now))
+
+    def _answer_panel(self, connection: Connection, request: Any, now: float) -> None:
+        if isinstance(request, FramingError) or self._panel_handler is None:
+            answer: Dict[str, Any] = {"ok": False, "error": str(request)}
+        else:
+            answer = self._panel_handler(request)
+        connection.post([Delivery(json.dumps(answer).encode("utf-8") + b"\n", now)])
+
+    def _send_frames(self, now: float) -> None:
+        clients = [connection for connection in self._clients("status")
+                   if not connection.is_half_open and connection.unsent_bytes <= FRAME_BACKLOG_BYTES]
+        if not clients or self._is_stalled("status", now):
+            return
+        text = self.controller.feed_frame.text()
+        for connection in clients:
+            connection.post(self.faults.deliveries("status", self.faults.frame_text("status", text), None, now))
+
+    def _flush(self, connection: Connection, now: float) -> None:
+        if connection not in self._sockets:
+            return
+        try:
+            connection.pump(now, lambda data: self._send(connection, data))
+        except OSError:
+            self._drop(connection)
+            return
+        if connection.is_half_open:
+            self._unwatch(self._sockets[connection])
+            self._note(connection, "half open")
+            if connection.port == "command":
+                self._client_lost()
+        elif connection.unsent_bytes > MAX_UNSENT_BYTES or (connection.is_closing and not connection.has_unsent()):
+            self._drop(connection)
+        else:
+            self._watch(connection)
+
+    def _watch(self, connection: Connection) -> None:
+        """Wait for bytes only while no request waits, and for room only while something is unsent."""
+        events = 0 if connection.inbox or connection.is_closing else selectors.EVENT_READ
+        events |= selectors.EVENT_WRITE if connection.has_unsent() else 0
+        client = self._sockets[connection]
+        key = self._selector.get_map().get(client)
+        if key is None and events:
+            self._selector.register(client, events, connection)
+        elif not events:
+            self._unwatch(client)
+        elif key is not None and key.events != events:
+            self._selector.modify(client, events, connection)
+
+    def _unwatch(self, client: socket.socket) -> None:
+        if client in self._selector.get_map():
+            self._selector.unregister(client)
+
+    def _send(self, connection: Connection, data: bytes) -> int:
+        try:
+            taken = self._sockets[connection].send(data)
+        except BlockingIOError:
+            return 0
+        if self._log and connection.port != PANEL:
+            self._log.bytes_out(time.monotonic_ns(), connection.port, connection.number, data[:taken])
+        return taken
+
+    # --- faults that concern whole ports ----------------------------------------------------------------------------
+
+    def _is_stalled(self, port: str, now: float) -> bool:
+        return now < self._stalled_until.get(port, now)
+
+    def stall(self, ports: Tuple[str, ...], duration: float) -> None:
+        """Neither read nor send on these ports for ``duration`` s of wall time; the command client counts as lost
+        meanwhile.
+        """
+        until = time.monotonic() + duration
+        self._stalled_until.update((port, until) for port in ports)
+        if "command" in ports and duration > 0.0 and not self.is_off and self._has_client():
+            self.controller.state.client_lost()
+
+    def end_connections(self, ports: Tuple[str, ...], effect: Effect) -> int:
+        """Close, reset or half-open every connection of these ports now; returns how many there were."""
+        now = time.monotonic()
+        struck = [connection for port in ports for connection in self._clients(port) if not connection.is_half_open]
+        for connection in struck:
+            connection.post([Delivery(b"", now, effect)])
+            self._flush(connection, now)
+        return len(struck)
+
+    def refuse(self, ports: Tuple[str, ...], duration: float) -> None:
+        """Refuse new connections on these ports for ``duration`` s of wall time."""
+        until = time.monotonic() + duration
+        for port in ports:
+            self._listeners.shut(port)
+            self._refusing_until[port] = until
+
+    def shut_down(self, down: Optional[float], silent: bool = False) -> None:
+        """Turn the controller off: drive power and connections end, and no port but the panel listens.
+
+        Args:
+            down: Time until it starts again by itself, s of wall time; None for never.
+            silent: True where clients notice nothing, as when the power fails; otherwise their connections are closed.
+        """
+        self.is_off = True
+        self.end_connections(PORTS, Effect.HALF_OPEN if silent else Effect.CLOSE)
+        for port in PORTS:
+            self._listeners.shut(port)
+        self._boot_at = None if down is None else time.monotonic() + down
+
+    def boot(self) -> None:
+        """Start the controller again; no effect while it is on."""
+        if not self.is_off:
+            return
+        self.is_off, self._boot_at = False, None
+        self._stalled_until.clear()
+        self._refusing_until.clear()
+        self.controller.restart()
+        self._clock.restart(time.monotonic())
+        for connection in [c for c in self._sockets if c.is_half_open]:
+            connection.resets = True
+            self._drop(connection)
+        for port in PORTS:
+            self._listeners.open(port)
+
+    def _end_of_faults(self, now: float) -> None:
+        for port in [port for port, until in self._stalled_until.items() if now >= until]:
+            del self._stalled_until[port]
+            if port == "command" and self._has_client():
+                self.controller.state.client_back()
+        for port in [port for port, until in self._refusing_until.items() if now >= until]:
+            del self._refusing_until[port]
+            if not self.is_off:
+                self._listeners.open(port)
+        if self._boot_at is not None and now >= self._boot_at:
+            self.boot()
+
+    def described(self) -> Dict[str, Any]:
+        """What the panel's action ``wire`` shows: connections, faults, lateness of the cycles."""
+        lateness = self._clock.lateness()
+        return {
+            "connections": [{"port": c.port, "number": c.number, "peer": c.peer, "half_open": c.is_half_open,
+                             "unsent_bytes": c.unsent_bytes} for c in self._sockets],
+            "faults": [rule.described() for rule in self.faults.active()],
+            "is_off": self.is_off, "failures": self.controller.failures,
+            "cycle_lateness": {"cycles": lateness.cycles, "median_s": lateness.median, "p99_s": lateness.p99,
+                               "max_s": lateness.maximum, "lags": lateness.lags}}
+
+
+def _at_once() -> bool:
+    return True
+
+
+def ask_panel(port: int, request: Dict[str, Any], timeout: float = 10.0) -> Dict[str, Any]:
+    """Send one request to the panel of a simulated controller on this machine and return its answer.
+
+    Raises:
+        ConnectionLost: Nobody answers there.
+    """
+    try:
+        with socket.create_connection((LOOPBACK, port), timeout) as link:
+            link.sendall(json.dumps(request).encode("utf-8") + b"\n")
+            with link.makefile("rb") as stream:
+                answer: Dict[str, Any] = json.loads(stream.readline(_LONGEST_ANSWER))
+    except (OSError, ValueError) as error:
+        raise ConnectionLost("no panel answers on port %d: %s" % (port, error)) from error
+    return answer

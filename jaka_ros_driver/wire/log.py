@@ -1,0 +1,249 @@
+"""The wire log: every byte in and out with its time, and the arm's joints; an MCAP file with JSON channels, for
+Foxglove.
+
+Channels ``/wire/command``, ``/wire/status``, ``/wire/poll`` hold one message for each piece read or sent. Its bytes are
+in ``data`` as text, one character for each byte (Latin-1), so that nothing is lost and JSON stays readable. ``/joints``
+holds the true joints of a simulated arm. Times are those of the host's monotonic clock, ns.
+
+A thread of its own writes the log, and flushes it at least once a second and when it is closed. The package ``mcap`` is
+imported only when a log is written or read.
+"""
+import json
+import queue
+import struct
+import threading
+import time
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
+
+from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.protocol.ports import PORTS
+from jaka_ros_driver.state import Vector
+
+FLUSH_INTERVAL_S = 0.5
+_QUEUE_LIMIT = 200000
+_JOINTS_TOPIC = "/joints"
+_CLOCK = "clock"
+_OFFSET = "realtime_minus_monotonic_ns"
+
+_WIRE_SCHEMA = {
+    "type": "object", "title": "jaka.WireBytes", "properties": {
+        "time_ns": {"type": "integer", "description": "monotonic clock of the host"},
+        "what": {"type": "string", "description": "in, out, open, close, reset, half open"},
+        "connection": {"type": "integer", "description": "counts the connections, from 1"},
+        "data": {"type": "string", "description": "one character for each byte; peer's address for open, close"}}}
+_JOINTS_SCHEMA = {
+    "type": "object", "title": "jaka.TrueJoints", "properties": {
+        "time_ns": {"type": "integer", "description": "monotonic clock of the host"},
+        "simulated_s": {"type": "number", "description": "simulated time since the start, s"},
+        "joint_position": {"type": "array", "items": {"type": "number"}, "description": "rad, joint 1 first"}}}
+
+
+class WireLogError(JakaError):
+    """A wire log that cannot be written or read."""
+
+
+class WireEvent(NamedTuple):
+    """One piece of bytes, or the beginning or end of a connection.
+
+    Attributes:
+        time_ns: Monotonic clock of the host.
+        port: "command", "status" or "poll".
+        connection: Counts the connections, from 1.
+        what: "in", "out", "open", "close", "reset" or "half open".
+        data: The bytes; for the other kinds the peer's address.
+    """
+
+    time_ns: int
+    port: str
+    connection: int
+    what: str
+    data: bytes
+
+
+class TrueJoints(NamedTuple):
+    """The true joints of a simulated arm.
+
+    Attributes:
+        time_ns: Monotonic clock of the host.
+        simulated_s: Simulated time since the start, s.
+        joint_position: rad (6,).
+    """
+
+    time_ns: int
+    simulated_s: float
+    joint_position: Vector
+
+
+class WireLog:
+    """Writes a wire log; no method but ``close`` waits for the disk."""
+
+    def __init__(self, path: str) -> None:
+        """Begin the file.
+
+        Raises:
+            WireLogError: The package mcap is missing, the file exists or cannot be written.
+        """
+        try:
+            from mcap.writer import CompressionType, Writer
+        except ImportError as error:
+            raise WireLogError("a wire log needs the Python package mcap: %s" % error) from error
+        try:
+            self._file = open(path, "xb")
+        except OSError as error:
+            raise WireLogError("cannot write %s: %s" % (path, error)) from error
+        self._writer: Any = Writer(self._file, chunk_size=256 * 1024, compression=CompressionType.LZ4)
+        self._writer.start(profile="", library="jaka_ros_driver simulated controller")
+        self._writer.add_metadata(_CLOCK, {_OFFSET: str(time.time_ns() - time.monotonic_ns())})
+        self._channels = self._register()
+        self._queue: queue.Queue[Optional[Tuple[str, int, Any]]] = queue.Queue(_QUEUE_LIMIT)
+        self.lost = 0
+        self._error: Optional[OSError] = None
+        self._thread = threading.Thread(target=self._write, name="wire-log", daemon=True)
+        self._thread.start()
+
+    def _register(self) -> Dict[str, int]:
+        def schema(definition: Dict[str, Any]) -> int:
+            text = json.dumps(definition).encode("utf-8")
+            number: int = self._writer.register_schema(definition["title"], "jsonschema", text)
+            return number
+
+        wire, joints = schema(_WIRE_SCHEMA), schema(_JOINTS_SCHEMA)
+        channels = {"/wire/" + port: self._writer.register_channel("/wire/" + port, "json", wire)
+                    for port in (*PORTS, "panel")}
+        channels[_JOINTS_TOPIC] = self._writer.register_channel(_JOINTS_TOPIC, "json", joints)
+        return channels
+
+    def bytes_in(self, time_ns: int, port: str, connection: int, data: bytes) -> None:
+        """Bytes came in."""
+        self._put("/wire/" + port, time_ns, (connection, "in", data))
+
+    def bytes_out(self, time_ns: int, port: str, connection: int, data: bytes) -> None:
+        """Bytes were taken by the network."""
+        self._put("/wire/" + port, time_ns, (connection, "out", data))
+
+    def event(self, time_ns: int, port: str, connection: int, what: str, peer: str) -> None:
+        """A connection began or ended."""
+        self._put("/wire/" + port, time_ns, (connection, what, peer.encode("ascii")))
+
+    def joints(self, time_ns: int, simulated_s: float, joint_position: Vector) -> None:
+        """Where the arm is."""
+        self._put(_JOINTS_TOPIC, time_ns, (simulated_s, joint_position))
+
+    def _put(self, topic: str, time_ns: int, content: Any) -> None:
+        try:
+            self._queue.put_nowait((topic, time_ns, content))
+        except queue.Full:
+            self.lost += 1
+
+    def close(self) -> None:
+        """Write what is left and end the file. Its metadata tell how many messages were lost.
+
+        Raises:
+            WireLogError: The file could not be written to its end.
+        """
+        self._queue.put(None)
+        self._thread.join()
+        try:
+            with self._file:
+                if self._error is None:
+                    self._writer.add_metadata("wire_log", {"lost_messages": str(self.lost)})
+                    self._writer.finish()
+        except OSError as error:
+            self._error = error
+        if self._error is not None:
+            raise WireLogError("the wire log is not complete: %s" % self._error) from self._error
+
+    def _write(self) -> None:
+        try:
+            self._write_all()
+        except OSError as error:
+            self._error = error
+            while self._queue.get() is not None:
+                self.lost += 1
+
+    def _write_all(self) -> None:
+        flushed_at = time.monotonic()
+        while True:
+            try:
+                entry = self._queue.get(timeout=FLUSH_INTERVAL_S)
+            except queue.Empty:
+                entry = ("", 0, None)
+            if entry is None:
+                return
+            topic, time_ns, content = entry
+            if topic:
+                self._writer.add_message(self._channels[topic], time_ns, _text(time_ns, content), time_ns)
+            if time.monotonic() - flushed_at >= FLUSH_INTERVAL_S:
+                self._writer.flush()
+                flushed_at = time.monotonic()
+
+
+def _text(time_ns: int, content: Any) -> bytes:
+    if len(content) == 2:
+        fields = {"time_ns": time_ns, "simulated_s": round(content[0], 6), "joint_position": content[1]}
+    else:
+        connection, what, data = content
+        fields = {"time_ns": time_ns, "what": what, "connection": connection, "data": data.decode("latin-1")}
+    return json.dumps(fields).encode("ascii")
+
+
+def clock_offset_ns(path: str) -> int:
+    """What must be added to the times of a log to get the host's real time, ns since the epoch; 0 where the log does
+    not tell.
+
+    Raises:
+        WireLogError: The package mcap is missing, or the file cannot be read.
+    """
+    try:
+        from mcap.exceptions import EndOfFile, McapError
+        from mcap.records import Message, Metadata
+        from mcap.stream_reader import StreamReader
+    except ImportError as error:
+        raise WireLogError("a wire log needs the Python package mcap: %s" % error) from error
+    try:
+        with open(path, "rb") as file:
+            for record in StreamReader(file).records:
+                if isinstance(record, Metadata) and record.name == _CLOCK:
+                    return int(record.metadata[_OFFSET])
+                if isinstance(record, Message):
+                    return 0
+    except EndOfFile:
+        return 0
+    except (OSError, McapError, ValueError, KeyError, struct.error) as error:
+        raise WireLogError("cannot read %s as a wire log: %s" % (path, error)) from error
+    return 0
+
+
+def read_log(path: str) -> List[Union[WireEvent, TrueJoints]]:
+    """The messages of a wire log as they were written; a log that was not ended is read as far as it goes.
+
+    Raises:
+        WireLogError: The package mcap is missing, or the file cannot be read or is no wire log.
+    """
+    try:
+        from mcap.exceptions import EndOfFile, McapError
+        from mcap.records import Channel, Message
+        from mcap.stream_reader import StreamReader
+    except ImportError as error:
+        raise WireLogError("a wire log needs the Python package mcap: %s" % error) from error
+    topics: Dict[int, str] = {}
+    found: List[Union[WireEvent, TrueJoints]] = []
+    try:
+        with open(path, "rb") as file:
+            for record in StreamReader(file).records:
+                if isinstance(record, Channel):
+                    topics[record.id] = record.topic
+                elif isinstance(record, Message):
+                    found.append(_parsed(topics[record.channel_id], json.loads(record.data)))
+    except EndOfFile:
+        return found
+    except (OSError, McapError, ValueError, KeyError, struct.error) as error:
+        raise WireLogError("cannot read %s as a wire log: %s" % (path, error)) from error
+    return found
+
+
+def _parsed(topic: str, fields: Dict[str, Any]) -> Union[WireEvent, TrueJoints]:
+    if topic == _JOINTS_TOPIC:
+        return TrueJoints(fields["time_ns"], fields["simulated_s"], tuple(fields["joint_position"]))
+    return WireEvent(fields["time_ns"], topic.rsplit("/", 1)[-1], fields["connection"], fields["what"],
+                     fields["data"].encode("latin-1"))

@@ -1,0 +1,293 @@
+"""Plays a wire log to a driver: sends the recorded controller's status bytes at their times, or faster, and its
+replies.
+
+``python3 -m jaka_ros_driver.wire.player LOG.mcap`` prints a line of JSON with its ports, one when the first
+client has connected, and one when all has been played. A port is open while the recorded one was connected. Time
+stands still where the driver is late with a request that moved the arm, for ``PATIENCE_S`` at most.
+"""
+import argparse
+import json
+import selectors
+import socket
+import sys
+import time
+from collections import deque
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional
+
+from jaka_ros_driver.errors import FramingError, JakaError
+from jaka_ros_driver.protocol.framing import ObjectStream
+from jaka_ros_driver.protocol.ports import PORTS
+from jaka_ros_driver.wire import sockets
+from jaka_ros_driver.wire.listeners import Listeners
+from jaka_ros_driver.wire.log import clock_offset_ns, read_log
+from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
+from jaka_ros_driver.wire.script import Piece, RecordedConnection, WireScript, wire_script
+from jaka_ros_driver.wire.sockets import LOOPBACK
+
+_EARLY_S = 0.05
+"""A port opens this much before its next recorded connection, so that a client that keeps trying finds it in time."""
+_GRACE_S = 2.0
+PATIENCE_S = 5.0
+"""s of wall time for which a request is waited for; then the player assumes that this driver does not make it."""
+_IDLE_S = 0.5
+
+
+class _Client:
+    """One accepted connection and what is still to be sent."""
+
+    def __init__(self, link: socket.socket, recorded: RecordedConnection, shift: float, grace: float) -> None:
+        self.link = link
+        self.recorded = recorded
+        self.shift = shift
+        self._grace = grace
+        self.stream = ObjectStream()
+        self.due: Deque[Piece] = deque(recorded.pieces)
+        self.unsent = b""
+        self.requests = 0
+
+    def end_at(self) -> Optional[float]:
+        """When the connection is to be ended, s of the recording; None for never. A client that has made fewer requests
+        than the recorded one gets ``grace`` more.
+        """
+        if self.recorded.ended is None:
+            return None
+        grace = self._grace if self.requests < self.recorded.requests else 0.0
+        return self.recorded.ended + self.shift + grace
+
+
+class Progress(NamedTuple):
+    """An event of the replay, for the program's output."""
+
+    event: str
+    facts: Dict[str, Any]
+
+
+class WirePlayer:
+    """Serves the ports of a recorded controller.
+
+    Args:
+        script: What is played. It can be played once.
+        speed: Factor by which it is played faster than recorded.
+        ports: TCP port by name, 0 for a free one.
+        notice: Called when the replay begins and when it ends.
+
+    Attributes:
+        port_numbers: TCP port by name.
+    """
+
+    def __init__(self, script: WireScript, speed: float, ports: Dict[str, int],
+                 notice: Callable[[Progress], None]) -> None:
+        self._script = script
+        self._speed = speed
+        self._notice = notice
+        self._selector = selectors.DefaultSelector()
+        self._listeners = Listeners(self._selector)
+        self._clients: Dict[socket.socket, _Client] = {}
+        self._coming = {port: deque(script.connections[port]) for port in PORTS}
+        self._begin: Optional[float] = None
+        self._causes = list(script.causes)
+        self._held = 0.0
+        self._held_since: Optional[float] = None
+        self._is_running = True
+        self._is_over = False
+        for port in PORTS:
+            self._listeners.add(port, LOOPBACK, ports.get(port, 0))
+        self.port_numbers = self._listeners.numbers
+
+    def stop(self) -> None:
+        """End ``run`` within half a second; also from a signal handler."""
+        self._is_running = False
+
+    def run(self) -> None:
+        """Serve until ``stop``."""
+        try:
+            while self._is_running:
+                for key, _ in self._selector.select(self._wait_s()):
+                    if isinstance(key.data, str):
+                        self._accept(key.fileobj, key.data)
+                    else:
+                        self._read(key.data)
+                self._play()
+        finally:
+            for client in list(self._clients.values()):
+                self._drop(client, "close")
+            self._listeners.close()
+            self._selector.close()
+
+    def _now(self) -> float:
+        """Time of the replay, s of the recording since its first connection. It stands still while a request that moves
+        the arm is missing.
+        """
+        if self._begin is None:
+            return 0.0
+        clock = time.monotonic()
+        now = (clock - self._begin) * self._speed - self._held
+        if not self._causes or now <= self._causes[0].at:
+            self._held_since = None
+            return now
+        if self._held_since is None:
+            self._held_since = clock
+        elif clock - self._held_since > PATIENCE_S:
+            self._causes.pop(0)
+            self._held_since = None
+            return self._now()
+        before = self._causes[0].at
+        self._held += now - before
+        return before
+
+    def _has_come(self, name: str) -> None:
+        """A request has come: time goes on where it waited for this one."""
+        for number, cause in enumerate(self._causes):
+            if cause.name == name:
+                del self._causes[number]
+                return
+
+    def _wait_s(self) -> float:
+        if self._begin is None:
+            return _IDLE_S
+        now = self._now()
+        moments = [client.due[0].at + self._shift(client) for client in self._clients.values() if client.due]
+        moments += [end for end in (client.end_at() for client in self._clients.values()) if end is not None]
+        further = [coming[0].opened - _EARLY_S for coming in self._coming.values() if coming]
+        further.append(self._script.duration)
+        moments += [moment for moment in further if moment > now]
+        return min([_IDLE_S] + [max(moment - now, 0.0) / self._speed for moment in moments])
+
+    @staticmethod
+    def _shift(client: _Client) -> float:
+        """What is to be added to the times of a client's pieces, s: nothing for replies, which are timed from the live
+        request.
+        """
+        return 0.0 if client.recorded.port == "command" else client.shift
+
+    def _accept(self, listener: Any, port: str) -> None:
+        accepted = sockets.accept(listener)
+        if accepted is None:
+            return
+        link, _ = accepted
+        if not self._coming[port]:
+            link.close()
+            return
+        recorded = self._coming[port].popleft()
+        if self._begin is None:
+            self._begin = time.monotonic() - recorded.opened / self._speed
+            self._notice(Progress("begin", {"monotonic_s": self._begin, "start_ns": self._script.start_ns}))
+        client = _Client(link, recorded, max(0.0, self._now() - recorded.opened), _GRACE_S * self._speed)
+        self._clients[link] = client
+        self._selector.register(link, selectors.EVENT_READ, client)
+
+    def _read(self, client: _Client) -> None:
+        data = sockets.receive(client.link)
+        if data is None:
+            return
+        if not data:
+            self._drop(client, "close")
+        elif client.recorded.port == "command":
+            for item in client.stream.feed(data):
+                if not isinstance(item, FramingError):
+                    self._answer(client, str(item.get("cmdName", "")))
+
+    def _answer(self, client: _Client, name: str) -> None:
+        client.requests += 1
+        self._has_come(name)
+        reply = self._script.replies.next(name)
+        if reply is not None:
+            at = self._now() + reply.after
+            if client.due:
+                at = max(at, client.due[-1].at)
+            client.due.append(Piece(at, reply.data))
+
+    def _play(self) -> None:
+        now = self._now()
+        for client in list(self._clients.values()):
+            while client.due and client.due[0].at + self._shift(client) <= now:
+                client.unsent += client.due.popleft().data
+                self._send(client)
+            end = client.end_at()
+            if end is not None and end <= now and not client.due:
+                self._drop(client, client.recorded.how)
+        if self._begin is None:
+            return
+        for port, coming in self._coming.items():
+            busy = any(client.recorded.port == port for client in self._clients.values())
+            if coming and (busy or coming[0].opened - _EARLY_S <= now):
+                self._listeners.open(port)
+            else:
+                self._listeners.shut(port)
+        if not self._is_over and self._is_done(now):
+            self._is_over = True
+            replies = self._script.replies
+            self._notice(Progress("end", {"answered": replies.answered, "repeated": replies.repeated,
+                                          "unanswered": sorted(set(replies.unanswered))}))
+
+    def _is_done(self, now: float) -> bool:
+        """True once everything was played. A driver that is slower than the recorded one gets a little longer."""
+        if now < self._script.duration:
+            return False
+        waits = any(self._coming.values()) or any(client.due or client.requests < client.recorded.requests
+                                                  for client in self._clients.values())
+        return not waits or now >= self._script.duration + 2.0 * _GRACE_S * self._speed
+
+    def _send(self, client: _Client) -> None:
+        try:
+            client.unsent = sockets.send(client.link, client.unsent)
+        except OSError:
+            self._drop(client, "close")
+
+    def _drop(self, client: _Client, how: str) -> None:
+        if client.link not in self._clients:
+            return
+        if how == "half open":
+            self._selector.unregister(client.link)
+            client.due.clear()
+            client.recorded = client.recorded._replace(ended=None)
+            return
+        del self._clients[client.link]
+        try:
+            self._selector.unregister(client.link)
+        except KeyError:  # a half open one was taken out before
+            pass
+        sockets.close(client.link, is_reset=how == "reset")
+
+
+def _print(progress: Progress) -> None:
+    print(json.dumps({"event": progress.event, **progress.facts}), flush=True)
+
+
+def _arguments(argv: Optional[List[str]]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="wire_player", description="Plays a wire log to a driver.")
+    parser.add_argument("log", metavar="LOG.mcap", help="of jaka_sim --log or jaka_sim proxy")
+    parser.add_argument("--speed", type=float, default=1.0, metavar="N", help="N times faster, default 1")
+    for port in PORTS:
+        parser.add_argument("--%s-port" % port, type=int, default=0, metavar="N", help="default: a free one")
+    options = parser.parse_args(argv)
+    if not 0.1 <= options.speed <= 100.0:
+        parser.error("--speed is %g; it must be 0.1 to 100" % options.speed)
+    return options
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the program.
+
+    Returns:
+        0 ended by a signal, 1 failed, 2 wrong usage.
+    """
+    options = _arguments(argv)
+    try:
+        script = wire_script(read_log(options.log))
+        offset = clock_offset_ns(options.log)
+        numbers: Dict[str, int] = {port: getattr(options, port + "_port") for port in PORTS}
+        player = WirePlayer(script, options.speed, numbers, _print)
+        stop_on_signals(player.stop)
+        raise_priority(False)
+        print_ports(player.port_numbers, duration_s=script.duration, start_ns=script.start_ns,
+                    realtime_minus_monotonic_ns=offset)
+        player.run()
+    except (JakaError, OSError) as error:
+        print("wire_player: error: %s" % error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,40 @@
+"""What the programs that serve a controller's ports have in common: priority, signals, their first line of output."""
+import json
+import os
+import signal
+import sys
+from typing import Any, Callable, Mapping, Optional
+
+_SWITCH_INTERVAL_S = 0.0005
+_PRIORITY = 10
+_NICENESS = -10
+
+
+def raise_priority(realtime: bool) -> None:
+    """Have this process served before others, so that it keeps the controller's times on a busy host.
+
+    Where the system does not allow it, a warning is printed only if real-time priority was asked for.
+
+    Args:
+        realtime: Real-time priority (SCHED_FIFO) instead of a niceness of -10.
+    """
+    sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    try:
+        if realtime:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+        else:
+            os.setpriority(os.PRIO_PROCESS, 0, _NICENESS)
+    except OSError as error:
+        if realtime:
+            print("jaka_sim: warning: no real-time priority: %s" % error, file=sys.stderr)
+
+
+def stop_on_signals(stop: Callable[[], None]) -> None:
+    """Call ``stop``, in the main thread, on SIGINT and SIGTERM."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: stop())
+
+
+def print_ports(numbers: Mapping[str, Optional[int]], **facts: Any) -> None:
+    """Print the program's first line, JSON: the facts, then ``NAME_port`` for each port."""
+    print(json.dumps({**facts, **{"%s_port" % port: number for port, number in numbers.items()}}), flush=True)

@@ -1,0 +1,226 @@
+"""``jaka_sim proxy``: stands between a driver and a real controller, forwards every byte unchanged and logs it.
+
+Both directions of the ports 10001, 10000 and 10004 are forwarded at once (TCP_NODELAY), whatever the bytes are. The log
+is a wire log as the simulated controller writes it; ``jaka_bag replay-wire`` plays it. When one side ends a connection,
+the other side's is ended, too.
+"""
+import argparse
+import selectors
+import socket
+import sys
+import time
+from typing import Any, Dict, List, Optional
+
+from jaka_ros_driver.background_log import StandardErrorLog
+from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.protocol.ports import PORT_NUMBERS, PORTS
+from jaka_ros_driver.wire import sockets
+from jaka_ros_driver.wire.listeners import Listeners
+from jaka_ros_driver.wire.log import WireLog
+from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
+from jaka_ros_driver.wire.sockets import LOOPBACK
+
+_CONNECT_S = 3.0
+_IDLE_S = 0.5
+_LOG_TIMEOUT_S = 0.5
+_MOST_BACKLOG = 4 << 20
+
+
+class _Side:
+    """One socket of a pair."""
+
+    def __init__(self, link: socket.socket, port: str, number: int, is_client: bool) -> None:
+        self.link = link
+        self.port = port
+        self.number = number
+        self.is_client = is_client
+        self.unsent = b""
+        self.is_finished = False
+        self.peer: _Side
+
+
+class Proxy:
+    """Forwards between clients and one controller.
+
+    Args:
+        controller: Address of the controller.
+        controller_ports: Its TCP ports by name.
+        host: Address to listen on.
+        ports: TCP ports to listen on by name, 0 for a free one.
+        log: Gets every byte.
+
+    Attributes:
+        port_numbers: TCP port by name.
+
+    Raises:
+        OSError: A port cannot be had.
+    """
+
+    def __init__(self, controller: str, controller_ports: Dict[str, int], host: str, ports: Dict[str, int],
+                 log: WireLog) -> None:
+        self._controller = controller
+        self._controller_ports = controller_ports
+        self._log = log
+        self._errors = StandardErrorLog("jaka_sim proxy")
+        self._selector = selectors.DefaultSelector()
+        self._listeners = Listeners(self._selector)
+        self._sides: List[_Side] = []
+        self._count = 0
+        self._is_running = True
+        try:
+            for port in PORTS:
+                self._listeners.add(port, host, ports[port])
+        except OSError:
+            self._listeners.close()
+            raise
+        self.port_numbers = self._listeners.numbers
+
+    def stop(self) -> None:
+        """End ``run`` within half a second; also from a signal handler."""
+        self._is_running = False
+
+    def run(self) -> None:
+        """Forward until ``stop``."""
+        try:
+            while self._is_running:
+                for key, events in self._selector.select(_IDLE_S):
+                    if isinstance(key.data, str):
+                        self._accept(key.fileobj, key.data)
+                        continue
+                    if events & selectors.EVENT_WRITE:
+                        self._send(key.data)
+                    if events & selectors.EVENT_READ:
+                        self._read(key.data)
+        finally:
+            for side in list(self._sides):
+                if side.is_client:
+                    self._end(side)
+            self._listeners.close()
+            self._selector.close()
+            self._errors.close(_LOG_TIMEOUT_S)
+
+    def _accept(self, listener: Any, port: str) -> None:
+        accepted = sockets.accept(listener)
+        if accepted is None:
+            return
+        link, peer = accepted
+        try:
+            controller = socket.create_connection((self._controller, self._controller_ports[port]), _CONNECT_S)
+        except OSError as error:
+            link.close()
+            self._errors.write("the controller's %s port: %s" % (port, error))
+            return
+        sockets.prepare(controller)
+        self._count += 1
+        sides = [_Side(link, port, self._count, True), _Side(controller, port, self._count, False)]
+        sides[0].peer, sides[1].peer = sides[1], sides[0]
+        for side in sides:
+            self._selector.register(side.link, selectors.EVENT_READ, side)
+        self._sides += sides
+        self._log.event(time.monotonic_ns(), port, self._count, "open", peer)
+
+    def _read(self, side: _Side) -> None:
+        if side not in self._sides:
+            return
+        data = sockets.receive(side.link)
+        now = time.monotonic_ns()
+        if data is None:
+            return
+        if not data:
+            self._finish(side)
+            return
+        if side.is_client:
+            self._log.bytes_in(now, side.port, side.number, data)
+        else:
+            self._log.bytes_out(now, side.port, side.number, data)
+        side.peer.unsent += data
+        self._send(side.peer)
+
+    def _send(self, side: _Side) -> None:
+        if side not in self._sides:
+            return
+        try:
+            side.unsent = sockets.send(side.link, side.unsent)
+        except OSError:
+            self._end(side)
+            return
+        if len(side.unsent) > _MOST_BACKLOG:
+            self._end(side)
+            return
+        if not side.unsent and side.peer.is_finished:
+            self._end(side)
+            return
+        self._watch(side)
+
+    def _watch(self, side: _Side) -> None:
+        """Wait for bytes of a side until it has ended, and for room while something is unsent to it."""
+        events = (0 if side.is_finished else selectors.EVENT_READ) | (selectors.EVENT_WRITE if side.unsent else 0)
+        known = side.link in self._selector.get_map()
+        if events and known:
+            self._selector.modify(side.link, events, side)
+        elif events:
+            self._selector.register(side.link, events, side)
+        elif known:
+            self._selector.unregister(side.link)
+
+    def _finish(self, side: _Side) -> None:
+        """A side has ended; the other one gets what is left before its connection is ended."""
+        side.is_finished = True
+        if side.peer.unsent:
+            self._watch(side)
+        else:
+            self._end(side)
+
+    def _end(self, side: _Side) -> None:
+        if side not in self._sides:
+            return
+        for one in (side, side.peer):
+            self._sides.remove(one)
+            try:
+                self._selector.unregister(one.link)
+            except KeyError:  # a finished side is not read any more
+                pass
+            one.link.close()
+        self._log.event(time.monotonic_ns(), side.port, side.number, "close",
+                        "client" if side.is_client else "controller")
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run ``jaka_sim proxy``.
+
+    Returns:
+        0 ended by a signal, 1 failed, 2 wrong usage.
+    """
+    parser = argparse.ArgumentParser(
+        prog="jaka_sim proxy", description="Stands between a driver and a real controller, forwards every byte "
+        "unchanged and logs it. Its first line of output is JSON with its ports. Start the driver with this computer's "
+        "address instead of the controller's.")
+    parser.add_argument("controller", metavar="ADDRESS", help="of the controller")
+    parser.add_argument("--log", metavar="FILE.mcap", required=True, help="the wire log to write")
+    parser.add_argument("--host", default=LOOPBACK, metavar="ADDRESS", help="where to listen; default loopback only")
+    for port, number in PORT_NUMBERS.items():
+        parser.add_argument("--%s-port" % port, type=int, default=number, metavar="N",
+                            help="where to listen; 0 for a free port, default %d" % number)
+        parser.add_argument("--controller-%s-port" % port, type=int, default=number, metavar="N",
+                            help="of the controller, default %d" % number)
+    options = vars(parser.parse_args(argv))
+    try:
+        log = WireLog(options["log"])
+        try:
+            proxy = Proxy(options["controller"],
+                          {port: options["controller_%s_port" % port] for port in PORTS}, options["host"],
+                          {port: options["%s_port" % port] for port in PORTS}, log)
+            stop_on_signals(proxy.stop)
+            raise_priority(False)
+            print_ports(proxy.port_numbers)
+            proxy.run()
+        finally:
+            log.close()
+    except (JakaError, OSError) as error:
+        print("jaka_sim proxy: error: %s" % error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,210 @@
+"""A wire log as a script: what each connection was sent and when, and the reply to each request. No sockets.
+
+Status bytes are sent at their times. On the command port, the n-th request of a name gets the n-th recorded reply of
+that name, byte for byte, after the recorded time. What the arm does after a request that moves it, or changes whether
+it can move, is not shown before that request has come.
+"""
+import json
+from collections import deque
+from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
+
+from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.protocol.ports import PORTS
+from jaka_ros_driver.units import NS_PER_S
+from jaka_ros_driver.wire.log import TrueJoints, WireEvent
+
+STREAMED = ("status", "poll")
+_ENDS = ("close", "reset", "half open")
+_CAUSES = frozenset((
+    "power_on", "power_off", "enable_robot", "disable_robot", "clear_error", "joint_move", "moveL", "movc", "end_move",
+    "jog", "servo_move", "stop_program", "torque_control_enable"))
+"""Requests whose effect shows in the status feed."""
+
+
+class WireScriptError(JakaError):
+    """A wire log that cannot be played."""
+
+
+class Piece(NamedTuple):
+    """Bytes that were sent; ``at`` in s since the log's first connection."""
+
+    at: float
+    data: bytes
+
+
+class RecordedConnection(NamedTuple):
+    """One connection; times in s since the log's first one.
+
+    Attributes:
+        port: "command", "status" or "poll".
+        opened: When it was accepted.
+        pieces: What the client was sent; empty for the command port, whose replies are in ``Replies``.
+        ended: When it ended; None where the log ends first.
+        how: "close", "reset" or "half open".
+        requests: How many the client made on it.
+    """
+
+    port: str
+    opened: float
+    pieces: Tuple[Piece, ...]
+    ended: Optional[float]
+    how: str
+    requests: int
+
+
+class Reply(NamedTuple):
+    """A recorded reply: ``after``, s since its request, and its bytes."""
+
+    after: float
+    data: bytes
+
+
+def cut_objects(pieces: Sequence[Piece]) -> List[Tuple[float, bytes, Dict[str, Any]]]:
+    """Cut the JSON objects out of a recorded stream.
+
+    ``protocol.framing.ObjectStream`` cannot serve here: a recording is played byte for byte, so bytes between objects,
+    objects that are damaged, and text that is not UTF-8 must be kept, and each byte belongs to one object's piece.
+
+    Returns:
+        For each object: the time of its last byte, s; its raw bytes, with those that stand before it; the object.
+    """
+    raw = b"".join(piece.data for piece in pieces)
+    ends: List[Tuple[int, float]] = []
+    total = 0
+    for piece in pieces:
+        total += len(piece.data)
+        ends.append((total, piece.at))
+    text, decoder = raw.decode("latin-1"), json.JSONDecoder()
+    found: List[Tuple[float, bytes, Dict[str, Any]]] = []
+    begin = position = number = 0
+    while True:
+        position = text.find("{", position)
+        if position < 0:
+            break
+        try:
+            value, end = decoder.raw_decode(text, position)
+        except ValueError:
+            position += 1
+            continue
+        if text[end:end + 1] == "\n":
+            end += 1
+        while number < len(ends) - 1 and ends[number][0] < end:
+            number += 1
+        found.append((ends[number][1], raw[begin:end], value))
+        begin = position = end
+    return found
+
+
+class Replies:
+    """The recorded replies by name of the command.
+
+    Attributes:
+        answered: Requests that got a reply.
+        repeated: Requests that came more often than recorded: they got the last reply of their name again.
+        unanswered: Names of requests that the log has no reply to.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: Dict[str, Deque[Reply]] = {}
+        self._last: Dict[str, Reply] = {}
+        self.answered = 0
+        self.repeated = 0
+        self.unanswered: List[str] = []
+
+    def add(self, name: str, reply: Reply) -> None:
+        """Add a recorded reply behind those of its name."""
+        self._waiting.setdefault(name, deque()).append(reply)
+
+    def next(self, name: str) -> Optional[Reply]:
+        """The reply to the next request of a name; None where the log has none at all."""
+        waiting = self._waiting.get(name)
+        if waiting:
+            self._last[name] = waiting.popleft()
+            self.answered += 1
+        elif name in self._last:
+            self.repeated += 1
+        else:
+            self.unanswered.append(name)
+            return None
+        return self._last[name]
+
+
+class Cause(NamedTuple):
+    """A recorded request that moved the arm or changed whether it can move; ``at`` in s since the first connection."""
+
+    at: float
+    name: str
+
+
+class WireScript(NamedTuple):
+    """The content of a wire log in the form in which it is played.
+
+    Attributes:
+        connections: By port, in the order of their acceptance.
+        replies: The replies of the command port.
+        causes: Requests that moved the arm or changed whether it can move, in the order of their times.
+        duration: From the first connection to the last event, s.
+        start_ns: Time of the first connection, on the log's clock.
+    """
+
+    connections: Dict[str, List[RecordedConnection]]
+    replies: Replies
+    causes: Tuple[Cause, ...]
+    duration: float
+    start_ns: int
+
+
+def wire_script(log: Sequence[Union[WireEvent, TrueJoints]]) -> WireScript:
+    """The script of a wire log.
+
+    Raises:
+        WireScriptError: The log has no connection.
+    """
+    events = [event for event in log if isinstance(event, WireEvent) and event.port in PORTS]
+    opened = [event for event in events if event.what == "open"]
+    if not opened:
+        raise WireScriptError("the wire log has no connection")
+    start_ns = min(event.time_ns for event in opened)
+    by_connection: Dict[Tuple[str, int], List[WireEvent]] = {}
+    for event in events:
+        by_connection.setdefault((event.port, event.connection), []).append(event)
+    connections: Dict[str, List[RecordedConnection]] = {port: [] for port in PORTS}
+    replies = Replies()
+    found: List[Tuple[float, str, Reply]] = []
+    for (port, _), some in sorted(by_connection.items(), key=lambda entry: entry[1][0].time_ns):
+        pieces = {what: tuple(Piece((event.time_ns - start_ns) / NS_PER_S, event.data) for event in some
+                              if event.what == what) for what in ("in", "out")}
+        end = next((event for event in some if event.what in _ENDS), None)
+        paired = _paired(pieces["in"], pieces["out"]) if port == "command" else []
+        found += paired
+        connections[port].append(RecordedConnection(
+            port, (some[0].time_ns - start_ns) / NS_PER_S, pieces["out"] if port in STREAMED else (),
+            None if end is None else (end.time_ns - start_ns) / NS_PER_S, "close" if end is None else end.what,
+            len(paired)))
+    found.sort(key=lambda entry: entry[0])
+    for _, name, reply in found:
+        replies.add(name, reply)
+    causes = tuple(Cause(at, name) for at, name, _ in found if name in _CAUSES)
+    duration = max((event.time_ns - start_ns) / NS_PER_S for event in events)
+    return WireScript(connections, replies, causes, duration, start_ns)
+
+
+def _name(value: Dict[str, Any]) -> str:
+    return str(value.get("cmdName", ""))
+
+
+def _paired(requests: Sequence[Piece], replies: Sequence[Piece]) -> List[Tuple[float, str, Reply]]:
+    """Pair requests with replies: the n-th reply of a name belongs to the n-th request of that name. Returns (time of
+    the request, s; its name; the reply) for each pair.
+
+    A reply that tells no name (a request that the controller did not understand) belongs to the oldest open request.
+    """
+    waiting = [(at, _name(value)) for at, _, value in cut_objects(requests)]
+    result = []
+    for at, raw, value in cut_objects(replies):
+        name = _name(value)
+        mine = next((asked for asked in waiting if asked[1] == name or not name), None)
+        if mine is not None:
+            waiting.remove(mine)
+            result.append((mine[0], mine[1], Reply(max(0.0, at - mine[0]), raw)))
+    return result

@@ -1,0 +1,328 @@
+"""The controller's side of the world: the simulated controller's core, its two ports, and what goes wrong there.
+
+The core is the product's own. What is put around it here are the faults of a real one that a clean simulation has
+not: a stop that is refused, a reply that is late or lost, a motion that begins long after it was accepted, a feed
+that says what is not so.
+"""
+import contextlib
+import random
+from typing import Any, Callable, Dict, List, NamedTuple, Optional
+
+from status_feed import FeedFaults, StatusFeed, noise
+from virtual_clock import Clock
+from wire import Arrival, Cable, Network
+
+from jaka_ros_driver.client.core.actions import Port
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.protocol.framing import encode_object
+from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
+from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.controller_state import Options
+from jaka_ros_driver.simulation.controller.firmware import Firmware
+from jaka_ros_driver.simulation.controller.replies import Refused
+from jaka_ros_driver.simulation.server.request_parser import RequestParser
+
+DRIVER, GUARD, PENDANT, HAND, NOBODY = "driver", "guard", "pendant", "hand", "nobody"
+"""Who moves the arm."""
+
+PLANNED = frozenset(("joint_move", "moveL"))
+STREAMED = frozenset(("servo_j", "servo_p"))
+
+
+def is_motion(request: Dict[str, Any]) -> bool:
+    """The request asks for motion, or for the mode in which targets move the arm."""
+    name = request.get("cmdName")
+    if name == "jog":
+        return request.get("jog_mode") != 0
+    if name == "servo_move":
+        return bool(request.get("relFlag"))
+    return name in PLANNED or name in STREAMED
+
+
+def succeeded(reply: bytes) -> bool:
+    """The reply of the simulated controller says that it took the command."""
+    return b'"errorCode": "0"' in reply
+
+
+def _refused(name: str) -> bytes:
+    return encode_object({"errorCode": "2", "errorMsg": "call %s failed" % name, "cmdName": name})
+
+
+class _Held(NamedTuple):
+    """A motion that was accepted and has not begun: not before ``due``, nor until the arm rested for ``rest``, s."""
+
+    due: float
+    rest: float
+    request: Dict[str, Any]
+    who: str
+
+
+class Faults:
+    """What is wrong with the command port at present; times are ends, s."""
+
+    def __init__(self) -> None:
+        self.refuses_stop_until = 0.0
+        self.refused_stops = 0
+        self.refuses_until: Dict[str, float] = {}
+        self.lies_until: Dict[str, float] = {}
+        self.reply_delay = 0.0
+        self.delays_until = 0.0
+        self.lost_replies: Dict[str, int] = {}
+        self.late_start = 0.0
+        self.starts_late_until = 0.0
+        self.noise_until = 0.0
+
+
+class ControllerRoom:
+    """The controller, its clients, and people beside it.
+
+    Attributes:
+        controller: The simulated controller's core.
+        faults: What is wrong with its command port.
+        feed: Its status feed.
+        mover: Who started the motion under way.
+        is_off: Without power.
+        stop_executed_at: When it last carried a stop out, s.
+        motion_executed_at: When it last began to carry a motion out, s.
+    """
+
+    def __init__(self, clock: Clock, network: Network, chance: random.Random, model: ArmModel, firmware: Firmware,
+                 options: Options, forced_feed_period: Optional[float], full_frames: bool,
+                 note: Callable[..., None]) -> None:
+        self.clock, self._network, self._chance, self._note = clock, network, chance, note
+        self.controller = Controller(model, firmware, options)
+        self.faults = Faults()
+        self.mover = NOBODY
+        self.is_off = False
+        self.stop_executed_at = -1e9
+        self.motion_executed_at = -1e9
+        self.on_executed: Callable[[Dict[str, Any], bool, str], None] = lambda request, taken, who: None
+        self.on_lost_reply: Callable[[], None] = lambda: None
+        self.on_refused_stop: Callable[[], None] = lambda: None
+        self._parser = RequestParser()
+        self._client: Optional[Cable] = None
+        self._held: List[_Held] = []
+        self._moved_at = -1e9
+        self._last_reply_at = 0.0
+        self.feed = StatusFeed(clock, network, chance, self.controller, forced_feed_period, full_frames)
+
+    # ---- time ----
+
+    def cycle(self) -> None:
+        """One cycle of the controller, and a status frame where one is due."""
+        if self.is_off:
+            return
+        now = self.clock.now
+        if self._held:
+            self._begin_held(now)
+        self.controller.step(CYCLE_TIME_S)
+        if not self.controller.state.plant.is_moving:
+            if self.mover is not NOBODY and self.is_idle:
+                self.mover = NOBODY
+        else:
+            self._moved_at = now
+        self.feed.cycle()
+
+    def _begin_held(self, now: float) -> None:
+        """Begin with what was accepted before, once its time has come and the arm has rested for a while."""
+        held = self._held[0]
+        if held.due <= now and now - self._moved_at >= held.rest:
+            self._held.pop(0)
+            self._execute(held.request, held.who)
+
+    @property
+    def is_idle(self) -> bool:
+        """Nothing moves, waits to move, or can be streamed to."""
+        plant = self.controller.state.plant
+        return (plant.is_in_position and not plant.is_servo_active and not plant.is_hand_guided
+                and not plant.is_jogging and not self._held)
+
+    def heal(self) -> None:
+        """Nothing is wrong any more, and no button is pressed."""
+        self.faults, self.feed.faults = Faults(), FeedFaults()
+        self.controller.state.release_emergency_stop()
+
+    # ---- the command port ----
+
+    def accepted(self, cable: Cable) -> None:
+        """A client has connected; the newest has the command port (docs/controller-protocol.md section 1)."""
+        if cable.port is not Port.COMMAND:
+            return
+        for other in self._network.on(Port.COMMAND):
+            if other is not cable and other.controller_knows:
+                other.close_by_controller()
+        self._client = cable
+        self._parser = RequestParser()
+        self.controller.state.client_connected()
+
+    def lost(self, cable: Cable) -> None:
+        """A client's connection has ended."""
+        if cable is self._client:
+            self._client = None
+            self.controller.state.client_lost()
+
+    def arrived(self, cable: Cable, arrival: Arrival) -> None:
+        """Bytes of a client."""
+        if cable.port is not Port.COMMAND or self.is_off or cable is not self._client:
+            return
+        for request in self._parser.feed(arrival.data, self.clock.now):
+            if cable is not self._client:
+                return  # one of them turned the controller off
+            reply = self._answer(request, DRIVER)
+            name = request.get("cmdName", "") if isinstance(request, dict) else ""
+            self._post(cable, name, reply)
+
+    def _post(self, cable: Cable, name: str, reply: bytes) -> None:
+        faults, now = self.faults, self.clock.now
+        if faults.lost_replies.get(name, faults.lost_replies.get("", 0)) > 0:
+            key = name if name in faults.lost_replies else ""
+            faults.lost_replies[key] -= 1
+            self._note("lost reply", name)
+            self.on_lost_reply()
+            return
+        if now < faults.noise_until:
+            reply = noise(self._chance, 5) + reply if self._chance.random() < 0.5 else reply + reply
+        at = now + (faults.reply_delay * self._chance.random() if now < faults.delays_until else 0.0)
+        self._last_reply_at = at = max(at, self._last_reply_at)
+        if at > now:
+            self.clock.at(at, lambda: cable.to_driver.send(reply))
+        else:
+            cable.to_driver.send(reply)
+
+    def _answer(self, request: Any, who: str) -> bytes:
+        """Carry a request out, or pretend to, or refuse it."""
+        if not isinstance(request, dict):
+            return self.controller.execute(request).reply
+        faults, now, name = self.faults, self.clock.now, str(request.get("cmdName"))
+        is_stop = name == "stop_program"
+        if is_stop and (faults.refused_stops > 0 or now < faults.refuses_stop_until):
+            faults.refused_stops = max(0, faults.refused_stops - 1)
+            self.on_refused_stop()
+            return self._refusal(request, who)
+        if now < faults.refuses_until.get(name, 0.0):
+            return self._refusal(request, who)
+        if now < faults.lies_until.get(name, 0.0) and is_motion(request):
+            self._execute(request, who)
+            self._note("says that it did not")
+            return _refused(name)
+        can_wait = is_motion(request) and (name in PLANNED or name == "jog")
+        if can_wait and (self._held or now < faults.starts_late_until):
+            return self._hold(request, who)
+        return self._execute(request, who)
+
+    def _refusal(self, request: Dict[str, Any], who: str) -> bytes:
+        name = str(request.get("cmdName"))
+        self._note("refuses", name)
+        self.on_executed(request, False, who)
+        return _refused(name)
+
+    def _hold(self, request: Dict[str, Any], who: str) -> bytes:
+        """Say yes now and begin later; a motion that could not begin now is refused as ever."""
+        state, name = self.controller.state, str(request["cmdName"])
+        if not state.is_enabled or state.emergency_stop or state.protective_stop or state.plant.is_servo_active:
+            return self._execute(request, who)
+        late = self.faults.late_start
+        held = _Held(self.clock.now + late * self._chance.random(), late * self._chance.random(), request, who)
+        self._held.append(held)
+        self._note("begins later", name, "by %.4f s, after rest of %.4f s" % (held.due - self.clock.now, held.rest))
+        return encode_object({"errorCode": "0", "errorMsg": "", "cmdName": name})
+
+    def _execute(self, request: Dict[str, Any], who: str) -> bytes:
+        reply = self.controller.execute(request).reply
+        taken = succeeded(reply)
+        name = request.get("cmdName")
+        if taken:
+            if name == "stop_program" or (name == "jog" and request.get("jog_mode") == 0):
+                self._held = []  # what has not begun never will
+            if name == "stop_program":
+                self.stop_executed_at = self.clock.now
+            elif is_motion(request):
+                self.motion_executed_at = self.clock.now
+                self.mover = who
+        self.on_executed(request, taken, who)
+        return reply
+
+    # ---- people beside it ----
+
+    def guard_stops(self) -> bool:
+        """The driver's guard takes the command port over and stops the arm; False where it cannot, or is refused."""
+        if self.is_off or not self._network.carries(Port.COMMAND):
+            return False
+        for cable in self._network.on(Port.COMMAND):
+            if cable.controller_knows:
+                cable.close_by_controller()
+        self._client = None
+        self._answer({"cmdName": "servo_move", "relFlag": 0}, GUARD)
+        is_stopped = succeeded(self._answer({"cmdName": "stop_program"}, GUARD))
+        self.controller.state.client_lost()
+        return is_stopped
+
+    def press_emergency_stop(self) -> None:
+        """The button."""
+        self._held = []
+        self.controller.state.press_emergency_stop()
+
+    def hit(self, force: float) -> None:
+        """Somebody stands in the way."""
+        if self.controller.state.hit(force):
+            self._held = []
+
+    def stop_at_pendant(self) -> None:
+        """Somebody stops the program at the pendant; it is not this driver's stop."""
+        self._held = []
+        self.controller.state.stop()
+
+    def move_at_pendant(self, joint: int, step: float) -> None:
+        """Somebody moves an idle arm from the pendant."""
+        if self.is_idle and self.controller.state.is_enabled:
+            target = [0.0] * 6
+            target[joint] = step
+            try:
+                self.controller.state.plant.add_joint_move(target, 0.3, 2.0, relative=True)
+            except TargetRejected:
+                return
+            self.mover = PENDANT
+
+    def pause_at_pendant(self, duration: float) -> None:
+        """Somebody holds the motion under way, and lets it go on later, if it is still there."""
+        self.controller.state.pause()
+        self.clock.after(duration, self._resume)
+
+    def _resume(self) -> None:
+        with contextlib.suppress(Refused):
+            self.controller.state.resume()
+
+    def guide_at_arm(self, joint: int, velocity: float, duration: float) -> None:
+        """Somebody takes the arm by the hand, with the button on it."""
+        with contextlib.suppress(Refused):
+            self.controller.state.set_hand_guiding(True)
+            self.push(joint, velocity, 0.5 * duration)
+            self.clock.after(duration, lambda: self.controller.state.set_hand_guiding(False))
+
+    def push(self, joint: int, velocity: float, duration: float) -> None:
+        """Somebody pushes the arm; it gives way in hand guiding only."""
+        if self.controller.state.push(joint, velocity, duration):
+            self.mover = HAND
+
+    def power_cut(self, down: float, silent: bool) -> None:
+        """The cabinet loses power and starts again by itself; silent: no end of a connection is seen."""
+        if self.is_off:
+            return
+        self.is_off = self._network.is_off = True
+        self._held = []
+        for port in Port:
+            for cable in self._network.on(port):
+                cable.cut(driver_learns=not silent, controller_learns=False)
+                cable.controller_knows = False
+        self._client = None
+        self.clock.after(down, self._boot)
+
+    def _boot(self) -> None:
+        self.controller.restart()
+        self.is_off = self._network.is_off = False
+        self.mover = NOBODY
+        self.feed.start()
+        for port in Port:  # an end that still believes in its connection is told otherwise at its next word
+            for cable in self._network.on(port):
+                cable.cut(driver_learns=True, controller_learns=False)

@@ -1,0 +1,58 @@
+"""The programs of docs/examples, each as a reader would start it."""
+import os
+import re
+import subprocess
+import sys
+
+import import_graph
+import log_samples
+import pytest
+from ros_bench import HOME
+
+EXAMPLES = import_graph.ROOT / "docs" / "examples"
+TESTED = {"move_and_stop.py", "stream_servo_targets.py", "read_log_into_numpy.py", "simulator_in_a_test.py"}
+PATIENCE_S = 90.0
+
+
+def run(folder, *words):
+    """Exit code and output of python3 with these words; it finds the packages where the tests find them."""
+    path = os.pathsep.join([str(import_graph.ROOT)] + [entry for entry in sys.path if entry])
+    done = subprocess.run([sys.executable, *words], cwd=str(folder), env=dict(os.environ, PYTHONPATH=path), text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=PATIENCE_S)
+    return done.returncode, done.stdout
+
+
+def test_every_example_is_tested_and_in_the_index():
+    assert {path.name for path in EXAMPLES.iterdir() if path.suffix == ".py"} == TESTED
+    index = (import_graph.ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    assert all("examples/" + name in index for name in TESTED)
+
+
+def test_a_client_that_moves_and_stops(arm, tmp_path):
+    arm.go_home()
+    code, said = run(tmp_path, str(EXAMPLES / "move_and_stop.py"))
+    assert code == 0, said
+    assert "to the start: completed" in said and "to the target: stopped by request" in said
+    assert not arm.simulator.is_moving()
+    assert 0.0 < arm.simulator.state()["joint_position"][0] < 90.0
+
+
+def test_a_client_that_streams_servo_targets(arm, tmp_path):
+    arm.go_home()
+    code, said = run(tmp_path, str(EXAMPLES / "stream_servo_targets.py"))
+    assert code == 0 and "501 targets" in said and "servo mode left" in said, said
+    assert arm.simulator.state()["joint_position"][0] == pytest.approx(HOME[0], abs=0.1)
+
+
+def test_a_program_that_reads_a_log(tmp_path):
+    pytest.importorskip("jaka_bag")
+    log = log_samples.write(tmp_path / "run.mcap", log_samples.state_log(seconds=2.0))
+    code, said = run(tmp_path, str(EXAMPLES / "read_log_into_numpy.py"), str(log))
+    assert code == 0 and said.startswith("250 samples in 1.992 s"), said
+    assert len(re.findall(r"^joint [1-6]: ", said, re.MULTILINE)) == 6
+
+
+def test_a_test_of_somebody_elses(tmp_path):
+    code, said = run(tmp_path, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", str(tmp_path),
+                     str(EXAMPLES / "simulator_in_a_test.py"))
+    assert code == 0 and "2 passed" in said, said

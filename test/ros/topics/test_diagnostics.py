@@ -1,0 +1,110 @@
+"""Diagnostics once a second: each check goes bad with its fault and good again after it; one failing silences none."""
+import re
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_updater import DiagnosticStatusWrapper
+from ros_bench import collecting, eventually
+
+from jaka_ros_driver.ros.topics import diagnostics
+
+OK, WARN, ERROR, STALE = range(4)
+CHECKS = {"controller link", "arm", "guard", "status feed", "controller state", "emergency stop", "protective stop",
+          "soft limit", "temperature", "servo stream", "kinematic model", "versions"}
+
+
+@pytest.fixture(scope="module")
+def reports(arm):
+    with collecting("/diagnostics", DiagnosticArray) as received:
+        yield received
+
+
+@pytest.fixture
+def healthy(arm, reports):
+    """The arm, all checks OK but that it is simulated and has no guard; whatever a test does to it is undone."""
+    assert eventually(lambda: {name for name, (level, _) in newest(reports).items() if level != OK}
+                      == {"arm", "guard"}), newest(reports)
+    yield arm
+    arm.simulator.panel("clear_faults")
+    arm.simulator.panel("release_emergency_stop")
+    arm.call("clear_err")
+    assert arm.call("power", data=True).success and arm.call("enable", data=True).success
+
+
+def newest(reports):
+    """Level and message of each check of the last second; what a busy host does to the feed is not judged here."""
+    for _, array in reversed(reports):
+        if len(array.status) == len(CHECKS):
+            return {s.name.split(": ", 1)[1]: ((OK if is_of_the_host(s.message) else s.level), s.message)
+                    for s in array.status if s.name.startswith("jaka_driver: ")}
+    return {}
+
+
+def is_of_the_host(message):
+    slow = re.match(r"slow: ([\d.]+) Hz", message)
+    return message.startswith("jitter") or (slow is not None and float(slow.group(1)) > 40.0)
+
+
+def test_every_check_is_reported_with_the_controller_as_hardware_id(arm, reports, healthy):
+    assert set(newest(reports)) == CHECKS
+    expected = "simulated 127.0.0.1:%d" % arm.simulator.command_port
+    assert all(status.hardware_id == expected for status in reports[-1][1].status)
+    values = {value.key: value.value for status in reports[-1][1].status for value in status.values}
+    assert {"rate, Hz", "age, ms", "jitter p99, ms", "damaged frames", "reconnects", "late cycles of this stream",
+            "driver", "controller", "joint 1, deg C"} <= set(values)
+    assert 40.0 < float(values["rate, Hz"]) < 135.0
+    assert "1.5.14" in values["controller"]
+
+
+def test_a_simulated_arm_and_a_missing_guard_are_warnings_that_cannot_be_missed(reports, healthy):
+    assert newest(reports)["arm"] == (WARN, "SIMULATED: no real arm moves")
+    assert newest(reports)["guard"] == (WARN, "switched off: nothing stops the arm when the driver dies")
+
+
+def test_it_comes_once_a_second(reports):
+    count = len(reports)
+    assert eventually(lambda: len(reports) >= count + 4)
+    times = [at for at, _ in reports[count:count + 4]]
+    assert 2.4 < times[3] - times[0] < 6.0
+
+
+@pytest.mark.parametrize("action, parameters, check, level, undo", [
+    ("press_emergency_stop", {}, "emergency stop", ERROR, "release_emergency_stop"),
+    ("press_emergency_stop", {}, "controller state", ERROR, "release_emergency_stop"),
+    ("slow_feed", {"rate": 20.0}, "status feed", WARN, "clear_faults"),
+    ("stall", {"port": "status", "duration_ms": 4000}, "status feed", STALE, "clear_faults"),
+    ("stall", {"port": "status", "duration_ms": 4000}, "controller state", STALE, "clear_faults"),
+    ("refuse", {"port": "command", "duration_ms": 4000}, "controller link", ERROR, "clear_faults"),
+    ("fault", {"kind": "garbage", "port": "status", "count": None, "probability": 0.2}, "status feed", WARN,
+     "clear_faults"),
+    ("fields", {"add": {"on_soft_limit": 1}}, "soft limit", WARN, "clear_faults"),
+    ("fields", {"add": {"protective_stop": 1}}, "protective stop", ERROR, "clear_faults"),
+    ("fields", {"add": {"errcode": "0xF0001", "errmsg": "a fault"}}, "controller state", ERROR, "clear_faults"),
+    ("fields", {"add": {"monitor_data": [1, 1, 75.0, 1, 1, [[1, 1, 40.0]] * 6]}}, "temperature", WARN, "clear_faults"),
+    ("fields", {"add": {"monitor_data": [1, 1, 40.0, 1, 1, [[1, 1, 90.0]] * 6]}}, "temperature", ERROR, "clear_faults"),
+    ("fields", {"add": {"actual_position": [400.0, 100.0, 300.0, 180.0, 0.0, -90.0]}}, "kinematic model", ERROR,
+     "clear_faults"),
+])
+def test_a_check_goes_bad_with_its_fault_and_good_again(healthy, reports, action, parameters, check, level, undo):
+    panel = healthy.simulator.panel
+    panel(action, **parameters)
+    if action == "refuse":
+        panel("close", port="command")
+    assert eventually(lambda: newest(reports)[check][0] == level), newest(reports)[check]
+    panel(undo)
+    if undo == "release_emergency_stop":
+        healthy.call("clear_err")
+        assert healthy.call("power", data=True).success and healthy.call("enable", data=True).success
+    assert eventually(lambda: newest(reports)[check][0] == OK), newest(reports)[check]
+
+
+def test_an_arm_that_is_not_enabled_is_a_warning_that_tells_what_to_do(healthy, reports):
+    assert healthy.call("enable", data=False).success
+    assert eventually(lambda: newest(reports)["controller state"] == (WARN, "cannot move; to do: enable"))
+
+
+def test_a_failing_check_says_so_and_stops_at_that(caplog):
+    def broken(status):
+        raise KeyError("nothing there")
+    status = diagnostics._guarded("broken", broken)(DiagnosticStatusWrapper())
+    assert status.level == DiagnosticStatus.ERROR and "nothing there" in status.message

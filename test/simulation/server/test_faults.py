@@ -1,0 +1,102 @@
+import pytest
+
+from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.simulation.server.connection import Connection
+from jaka_ros_driver.simulation.server.faults import Delivery, Effect, FaultScript
+
+
+def sent_over(script, port, messages, times):
+    """What a connection sends, and when: messages posted at time 0, looked at at the given times."""
+    connection = Connection(port, 1, "peer")
+    for message in messages:
+        connection.post(script.deliveries(port, message, None, 0.0))
+    sent = []
+    for now in times:
+        connection.pump(now, lambda data, now=now: sent.append((now, data)) or len(data))
+    return sent, connection
+
+
+def test_without_a_rule_messages_pass_unchanged():
+    sent, connection = sent_over(FaultScript(), "status", [b"a", b"b"], [0.0, 1.0])
+    assert sent == [(0.0, b"ab")] and connection.next_due() is None
+
+
+def test_rules_strike_in_the_order_in_which_they_were_added():
+    script = FaultScript()
+    script.add("duplicate", "status")
+    script.add("split", "status", bytes=2, gap_ms=100)
+    sent, _ = sent_over(script, "status", [b"abc"], [0.0, 0.05, 0.1, 0.2])
+    assert b"".join(data for _, data in sent) == b"abcabc"
+    assert [data for _, data in sent] == [b"ab", b"c", b"ab", b"c"]
+
+
+def test_count_port_and_command_choose_what_is_struck():
+    script = FaultScript()
+    script.add("drop", "command", 2, command="jog")
+    assert script.deliveries("status", b"x", None, 0.0)
+    assert script.deliveries("command", b"x", "moveL", 0.0)
+    assert [bool(script.deliveries("command", b"x", "jog", 0.0)) for _ in range(3)] == [False, False, True]
+    assert script.active() == ()
+
+
+def test_rule_without_count_stays_until_cleared():
+    script = FaultScript()
+    script.add("drop", "status", None)
+    assert not any(script.deliveries("status", b"x", None, 0.0) for _ in range(100))
+    script.clear()
+    assert script.deliveries("status", b"x", None, 0.0) == [Delivery(b"x", 0.0)]
+
+
+def test_delayed_message_is_not_overtaken():
+    script = FaultScript()
+    script.add("delay", "status", delay_ms=500)
+    sent, _ = sent_over(script, "status", [b"late", b"next"], [0.0, 0.4, 0.6])
+    assert sent == [(0.6, b"latenext")]
+
+
+def test_what_follows_an_end_is_never_sent():
+    for kind, is_closing, resets in (("close", True, False), ("reset", True, True), ("half_open", False, False)):
+        script = FaultScript()
+        script.add(kind, "status")
+        sent, connection = sent_over(script, "status", [b"a", b"b"], [0.0, 1.0])
+        assert sent == [] and connection.next_due() is None
+        assert (connection.is_closing, connection.resets) == (is_closing, resets)
+        assert connection.is_half_open is (kind == "half_open")
+
+
+def test_partial_sends_lose_nothing():
+    connection = Connection("status", 1, "peer")
+    connection.post([Delivery(b"abcdef", 0.0), Delivery(b"gh", 1.0, Effect.CLOSE)])
+    sent = bytearray()
+
+    def take_two(data):
+        sent.extend(data[:2])
+        return min(2, len(data))
+    for _ in range(2):
+        connection.pump(0.0, take_two)
+        assert connection.has_unsent()
+    for now in (0.0, 1.0):
+        connection.pump(now, take_two)
+    assert bytes(sent) == b"abcdefgh" and connection.is_closing and not connection.has_unsent()
+    assert connection.unsent_bytes == 0
+
+
+def test_len_is_falsified_in_the_text_only_where_the_rule_says():
+    script = FaultScript()
+    script.add("wrong_len", "poll", 1, offset=-5)
+    assert script.frame_text("status", b'{"len": 20, "a": 1}') == b'{"len": 20, "a": 1}'
+    assert script.frame_text("poll", b'{"len": 20, "a": 1}') == b'{"len": 15, "a": 1}'
+    assert script.frame_text("poll", b'{"len": 20, "a": 1}') == b'{"len": 20, "a": 1}'
+
+
+@pytest.mark.parametrize("kind, port, more", [
+    ("explode", "status", {}), ("drop", "panel", {}), ("drop", "status", {"count": -1}),
+    ("drop", "status", {"count": 1.5}), ("drop", "status", {"probability": -0.1}),
+    ("drop", "status", {"command": "jog"}),
+    ("drop", "status", {"bytes": 1}), ("split", "status", {"bytes": "x"}), ("delay", "status", {"delay_ms": 1e9}),
+])
+def test_wrong_rules_are_refused(kind, port, more):
+    script = FaultScript()
+    with pytest.raises(InvalidCommand):
+        script.add(kind, port, **more)
+    assert script.active() == ()

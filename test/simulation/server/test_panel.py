@@ -1,0 +1,362 @@
+"""The operator's panel: each action and each wire fault, as a client on the wire sees it."""
+import json
+import socket
+import time
+import zlib
+
+import pytest
+from raw_client import RawClient, RawFeed, poll, wait_for
+
+from jaka_ros_driver.errors import ConnectionLost, InvalidCommand
+from jaka_ros_driver.simulation.server.faults import KINDS
+from jaka_ros_driver.simulation.server.panel import ACTIONS
+from jaka_ros_driver.simulation.server.server import ask_panel
+
+REPLY = b'{"version": "1.5.14_13_X64", "errorCode": "0", "errorMsg": "", "cmdName": "get_version"}'
+
+
+def read_until_silence(link, silence=0.3):
+    """Pieces as they came, each with its time."""
+    link.settimeout(silence)
+    pieces = []
+    try:
+        while True:
+            data = link.recv(65536)
+            if not data:
+                pieces.append((time.monotonic(), b""))
+                return pieces
+            pieces.append((time.monotonic(), data))
+    except socket.timeout:
+        return pieces
+
+
+def ask_version(client):
+    client.send(b'{"cmdName": "get_version"}')
+
+
+def test_split(arm, client):
+    arm.panel("fault", kind="split", port="command", bytes=10, gap_ms=20)
+    ask_version(client)
+    pieces = read_until_silence(client.socket)
+    assert b"".join(data for _, data in pieces) == REPLY and len(pieces) >= 5
+    ask_version(client)  # one message was to be struck
+    assert [data for _, data in read_until_silence(client.socket)] == [REPLY]
+
+
+def test_merge(arm, client):
+    arm.panel("fault", kind="merge", port="command", hold_ms=100)
+    ask_version(client)
+    ask_version(client)
+    assert [data for _, data in read_until_silence(client.socket)] == [REPLY + REPLY]
+
+
+def test_delay_holds_up_what_follows(arm, client):
+    arm.panel("fault", kind="delay", port="command", delay_ms=300, command="get_version")
+    began = time.monotonic()
+    client.send(b'{"cmdName": "get_version"}{"cmdName": "get_payload"}')
+    assert client.reply()["cmdName"] == "get_version"
+    assert time.monotonic() - began >= 0.3
+    assert client.reply()["cmdName"] == "get_payload"
+
+
+def test_drop_concerns_the_named_command_only(arm, client):
+    arm.panel("fault", kind="drop", port="command", command="get_version")
+    assert client.ask("get_payload")["errorCode"] == "0"
+    client.send(b'{"cmdName": "get_version"}{"cmdName": "get_joint_pos"}')
+    assert client.reply()["cmdName"] == "get_joint_pos"
+    assert client.ask("get_version")["errorCode"] == "0"
+
+
+def test_duplicate(arm, client):
+    arm.panel("fault", kind="duplicate", port="command")
+    ask_version(client)
+    assert client.reply() == client.reply()
+    assert client.is_silent(0.1)
+
+
+def test_reorder(arm, client):
+    arm.panel("fault", kind="reorder", port="command", hold_ms=2000)
+    client.send(b'{"cmdName": "get_version"}{"cmdName": "get_payload"}')
+    assert [client.reply()["cmdName"] for _ in range(2)] == ["get_payload", "get_version"]
+
+
+def test_reorder_without_a_second_message_sends_the_first_after_all(arm, client):
+    arm.panel("fault", kind="reorder", port="command", hold_ms=100)
+    ask_version(client)
+    assert client.reply()["cmdName"] == "get_version"
+
+
+@pytest.mark.parametrize("kind, rest", [("garbage", REPLY), ("noise", b"")])
+def test_garbage_and_noise(arm, client, kind, rest):
+    arm.panel("fault", kind=kind, port="command", bytes=20)
+    ask_version(client)
+    data = b"".join(data for _, data in read_until_silence(client.socket))
+    assert len(data) == 20 + len(rest) and data[20:] == rest and min(data[:20]) >= 0x80
+
+
+def test_wrong_len(arm):
+    with RawFeed(arm.status_port) as feed, RawClient(arm.poll_port) as status:
+        feed.frame()
+        arm.panel("fault", kind="wrong_len", port="poll", offset=3)
+        text = poll(status)
+        assert json.loads(text)["len"] == len(text) + 3
+        assert json.loads(poll(status))["len"] == len(poll(status))
+        arm.panel("fault", kind="wrong_len", port="status", offset=-7, count=None)
+        data = b""
+        for _ in range(10):
+            data += feed.socket.recv(65536)
+        last = data[data.rindex(b'{"len": ', 0, data.rindex(b'{"len": ')):data.rindex(b'{"len": ')]
+        assert json.loads(last)["len"] == len(last) - 7
+
+
+def test_cut_ends_the_connection_in_the_middle_of_a_message(arm, client):
+    arm.panel("fault", kind="cut", port="command", bytes=12)
+    ask_version(client)
+    assert [data for _, data in read_until_silence(client.socket)] == [REPLY[:12], b""]
+
+
+@pytest.mark.parametrize("port", ["command", "status", "poll"])
+def test_close_and_reset_in_place_of_a_message(arm, port):
+    for kind in ("close", "reset"):
+        with RawClient(getattr(arm, port + "_port")) as link:
+            wait_for(lambda: arm.panel("wire")["wire"]["connections"], "the connection")
+            arm.panel("fault", kind=kind, port=port)
+            if port != "status":
+                link.send(b'{"cmdName": "data_request"}')
+            assert link.is_closed()
+        wait_for(lambda: not arm.panel("wire")["wire"]["connections"], "its end")
+
+
+def test_half_open_in_place_of_a_reply(arm, client):
+    arm.panel("fault", kind="half_open", port="command", command="get_version")
+    assert client.code("get_payload") == "0"
+    ask_version(client)
+    assert client.is_silent(0.3)
+    ask_version(client)
+    assert client.is_silent(0.2)
+    with RawClient(arm.command_port) as fresh:
+        assert fresh.code("get_version") == "0"
+
+
+@pytest.mark.parametrize("action", ["close", "reset", "half_open"])
+def test_all_connections_end_at_once(arm, action):
+    with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed, RawClient(arm.poll_port) as status:
+        assert client.code("get_version") == "0" and feed.frame() and poll(status)
+        assert arm.panel(action)["connections"] == 3
+        if action == "half_open":
+            ask_version(client)
+            status.send(b'{"cmdName":"data_request"}')
+            read_until_silence(feed.socket, 0.2)
+            assert [read_until_silence(link.socket, 0.2) for link in (client, feed, status)] == [[], [], []]
+            assert all(connection["half_open"] for connection in arm.panel("wire")["wire"]["connections"])
+        elif action == "close":
+            assert client.is_closed() and feed.is_closed() and status.is_closed()
+        else:
+            with pytest.raises(ConnectionResetError):
+                client.socket.recv(1)
+
+
+def test_stall_of_the_command_port(arm, client, feed):
+    assert client.code("get_version") == "0"
+    arm.panel("stall", port="command", duration_ms=400)
+    began = time.monotonic()
+    ask_version(client)
+    assert feed.frame()["enabled"] is True  # the others go on
+    assert client.reply()["errorCode"] == "0" and time.monotonic() - began >= 0.35
+
+
+def test_stall_of_the_feed(arm, feed):
+    feed.frame()
+    arm.panel("stall", port="status", duration_ms=400)
+    began = time.monotonic()
+    times = []
+    while time.monotonic() - began < 1.0:
+        feed.raw_frame()
+        times.append(time.monotonic())
+    assert max(later - earlier for earlier, later in zip([began, *times], times)) >= 0.3
+
+
+def test_refuse_and_then_serve_again(arm, client):
+    arm.panel("refuse", port="status", duration_ms=500)
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", arm.status_port), 5.0)
+    assert client.code("get_version") == "0"
+
+    def comes_back():
+        try:
+            return RawFeed(arm.status_port)
+        except ConnectionRefusedError:
+            return None
+    with wait_for(comes_back, "the port to be back") as feed:
+        assert feed.frame()["enabled"] is True
+
+
+@pytest.mark.parametrize("silent", [0, 1])
+def test_reboot_forgets_what_is_volatile(arm, silent):
+    with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
+        assert client.code("set_port10000_delay_ms", port10000_delay_ms=8) == "0"
+        assert client.code("set_tool_offsets", tooloffset=[0, 0, 9, 0, 0, 0], id=4, name="kept") == "0"
+        assert client.code("joint_move", jointPosition=[170, 90, -90, 90, 90, 0], speed=20) == "0"
+        feed.until(lambda frame: frame["joint_actual_position"][0] > 1.0)
+        arm.panel("reboot", down=0.3, silent=silent)
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(("127.0.0.1", arm.command_port), 5.0)
+        if silent:
+            read_until_silence(feed.socket, 0.1)
+        else:
+            assert client.is_closed()
+        wait_for(lambda: not arm.panel("wire")["wire"]["is_off"], "the end of the reboot")
+        assert client.is_closed() and feed.is_closed()
+    with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
+        frame = feed.frame()
+        assert (frame["powered_on"], frame["enabled"], frame["inpos"]) == (0, False, True)
+        assert 1.0 < frame["joint_actual_position"][0] < 169.0 and not arm.state()["is_moving"]
+        assert client.ask("get_port10000_delay_ms")["port10000_delay_ms"] == 30
+        assert client.ask("get_tool_offsets")["tool_offsets"][4][2] == 9.0
+
+
+def test_reboot_keeps_the_persistent_period_and_a_pressed_button(arm):
+    with RawClient(arm.command_port) as client:
+        assert client.code("setOptionalInfoConfig", section="PORTCONFIG", key="port10000_delay_ms", value="12") == "0"
+        assert client.ask("get_port10000_delay_ms")["port10000_delay_ms"] == 12
+    arm.panel("press_emergency_stop")
+    arm.panel("reboot", down=0)
+    wait_for(lambda: not arm.panel("wire")["wire"]["is_off"], "the end of the reboot")
+    with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
+        assert client.ask("get_port10000_delay_ms")["port10000_delay_ms"] == 12
+        assert feed.frame()["emergency_stop"] == 1
+
+
+def test_shutdown_turns_the_cabinet_off_until_the_panel_boots_it(make_arm):
+    arm = make_arm(start="off")
+    with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
+        assert client.code("shutdown") == "0"
+        assert client.is_closed() and feed.is_closed()
+    wait_for(lambda: arm.panel("wire")["wire"]["is_off"], "the cabinet to be off")
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", arm.command_port), 5.0)
+    arm.panel("boot")
+    with RawClient(arm.command_port) as client:
+        assert client.code("get_version") == "0"
+
+
+@pytest.mark.parametrize("rate", [10, 33, 125])
+def test_slow_feed_whatever_the_client_asked_for(make_arm, rate):
+    arm = make_arm(time_scale=1.0)
+    with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
+        assert client.code("set_port10000_delay_ms", port10000_delay_ms=8) == "0"
+        arm.panel("slow_feed", rate=rate)
+        feed.frame()
+        began, frames = arm.state()["simulated_s"], 0
+        while arm.state()["simulated_s"] - began < 1.0:
+            feed.frame()
+            frames += 1
+        assert 0.6 * rate < frames < 1.2 * rate + 2
+        assert client.ask("get_port10000_delay_ms")["port10000_delay_ms"] == 8
+
+
+def test_fields_missing_and_extra(arm, feed):
+    arm.panel("fields", drop=["inpos", "din"], add={"new": [1, "x"]})
+    frame = feed.until(lambda frame: "inpos" not in frame)[-1]
+    assert "din" not in frame and frame["new"] == [1, "x"]
+    arm.panel("clear_faults")
+    assert "new" not in feed.until(lambda frame: "inpos" in frame)[-1]
+
+
+def test_field_switch_of_the_controller_itself(arm, client, feed):
+    for value in (0, "1"):
+        assert client.code("setOptionalInfoConfig", section="ATTROPTIONALDATA", key="din", value=value) == "0"
+        feed.until(lambda frame, value=value: ("din" in frame) == bool(int(value)))
+        reply = client.ask("getOptionalInfoConfig", section="ATTROPTIONALDATA", key="din")
+        assert reply["value"] == str(value)
+
+
+@pytest.mark.parametrize("bank, signal, field, index", [
+    ("cabinet", "digital", "din", 3), ("tool", "digital", "tio_din", 1), ("cabinet", "analog", "ain", 2),
+    ("tool", "analog", "tio_ain", 0)])
+def test_inputs(arm, client, feed, bank, signal, field, index):
+    arm.panel("set_input", bank=bank, signal=signal, index=index, value=1)
+    assert feed.until(lambda frame: frame[field][index] == 1)
+    numbers = {"cabinet": 0, "tool": 1}
+    assert client.ask("get_%s_input" % signal, type=numbers[bank], index=index)["value"] == 1
+    if field == "din":
+        assert client.ask("get_digital_input_status")["din_status"][3] == 1
+
+
+def test_true_state_and_events(arm, client):
+    assert client.code("set_payload", mass=2.5, centroid=[0, 0, 1]) == "0"
+    assert client.code("set_digital_output", type=0, index=2, value=1) == "0"
+    arm.panel("hit", force=500)
+    state = arm.state()
+    assert state["payload"]["mass"] == 2.5 and state["digital_outputs"][2] == 1 and state["protective_stop"] is True
+    assert state["joint_position"] == [0.0, 90.0, -90.0, 90.0, 90.0, 0.0]
+    assert [event["code"] for event in arm.panel("events")["events"]] == ["0xf0034"]
+
+
+def test_the_same_seed_gives_the_same_faults(make_arm):
+    outcomes = []
+    for seed in (3, 3, 4):
+        arm = make_arm(seed=seed)
+        arm.panel("fault", kind="duplicate", port="command", count=None, probability=0.5)
+        arm.panel("fault", kind="garbage", port="command", count=None, probability=0.5, bytes=3)
+        with RawClient(arm.command_port) as client:
+            pieces = []
+            for _ in range(12):
+                ask_version(client)
+                pieces.append(b"".join(data for _, data in read_until_silence(client.socket, 0.05)))
+        outcomes.append(pieces)
+    assert outcomes[0] == outcomes[1] != outcomes[2]
+
+
+def test_panel_over_its_port(arm):
+    assert ask_panel(arm.panel_port, {"action": "state"})["state"]["is_enabled"] is True
+    assert set(ask_panel(arm.panel_port, {"action": "help"})["actions"]) == set(ACTIONS)
+    answer = ask_panel(arm.panel_port, {"action": "dance"})
+    assert answer["ok"] is False and "dance" in answer["error"]
+    with RawClient(arm.panel_port) as panel:
+        panel.send(b"nan\n")
+        assert panel.reply()["ok"] is False
+        panel.send(b'{"action": "hit", "force": 1}\n{"action": "wire"}')
+        assert panel.reply() == {"ok": True, "noticed": False}
+        assert panel.reply()["ok"] is True
+
+
+def test_panel_that_is_not_there(make_arm):
+    arm = make_arm(panel_port=None)
+    assert arm.panel_port is None
+    with pytest.raises(ConnectionLost):
+        ask_panel(arm.status_port, {"action": "state"}, timeout=5.0)
+
+
+@pytest.mark.parametrize("request_", [
+    {"action": "hit", "force": "hard"}, {"action": "hit", "joint": 9}, {"action": "push"},
+    {"action": "push", "joint": 0, "velocity": 1}, {"action": "set_input", "index": 500, "value": 1},
+    {"action": "set_input", "index": 1, "value": 1, "bank": "attic"}, {"action": "fault"},
+    {"action": "fault", "kind": "drop"}, {"action": "fault", "kind": "explode", "port": "command"},
+    {"action": "fault", "kind": "drop", "port": "panel"}, {"action": "fault", "kind": "drop", "port": "status", "x": 1},
+    {"action": "fault", "kind": "delay", "port": "status", "delay_ms": "long"},
+    {"action": "fault", "kind": "delay", "port": "status", "delay_ms": -1},
+    {"action": "fault", "kind": "drop", "port": "status", "count": -1},
+    {"action": "fault", "kind": "drop", "port": "status", "probability": 2},
+    {"action": "fault", "kind": "drop", "port": "status", "command": "jog"},
+    {"action": "stall", "port": "attic"}, {"action": "stall", "duration_ms": -1}, {"action": "slow_feed"},
+    {"action": "slow_feed", "rate": 0}, {"action": "fields", "drop": "inpos"}, {"action": "fields", "add": [1]},
+    {"action": "reboot", "down": -1}, {"action": None}, {}], ids=repr)
+def test_bad_requests_to_the_panel_are_told_so(arm, request_):
+    answer = ask_panel(arm.panel_port, request_)
+    assert answer["ok"] is False and answer["error"]
+
+
+def test_panel_in_process_raises(arm):
+    with pytest.raises(InvalidCommand, match="explode"):
+        arm.panel("fault", kind="explode", port="command")
+
+
+def test_rules_in_force_are_shown_and_cleared(arm):
+    for kind in KINDS:
+        arm.panel("fault", kind=kind, port="poll", count=None)
+    assert [rule["kind"] for rule in arm.panel("wire")["wire"]["faults"]] == list(KINDS)
+    arm.panel("clear_faults")
+    with RawClient(arm.poll_port) as status:
+        assert zlib.decompress(zlib.compress(poll(status)))
+    assert arm.panel("wire")["wire"]["faults"] == []

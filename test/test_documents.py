@@ -1,0 +1,192 @@
+"""The pages: each is in the index, every link leads somewhere, so does every citation in the code; one version."""
+import ast
+import re
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+from import_graph import ROOT
+
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md")) + [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+CITED = {"controller protocol": "controller-protocol.md", "sdk client": "sdk-client.md", "interface": "interface.md"}
+"""How comments and pages cite, by the subject or by the page: ``controller protocol 4.3``,
+``docs/controller-protocol.md section 4.3``."""
+LINK = re.compile(r"\[[^\]\n]*\]\(([^)\s]+)\)")
+PATH = re.compile(r"`((?:docs|jaka_msgs|jaka_ros_driver|launch|test|tools|\.ci)/[\w./*-]*)`")
+COMING = ("tools/jaka_bag/", "tools/jaka_regression/")
+PAGE_NAME = re.compile(r"`([\w-]+\.md)`")
+SECTION = r"\d+(?:\.\d+)*"
+CITATION = re.compile(r"\b(controller[ -]protocol|SDK[ -]client|interface)(?: document|\.md)?,? (?:sections? )?"
+                      r"(%s(?:(?:, | to | and )%s)*)" % (SECTION, SECTION), re.IGNORECASE)
+ELSEWHERE = {"docs/en/guide/errinfo.md", "errinfo.md"}  # of the maker's own documentation
+
+
+def text_of(page):
+    return page.read_text(encoding="utf-8")
+
+
+def without_code(text):
+    return re.sub(r"```.*?```", "", text, flags=re.DOTALL)
+
+
+def anchors(page):
+    """Of its headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.+)$", without_code(text_of(page)), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name if page.parent != ROOT else "/" + page.name)
+def test_every_link_and_every_path_leads_somewhere(page):
+    text = without_code(text_of(page))
+    wrong = []
+    for target in LINK.findall(text):
+        if target.startswith(("https://", "http://")):
+            continue
+        path, _, anchor = target.partition("#")
+        goal = (page.parent / path).resolve() if path else page
+        if not goal.exists() or (anchor and anchor not in anchors(goal)):
+            wrong.append(target)
+    for name in PATH.findall(text):
+        if not name.startswith(COMING) and "NAME" not in name and not list(ROOT.glob(name.rstrip("/"))):
+            wrong.append(name)
+    wrong += [name for name in PAGE_NAME.findall(text) if not any((folder / name).exists() for folder in (DOCS, ROOT))]
+    assert not set(wrong) - ELSEWHERE
+
+
+def test_every_page_is_in_the_index():
+    index = set(LINK.findall(text_of(DOCS / "README.md")))
+    others = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*") if path.suffix in (".md", ".py")}
+    assert not others - index - {"README.md"}
+
+
+def sections(page):
+    """Numbers of the sections, and of the points of a numbered list below them: 1.7 is point 7 of section 1."""
+    found, section = set(), ""
+    for line in without_code(text_of(page)).splitlines():
+        heading = re.match(r"#+ (%s)\.? " % SECTION, line)
+        if heading:
+            section = heading.group(1)
+            found.add(section)
+        point = re.match(r"(\d+)\. ", line)
+        if point and section:
+            found.add("%s.%s" % (section, point.group(1)))
+    return found
+
+
+def flat(text):
+    """Without line ends, comment signs and quotes between two parts of a string, where a citation may be broken."""
+    return re.sub(r"[\"\s#]+", " ", text)
+
+
+def citations():
+    for folder in ("jaka_ros_driver", "jaka_msgs", "test", "tools", "docs"):
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.suffix in (".py", ".srv", ".msg", ".md", ".yaml") and path != Path(__file__):
+                for what, numbers in CITATION.findall(flat(text_of(path))):
+                    for number in re.findall(SECTION, numbers):
+                        yield path.relative_to(ROOT).as_posix(), what.lower().replace("-", " "), number
+
+
+def test_every_citation_leads_to_a_section():
+    known = {what: sections(DOCS / page) for what, page in CITED.items()}
+    found = list(citations())
+    assert len(found) > 120
+    assert not [one for one in found if one[2] not in known[one[1]]]
+
+
+def test_every_row_of_the_interface_document_that_a_type_cites_is_there():
+    rows = text_of(DOCS / CITED["interface"])
+    cited = [(path.name, name) for path in sorted((ROOT / "jaka_msgs").rglob("*.*"))
+             if path.suffix in (".msg", ".srv")
+             for name in re.findall(r"interface document V2\.\d, (?:topic )?(\w+)\)", text_of(path))]
+    assert len(cited) > 8
+    assert not [one for one in cited if "`~%s`" % one[1] not in rows]
+
+
+def test_every_page_that_code_names_is_there():
+    named = {(path.relative_to(ROOT).as_posix(), name) for folder in ("jaka_ros_driver", "tools", "test", "launch")
+             for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".launch", ".test")
+             for name in re.findall(r"\bdocs/[\w/-]+\.(?:md|py)\b", text_of(path))}
+    assert named and not [one for one in named if one[1] not in ELSEWHERE and not (ROOT / one[1]).exists()]
+
+
+def test_examples_are_python_3_8():
+    for path in (DOCS / "examples").glob("*.py"):
+        ast.parse(text_of(path), feature_version=(3, 8))
+
+
+def test_the_sections_of_the_command_table_are_those_of_the_pages():
+    text = text_of(DOCS / "simulation.md").partition("<!-- commands -->")[2].partition("<!-- end -->")[0]
+    cells = [line.split("|")[2].strip() for line in text.splitlines() if line.startswith("| `")]
+    assert len(cells) > 100
+    protocol, sdk = sections(DOCS / CITED["controller protocol"]), sections(DOCS / CITED["sdk client"])
+    for cell in cells:
+        number = re.search(SECTION, cell)
+        if number:
+            assert number.group() in (sdk if cell.lower().startswith("sdk") else protocol), cell
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name if page.parent != ROOT else "/" + page.name)
+def test_pages_speak_of_the_project_only(page):
+    strangers = re.search(r"\.\./shared|today's code|\bissue \d+|\bthis session\b", text_of(page))
+    assert not strangers, strangers.group()
+
+
+# ---- one version ----
+
+def version():
+    return ElementTree.parse(str(ROOT / "package.xml")).findtext("version")
+
+
+def test_the_newest_closed_version_of_the_changelog_is_that_of_the_packages():
+    titles = re.findall(r"^(.+)\n-+$", text_of(ROOT / "CHANGELOG.rst"), re.MULTILINE)
+    assert titles[0] == "Forthcoming"
+    assert re.match(r"%s \(\d{4}-\d\d-\d\d\)$" % re.escape(version()), titles[1])
+    assert ElementTree.parse(str(ROOT / "jaka_msgs" / "package.xml")).findtext("version") == version()
+    tree = ast.parse(text_of(ROOT / "jaka_ros_driver" / "__init__.py"))
+    assert [ast.literal_eval(node.value) for node in tree.body if isinstance(node, ast.Assign)
+            and getattr(node.targets[0], "id", "") == "__version__"] == [version()]
+
+
+def test_the_log_tools_have_the_same_version():
+    assert pytest.importorskip("jaka_bag").__version__ == version()
+
+
+# ---- what contributors are told ----
+
+def hooks():
+    (repo,) = yaml.safe_load(text_of(ROOT / ".pre-commit-config.yaml"))["repos"]
+    assert repo["repo"] == "local", "a hook of another place would have versions of its own"
+    return {hook["id"]: hook for hook in repo["hooks"]}
+
+
+def test_hooks_run_the_programs_of_ci_in_the_versions_of_requirements_txt():
+    ci, requirements = text_of(ROOT / ".ci" / "run"), text_of(ROOT / "requirements.txt")
+    assert set(hooks()) == {"ruff", "mypy", "catkin-lint"}
+    for name, hook in hooks().items():
+        assert hook["language"] == "system" and "additional_dependencies" not in hook
+        if name != "catkin-lint":
+            assert hook["entry"].replace("env ", "") in ci and re.search("^%s[=<>]" % name, requirements, re.MULTILINE)
+    tested = text_of(ROOT / "test" / "packaging" / "test_spaces.py")
+    lint, strict = hooks()["catkin-lint"]["entry"], "catkin_lint --quiet --strict --offline "
+    assert strict in tested and lint.startswith(strict)
+    assert set(re.findall(r'"(\w+)",? +# ', tested)) == set(re.findall(r"--ignore (\w+)", lint))
+
+
+def test_the_commands_for_contributors_are_there():
+    usage = subprocess.run([str(ROOT / "tools" / "dev"), "help"], stdout=subprocess.PIPE, text=True, check=True).stdout
+    checks = [hook["entry"].replace("env ", "") for hook in hooks().values()]
+    lines = [line for block in re.findall(r"```sh\n(.*?)```", text_of(ROOT / "CONTRIBUTING.md"), re.DOTALL)
+             for line in block.splitlines()]
+    assert len(lines) > 8
+    for line in lines:
+        words = line.split()
+        if words[0] == "tools/dev":
+            assert "tools/dev " + words[1] in usage
+            assert all((ROOT / word).exists() for word in words[2:] if "/" in word)
+            assert words[1] != "bench" or (ROOT / "test" / "benchmark" / ("bench_%s.py" % words[2])).exists()
+        else:
+            assert line in [*checks, ".ci/run", ". build/devel/setup.bash"], line

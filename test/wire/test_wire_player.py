@@ -1,0 +1,188 @@
+"""A simulated controller is recorded, by itself or by the proxy; a client then gets the same from the player."""
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+
+import pytest
+from arm_bench import fill
+from raw_client import RawClient, RawFeed
+
+from jaka_ros_driver.simulation.simulated_controller import SimulatedController
+from jaka_ros_driver.wire import player as wire_player
+from jaka_ros_driver.wire.log import WireEvent, WireLog, clock_offset_ns, read_log
+from jaka_ros_driver.wire.player import WirePlayer
+from jaka_ros_driver.wire.script import wire_script
+
+WAIT = 30
+REQUESTS = ("get_robot_state", "get_version", "get_robot_state", "nonsense")
+
+
+def talk(port, requests):
+    """The replies to some requests, each after the one before."""
+    with RawClient(port) as client:
+        return [client.ask(request) for request in requests]
+
+
+def listen(port, count):
+    """So many bytes of a port's feed."""
+    data = b""
+    with socket.create_connection(("127.0.0.1", port), WAIT) as link:
+        link.settimeout(WAIT)
+        while len(data) < count:
+            piece = link.recv(65536)
+            if not piece:
+                break
+            data += piece
+    return data
+
+
+@contextlib.contextmanager
+def playing(path, speed=1.0):
+    heard = []
+    player = WirePlayer(wire_script(read_log(str(path))), speed, {}, heard.append)
+    thread = threading.Thread(target=player.run)
+    thread.start()
+    try:
+        yield player, heard
+    finally:
+        player.stop()
+        thread.join(WAIT)
+
+
+def sent(path, port):
+    """All bytes that a log says were sent on a port."""
+    return b"".join(event.data for event in read_log(str(path))
+                    if isinstance(event, WireEvent) and event.port == port and event.what == "out")
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    path = tmp_path / "wire.mcap"
+    with SimulatedController(log=str(path), start="enabled") as arm:
+        replies = talk(arm.command_port, REQUESTS)
+        frames = listen(arm.status_port, 20000)
+    return path, replies, frames
+
+
+@pytest.mark.parametrize("speed", [1.0, 5.0])
+def test_the_player_gives_the_same_replies_and_the_same_feed(recorded, speed):
+    path, replies, frames = recorded
+    with playing(path, speed) as (player, _):
+        assert talk(player.port_numbers["command"], REQUESTS) == replies
+        assert listen(player.port_numbers["status"], len(frames)) == sent(path, "status")[:len(frames)] == frames
+
+
+def test_the_end_is_told_with_what_was_answered(recorded):
+    path, _, frames = recorded
+    with playing(path, 10.0) as (player, heard):
+        talk(player.port_numbers["command"], REQUESTS)
+        listen(player.port_numbers["status"], len(frames))
+        wait = threading.Event()
+        for _ in range(WAIT * 20):
+            if len(heard) == 2:
+                break
+            wait.wait(0.05)
+    assert [progress.event for progress in heard] == ["begin", "end"]
+    assert heard[1].facts == {"answered": 4, "repeated": 0, "unanswered": []}
+
+
+def test_a_log_tells_real_time(tmp_path):
+    path = str(tmp_path / "wire.mcap")
+    WireLog(path).close()
+    assert clock_offset_ns(path) > 1_500_000_000_000_000_000
+
+
+@contextlib.contextmanager
+def proxy(path, arm, **options):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "jaka_ros_driver.simulation", "proxy", "127.0.0.1", "--log", str(path),
+         "--command-port", "0", "--status-port", "0", "--poll-port", "0",
+         "--controller-command-port", str(arm.command_port), "--controller-status-port", str(arm.status_port),
+         "--controller-poll-port", str(arm.poll_port)], stdout=subprocess.PIPE, **options)
+    try:
+        yield json.loads(process.stdout.readline())
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.stdout.close()
+        assert process.wait(WAIT) == 0
+
+
+def test_the_proxy_forwards_every_byte_and_logs_what_the_player_can_play(tmp_path):
+    own, seen = tmp_path / "own.mcap", tmp_path / "proxy.mcap"
+    with SimulatedController(log=str(own), start="enabled") as arm, proxy(seen, arm) as ports:
+        replies = talk(ports["command_port"], REQUESTS)
+        frames = listen(ports["status_port"], 20000)
+    assert len(frames) >= 20000
+    assert sent(seen, "command") == sent(own, "command") == b"".join(json.dumps(reply).encode() for reply in replies)
+    assert sent(own, "status").startswith(frames)
+    assert sent(seen, "status").startswith(frames)
+    with playing(seen, 5.0) as (player, _):
+        assert talk(player.port_numbers["command"], REQUESTS) == replies
+
+
+def test_the_proxy_ends_both_sides_when_one_ends(tmp_path):
+    path = tmp_path / "proxy.mcap"
+    with SimulatedController(start="enabled") as arm, proxy(path, arm) as ports:
+        with socket.create_connection(("127.0.0.1", ports["command_port"]), WAIT) as link:
+            link.sendall(b'{"cmdName":"get_robot_state"}\n')
+            assert link.recv(10)
+            arm.panel("close", port="command")
+            link.settimeout(WAIT)
+            while link.recv(4096):
+                pass
+    assert [event.what for event in read_log(str(path)) if event.what in ("open", "close")] == ["open", "close"]
+
+
+def test_without_a_controller_a_client_is_turned_away(tmp_path):
+    with SimulatedController(start="enabled") as arm:
+        pass
+    with proxy(tmp_path / "proxy.mcap", arm) as ports, \
+            socket.create_connection(("127.0.0.1", ports["command_port"]), WAIT) as link:
+        link.settimeout(WAIT)
+        assert link.recv(10) == b""
+
+
+def test_nobody_reads_what_the_proxy_says_and_it_forwards_all_the_same(tmp_path):
+    reading, writing = os.pipe()
+    with open(reading, "rb") as said, SimulatedController(start="enabled") as arm, \
+            proxy(tmp_path / "proxy.mcap", arm, stderr=writing) as ports:
+        os.close(writing)
+        fill(said)
+        arm.panel("refuse", port="status", duration_ms=60000)
+        with socket.create_connection(("127.0.0.1", ports["status_port"]), WAIT) as link:
+            link.settimeout(WAIT)
+            assert link.recv(10) == b""
+        assert len(talk(ports["command_port"], REQUESTS)) == len(REQUESTS)
+
+
+@pytest.fixture
+def recorded_move(tmp_path):
+    """A move of joint 1, begun half a second after the start."""
+    path = tmp_path / "move.mcap"
+    with SimulatedController(log=str(path), start="enabled") as arm:
+        with RawFeed(arm.status_port) as feed, RawClient(arm.command_port) as client:
+            first = feed.frame()["joint_actual_position"]
+            threading.Event().wait(0.5)
+            assert client.code("joint_move", jointPosition=[20.0, *first[1:]], speed=60) == "0"
+            feed.until(lambda frame: frame["joint_actual_position"][0] > 19.9)
+    return path
+
+
+def test_the_arm_does_not_move_before_it_is_asked_to(recorded_move):
+    with playing(recorded_move) as (player, _):
+        with RawFeed(player.port_numbers["status"]) as feed, RawClient(player.port_numbers["command"]) as client:
+            with pytest.raises(socket.timeout):
+                feed.until(lambda frame: frame["joint_actual_position"][0] > 0.5, timeout=1.5)
+            assert client.code("joint_move", jointPosition=[20.0] + [0.0] * 5, speed=60) == "0"
+            feed.until(lambda frame: frame["joint_actual_position"][0] > 19.9)
+
+
+def test_a_request_that_does_not_come_is_not_waited_for_for_ever(recorded_move, monkeypatch):
+    monkeypatch.setattr(wire_player, "PATIENCE_S", 0.5)
+    with playing(recorded_move) as (player, _), RawFeed(player.port_numbers["status"]) as feed:
+        feed.until(lambda frame: frame["joint_actual_position"][0] > 19.9)
