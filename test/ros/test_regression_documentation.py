@@ -9,7 +9,7 @@ from typing import NamedTuple
 import pytest
 import yaml
 
-from jaka_ros_driver.bags.regression.scenario import parse_scenario
+from jaka_regression.scenario import parse_scenario
 
 WAIT = 280
 
