@@ -1,4 +1,4 @@
-"""ROS 1 driver for JAKA six-axis arms, its simulated controller and its state-log tools.
+"""ROS 1 driver for JAKA six-axis arms, and its simulated controller.
 
 The rooms, from the ground up; a room imports only from those above it in this list:
 
@@ -11,7 +11,9 @@ client              custody of the arm, its sockets and threads; without ROS
 wire                the bytes between driver and controller: recorded and played
 simulation          the simulated controller
 ros                 the node: parameters, services, topics, diagnostics
-bags                state logs: record, play, convert, inspect, compare
+
+Beside it, in tools/: ``jaka_bag``, the log tools, which import nothing of this package; and ``jaka_regression``, on top
+of both, which makes recorded runs happen again.
 """
 
 __version__ = "0.2.0"

@@ -4,6 +4,7 @@ A plain Python without ROS (another version, another machine) runs the rest. A f
 the package that it imports, imports a ROS package. What was left out is said at the end.
 """
 import importlib.util
+import os
 import signal
 from pathlib import Path
 from typing import List
@@ -17,12 +18,17 @@ ROS_PACKAGES = (
     "rosparam", "rosservice", "rostest", "rostopic", "rospy", "sensor_msgs", "std_msgs", "std_srvs", "tf2_msgs",
     "trajectory_msgs")
 MISSING = frozenset(name for name in ROS_PACKAGES if importlib.util.find_spec(name) is None)
-NEED_ROS = (import_graph.ROOT / "test" / "ros", import_graph.ROOT / "test" / "packaging")
+NEED_ROS = tuple(import_graph.ROOT / "test" / name for name in ("ros", "packaging", "jaka_regression/ros"))
 left_out: List[str] = []
 
 
 def pytest_configure(config):
-    """A shell starts what it puts in the background with SIGINT ignored, which programs inherit; ours are sent it."""
+    """A shell starts what it puts in the background with SIGINT ignored, which programs inherit; ours are sent it.
+
+    Programs that tests start find the packages of this checkout, as the tests do.
+    """
+    folders = [str(import_graph.ROOT), str(import_graph.ROOT / "tools"), os.environ.get("PYTHONPATH", "")]
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, folders))
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

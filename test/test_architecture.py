@@ -1,59 +1,115 @@
 """The rules of the house that a machine can keep: who imports whom, sizes, names, Python 3.8."""
 import ast
+import importlib.util
 import re
+from functools import lru_cache
 from pathlib import Path
 from typing import Dict, Iterator, List, Set
 
 import pytest
-from import_graph import ROOT, imported_names, parse
+from import_graph import PACKAGES, ROOT, dotted, imported_names, modules, named_modules, parse, source_of
 
-PACKAGE = ROOT / "jaka_ros_driver"
+
+def rooms(package: str, allowed: Dict[str, Set[str]]) -> Dict[str, Set[str]]:
+    """The same with absolute names; those of other packages have them already."""
+    def absolute(name: str) -> str:
+        return name if name.split(".")[0] in PACKAGES else ".".join(filter(None, [package, name]))
+    return {absolute(room): set(map(absolute, others)) for room, others in allowed.items()}
+
+
 GROUND = {"background_log", "errors", "units"}
 DOMAIN = GROUND | {"state", "commands"}
-ROOMS: Dict[str, Set[str]] = {  # what each room may import from the package besides itself
-    "__init__": set(),
-    "errors": set(),
-    "units": set(),
-    "background_log": set(),
-    "voice": {"background_log"},
-    "state": GROUND,
-    "commands": GROUND | {"state"},
-    "kinematics": DOMAIN,
-    "protocol": DOMAIN,
-    "client": DOMAIN | {"kinematics", "protocol"},
-    "wire": DOMAIN | {"protocol"},
-    "simulation": DOMAIN | {"kinematics", "protocol", "wire"},
-    "ros": DOMAIN | {"kinematics", "protocol", "client"},
-    "bags": GROUND | {"state", "voice"},
+SIMULATION = {"simulation.arm", "simulation.controller", "simulation.server"}
+FLOOR = {"errors", "units", "driver_interface", "paths", "output_file", "pipeline"}
+CONTAINERS = {"containers", "containers.registry"}
+TOOLS = FLOOR | CONTAINERS | {"messages", "operations", "live", "compare", "compare.report"}
+FORMATS = {"containers.bag", "containers.mcap"}
+ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a module is in the room of the longest name
+    **rooms("jaka_ros_driver", {
+        "": set(),
+        "errors": set(),
+        "units": set(),
+        "background_log": set(),
+        "state": GROUND,
+        "commands": GROUND | {"state"},
+        "kinematics": DOMAIN,
+        "protocol": DOMAIN,
+        "client": DOMAIN | {"kinematics", "protocol"},
+        "wire": DOMAIN | {"protocol"},
+        "simulation": DOMAIN | SIMULATION | {"kinematics", "protocol", "wire"},
+        "simulation.arm": DOMAIN | {"kinematics"},
+        "simulation.controller": DOMAIN | {"kinematics", "protocol", "simulation.arm"},
+        "simulation.server": DOMAIN | {"kinematics", "protocol", "wire", "simulation.arm", "simulation.controller"},
+        "ros": DOMAIN | {"kinematics", "protocol", "client"},
+    }),
+    **rooms("jaka_bag", {
+        "": CONTAINERS | {"operations"},  # the names it lends to programs
+        "errors": set(),
+        "units": set(),
+        "driver_interface": set(),
+        "paths": set(),
+        "output_file": {"errors", "paths"},
+        "pipeline": set(),
+        "messages": FLOOR,
+        "containers": FLOOR | {"messages"},
+        "containers.bag": FLOOR | {"messages", "containers"},
+        "containers.mcap": FLOOR | {"messages", "containers"},
+        "containers.rosbag2": FLOOR | {"messages", "containers", "containers.mcap"},
+        "containers.registry": FLOOR | {"containers", "containers.rosbag2"} | FORMATS,
+        "operations": FLOOR | CONTAINERS | {"messages"} | FORMATS,
+        "live": FLOOR | CONTAINERS | {"messages"} | FORMATS,
+        "compare": FLOOR | CONTAINERS | {"messages", "operations"},
+        "compare.report": FLOOR | {"messages", "operations", "compare"},
+        "cli": TOOLS | FORMATS | {"cli.commands"},
+        "cli.commands": {"cli", "jaka_regression"},
+        "__main__": {"cli"},
+    }),
+    **rooms("jaka_regression", {
+        "": {"programs"} | {"jaka_bag." + room for room in TOOLS | {"cli"}},
+        "programs": {"jaka_bag.__main__", "jaka_ros_driver.ros", "jaka_ros_driver.simulation"},
+    }),
 }
-INNER_ROOMS: Dict[str, Set[str]] = {  # what each room inside simulation may import from simulation besides itself
-    "__init__": set(),
-    "arm": set(),
-    "controller": {"arm"},
-    "server": {"arm", "controller"},
-    "simulated_controller": {"arm", "controller", "server"},
-    "__main__": {"controller", "server", "simulated_controller"},
-}
-LOWEST_INNER_ROOMS = {"arm": DOMAIN | {"kinematics"}, "controller": DOMAIN | {"kinematics", "protocol"}}
-"""What these rooms inside simulation may import from outside it: less than simulation as a whole."""
-OPEN_SOCKETS = ("client/transport", "client/stop_link", "ros/connections", "ros/driver_lock",
-                "simulation/server/server", "wire/", "bags/raw_transport", "bags/tcpros")
-ROS_OUTSIDE_ITS_ROOM = {"bags/rospy_transport.py", "bags/player.py", "bags/regression/driver_client.py"}
+NAME_MODULES_IN_STRINGS = {"jaka_bag", "jaka_bag.cli.commands", "jaka_bag.containers.registry",
+                           "jaka_regression.programs"}
+"""Modules that import others by name, or start them as programs; all those names must lead somewhere."""
+OPEN_SOCKETS = tuple("jaka_ros_driver." + name for name in (
+    "client.transport", "client.stop_link", "ros.connections", "ros.driver_lock", "simulation.server.server",
+    "wire")) + ("jaka_bag.live.tcpros", "jaka_bag.live.publisher")
+USE_ROS = ("jaka_ros_driver.ros", "jaka_bag.live.rospy_transport", "jaka_regression.driver_client")
 LONGEST = 600
-MOST_FILES = 20
-WRITTEN = {"", ".launch", ".md", ".msg", ".py", ".rst", ".sh", ".srv", ".toml", ".txt", ".xml", ".yaml"}
+LARGEST = 20
+WRITTEN = {"", ".in", ".launch", ".md", ".msg", ".py", ".rst", ".sh", ".srv", ".toml", ".txt", ".xml", ".yaml"}
 
 
-def modules(*folders: Path) -> List[Path]:
-    return sorted(path for folder in folders for path in folder.rglob("*.py"))
+def is_in(name: str, room: str) -> bool:
+    return name == room or name.startswith(room + ".")
 
 
-def room_of(path: Path) -> str:
-    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+def room_of(name: str) -> str:
+    return max((room for room in ROOMS if is_in(name, room)), key=len)
 
 
-def imports_of(path: Path) -> Set[str]:
+def module_of(name: str) -> str:
+    """The module of this project that holds a dotted name; empty for another's."""
+    parts = name.split(".")
+    while parts and ".".join(parts) not in modules():
+        parts.pop()
+    return ".".join(parts)
+
+
+@lru_cache(maxsize=None)
+def imports_of(name: str) -> Set[str]:
+    path = modules()[name]
     return set(imported_names(parse(path), path.parent))
+
+
+def project_imports(name: str) -> Set[str]:
+    """Modules of this project that a module imports in any way."""
+    return {module_of(other) for other in imports_of(name) if other.split(".")[0] in PACKAGES} - {name}
+
+
+def sources(*folders: Path) -> List[Path]:
+    return sorted(path for folder in folders for path in folder.rglob("*.py"))
 
 
 def written_texts() -> Iterator[Path]:
@@ -61,58 +117,71 @@ def written_texts() -> Iterator[Path]:
     for path in sorted(ROOT.rglob("*")):
         parts = path.relative_to(ROOT).parts
         hidden = any(part.startswith(".") and part != ".ci" for part in parts)
-        generated = parts[0] in ("build", "devel", "install")
+        generated = parts[0] in ("build", "devel", "install") or any(part.endswith(".egg-info") for part in parts)
         if path.is_file() and not hidden and not generated and path.suffix in WRITTEN:
             yield path
 
 
 def test_rooms_import_only_from_the_rooms_below():
     wrong = []
-    for path in modules(PACKAGE):
-        room = room_of(path)
-        wrong += ["%s imports %s" % (path.relative_to(ROOT), name) for name in imports_of(path)
-                  if name.startswith("jaka_ros_driver.") and name.split(".")[1] not in ROOMS[room] | {room}]
+    for name, path in modules().items():
+        others = project_imports(name)
+        if name in NAME_MODULES_IN_STRINGS:
+            others |= set(map(module_of, named_modules(parse(path))))
+        allowed = ROOMS[room_of(name)] | {room_of(name)}
+        wrong += ["%s imports %s" % (name, other) for other in others if room_of(other) not in allowed]
     assert not wrong, "\n".join(wrong)
 
 
-def test_rooms_inside_the_simulation_import_only_from_those_below():
-    wrong, simulation = [], PACKAGE / "simulation"
-    for path in modules(simulation):
-        room = path.relative_to(simulation).with_suffix("").parts[0]
-        for name in imports_of(path):
-            parts = name.split(".") + [""]
-            if parts[:2] == ["jaka_ros_driver", "simulation"]:
-                is_right = not parts[2] or parts[2] in INNER_ROOMS[room] | {room}
-            else:
-                is_right = (parts[0] != "jaka_ros_driver" or room not in LOWEST_INNER_ROOMS
-                            or parts[1] in LOWEST_INNER_ROOMS[room])
-            if not is_right:
-                wrong.append("%s imports %s" % (path.relative_to(ROOT), name))
-    assert not wrong, "\n".join(wrong)
+def test_every_room_is_there():
+    missing = [room for room in ROOMS if room not in modules()]
+    assert not missing, missing
 
 
-def test_no_folder_of_the_driver_is_crowded():
-    crowded = ["%s: %d files" % (folder.relative_to(ROOT), len(list(folder.glob("*.py"))))
-               for folder in sorted({path.parent for path in modules(PACKAGE)})
-               if room_of(folder / "x.py") not in ("bags", "ros") and len(list(folder.glob("*.py"))) > MOST_FILES]
-    assert not crowded, "\n".join(crowded)
+def test_modules_named_in_strings_are_named_in_few_places_and_are_there():
+    for name, path in modules().items():
+        named = named_modules(parse(path))
+        if name in NAME_MODULES_IN_STRINGS:
+            assert named and named <= set(modules()), "%s names %s" % (name, named - set(modules()))
+        elif name != "jaka_bag.compare.report.junit":  # names its test suite
+            assert not named & set(modules()), "%s names %s" % (name, named & set(modules()))
+
+
+def test_programs_and_plugins_are_there():
+    def entries(*path: str) -> List[str]:
+        return re.findall(r"\w=\"?((?:%s)[\w.]*:\w+|(?:%s)[\w.]+)" % (("|".join(PACKAGES),) * 2),
+                          ROOT.joinpath(*path).read_text().replace(" = ", "="))
+    programs = entries("CMakeLists.txt")
+    scripts = [entry for entry in entries("tools", "pyproject.toml") if ":" in entry]
+    assert len(programs) == 4 and len(scripts) == 1
+    for entry in programs + scripts + entries("setup.cfg"):
+        module, _, function = entry.partition(":")
+        names = {node.name for node in parse(source_of(module)).body if isinstance(node, ast.FunctionDef)}
+        assert not function or function in names, entry
 
 
 @pytest.mark.parametrize("packages, allowed", [
-    ({"socket"}, lambda where: where.startswith(OPEN_SOCKETS)),
-    ({"rospy", "jaka_msgs"}, lambda where: where.startswith("ros/") or where in ROS_OUTSIDE_ITS_ROOM),
-    ({"asyncio"}, lambda where: False),
-    ({"threading", "time", "select", "queue", "random"}, lambda where: not where.startswith("client/core/")),
+    ({"socket"}, lambda name: any(is_in(name, room) for room in OPEN_SOCKETS)),
+    ({"rospy", "jaka_msgs"}, lambda name: any(is_in(name, room) for room in USE_ROS)),
+    ({"asyncio"}, lambda name: False),
+    ({"threading", "time", "select", "queue", "random"}, lambda name: not is_in(name, "jaka_ros_driver.client.core")),
 ])
 def test_outside_packages_stay_in_their_rooms(packages, allowed):
-    wrong = [where for where in (path.relative_to(PACKAGE).as_posix() for path in modules(PACKAGE))
-             if {name.split(".")[0] for name in imports_of(PACKAGE / where)} & packages and not allowed(where)]
+    wrong = [name for name in modules()
+             if {other.split(".")[0] for other in imports_of(name)} & packages and not allowed(name)]
     assert not wrong, "%s in %s" % (packages, wrong)
+
+
+@pytest.mark.parametrize("package, names", [("socket", OPEN_SOCKETS), ("rospy", USE_ROS)])
+def test_no_exception_is_stale(package, names):
+    stale = [name for name in names if not any(
+        other.split(".")[0] == package for module in modules() if is_in(module, name) for other in imports_of(module))]
+    assert not stale, stale
 
 
 def test_files_are_python_3_8_of_bounded_length_under_a_telling_name():
     wrong = []
-    for path in modules(PACKAGE, ROOT / "test"):
+    for path in sources(*PACKAGES.values(), ROOT / "test"):
         text = path.read_text(encoding="utf-8")
         try:
             ast.parse(text, feature_version=(3, 8))
@@ -122,6 +191,30 @@ def test_files_are_python_3_8_of_bounded_length_under_a_telling_name():
             wrong.append("%s: longer than %d lines" % (path, LONGEST))
         if path.stem in ("utils", "common", "helpers", "misc"):
             wrong.append("%s: says nothing about its content" % path)
+    assert not wrong, "\n".join(wrong)
+
+
+def test_folders_are_small():
+    counts: Dict[str, int] = {}
+    for path in sources(*PACKAGES.values(), ROOT / "test"):
+        folder = path.parent.relative_to(ROOT).as_posix()
+        counts[folder] = counts.get(folder, 0) + 1
+    large = {folder: count for folder, count in counts.items() if count > LARGEST}
+    assert not large, large
+
+
+def test_each_package_lists_its_shelf_truthfully():
+    wrong = []
+    for path in sources(*PACKAGES.values()):
+        folder = path.parent
+        if path.name != "__init__.py":
+            continue
+        lines = re.findall(r"^([a-z_0-9]+(?:, [a-z_0-9]+)*)  +\S", ast.get_docstring(parse(path)) or "", re.MULTILINE)
+        listed = [name for line in lines for name in line.split(", ")]
+        there = {entry.stem for entry in folder.iterdir() if entry.suffix == ".py" and entry != path}
+        there |= {entry.parent.name for entry in folder.glob("*/__init__.py")}
+        if sorted(listed) != sorted(there):
+            wrong.append("%s: %s" % (dotted(path), sorted(set(listed) ^ there) or "names one twice"))
     assert not wrong, "\n".join(wrong)
 
 
@@ -135,24 +228,28 @@ def test_no_text_names_a_machine_path():
 
 
 def test_imports_in_functions_and_relative_ones_are_seen():
-    tree = ast.parse("from . import tcpros\nfrom ..client.transport import Link\n"
+    tree = ast.parse("from . import tcpros\nfrom ..errors import BagError\n"
                      "def f():\n    import socket, rospy.names\n")
-    assert set(imported_names(tree, PACKAGE / "bags")) == {
-        "jaka_ros_driver.bags.tcpros", "jaka_ros_driver.client.transport.Link", "socket", "rospy.names"}
+    assert set(imported_names(tree, PACKAGES["jaka_bag"] / "live")) == {
+        "jaka_bag.live.tcpros", "jaka_bag.errors.BagError", "socket", "rospy.names"}
+    assert named_modules(ast.parse("run('jaka_bag.live.tcpros', 'jaka_bag.cli.main:main', 'see jaka_bag.cli')")) == {
+        "jaka_bag.live.tcpros", "jaka_bag.cli.main"}
 
 
-def test_no_module_of_the_driver_imports_itself_in_a_circle():
-    """``bags`` has circles of old; nothing else may."""
-    names = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in modules(PACKAGE)
-             if room_of(path) != "bags"}
-    needs = {}
-    for name, path in names.items():
-        imported = imports_of(path)
-        needs[name] = {other for other in names if other != name and (
-            other in imported or any(got.startswith(other + ".") for got in imported))}
+def test_no_module_imports_itself_in_a_circle():
+    needs = {name: project_imports(name) for name in modules()}
     while True:
         free = {name for name, others in needs.items() if not others & set(needs)}
         if not free:
             break
         needs = {name: others for name, others in needs.items() if name not in free}
     assert not needs, "in circles: %s" % ", ".join(sorted(needs))
+
+
+def test_the_version_is_that_of_the_ros_package():
+    package = re.search(r"<version>(.+?)</version>", (ROOT / "package.xml").read_text())
+    for name in ("jaka_ros_driver", "jaka_bag"):
+        spec = importlib.util.spec_from_file_location(name, str(PACKAGES[name] / "__init__.py"))
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        assert module.__version__ == package.group(1)

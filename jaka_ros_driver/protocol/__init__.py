@@ -1,1 +1,8 @@
-"""The controller's TCP/JSON protocol as pure functions and small state machines: no sockets, threads or clocks."""
+"""The controller's TCP/JSON protocol as pure functions and small state machines: no sockets, threads or clocks.
+
+texts      the controller's words, made fit for logs, messages and terminals
+framing    cuts JSON objects out of byte streams
+codec      commands as request objects, replies as results or refusals
+exchange   which reply answers which request
+status     status frames of the feed, to and from robot states
+"""

@@ -20,12 +20,12 @@ def main(argv: Optional[List[str]] = None) -> int:
     """Run the command line.
 
     Args:
-        argv: Without the program's name; None for those of the process.
+        argv: Without the program's name; None for those of the process, without what roslaunch adds (__name:=...).
 
     Returns:
         0 done, 1 failed, 2 wrong usage.
     """
-    arguments = sys.argv[1:] if argv is None else argv
+    arguments = [word for word in sys.argv[1:] if ":=" not in word] if argv is None else argv
     if arguments[:1] == ["panel"]:
         return _panel(arguments[1:])
     return proxy.main(arguments[1:]) if arguments[:1] == ["proxy"] else _serve(arguments)

@@ -19,16 +19,17 @@ from pathlib import Path
 from typing import Dict, List, NamedTuple, Optional, Sequence
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support")]
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support")]
 
 import numpy as np  # noqa: E402
 from log_samples import JOINTS, START_NS, STATES, TOOL, connection, joints, tool  # noqa: E402
 
-from jaka_ros_driver.bags.bag_writer import BagWriter  # noqa: E402
-from jaka_ros_driver.bags.readers import messages, open_log  # noqa: E402
+from jaka_bag.containers.bag.writer import BagWriter  # noqa: E402
+from jaka_bag.containers.registry import open_log  # noqa: E402
+from jaka_bag.containers.time_order import messages_of  # noqa: E402
 
 RATE_HZ = 125
-JAKA_BAG = [sys.executable, str(ROOT / "tools" / "jaka_bag")]
+JAKA_BAG = [sys.executable, "-m", "jaka_bag"]
 BLOB = connection("/blob", "bench/Blob", "uint8[4092] data\n")
 
 ROSBAGS_TO_MCAP = """
@@ -71,9 +72,9 @@ with AnyReader([Path(sys.argv[1])]) as reader:
 COLUMNS = """
 import sys
 sys.path.insert(0, %r)
-from jaka_ros_driver.bags.columns import read_columns
+from jaka_bag.operations.columns import read_columns
 read_columns(sys.argv[1])
-""" % str(ROOT)
+""" % str(ROOT / "tools")
 
 
 class Cost(NamedTuple):
@@ -109,7 +110,7 @@ os.write(answer, json.dumps([wall, usage.ru_utime + usage.ru_stime, usage.ru_max
 
 def run(command: Sequence[object], accept: Sequence[int] = (0,)) -> Optional[Cost]:
     """Run a program to its end; its own clock readings, no polling. None, and what it said is shown, where it fails."""
-    environment = dict(os.environ, PYTHONPATH="%s:%s" % (ROOT, os.environ.get("PYTHONPATH", "")))
+    environment = dict(os.environ, PYTHONPATH="%s:%s" % (ROOT / "tools", os.environ.get("PYTHONPATH", "")))
     done = subprocess.run([sys.executable, "-I", "-S", "-c", LAUNCHER, *map(str, command)], check=True,
                           capture_output=True, env=environment)
     cost = Cost(*json.loads(done.stdout))
@@ -286,7 +287,7 @@ def bench(folder: Path, args: argparse.Namespace) -> None:
         Entry("cp", ["cp", str(blobs), str(folder / "copy.bag")])], blobs.stat().st_size, blob_count)
     run(JAKA_BAG + ["convert", mcap, "-o", made])
     with open_log(bag) as a, open_log(made) as b:
-        same = a.connections == b.connections and all(x == y for x, y in zip(messages(a), messages(b)))
+        same = a.connections == b.connections and all(x == y for x, y in zip(messages_of(a), messages_of(b)))
         print("\n.bag -> .mcap -> .bag: %d and %d messages, %s" % (
             a.message_count, b.message_count, "identical" if same and a.message_count == b.message_count else "DIFFER"))
 

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import List, Tuple
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support")]
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support")]
 
 from synthetic_session import Conditions, moves, simulate, write_log  # noqa: E402
 
-JAKA_BAG = [sys.executable, "-m", "jaka_ros_driver.bags.cli"]
+JAKA_BAG = [sys.executable, "-m", "jaka_bag"]
 
 
 def timed(command: List[str], expected: str, rounds: int) -> Tuple[float, float]:
@@ -25,7 +25,7 @@ def timed(command: List[str], expected: str, rounds: int) -> Tuple[float, float]
     for _ in range(rounds):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         begin = time.perf_counter()
-        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False, cwd=str(ROOT))
+        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False, cwd=str(ROOT / "tools"))
         walls.append(time.perf_counter() - begin)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         cpus.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)

@@ -19,7 +19,8 @@ import time
 from pathlib import Path
 from typing import Dict, List, Sequence, Tuple
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support")]
 
 import live_ros  # noqa: E402
 import live_samples  # noqa: E402
@@ -27,9 +28,9 @@ import numpy as np  # noqa: E402
 from mcap.exceptions import EndOfFile  # noqa: E402
 from mcap.reader import NonSeekingReader  # noqa: E402
 
-from jaka_ros_driver.bags.linux_timing import punctual  # noqa: E402
-from jaka_ros_driver.bags.ros_names import NodeNames  # noqa: E402
-from jaka_ros_driver.bags.tcpros_publisher import RawPublisher, frame_of  # noqa: E402
+from jaka_bag.live.linux_timing import punctual  # noqa: E402
+from jaka_bag.live.names import NodeNames  # noqa: E402
+from jaka_bag.live.publisher import RawPublisher, frame_of  # noqa: E402
 
 ROSBAG_RECORD = "/usr/lib/rosbag/record"
 ROSBAG_PLAY = "/usr/lib/rosbag/play"

@@ -5,7 +5,7 @@ import pytest
 import yaml
 from page_commands import Shell, blocks, until
 
-from jaka_ros_driver.bags.regression.scenario import parse_scenario
+from jaka_regression.scenario import parse_scenario
 
 PAGE = "docs/regression_testing.md"
 

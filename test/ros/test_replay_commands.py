@@ -16,7 +16,7 @@ START = [0.0, 1.5707963, -1.5707963, 1.5707963, 1.5707963, 0.0]
 
 
 def command(*arguments):
-    return [sys.executable, "-m", "jaka_ros_driver.bags.cli", "replay-commands", *arguments]
+    return [sys.executable, "-m", "jaka_bag", "replay-commands", *arguments]
 
 
 def environment():

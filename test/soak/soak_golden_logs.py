@@ -16,9 +16,9 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
-from jaka_ros_driver.bags.regression.replay import replay  # noqa: E402 - the checkout, wherever it is started from
+from jaka_regression.replay import replay  # noqa: E402 - the checkout, wherever it is started from
 from jaka_ros_driver.errors import JakaError  # noqa: E402
 
 FOLDER = ROOT / "test" / "data" / "golden"

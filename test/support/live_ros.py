@@ -16,8 +16,8 @@ from import_graph import ROOT
 from launching import end_server
 from live_samples import PATIENCE_S, wait_until
 
-from jaka_ros_driver.bags.ros_names import NodeNames
-from jaka_ros_driver.bags.tcpros_publisher import Outlet, RawPublisher
+from jaka_bag.live.names import NodeNames
+from jaka_bag.live.publisher import Outlet, RawPublisher
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 
@@ -145,8 +145,8 @@ class Graph:
         return process
 
     def jaka_bag(self, *arguments: str, **options) -> Process:
-        environment = dict(self.environment, PYTHONPATH=str(ROOT))
-        process = Process([sys.executable, "-m", "jaka_ros_driver.bags.cli", *arguments], environment, self.folder,
+        environment = dict(self.environment, PYTHONPATH=str(ROOT / "tools"))
+        process = Process([sys.executable, "-m", "jaka_bag", *arguments], environment, self.folder,
                           **options)
         self._processes.append(process)
         return process

@@ -5,9 +5,10 @@ import time
 from pathlib import Path
 from typing import Callable, Dict, List, Tuple
 
-from jaka_ros_driver.bags.definitions import Connection, definition_md5
-from jaka_ros_driver.bags.readers import messages, open_log
-from jaka_ros_driver.bags.tcpros_publisher import frame_of
+from jaka_bag.containers.registry import open_log
+from jaka_bag.containers.time_order import messages_of
+from jaka_bag.live.publisher import frame_of
+from jaka_bag.messages.definitions import Connection, definition_md5
 
 PATIENCE_S = 60.0
 SEPARATOR = "=" * 80 + "\n"
@@ -50,7 +51,7 @@ def content(path: Path) -> Dict[str, List[bytes]]:
     """Messages of a log by topic, in the order of time."""
     result: Dict[str, List[bytes]] = {}
     with open_log(path) as reader:
-        for message in messages(reader):
+        for message in messages_of(reader):
             result.setdefault(message.connection.topic, []).append(message.data)
     return result
 
@@ -58,4 +59,4 @@ def content(path: Path) -> Dict[str, List[bytes]]:
 def times(path: Path) -> List[Tuple[str, int]]:
     """Topic and log time, ns, of all messages of a log, in the order of time."""
     with open_log(path) as reader:
-        return [(message.connection.topic, message.log_time) for message in messages(reader)]
+        return [(message.connection.topic, message.log_time) for message in messages_of(reader)]

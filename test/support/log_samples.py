@@ -4,10 +4,10 @@ import struct
 from pathlib import Path
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
-from jaka_ros_driver.bags import bag_format
-from jaka_ros_driver.bags.definitions import Connection, definition_md5
-from jaka_ros_driver.bags.readers import messages, open_log
-from jaka_ros_driver.bags.writers import create_log
+from jaka_bag.containers.bag import records as bag_format
+from jaka_bag.containers.registry import create_log, open_log
+from jaka_bag.containers.time_order import messages_of
+from jaka_bag.messages.definitions import Connection, definition_md5
 
 BREAK = "\n" + "=" * 80 + "\n"
 HEADER = BREAK + "MSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n"
@@ -98,7 +98,7 @@ def write(path: Path, samples: Sequence[Sample], compression: Optional[str] = No
 def read(path: Path) -> List[Sample]:
     """The messages of a log in the order of time."""
     with open_log(path) as reader:
-        return [Sample(m.connection, m.log_time, m.data) for m in messages(reader)]
+        return [Sample(m.connection, m.log_time, m.data) for m in messages_of(reader)]
 
 
 def in_order(samples: Sequence[Sample]) -> List[Sample]:

@@ -4,7 +4,7 @@ from typing import Callable, Dict, NamedTuple
 import numpy as np
 from synthetic_session import Call, Conditions, Session, simulate
 
-from jaka_ros_driver.bags.compare.verdict import Stage
+from jaka_bag.compare.verdict import Stage
 from jaka_ros_driver.kinematics.rotations import rpy_from_rotation_vector
 
 

@@ -9,9 +9,9 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
-from jaka_ros_driver.bags.blocks import Block, concatenate
-from jaka_ros_driver.bags.definitions import Connection, definition_md5
-from jaka_ros_driver.bags.writers import create_log
+from jaka_bag.containers.registry import create_log
+from jaka_bag.messages.batch import Block, concatenate
+from jaka_bag.messages.definitions import Connection, definition_md5
 
 SAMPLE_S = 0.008
 EPOCH_NS = 1_700_000_000_000_000_000

@@ -1,11 +1,23 @@
 """Custody of the arm, as pure state machines: events in, actions out; no thread, socket, clock or log.
 
-arm_core            routes events and calls
-admission           who may move the arm now, and who waits for that
-custody, stillness  from before a motion's first byte until evidence that the arm rests
-move, jog, servo    one motion each; servo_planner and servo_trace shape and watch a stream
-link, channel       connections kept up; requests and their replies
-feed                status frames: which of them are fresh
-procedure           sequences of requests and conditions; settings, power, session are written as such
-actions             what a shell is asked to do
+actions         what the shell around is asked to do
+settings        settings that are read back
+channel         requests and their replies
+link            keeps one connection up
+links           both links to one controller, and whose they are
+feed            status frames: which of them are fresh
+stillness       evidence that the arm rests
+motion          what all motions have in common
+custody         from before a motion's first byte until evidence that the arm rests
+move            a planned move, or several that are queued
+jog             goes on as long as it is called for
+servo_planner   servo targets to one frame a cycle
+servo_trace     where the arm may be while it is streamed
+servo           servo mode: entered, streamed, left
+arm_access      what procedures may use of the core
+procedure       sequences of requests and conditions; settings, power and session are written as such
+power           power, enabling and alarms
+session         what is asked of a controller when it is connected
+admission       who may begin to move the arm now, and who waits for that
+arm_core        routes events and calls
 """

@@ -19,14 +19,14 @@ import yaml
 from roslib.message import get_message_class, get_service_class
 
 FOLDER = Path(__file__).resolve().parent
-sys.path.insert(0, str(FOLDER.parents[2]))
+sys.path[:0] = [str(FOLDER.parents[2]), str(FOLDER.parents[2] / "tools")]
 
-from jaka_ros_driver.bags.compare.loading import load_run  # noqa: E402 - the checkout, wherever it is started from
-from jaka_ros_driver.bags.compare.run import Call  # noqa: E402
-from jaka_ros_driver.bags.definitions import Connection  # noqa: E402
-from jaka_ros_driver.bags.mcap_writer import McapWriter  # noqa: E402
-from jaka_ros_driver.bags.regression.replay import Script, record_script  # noqa: E402
-from jaka_ros_driver.bags.regression.scenario import parse_scenario  # noqa: E402
+from jaka_bag.compare.loading import load_run  # noqa: E402 - the checkout, wherever it is started from
+from jaka_bag.compare.run import Call  # noqa: E402
+from jaka_bag.containers.mcap.writer import McapWriter  # noqa: E402
+from jaka_bag.messages.definitions import Connection  # noqa: E402
+from jaka_regression.replay import Script, record_script  # noqa: E402
+from jaka_regression.scenario import parse_scenario  # noqa: E402
 from jaka_ros_driver.kinematics.arm_models import load_model  # noqa: E402
 from jaka_ros_driver.kinematics.forward import forward  # noqa: E402
 from jaka_ros_driver.kinematics.rotations import pose_from_transform, rotation_vector_from_rpy  # noqa: E402

@@ -1,0 +1,71 @@
+"""Angles between orientations against matrices; distances to a curve whose times are uncertain."""
+import math
+
+import numpy as np
+import pytest
+
+from jaka_bag.compare.curve_distance import distances, interpolated, lateness, lengths
+from jaka_bag.compare.rotation_angles import angles_between, continuous, quaternions
+from jaka_ros_driver.kinematics.rotations import matrix_from_rotation_vector, rotation_angle_between
+
+
+def test_angles_are_those_of_the_matrices():
+    random = np.random.RandomState(3)
+    a, b = random.uniform(-3, 3, (200, 3)), random.uniform(-3, 3, (200, 3))
+    expected = [rotation_angle_between(matrix_from_rotation_vector(x), matrix_from_rotation_vector(y))
+                for x, y in zip(a, b)]
+    assert angles_between(quaternions(a), quaternions(b)) == pytest.approx(expected, abs=1e-7)
+
+
+def test_small_angles_are_exact_and_a_full_turn_is_none():
+    a = quaternions(np.array([[0.3, 0.2, 0.1]]))
+    assert angles_between(a, quaternions(np.array([[0.3, 0.2, 0.1 + 1e-9]])))[0] == pytest.approx(1e-9, rel=0.1)
+    turn = np.array([[0.0, 0.0, 2 * math.pi - 0.1], [0.0, 0.0, -0.1]])
+    assert angles_between(quaternions(turn[:1]), quaternions(turn[1:]))[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_signs_follow_each_other_over_half_a_turn():
+    angle = np.linspace(0.0, 9.0, 500)
+    vectors = np.stack([np.zeros(500), np.zeros(500), (angle + math.pi) % (2 * math.pi) - math.pi], axis=1)
+    smooth = continuous(quaternions(vectors))
+    assert lengths(np.diff(smooth, axis=0)).max() < 0.02
+
+
+def near(at, seen, jitter):
+    time = np.arange(0.0, 10.0, 0.008)
+    curve = np.stack([np.sin(time), np.cos(time)], axis=1)
+    at, seen = np.array([at]), np.array([seen])
+    direct = lengths(seen - interpolated(time, curve, at))
+    return distances(time, curve, at, seen, direct, np.array([jitter]), 0.0)[0]
+
+
+@pytest.mark.parametrize("late", [-0.03, -0.005, 0.0, 0.011, 0.039])
+def test_a_sample_with_a_late_stamp_is_on_the_curve(late):
+    t = 4.2
+    assert near(t + late, [math.sin(t), math.cos(t)], 0.04) < 2e-5
+
+
+def test_a_sample_later_than_the_jitter_is_off_by_what_is_left():
+    t = 4.2
+    assert near(t + 0.100, [math.sin(t), math.cos(t)], 0.04) == pytest.approx(0.06, abs=0.009)
+
+
+def test_an_offset_across_the_path_is_seen_whatever_the_jitter():
+    t = 4.2
+    assert near(t, [1.01 * math.sin(t), 1.01 * math.cos(t)], 0.5) == pytest.approx(0.01, abs=1e-4)
+
+
+def test_a_reader_that_was_held_up_stamps_late_until_it_has_caught_up():
+    sent = np.arange(0.0, 4.0, 0.008)
+    stamp = np.maximum(sent, np.where((sent > 1.0) & (sent < 1.12), 1.12 + 1e-4 * (sent - 1.0), 0.0))
+    late = lateness(stamp, 0.5)
+    assert np.all(late > stamp - sent - 0.0125)
+    assert late[sent <= 1.0].max() < 0.001 and late[sent > 2.0].max() < 0.001
+    assert late.max() == pytest.approx((stamp - sent).max(), abs=0.002)
+
+
+def test_a_silence_of_the_sender_and_a_steady_rhythm_excuse_nothing():
+    time = np.concatenate([np.arange(0.0, 1.0, 0.008), np.arange(3.0, 4.0, 0.008)])
+    assert lateness(time, 0.5).max() < 1e-9
+    assert lateness(np.arange(0.0, 5.0, 0.016), 0.5).max() < 1e-9
+    assert lateness(np.array([0.0, 9.0]), 0.5).tolist() == [0.0, 0.0]

@@ -1,0 +1,34 @@
+"""Each seeded defect is found, by the right check; an unchanged run never differs."""
+import pytest
+from seeded_defects import DEFECTS, defective
+from synthetic_session import Conditions, simulate, write_log
+
+from jaka_bag.compare.comparison import compare_logs
+from jaka_bag.compare.verdict import Stage
+
+FOLLOWS = {  # what else a defect shows in, rightly
+    "two joints swapped": {Stage.JOINTS, Stage.TIMING},
+    "old samples stamped as new": {Stage.JOINTS, Stage.POSITION, Stage.ORIENTATION, Stage.TIMING, Stage.PACE},
+    "stale stamps": {Stage.STAMPS, Stage.STATES, Stage.CALLS},
+    "jog not stopped at 3 s": {Stage.STATES, Stage.JOINTS, Stage.POSITION, Stage.ORIENTATION, Stage.TIMING,
+                               Stage.CALLS},
+}
+
+
+@pytest.mark.parametrize("name", DEFECTS)
+def test_a_defect_is_found_by_the_right_check_and_blamed_on_no_other(name, golden, program, tmp_path):
+    defect = DEFECTS[name]
+    candidate = write_log(tmp_path / "candidate.mcap", defective(program, defect))
+    found = compare_logs(golden, candidate).differences
+    assert any(check.stage is defect.found_by and defect.field in check.field for check in found), found
+    assert {check.stage for check in found} <= FOLLOWS.get(name, set()) | {defect.found_by}, found
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("conditions", [
+    Conditions(start_s=2.2, call_late_s=0.03), Conditions(start_s=0.3, call_late_s=0.15, stamp_late_s=0.02),
+    Conditions(start_s=5.0, call_late_s=0.05, stamp_late_s=0.03, noise_rad=8e-5)])
+def test_an_unchanged_run_is_the_same_however_late_it_is(seed, conditions, golden, program, tmp_path):
+    candidate = write_log(tmp_path / "candidate.bag", simulate(program, conditions._replace(seed=seed + 100)))
+    comparison = compare_logs(golden, candidate)
+    assert comparison.same, comparison.differences

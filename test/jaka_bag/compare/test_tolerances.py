@@ -1,0 +1,59 @@
+"""Tolerance files: what is not named keeps its default, what is not understood is refused."""
+import pytest
+
+from jaka_bag.compare.tolerances import (
+    FieldTolerance,
+    ToleranceError,
+    Tolerances,
+    as_yaml,
+    load_tolerances,
+    parse_tolerances,
+)
+
+
+def test_the_defaults_survive_being_written_and_read():
+    assert parse_tolerances(as_yaml(Tolerances())) == Tolerances()
+
+
+def test_changed_tolerances_survive_being_written_and_read():
+    changed = parse_tolerances("""
+joints: {position_rad: 0.01, per_joint: {joint_1: 0.5}}
+tcp: {position_mm: 2}
+calls: {request: ignore}
+nan: fail
+ignore_topics: ['/camera/.*']
+optional_topics: ['/tf']
+fields: {/left/force: {wrench.force.z: {absolute: 0.5, wraps: true}}}
+""")
+    assert parse_tolerances(as_yaml(changed)) == changed
+    assert changed.fields["/left/force"]["wrench.force.z"] == FieldTolerance(0.5, 0.0, True)
+    assert changed.ignores("/camera/left") and not changed.ignores("/rosout")
+    assert changed.is_optional("/tf")
+
+
+def test_nothing_is_the_defaults():
+    assert parse_tolerances("") == load_tolerances(None) == Tolerances()
+
+
+@pytest.mark.parametrize("text, words", [
+    ("joint: {}", "did you mean 'joints'"), ("joints: {position: 1}", "did you mean 'position_rad'"),
+    ("joints: {position_rad: fast}", "joints.position_rad: expected a number"),
+    ("joints: {position_rad: -1}", "0 or more"), ("joints: {position_rad: .nan}", "expected a number"),
+    ("joints: {position_rad: true}", "expected a number"), ("joints: 5", "expected names"),
+    ("calls: {request: maybe}", "one of exact, ignore"), ("nan: never", "one of same, fail, ignore"),
+    ("ignore_topics: /rosout", "list of regular expressions"), ("ignore_topics: ['(']", "not a regular expression"),
+    ("fields: {/a: {x: {absolut: 1}}}", "did you mean 'absolute'"), ("fields: {/a: {x: {wraps: 1}}}", "true or false"),
+    ("joints: {per_joint: {joint_1: x}}", "joints.per_joint.joint_1"), ("joints: {}\njoints: {}", "given twice"),
+    ("- 1", "expected names"), ("a: [", "while parsing"),
+])
+def test_what_is_not_understood_is_refused_with_the_key(text, words):
+    with pytest.raises(ToleranceError, match=words):
+        parse_tolerances(text, "cell.yaml")
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    with pytest.raises(ToleranceError, match="cannot read .*nothing.yaml"):
+        load_tolerances(tmp_path / "nothing.yaml")
+    (tmp_path / "latin.yaml").write_bytes(b"\xe9\xff")
+    with pytest.raises(ToleranceError, match="not UTF-8"):
+        load_tolerances(tmp_path / "latin.yaml")

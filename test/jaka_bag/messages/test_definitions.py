@@ -1,0 +1,47 @@
+import pytest
+from log_samples import JOINTS, STATES, TOOL
+
+from jaka_bag.errors import DefinitionError
+from jaka_bag.messages.definitions import (
+    Connection,
+    Constant,
+    Field,
+    definition_md5,
+    describes_type,
+    parse_definition,
+    parse_type,
+)
+
+
+@pytest.mark.parametrize("connection, md5", [  # as roscpp and rospy compute them
+    (TOOL, "98d34b0043a2093cf9d9345ab6eef12e"),
+    (JOINTS, "3066dcd76a6cfaef579bd0f34173e9fd"),
+    (Connection("/s", "std_msgs/String", definition="string data"), "992ce8a1687cec8c8bd883ec73ca41d1"),
+    (Connection("/e", "std_msgs/Empty"), "d41d8cd98f00b204e9800998ecf8427e"),
+    (STATES, "cb4726a69178af69dc31d5013f095556"),
+])
+def test_md5_is_that_of_ros(connection, md5):
+    assert definition_md5(connection.datatype, connection.definition) == md5
+
+
+def test_constants_stand_before_fields_in_the_md5_and_strings_keep_their_hash_signs():
+    parsed = parse_type("a/B", "int32 x  # a comment\nstring S = it # is \nuint8 N=3 # three\nbyte[4] raw\nB2[] more")
+    assert parsed.constants == (Constant("string", "S", "it # is"), Constant("uint8", "N", "3"))
+    assert parsed.fields == (Field("int32", "x", None), Field("byte", "raw", 4), Field("a/B2", "more", -1))
+
+
+def test_a_header_without_package_is_that_of_std_msgs():
+    assert parse_type("a/B", "Header header").fields[0].type == "std_msgs/Header"
+
+
+@pytest.mark.parametrize("text", ["int32", "int32 a b", "int32[x] a", "Other o", "Loop l" + "\n" + "=" * 80 + "\n"
+                                  "MSG: a/Loop\nLoop again", "int32 x\n" + "=" * 80 + "\nwhat is this\n"])
+def test_a_definition_that_is_not_understood_is_refused(text):
+    with pytest.raises(DefinitionError):
+        parse_definition("a/B", text)
+
+
+def test_a_definition_describes_its_type_only_where_the_md5_is_its_own():
+    assert describes_type(TOOL)
+    assert not describes_type(Connection("/t", TOOL.datatype, "0" * 32, TOOL.definition))
+    assert not describes_type(Connection("/t", TOOL.datatype, "d41d8cd98f00b204e9800998ecf8427e", "what is this"))

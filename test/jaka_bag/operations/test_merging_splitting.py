@@ -1,0 +1,132 @@
+import json
+import os
+
+import pytest
+from log_samples import MODEL, START_NS, STATES, Sample, in_order, model, read, state_log, write
+
+from jaka_bag.cli.main import main
+from jaka_bag.containers.bag.writer import BagWriter
+from jaka_bag.containers.mcap.writer import McapWriter
+from jaka_bag.containers.registry import open_log
+from jaka_bag.errors import BagError, OutputExists
+from jaka_bag.messages.definitions import Connection
+from jaka_bag.operations.merge import merge
+from jaka_bag.operations.split import Limits, split
+
+SAMPLES = state_log(3.0)
+
+
+@pytest.mark.parametrize("suffix", [".bag", ".mcap"])
+def test_logs_are_merged_in_the_order_of_time(tmp_path, suffix):
+    parts = [SAMPLES[0::3], SAMPLES[1::3], SAMPLES[2::3]]
+    paths = [write(tmp_path / ("part%d%s" % (i, ".mcap" if i else ".bag")), part, chunk_size=700)
+             for i, part in enumerate(parts)]
+    outcome = merge(paths, tmp_path / ("all" + suffix))
+    assert outcome.messages == len(SAMPLES)
+    found = read(tmp_path / ("all" + suffix))
+    assert found == in_order(sum(parts, []))
+    with open_log(tmp_path / ("all" + suffix)) as reader:
+        assert sorted(c.topic for c in reader.connections) == sorted({s.connection.topic for s in SAMPLES})
+
+
+def test_equal_times_keep_the_order_of_the_files(tmp_path):
+    other = Connection(STATES.topic, STATES.datatype, STATES.md5sum, STATES.definition, "/second")
+    a = write(tmp_path / "a.bag", [Sample(STATES, START_NS, bytes([i] * 8)) for i in range(5)])
+    b = write(tmp_path / "b.bag", [Sample(other, START_NS, bytes([9] * 8))])
+    merge([b, a], tmp_path / "all.bag")
+    assert [s.data[0] for s in read(tmp_path / "all.bag")] == [9, 0, 1, 2, 3, 4]
+    with open_log(tmp_path / "all.bag") as reader:
+        assert [c.callerid for c in reader.connections] == ["/second", "/jaka_driver"]
+
+
+def test_metadata_of_all_merged_mcaps_is_kept(tmp_path):
+    for name in ("a", "b"):
+        with McapWriter(tmp_path / (name + ".mcap")) as writer:
+            writer.add_metadata("facts", {"from": name})
+            writer.add_message(writer.add_channel(STATES), START_NS, bytes(8))
+    merge([tmp_path / "a.mcap", tmp_path / "b.mcap"], tmp_path / "all.mcap")
+    with open_log(tmp_path / "all.mcap") as reader:
+        assert [reader.read_metadata(m)[1]["from"] for m in reader.index.metadata] == ["a", "b"]
+
+
+def test_merging_refuses_what_it_cannot_do(tmp_path):
+    a = write(tmp_path / "a.bag", SAMPLES)
+    with pytest.raises(BagError, match="is input and output"):
+        merge([a, a], a, overwrite=True)
+    with McapWriter(tmp_path / "b.mcap", profile="ros2"):
+        pass
+    with pytest.raises(BagError, match="different profiles.*: ros1, ros2"):
+        merge([a, tmp_path / "b.mcap"], tmp_path / "all.mcap")
+    assert sorted(os.listdir(str(tmp_path))) == ["a.bag", "b.mcap"]
+
+
+@pytest.mark.parametrize("suffix", [".bag", ".mcap"])
+@pytest.mark.parametrize("limits", [Limits(messages=100), Limits(duration=700_000_000), Limits(size=30000),
+                                    Limits(size=30000, messages=50)], ids=str)
+def test_parts_together_are_the_log(tmp_path, suffix, limits):
+    source = write(tmp_path / "log.bag", SAMPLES)
+    result = split(source, tmp_path / ("part" + suffix), limits)
+    parts = [read(path) for path, _ in result.parts]
+    assert sum(parts, []) == in_order(SAMPLES) and len(parts) > 2
+    assert [count for _, count in result.parts] == [len(part) for part in parts]
+    for part, (path, _) in list(zip(parts, result.parts))[:-1]:
+        if limits.messages:
+            assert len(part) <= limits.messages
+        if limits.duration:
+            assert part[-1].time - part[0].time < limits.duration
+        if limits.size:
+            assert os.path.getsize(path) < 2 * limits.size + 8192
+    assert result.parts[0][0] == str(tmp_path / ("part_0" + suffix))
+
+
+def test_latched_messages_are_repeated_with_their_flag(tmp_path):
+    late = model(START_NS + 15 * 10**8, "zu12")
+    source = write(tmp_path / "log.bag", in_order(SAMPLES + [late]))
+    result = split(source, tmp_path / "part.bag", Limits(duration=10**9), repeat_latched=True)
+    heads = [read(path)[0] for path, _ in result.parts]
+    assert [(h.connection, h.data) for h in heads] == [(MODEL, SAMPLES[0].data), (MODEL, SAMPLES[0].data),
+                                                      (MODEL, late.data)]
+    assert heads[1].time == read(result.parts[1][0])[1].time
+    plain = split(source, tmp_path / "plain.bag", Limits(duration=10**9))
+    assert [read(path)[0].connection == MODEL for path, _ in plain.parts] == [True, False, False]
+
+
+def test_a_failed_split_leaves_no_parts(tmp_path, monkeypatch):
+    source = write(tmp_path / "log.bag", SAMPLES)
+    (tmp_path / "part_2.bag").write_bytes(b"precious")
+    with pytest.raises(OutputExists):
+        split(source, tmp_path / "part.bag", Limits(messages=50))
+    assert sorted(os.listdir(str(tmp_path))) == ["log.bag", "part_2.bag"]
+    with pytest.raises(BagError, match="where to split"):
+        split(source, tmp_path / "part.bag", Limits())
+
+
+def test_the_programs(tmp_path, capsys):
+    source = write(tmp_path / "log.mcap", SAMPLES)
+    assert main(["split", str(source), "--count", "500", "--json"]) == 0
+    parts = [part["target"] for part in json.loads(capsys.readouterr().out)["parts"]]
+    assert parts == [str(tmp_path / ("log_%d.mcap" % i)) for i in range(3)]
+    assert main(["merge", *reversed(parts), "-o", str(tmp_path / "all.bag")]) == 0
+    assert "1126 messages of 3 files" in capsys.readouterr().out
+    assert read(tmp_path / "all.bag") == in_order(SAMPLES)
+    assert main(["filter", str(source), "-o", str(tmp_path / "few.bag"), "-t", STATES.topic, "-d", "1",
+                 "--keep-latched", "-q"]) == 0
+    assert {s.connection for s in read(tmp_path / "few.bag")} == {STATES}
+    assert main(["split", str(source)]) == 2
+    assert main(["filter", str(source), "-o", "x.bag", "-u", "1", "-d", "1"]) == 2
+
+
+def test_what_the_parts_cannot_hold_is_said(tmp_path):
+    with McapWriter(tmp_path / "log.mcap") as writer:
+        writer.add_message(writer.add_channel(STATES), START_NS, bytes(8), START_NS - 1)
+    assert "publish times" in split(tmp_path / "log.mcap", tmp_path / "p.bag", Limits(messages=1)).notes[0]
+    assert "publish times" in merge([tmp_path / "log.mcap"], tmp_path / "m.bag").notes[0]
+
+
+def test_an_empty_log_has_no_parts_and_merges_to_an_empty_one(tmp_path):
+    with BagWriter(tmp_path / "none.bag") as writer:
+        writer.add_channel(STATES)
+    assert split(tmp_path / "none.bag", tmp_path / "p.bag", Limits(messages=1)).parts == ()
+    merge([tmp_path / "none.bag"], tmp_path / "all.mcap")
+    with open_log(tmp_path / "all.mcap") as reader:
+        assert reader.connections == [STATES] and reader.message_count == 0

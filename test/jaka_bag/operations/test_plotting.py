@@ -1,0 +1,85 @@
+import os
+import sys
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from log_samples import START_NS, model, state_log, write
+
+from jaka_bag.cli.main import main
+from jaka_bag.errors import BagError, MissingDependency
+from jaka_bag.operations.columns import read_columns
+from jaka_bag.operations.plot import panels_of, plot, thin
+
+SAMPLES = state_log(2.0)
+
+
+@pytest.fixture
+def data(tmp_path):
+    return read_columns(write(tmp_path / "log.bag", SAMPLES))
+
+
+def test_joints_tcp_states_and_path_are_drawn(data):
+    panels, paths = panels_of(data)
+    assert [(p.title.split("/")[-1], p.unit, len(p.lines)) for p in panels] == [
+        ("joint_position  position", "rad", 6), ("tool_position  position", "m", 3),
+        ("tool_position  rotation vector", "rad", 3), ("robot_states  motion_state", "", 1),
+        ("robot_states  flags (0 low, 1 high)", "", 3)]
+    assert paths == ["/jaka_driver/tool_position"]
+    assert [name for name, _, _ in panels[0].lines] == ["joint_%d" % i for i in range(1, 7)]
+    assert np.array_equal(panels[0].lines[2][2], data["/jaka_driver/joint_position"].fields["position"][:, 2])
+    assert dict(panels[3].ticks)[2] == "2 emergency stop"
+
+
+def test_pictures_are_svg_and_png(data, tmp_path):
+    plot(data, tmp_path / "log.svg", "log")
+    root = ElementTree.parse(str(tmp_path / "log.svg")).getroot()
+    assert root.tag.endswith("svg") and len(list(root.iter())) > 100
+    plot(data, tmp_path / "log.png", "log")
+    assert (tmp_path / "log.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_any_number_can_be_drawn_and_others_are_refused(data):
+    topic = "/jaka_driver/joint_position"
+    panels, paths = panels_of(data, [(topic, "header.seq"), (topic, "position")])
+    assert [len(p.lines) for p in panels] == [1, 6] and not paths
+    with pytest.raises(BagError, match="no field nope; there are: header.seq"):
+        panels_of(data, [(topic, "nope")])
+    with pytest.raises(BagError, match="is no number"):
+        panels_of(data, [(topic, "name")])
+    with pytest.raises(BagError, match="no message of /nope"):
+        panels_of(data, [("/nope", "x")])
+
+
+def test_nothing_to_draw_is_said(tmp_path):
+    with pytest.raises(BagError, match="--field"):
+        panels_of(read_columns(write(tmp_path / "m.bag", [model(START_NS, "zu7")])))
+
+
+def test_thinning_keeps_the_extremes():
+    time = np.arange(100000) / 100.0
+    values = np.sin(time)
+    values[54321] = 9.0
+    values[12345] = -9.0
+    thin_time, thin_values = thin(time, values, 1000)
+    assert len(thin_time) < 1100 and (np.diff(thin_time) > 0).all()
+    assert thin_values.max() == 9.0 and thin_values.min() == -9.0
+    assert (thin_time[0], thin_time[-1]) == (time[0], time[-1])
+    constant = thin(time, np.full(len(time), 5.0), 1000)
+    assert len(constant[0]) < 1100
+    assert len(thin(time, np.where(time > 500, np.nan, values), 1000)[0]) < 1100
+
+
+def test_the_program(tmp_path, capsys, monkeypatch):
+    path = write(tmp_path / "log.bag", SAMPLES)
+    assert main(["plot", str(path), "-s", "0.5", "-d", "1"]) == 0
+    assert "log.svg: 6 diagrams" in capsys.readouterr().out
+    assert main(["plot", str(path), "-o", str(tmp_path / "log.gif")]) == 1
+    assert ".svg, .png" in capsys.readouterr().err
+    assert main(["plot", str(path), "-o", str(tmp_path / "f.png"), "--field", "/model:data"]) == 1
+    assert main(["plot", str(path), "-t", "/nope"]) == 1
+    assert "no message to draw" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(MissingDependency, match="matplotlib"):
+        plot(read_columns(path), tmp_path / "x.svg", "log")
+    assert sorted(os.listdir(str(tmp_path))) == ["log.bag", "log.svg"]

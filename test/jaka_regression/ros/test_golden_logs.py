@@ -1,0 +1,65 @@
+"""Every golden log happens again: the driver of this checkout against simulated controllers."""
+import dataclasses
+
+import pytest
+import yaml
+from import_graph import ROOT
+
+from jaka_bag.compare.verdict import Stage
+from jaka_bag.containers.registry import read_index
+from jaka_bag.errors import JakaBagError
+from jaka_regression.pytest_plugin import jaka_replay  # noqa: F401 - a fixture
+from jaka_regression.replay import replay, takes_time_scale
+from jaka_regression.scenario import scenario_of
+
+FOLDER = ROOT / "test" / "data" / "golden"
+NAMES = sorted(path.stem for path in FOLDER.glob("*.mcap"))
+SESSIONS = {"boot", "joint_moves", "linear_moves", "jog_watchdog", "servo_stream", "stop_in_mid_move", "collision",
+            "emergency_stop", "reconnect", "io_sequence", "two_arms"}
+
+
+def test_the_library_is_whole_small_and_says_where_it_comes_from():
+    assert set(NAMES) == SESSIONS
+    for name in NAMES:
+        text = yaml.safe_load((FOLDER / (name + ".yaml")).read_text(encoding="utf-8"))
+        assert len(text["about"]) > 40 and text["licence"].startswith("CC0")
+        assert (FOLDER / (name + ".mcap")).stat().st_size < 500000
+        assert sum(read_index(FOLDER / (name + ".mcap")).counts) > 1000
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_happens_again(name, jaka_replay):  # noqa: F811
+    result = jaka_replay(FOLDER / (name + ".mcap"))
+    assert result.same, result.summary
+
+
+@pytest.mark.parametrize("name, time_scale", [("joint_moves", 10.0), ("collision", 4.0)])
+def test_it_happens_again_in_less_time(name, time_scale, jaka_replay):  # noqa: F811
+    result = jaka_replay(FOLDER / (name + ".mcap"), time_scale=time_scale)
+    assert result.same, result.summary
+
+
+def test_what_depends_on_the_drivers_own_clock_keeps_its_speed(tmp_path):
+    jog = FOLDER / "jog_watchdog.mcap"
+    assert not takes_time_scale(jog) and takes_time_scale(FOLDER / "joint_moves.mcap")
+    with pytest.raises(JakaBagError, match="jog, whose course depends on the driver's own clock"):
+        replay(jog, tmp_path, time_scale=2.0)
+    with pytest.raises(JakaBagError, match="it must be 0.1 to 10"):
+        replay(FOLDER / "joint_moves.mcap", tmp_path, time_scale=11.0)
+
+
+def changed(name, **arm):
+    """The scenario of a golden log with something wrong at its first arm."""
+    scenario = scenario_of(FOLDER / (name + ".mcap"))
+    return dataclasses.replace(scenario, arms=(dataclasses.replace(scenario.arms[0], **arm),) + scenario.arms[1:])
+
+
+@pytest.mark.parametrize("name, arm, stages", [
+    ("joint_moves", {"simulation": ("--start", "enabled", "--time-scale", "0.97")}, {Stage.PACE}),
+    ("joint_moves", {"parameters": (("interface", "vendor"),)}, {Stage.POSITION, Stage.ORIENTATION}),
+    ("joint_moves", {"model": "zu12"}, {Stage.POSITION}),
+    ("io_sequence", {"simulation": ("--start", "off"), "parameters": (("auto_enable", False),)}, {Stage.STATES}),
+], ids=["3 % slower", "maker's units", "another arm", "not powered"])
+def test_a_driver_or_an_arm_that_does_something_else_is_found(name, arm, stages, tmp_path):
+    result = replay(FOLDER / (name + ".mcap"), tmp_path, scenario=changed(name, **arm))
+    assert stages <= {check.stage for check in result.comparison.differences}, result.summary

@@ -1,0 +1,84 @@
+"""The pytest plugin as a team uses it: in a folder of their own, in a pytest of its own."""
+import os
+import shutil
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import pytest
+from import_graph import ROOT
+
+from jaka_regression.pytest_plugin import file_name
+
+GOLDEN = ROOT / "test" / "data" / "golden"
+WAIT = 250
+
+
+@pytest.fixture
+def cell(tmp_path):
+    """A folder with a golden log, and a function that runs pytest there."""
+    for suffix in (".mcap", ".yaml"):
+        shutil.copy(str(GOLDEN / ("io_sequence" + suffix)), str(tmp_path / ("golden" + suffix)))
+
+    def run(text, *options):
+        (tmp_path / "test_cell.py").write_text(text)
+        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(path for path in sys.path if path))
+        for name in ("ROS_MASTER_URI", "PYTEST_ADDOPTS"):
+            environment.pop(name, None)
+        done = subprocess.run([sys.executable, "-m", "pytest", "-p", "jaka_regression.pytest_plugin", "-q",
+                               "-p", "no:cacheprovider", *options], cwd=str(tmp_path), env=environment,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=WAIT)
+        return done.returncode, done.stdout
+
+    return tmp_path, run
+
+
+PLAIN = """
+def test_cell(jaka_replay):
+    result = jaka_replay("golden.mcap")
+    assert result.same, result.summary
+"""
+STRICT = """
+def test_cell(jaka_replay):
+    result = jaka_replay("golden.mcap", "strict.yaml")
+    assert result.same, result.summary
+"""
+
+
+def test_a_good_run_passes_and_leaves_its_report_beside_the_results(cell):
+    folder, run = cell
+    code, said = run(PLAIN, "--junitxml=out/results.xml", "--jaka-time-scale=2")
+    assert code == 0, said
+    report = folder / "out" / "jaka_reports" / "test_cell.py_test_cell"
+    assert (report / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert ElementTree.parse(str(report / "report.xml")).getroot().find("testsuite").get("failures") == "0"
+
+
+def test_a_bad_run_fails_with_the_summary_and_may_become_the_golden_one(cell):
+    folder, run = cell
+    before = (folder / "golden.mcap").read_bytes()
+    (folder / "strict.yaml").write_text("calls: {duration_s: 0, duration_percent: 0}\n")
+    code, said = run(STRICT)
+    assert code == 1
+    assert "DIFFERENT" in said and "durations" in said and "report.html" in said
+    assert (folder / "golden.mcap").read_bytes() == before
+    assert run(STRICT, "--jaka-update", "--jaka-reports=elsewhere")[0] == 1
+    assert (folder / "elsewhere" / "test_cell.py_test_cell" / "candidate.mcap").read_bytes() \
+        == (folder / "golden.mcap").read_bytes() != before
+
+
+def test_what_cannot_be_replayed_is_an_error_with_its_reason(cell):
+    _, run = cell
+    code, said = run(PLAIN.replace("golden.mcap", "nothing.mcap"))
+    assert code == 1 and "cannot read" in said and "nothing.mcap" in said
+
+
+def test_a_driver_that_does_not_start_is_an_error_with_its_last_words(cell):
+    _, run = cell
+    other = '"golden.mcap", driver=["-c", "raise SystemExit(\'no driver here\')"]'
+    code, said = run(PLAIN.replace('"golden.mcap"', other))
+    assert code == 1 and "no driver here" in said
+
+
+def test_report_folders_have_names_that_every_file_system_takes():
+    assert file_name("test/a.py::test_b[x/y z]") == "test_a.py_test_b_x_y_z"

@@ -1,0 +1,94 @@
+"""Programs are started, heard and ended; none stays behind."""
+import os
+import signal
+import time
+
+import pytest
+
+from jaka_regression.processes import Program, ProgramFailed, Programs
+
+WAIT = 30.0
+SLEEPER = "import time\nprint('{\"up\": 1}', flush=True)\ntime.sleep(600)"
+STUBBORN = ("import signal, time\nfor n in (signal.SIGINT, signal.SIGTERM): signal.signal(n, signal.SIG_IGN)\n"
+            "print('up', flush=True)\ntime.sleep(600)")
+ECHO = "import sys\nfor line in sys.stdin: print('heard ' + line.strip(), flush=True)"
+
+
+def is_gone(program):
+    try:
+        os.kill(program.process.pid, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+def test_what_it_prints_is_heard_and_kept(tmp_path):
+    with Programs() as programs:
+        program = programs.add(Program("sleeper", ["-c", SLEEPER], tmp_path))
+        assert program.first_object(WAIT) == {"up": 1}
+        programs.check()
+        program.wait_for_words('"up"', WAIT)
+    assert is_gone(program)
+    assert "KeyboardInterrupt" in (tmp_path / "sleeper.log").read_text()
+
+
+def test_it_is_spoken_to(tmp_path):
+    heard = []
+    with Programs() as programs:
+        program = programs.add(Program("echo", ["-c", ECHO], tmp_path, on_line=heard.append))
+        program.say("one")
+        assert program.first_line(WAIT) == "heard one"
+    assert heard == ["heard one"]
+
+
+def test_an_end_is_an_error_with_its_last_words(tmp_path):
+    with Programs() as programs:
+        program = programs.add(Program("short", ["-c", "raise SystemExit('no more')"], tmp_path))
+        with pytest.raises(ProgramFailed, match="short ended: no more"):
+            program.first_line(WAIT)
+        with pytest.raises(ProgramFailed, match="no more"):
+            programs.check()
+        with pytest.raises(ProgramFailed, match="no more"):
+            program.wait_for_words("something", WAIT)
+
+
+def test_silence_and_nonsense_are_errors(tmp_path):
+    with Programs() as programs:
+        program = programs.add(Program("stubborn", ["-c", STUBBORN], tmp_path))
+        with pytest.raises(ProgramFailed, match="printed 'up'"):
+            program.first_object(WAIT)
+        with pytest.raises(ProgramFailed, match="says nothing"):
+            program.first_line(0.1)
+        with pytest.raises(ProgramFailed, match="did not print"):
+            program.wait_for_words("something", 0.1)
+        with pytest.raises(ProgramFailed, match="did not end"):
+            program.wait(0.1)
+        program.end(signal.SIGKILL)
+
+
+def test_impatience_ends_the_rest_at_once(tmp_path, monkeypatch):
+    started = time.monotonic()
+    programs = Programs()
+    running = [programs.add(Program("stubborn%d" % i, ["-c", STUBBORN], tmp_path)) for i in range(2)]
+    for program in running:
+        program.first_line(WAIT)
+    ends = Program.end
+
+    def interrupted(program, number=signal.SIGINT):
+        if number is signal.SIGINT:
+            raise KeyboardInterrupt
+        return ends(program, number)
+
+    monkeypatch.setattr(Program, "end", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        programs.__exit__(None, None, None)
+    assert all(is_gone(program) for program in running)
+    assert time.monotonic() - started < WAIT
+
+
+def test_variables_are_added_and_taken_out(tmp_path, monkeypatch):
+    monkeypatch.setenv("JAKA_TEST_OUT", "1")
+    code = "import os\nprint(os.environ.get('JAKA_TEST_OUT'), os.environ['JAKA_TEST_IN'], flush=True)"
+    with Programs() as programs:
+        program = programs.add(Program("env", ["-c", code], tmp_path, {"JAKA_TEST_OUT": None, "JAKA_TEST_IN": "x"}))
+        assert program.first_line(WAIT) == "None x"

@@ -1,0 +1,57 @@
+"""What stands beside a golden log, and what the log itself says."""
+import pytest
+from synthetic_session import Step, simulate, write_log
+
+from jaka_bag.compare.tolerances import ToleranceError
+from jaka_regression.scenario import DEFAULT_SIMULATION, Arm, ScenarioError, parse_scenario, scenario_of
+
+
+def test_without_a_file_the_log_tells_its_arms(tmp_path):
+    left, right = (simulate([Step(1.0)]) for _ in range(2))
+    left.node, right.node = "/left/jaka_driver", "/right/jaka_driver"
+    log = write_log(tmp_path / "two.mcap", left, right)
+    assert [arm.namespace for arm in scenario_of(log).arms] == ["/left", "/right"]
+
+
+def test_recorded_parameters_go_to_the_driver_but_not_its_address(tmp_path):
+    from jaka_bag.containers.mcap.writer import McapWriter
+    from jaka_bag.messages.definitions import Connection
+    path = tmp_path / "log.mcap"
+    with McapWriter(path) as writer:
+        channel = writer.add_channel(Connection("/left/jaka_driver/joint_position", "sensor_msgs/JointState"))
+        writer.add_message(channel, 1, b"")
+        writer.add_attachment("rosparam.yaml", b"left: {jaka_driver: {ip: 10.0.0.2, model: zu5, blocking: false}}")
+    assert scenario_of(path).arms == (Arm("/left", "zu5", DEFAULT_SIMULATION, (("blocking", False),)),)
+
+
+def test_a_file_beside_the_log_says_it_all(tmp_path):
+    log = write_log(tmp_path / "one.mcap", simulate([Step(1.0)]))
+    (tmp_path / "one.yaml").write_text("""
+about: made by hand
+arms: [{namespace: /left, model: zu12, simulation: [--start, "off"], parameters: {auto_enable: true}}]
+events: [{after_call: 2, delay_s: 0.5, action: hit, force: 300}]
+tolerances: {joints: {position_rad: 0.01}}
+""")
+    scenario = scenario_of(log)
+    assert scenario.arms[0] == Arm("/left", "zu12", ("--start", "off"), (("auto_enable", True),))
+    assert scenario.events[0].arm == "/left"
+    assert scenario.events[0].request == {"action": "hit", "force": 300}
+    assert scenario.tolerances.joints.position_rad == 0.01
+
+
+@pytest.mark.parametrize("text, words", [
+    ("arms: {}", "expected a list"), ("arm: []", "did you mean 'arms'"), ("arms: []", "at least one"),
+    ("arms: [{namespace: left}]", "does not begin with /"), ("arms: [{}, {}]", "namespace of its own"),
+    ("arms: [{modell: zu7}]", "did you mean 'model'"), ("events: [{after_call: 1}]", "action among them"),
+    ("events: [{action: hit, arm: /right}]", "no arm '/right'"), ("events: [{action: hit, after_call: one}]", "number"),
+    ("events: [{action: hit, delay_s: -1}]", "negative"), ("about: [1]", "a text"), ("a: b: c", "mapping values"),
+    ("arms: [{simulation: --start off}]", "a list"), ("arms: [{simulation: [--start, off]}]", "put them in quotes"),
+])
+def test_what_is_not_understood_is_refused_with_the_key(text, words):
+    with pytest.raises(ScenarioError, match=words):
+        parse_scenario(text, "golden.yaml")
+
+
+def test_wrong_tolerances_are_refused_as_such():
+    with pytest.raises(ToleranceError, match="golden.yaml: tolerances"):
+        parse_scenario("tolerances: {joints: {position: 1}}", "golden.yaml")

@@ -1,0 +1,97 @@
+"""``jaka_bag compare``: the command line that compares a log with a golden one."""
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from ..compare.comparison import CannotCompare, compare_logs
+from ..compare.report.html import as_html
+from ..compare.report.junit import as_junit
+from ..compare.report.text import as_data, as_text, headline
+from ..compare.tolerances import ToleranceError, Tolerances, as_yaml, load_tolerances
+from ..compare.verdict import Comparison
+from ..output_file import OutputFile, check_output
+from .quantities import positive_number
+
+CANNOT_COMPARE = 2
+
+_EPILOG = """\
+Does the arm still do what it did? The checks, in this order: types; counts, rates, jitter, gaps, lost messages and
+stamps; alignment by the logs' own events, then by all joints together; timing and pace of each motion; joints,
+positions and orientations; sequences of states; service calls. A late start is no difference, a slow motion is.
+
+Tolerances: jaka_bag compare --print-tolerances > cell.yaml writes the defaults with a comment at each.
+
+Exit code: 0 same, 1 different, 2 cannot be compared (or usage).
+
+examples:
+  jaka_bag compare golden.mcap today.bag
+  jaka_bag compare golden.mcap today.mcap --tolerances cell.yaml --html report.html --junit report.xml
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``jaka_bag compare``."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = _EPILOG
+    add = parser.add_argument
+    add("golden", nargs="?", metavar="GOLDEN", help="log of what ought to happen, .bag or .mcap")
+    add("candidate", nargs="?", metavar="CANDIDATE", help="log of what happened")
+    add("-t", "--tolerances", metavar="FILE", help="YAML file with what differs from the default tolerances")
+    add("--html", metavar="FILE", help="write a page to look at")
+    add("--junit", metavar="FILE", help="write JUnit XML, a test case for each check")
+    add("--json", metavar="FILE", help="write the result as JSON")
+    add("--time-scale", type=positive_number, default=1.0, metavar="N", help="the candidate ran N times faster")
+    add("--force", action="store_true", help="overwrite the outputs")
+    add("-v", "--verbose", action="store_true", help="every check, not only the differences")
+    add("-q", "--quiet", action="store_true", help="only the verdict")
+    add("--print-tolerances", action="store_true", help="print the tolerances in force as YAML, and end")
+
+
+def write_reports(comparison: Comparison, tolerances: Tolerances, html: str = "", junit: str = "", json_file: str = "",
+                  overwrite: bool = False) -> None:
+    """Write the reports that have a name.
+
+    Raises:
+        OutputExists: One exists and ``overwrite`` is False.
+        BagError: One cannot be created.
+    """
+    if html:
+        _write(html, as_html(comparison, tolerances), overwrite)
+    if junit:
+        _write(junit, as_junit(comparison), overwrite)
+    if json_file:
+        _write(json_file, json.dumps(as_data(comparison), indent=1, allow_nan=False) + "\n", overwrite)
+
+
+def _write(path: str, text: str, overwrite: bool) -> None:
+    with OutputFile(path, overwrite) as output:
+        output.write(text.encode("utf-8", "replace"))
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compare; 0 same, 1 different, 2 cannot be compared.
+
+    Raises:
+        BagError: A report cannot be written.
+    """
+    try:
+        tolerances = load_tolerances(args.tolerances)
+        if args.print_tolerances:
+            sys.stdout.write(as_yaml(tolerances))
+            return 0
+        if not (args.golden and args.candidate):
+            print("jaka_bag compare: error: GOLDEN and CANDIDATE are needed", file=sys.stderr)
+            return CANNOT_COMPARE
+        outputs = [name for name in (args.html, args.junit, args.json) if name]
+        for name in outputs:
+            if Path(name).resolve() in (Path(args.golden).resolve(), Path(args.candidate).resolve()):
+                raise CannotCompare("%s is one of the logs" % name)
+            check_output(name, args.force)
+        comparison = compare_logs(args.golden, args.candidate, tolerances, args.time_scale)
+    except (CannotCompare, ToleranceError) as error:
+        print("jaka_bag compare: error: %s" % " ".join(str(error).split()), file=sys.stderr)
+        return CANNOT_COMPARE
+    write_reports(comparison, tolerances, args.html or "", args.junit or "", args.json or "", args.force)
+    print(headline(comparison) if args.quiet else as_text(comparison, args.verbose))
+    return 0 if comparison.same else 1

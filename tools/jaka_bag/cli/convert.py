@@ -1,0 +1,133 @@
+"""``jaka_bag convert``: the command line of conversion, of one file or of all in a folder."""
+import argparse
+from pathlib import Path
+from typing import List
+
+from ..errors import BagError
+from ..operations.convert import Job, Outcome, convert_file, convert_many, convert_on_dask
+from ..pipeline import WORKERS
+from .options import (
+    Report,
+    add_compression,
+    add_report,
+    add_selection,
+    human_bytes,
+    selection_of,
+    span_of,
+    usage_error,
+)
+from .quantities import count
+
+_EPILOG = """\
+examples:
+  jaka_bag convert run.bag -o run.mcap               MCAP, profile ros1, zstd
+  jaka_bag convert run.mcap -o run.bag -c lz4        a bag that rosbag reads
+  jaka_bag convert run.bag -o run --profile ros2     a rosbag2 folder for ROS 2
+  jaka_bag convert run.bag -o small.bag -c bz2       compress (as rosbag compress -j)
+  jaka_bag convert logs --jobs 4                     each .bag below logs, beside it as .mcap
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``jaka_bag convert``."""
+    parser.epilog = _EPILOG
+    parser.add_argument("source", metavar="SRC", help=".bag or .mcap, or a folder: all of them in it")
+    parser.add_argument("-o", "--output", metavar="DST",
+                        help="its suffix, .bag or .mcap, decides about the format; default: SRC with the other suffix")
+    parser.add_argument("--profile", choices=("ros1", "ros2"), default="ros1",
+                        help="ros1: messages as they are (default); ros2: a rosbag2 folder with CDR messages")
+    parser.add_argument("--force", action="store_true", help="overwrite the output")
+    many = parser.add_argument_group("a folder of files")
+    many.add_argument("--to", choices=("mcap", "bag"), default="mcap",
+                      help="format of the outputs (default mcap); files of that format are left alone")
+    many.add_argument("--jobs", type=count, default=1, metavar="N", help="files at a time (default 1)")
+    many.add_argument("--dask", metavar="ADDRESS", help="hand the files to the Dask scheduler there")
+    add_selection(parser)
+    add_compression(parser)
+    add_report(parser)
+
+
+def _default_target(source: Path, profile: str) -> Path:
+    if profile == "ros2":
+        return source.with_suffix("")
+    with_suffix = {".bag": ".mcap", ".mcap": ".bag"}.get(source.suffix)
+    if with_suffix is None:
+        raise BagError("%s: give the output with -o" % source)
+    return source.with_suffix(with_suffix)
+
+
+def _job(args: argparse.Namespace, source: Path, target: Path, workers: int) -> Job:
+    return Job(str(source), str(target), selection_of(args), span_of(args), args.compression, args.level,
+               args.profile, args.force, workers)
+
+
+def _jobs(args: argparse.Namespace, folder: Path) -> List[Job]:
+    if (folder / "metadata.yaml").is_file():
+        raise BagError("%s is a rosbag2 folder: ROS 2 messages are not made ROS 1 messages here (rosbags-convert does "
+                       "that); its .mcap file can be filtered, merged and split" % folder)
+    wanted = ".bag" if args.to == "mcap" or args.profile == "ros2" else ".mcap"
+    base = Path(args.output) if args.output else folder
+    jobs = []
+    for source in sorted(folder.rglob("*" + wanted)):
+        target = base / source.relative_to(folder).with_suffix("" if args.profile == "ros2" else "." + args.to)
+        jobs.append(_job(args, source, target, 1 if args.jobs > 1 or args.dask else WORKERS))
+    if not jobs:
+        raise BagError("%s holds no %s file" % (folder, wanted))
+    for job in jobs:
+        Path(job.target).parent.mkdir(parents=True, exist_ok=True)
+    return jobs
+
+
+def _line(outcome: Outcome) -> str:
+    return "%s: %d messages, %s -> %s, %.2f s" % (
+        outcome.target, outcome.messages, human_bytes(outcome.bytes_read), human_bytes(outcome.bytes_written),
+        outcome.seconds)
+
+
+def _run_folder(args: argparse.Namespace, folder: Path, report: Report) -> int:
+    jobs = _jobs(args, folder)
+    outcomes: List[Outcome] = []
+
+    def take(outcome: Outcome) -> None:
+        outcomes.append(outcome)
+        if outcome.error:
+            report.failed(outcome.error)
+        else:
+            report.done(_line(outcome), outcome.document())
+        for note in outcome.notes:
+            report.note("%s: %s" % (outcome.target, note))
+
+    if args.dask:
+        convert_on_dask(jobs, args.dask, take)
+    else:
+        convert_many(jobs, max(args.jobs, 1), take)
+    failed = sum(1 for outcome in outcomes if outcome.error)
+    report.finish({"files": [outcome.document() for outcome in outcomes], "failed": failed})
+    if failed:
+        report.failed("%d of %d files failed" % (failed, len(jobs)))
+    return 1 if failed else 0
+
+
+def run(args: argparse.Namespace) -> int:
+    """Convert; the exit code.
+
+    Raises:
+        BagError: The source cannot be read, or the target cannot be written or hold it.
+    """
+    if args.end is not None and args.duration is not None:
+        return usage_error("--end and --duration do not go together")
+    report = Report(args)
+    source = Path(args.source)
+    if source.is_dir():
+        return _run_folder(args, source, report)
+    if args.jobs > 1 or args.dask:
+        return usage_error("--jobs and --dask are for folders")
+    target = Path(args.output) if args.output else _default_target(source, args.profile)
+    job = _job(args, source, target, WORKERS)
+    with report.progress(source.stat().st_size if source.is_file() else 0, source.name) as progress:
+        outcome = convert_file(job, progress)
+    report.done(_line(outcome), outcome.document())
+    for note in outcome.notes:
+        report.note(note)
+    report.finish()
+    return 0

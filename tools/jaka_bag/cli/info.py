@@ -1,0 +1,206 @@
+"""``jaka_bag info``: what is in a log, from its index alone; imports no numpy unless --freq asks for it."""
+import os
+import sys
+import time
+from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence, Tuple
+
+from ..containers.index import LogIndex
+from ..containers.registry import read_index
+from ..errors import BagFormatError
+
+if TYPE_CHECKING:
+    import argparse
+
+_DROPS = "jaka_bag.drops"
+"""Metadata record in which the recorder leaves its account, topic to JSON."""
+_LOSSES = (("missing", "missing by header.seq"), ("undelivered", "sent but not received"),
+           ("overflowed", "thrown away at a full buffer"), ("unwritten", "not written"))
+
+
+def add_arguments(parser: "argparse.ArgumentParser") -> None:
+    """Declare the options of ``jaka_bag info``."""
+    parser.add_argument("files", nargs="+", metavar="FILE", help=".bag or .mcap, recognised by content")
+    parser.add_argument("--freq", action="store_true",
+                        help="per topic rate, jitter, largest gap and missing messages, from the index's times")
+    parser.add_argument("--seq", action="store_true",
+                        help="per topic gaps in header.seq: what was lost before it was recorded (reads all messages)")
+    parser.add_argument("-k", "--key", metavar="KEY", help="print one value of the JSON document, as messages")
+    parser.add_argument("--json", action="store_true", help="everything as JSON")
+
+
+def _topics(index: LogIndex) -> List[Dict[str, Any]]:
+    topics: Dict[str, Dict[str, Any]] = {}
+    for number, connection in enumerate(index.connections):
+        entry = topics.setdefault(connection.topic, {
+            "topic": connection.topic, "type": connection.datatype, "md5sum": connection.md5sum, "messages": 0,
+            "connections": 0, "latching": False, "callers": []})
+        entry["messages"] += index.counts[number]
+        entry["connections"] += 1
+        entry["latching"] = entry["latching"] or bool(connection.latching)
+        if connection.callerid is not None and connection.callerid not in entry["callers"]:
+            entry["callers"].append(connection.callerid)
+    return [topics[name] for name in sorted(topics)]
+
+
+def _codecs(codecs: Iterable[Tuple[str, int, int, int]]) -> List[Dict[str, Any]]:
+    return [{"codec": codec, "chunks": chunks, "stored": stored, "uncompressed": full}
+            for codec, chunks, stored, full in codecs]
+
+
+def document_of(index: LogIndex) -> Dict[str, Any]:
+    """The facts of a log's index as JSON data; times and durations in s, ``*_ns`` in ns."""
+    start, end = index.start_time, index.end_time
+    types = {(c.datatype, c.md5sum): None for c in index.connections}
+    return {
+        "path": index.path, "format": index.format, "version": index.version, "profile": index.profile,
+        "library": index.library, "size": index.size, "start_ns": start, "end_ns": end,
+        "duration": None if start is None or end is None else (end - start) / 1e9,
+        "messages": sum(index.counts), "chunks": len(index.chunks),
+        "compression": _codecs(index.codecs),
+        "types": [{"type": datatype, "md5sum": md5sum} for datatype, md5sum in sorted(types)],
+        "topics": _topics(index),
+        "attachments": [{"name": a.name, "media_type": a.media_type, "size": a.data_size} for a in index.attachments],
+        "metadata": [m.name for m in index.metadata]}
+
+
+def _moment(ns: int) -> str:
+    return "%s.%02d (%d.%09d)" % (time.strftime("%b %d %Y %H:%M:%S", time.localtime(ns // 10**9)), ns % 10**9 // 10**7,
+                                  ns // 10**9, ns % 10**9)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 60:
+        return "%.3f s" % seconds
+    minutes, rest = divmod(int(seconds), 60)
+    if minutes < 60:
+        return "%d:%02d min (%.0f s)" % (minutes, rest, seconds)
+    return "%d:%02d:%02d h (%.0f s)" % (minutes // 60, minutes % 60, rest, seconds)
+
+
+def _bytes(count: int) -> str:
+    for unit, size in (("GB", 10**9), ("MB", 10**6), ("kB", 10**3)):
+        if count >= size:
+            return "%.1f %s" % (count / size, unit)
+    return "%d B" % count
+
+
+def _mean_rate(topic: Dict[str, Any], duration: Optional[float]) -> str:
+    if not duration or topic["messages"] < 2:
+        return ""
+    return " @ %.4g Hz" % ((topic["messages"] - 1) / duration)
+
+
+def _text(document: Dict[str, Any]) -> str:
+    rows = [("path", document["path"]),
+            ("format", "%s %s%s%s" % (
+                document["format"], document["version"],
+                ", profile %s" % document["profile"] if document["profile"] else "",
+                ", written by %s" % document["library"] if document["library"] else ""))]
+    if document["duration"] is not None:
+        rows += [("duration", _duration(document["duration"])), ("start", _moment(document["start_ns"])),
+                 ("end", _moment(document["end_ns"]))]
+    rows += [("size", _bytes(document["size"])), ("messages", str(document["messages"]))]
+    for entry in document["compression"]:
+        ratio = " (%.1f %% of %s)" % (100.0 * entry["stored"] / entry["uncompressed"], _bytes(entry["uncompressed"])) \
+            if entry["uncompressed"] else ""
+        rows.append(("compression", "%s [%d/%d chunks]%s" % (entry["codec"], entry["chunks"], document["chunks"],
+                                                             ratio)))
+    rows += [("types", "%s [%s]" % (t["type"], t["md5sum"] or "no md5")) for t in document["types"]]
+    width = max([len(t["topic"]) for t in document["topics"]] + [0])
+    for topic in document["topics"]:
+        extra = "%s%s" % (" (%d connections)" % topic["connections"] if topic["connections"] > 1 else "",
+                          " (latched)" if topic["latching"] else "")
+        rows.append(("topics", "%-*s  %8d msgs%s : %s%s" % (width, topic["topic"], topic["messages"],
+                                                           _mean_rate(topic, document["duration"]), topic["type"],
+                                                           extra)))
+        if _losses(topic.get("recorder", {})):
+            rows.append(("", "%-*s  %s" % (width, "", _losses(topic["recorder"]))))
+        if "freq" in topic:
+            rows.append(("", "%-*s  %s" % (width, "", topic["freq"]["text"])))
+        if "seq" in topic:
+            rows.append(("", "%-*s  %s" % (width, "", topic["seq"]["text"])))
+    rows += [("attachments", "%s (%s, %s)" % (a["name"], a["media_type"], _bytes(a["size"])))
+             for a in document["attachments"]]
+    rows += [("metadata", name) for name in document["metadata"]]
+    lines = []
+    last = None
+    for label, value in rows:
+        lines.append("%-14s%s" % ("%s:" % label if label and label != last else "", value))
+        last = label or last
+    return "\n".join(lines)
+
+
+def _add_recorder_account(index: LogIndex, document: Dict[str, Any]) -> None:
+    """What the recorder knew to be lost, by topic."""
+    import json
+
+    from ..containers.index import open_for_reading, read_at
+    from ..containers.mcap.records import parse_metadata
+
+    descriptor = open_for_reading(index.path)
+    try:
+        for entry in index.metadata:
+            if entry.name == _DROPS:
+                accounts = parse_metadata(read_at(descriptor, entry.position, entry.size))[1]
+                for topic in document["topics"]:
+                    if topic["topic"] in accounts:
+                        topic["recorder"] = json.loads(accounts[topic["topic"]])
+    except ValueError as error:
+        raise BagFormatError("%s: the recorder's account of losses is damaged: %s" % (index.path, error)) from error
+    finally:
+        os.close(descriptor)
+
+
+def _losses(account: Dict[str, Any]) -> str:
+    parts = ["%d %s" % (account[key], words) for key, words in _LOSSES if account.get(key)]
+    return "LOST, says the recorder: " + ", ".join(parts) if parts else ""
+
+
+def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
+    index = read_index(path)
+    document = document_of(index)
+    if index.format == "bag":
+        from ..containers.bag.index import read_codecs
+        document["compression"] = _codecs(read_codecs(path, index))
+    if _DROPS in (entry.name for entry in index.metadata):
+        _add_recorder_account(index, document)
+    if freq or seq:
+        from ..operations.timing import add_sequence_gaps, add_timing
+        if freq:
+            add_timing(path, document)
+        if seq:
+            add_sequence_gaps(path, document)
+    return document
+
+
+def run_files(files: Sequence[str], freq: bool = False, seq: bool = False) -> int:
+    """Print the facts for people; the exit code.
+
+    Raises:
+        BagError: A file cannot be read.
+    """
+    print("\n---\n".join(_text(_document(path, freq, seq)) for path in files))
+    return 0
+
+
+def run(args: "argparse.Namespace") -> int:
+    """Print the facts; the exit code.
+
+    Raises:
+        BagError: A file cannot be read.
+    """
+    if not (args.key or args.json):
+        return run_files(args.files, args.freq, args.seq)
+    documents = [_document(path, args.freq, args.seq) for path in args.files]
+    if args.key and args.key not in documents[0]:
+        print("jaka_bag: error: no key %r; there are: %s" % (args.key, ", ".join(documents[0])), file=sys.stderr)
+        return 2
+    import json
+
+    if args.key:
+        for document in documents:
+            value = document[args.key]
+            print(value if isinstance(value, (str, int, float)) else json.dumps(value))
+    else:
+        print(json.dumps(documents[0] if len(documents) == 1 else documents, indent=1))
+    return 0

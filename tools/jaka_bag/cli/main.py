@@ -1,0 +1,100 @@
+"""The program ``jaka_bag``: finds the subcommand, runs it, and turns what went wrong into a line and an exit code."""
+import io
+import os
+import sys
+from typing import List, Optional
+
+from ..errors import JakaBagError
+from .commands import COMMANDS, MissingCommand, load_command
+
+PROGRAM = "jaka_bag"
+
+
+def _help() -> str:
+    lines = ["usage: %s COMMAND [OPTIONS]" % PROGRAM, "",
+             "State logs of ROS 1, .bag and .mcap alike: the format of an input is seen from its content,",
+             "that of an output from its name. An input is never changed, an output appears only when whole.", "",
+             "commands:"]
+    lines += ["  %-16s%s" % (name, command.summary) for name, command in COMMANDS.items()]
+    lines += ["", "'%s COMMAND --help' tells the options. Exit code: 0 done, 1 failed or partial, 2 usage." % PROGRAM]
+    return "\n".join(lines)
+
+
+def _columns() -> int:
+    """Width of help texts: the terminal's, as argparse takes it, but without the modules that it imports for that."""
+    try:
+        return max(os.get_terminal_size(sys.stdout.fileno()).columns - 2, 40)
+    except (OSError, ValueError):
+        return 98
+
+
+def _run(name: str, arguments: List[str]) -> int:
+    module = load_command(name)
+    run_files = getattr(module, "run_files", None)
+    if run_files is not None and arguments and not any(word.startswith("-") for word in arguments):
+        return _flushed(run_files(arguments))
+    import argparse
+
+    _end_at_sigterm()
+    width = _columns()
+    parser = argparse.ArgumentParser(
+        "%s %s" % (PROGRAM, name), description=COMMANDS[name].summary,
+        formatter_class=lambda prog: argparse.RawDescriptionHelpFormatter(prog, width=width))
+    module.add_arguments(parser)
+    return _flushed(module.run(parser.parse_intermixed_args(arguments)))
+
+
+def _flushed(code: int) -> int:
+    """Flush here, where a reader that has gone is noticed and handled."""
+    sys.stdout.flush()
+    return code
+
+
+def _print_any_text() -> None:
+    """Names in logs may hold bytes that are not UTF-8: print them escaped rather than fail."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def _end_at_sigterm() -> None:
+    """SIGTERM as Ctrl-C, so that no half file stays; only where nobody else has decided about it."""
+    import signal
+
+    try:
+        if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
+    except ValueError:  # not in the main thread: whoever runs us there decides
+        pass
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run one subcommand; the result is the exit code: 0 done, 1 failed or partial, 2 usage."""
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        print(_help(), file=sys.stdout if arguments else sys.stderr)
+        return 0 if arguments else 2
+    name = arguments[0]
+    if name not in COMMANDS:
+        import difflib
+        near = difflib.get_close_matches(name, COMMANDS, 1)
+        print("%s: error: no command %r%s (see %s --help)"
+              % (PROGRAM, name, ", did you mean %r?" % near[0] if near else "", PROGRAM), file=sys.stderr)
+        return 2
+    _print_any_text()
+    try:
+        return _run(name, arguments[1:])
+    except SystemExit as end:  # argparse: help or usage
+        return end.code if isinstance(end.code, int) else 2
+    except MissingCommand as error:
+        print("%s: error: %s" % (PROGRAM, error), file=sys.stderr)
+        return 2
+    except JakaBagError as error:
+        print("%s: error: %s" % (PROGRAM, " ".join(str(error).split())), file=sys.stderr)
+    except BrokenPipeError:  # the reader of our output has gone: nobody is left to be told
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        where = "%s: " % error.filename if error.filename else ""
+        print("%s: error: %s%s" % (PROGRAM, where, error.strerror or error), file=sys.stderr)
+    except KeyboardInterrupt:
+        print("%s: interrupted, no half file is left" % PROGRAM, file=sys.stderr)
+    return 1

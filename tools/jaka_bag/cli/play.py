@@ -1,0 +1,261 @@
+"""``jaka_bag play``: the command line of the player."""
+import argparse
+import contextlib
+import json
+import os
+import signal
+import struct
+import sys
+from pathlib import Path
+from typing import Any, Callable, Dict, Iterator, List, Optional
+
+from ..errors import BagError
+from ..live.keyboard import Keyboard
+from ..live.linux_timing import punctual
+from ..live.log_source import LogSource, Timed
+from ..live.names import NodeNames, anonymous_name, node_names, split_remappings
+from ..live.player import Pace, Player
+from ..live.publisher import Outlet, RawPublisher, frame_of
+from ..live.session import read_parameter
+from ..messages.definitions import Connection, definition_md5
+from ..units import NS_PER_S
+from . import quantities
+
+_TIME = struct.Struct("<II")
+_CLOCK_DEFINITION = "time clock\n"
+_PATIENCE_S = 30.0
+
+_EPILOG = """\
+Messages go out as they were recorded: type, md5, definition, latching, bytes. Every subscriber gets every message at
+any rate: a subscriber that does not keep up holds the player up, and is named. A message that is late does not move
+those after it. With -s the newest message of each latched publisher before the start is sent first.
+
+On a terminal, space pauses and goes on, s sends one message while paused. NAME:=VALUE words remap topics;
+__name:=, __ns:= are known. At the end it says, by topic, how many messages went out, and how late.
+Exit code: 0 done, 1 failed, 2 usage.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``jaka_bag play``."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = _EPILOG
+    add = parser.add_argument
+    add("files", nargs="*", metavar="FILE", help=".bag or .mcap; several are played as one")
+    what = parser.add_argument_group("what to play")
+    what.add_argument("--bags", nargs="+", default=[], metavar="FILE", help="further files")
+    what.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="only these topics")
+    what.add_argument("-e", "--regex", action="append", default=[], metavar="REGEX",
+                      help="only topics whose whole name matches; may be repeated")
+    what.add_argument("-x", "--exclude", action="append", default=[], metavar="REGEX",
+                      help="not topics whose whole name matches; may be repeated")
+    what.add_argument("-s", "--start", type=quantities.duration, default=0.0, metavar="TIME",
+                      help="begin so far into the log (s; or with ms, m, h)")
+    what.add_argument("--until", type=quantities.duration, metavar="TIME", help="end so far into the log")
+    what.add_argument("-u", "--duration", type=quantities.duration, metavar="TIME", help="play only so much")
+    what.add_argument("-p", "--prefix", default="", metavar="PREFIX", help="put PREFIX in front of all topics")
+    when = parser.add_argument_group("when")
+    when.add_argument("-r", "--rate", type=quantities.positive_number, default=1.0, metavar="FACTOR",
+                      help="log seconds in a second (default 1)")
+    when.add_argument("-i", "--immediate", action="store_true", help="without waiting")
+    when.add_argument("-l", "--loop", action="store_true", help="again and again")
+    when.add_argument("-k", "--keep-alive", action="store_true", help="stay when all is played, for latched topics")
+    when.add_argument("--pause", action="store_true", help="begin in pause")
+    when.add_argument("-d", "--delay", type=quantities.duration, default=0.2, metavar="TIME",
+                      help="wait between advertising and the first message (default 0.2)")
+    when.add_argument("--wait-for-subscribers", action="store_true", help="begin when each topic has a subscriber")
+    when.add_argument("--skip-empty", type=quantities.duration, metavar="TIME", help="skip gaps longer than this")
+    when.add_argument("--clock", action="store_true", help="publish /clock: with each message, and between")
+    when.add_argument("--hz", type=quantities.positive_number, default=100.0, metavar="HZ",
+                      help="rate of /clock between messages (default 100)")
+    when.add_argument("--spin-us", type=quantities.count, default=200, metavar="US",
+                      help="poll the clock for the end of each wait, us (default 200; 0 saves CPU)")
+    parser.add_argument("--report", metavar="FILE", help="write the account as JSON")
+    parser.add_argument("-q", "--quiet", action="store_true", help="say only what goes wrong")
+
+
+class _Stop(BaseException):
+    """A signal, or another node, ends the playing."""
+
+
+@contextlib.contextmanager
+def _signals_stop() -> Iterator[None]:
+    def stop(number: int, frame: Any) -> None:
+        raise _Stop(signal.Signals(number).name)
+
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, stop) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before):
+            signal.signal(number, handler)
+
+
+class _Stage:
+    """What subscribers see of a log: an outlet for each topic and type, and /clock."""
+
+    def __init__(self, publisher: RawPublisher) -> None:
+        self._publisher = publisher
+        self.outlets: List[Outlet] = []
+        self._latches: List[Optional[int]] = []
+        self._clock: Optional[Outlet] = None
+
+    def advertise(self, source: LogSource, prefix: str, has_clock: bool, notice: Callable[[str], None]) -> None:
+        """Offer everything that the log holds.
+
+        Raises:
+            ConnectionLost: There is no master.
+        """
+        publisher = self._publisher
+        names = publisher.names
+        groups: Dict[Any, List[int]] = {}
+        for number, connection in enumerate(source.connections):
+            topic = names.resolve(prefix + connection.topic)
+            groups.setdefault((topic, connection.md5sum, connection.datatype), []).append(number)
+        by_number: Dict[int, Outlet] = {}
+        offered: Dict[str, str] = {}
+        for (topic, _, datatype), numbers in groups.items():
+            if topic in offered:
+                notice("%s has two types, %s and %s: each goes to those who subscribe with its md5"
+                       % (topic, offered[topic], datatype))
+            offered[topic] = datatype
+            latching = any(source.connections[number].latching for number in numbers)
+            outlet = publisher.advertise(topic, source.connections[numbers[0]], latching)
+            by_number.update((number, outlet) for number in numbers)
+        for number, connection in enumerate(source.connections):
+            self.outlets.append(by_number[number])
+            self._latches.append(number if connection.latching else None)
+        if has_clock:
+            clock = Connection("/clock", "rosgraph_msgs/Clock",
+                               definition_md5("rosgraph_msgs/Clock", _CLOCK_DEFINITION), _CLOCK_DEFINITION)
+            self._clock = publisher.advertise(names.resolve("/clock"), clock, False)
+
+    def send(self, message: Timed) -> None:
+        """Publish one message of the log."""
+        number = message.connection
+        self._publisher.publish(self.outlets[number], message.frame, self._latches[number])
+
+    def send_clock(self, log_time: int) -> None:
+        """Publish a log time, ns, as the time."""
+        if self._clock is not None:
+            self._publisher.publish(self._clock, frame_of(_TIME.pack(*divmod(log_time, NS_PER_S))))
+
+
+def _play_through(args: argparse.Namespace, source: LogSource, stage: _Stage, publisher: RawPublisher, player: Player,
+                  say: Callable[[str], None]) -> None:
+    begin = source.begin + int(args.start * NS_PER_S)
+    ends = [source.end]
+    if args.duration is not None:
+        ends.append(begin + int(args.duration * NS_PER_S))
+    if args.until is not None:
+        ends.append(source.begin + int(args.until * NS_PER_S))
+    end = min(ends)
+    player.wait(args.delay, begin)
+    if args.wait_for_subscribers:
+        say("waiting for subscribers")
+        while not publisher.has_subscribers():
+            player.wait(0.02, begin)
+    with punctual():
+        while True:
+            if begin > source.begin:
+                for message in source.last_before(begin):
+                    stage.send(message)
+            messages = source.play(begin, end)
+            try:
+                player.play(messages, begin)
+            finally:
+                messages.close()
+            if not args.loop:
+                break
+    if args.keep_alive:
+        say("all is played; the topics stay until SIGINT")
+    while args.keep_alive:
+        player.wait(3600.0, end)
+
+
+def _report(source: LogSource, stage: _Stage, player: Player, end_reason: str) -> Dict[str, Any]:
+    topics: Dict[str, Dict[str, float]] = {}
+    for topic in sorted({outlet.topic for outlet in stage.outlets}):
+        numbers = [n for n, outlet in enumerate(stage.outlets) if outlet.topic == topic and n in player.accounts]
+        merged = player.total_of(numbers)
+        topics[topic] = {"sent": merged.count, "late_p50_s": merged.quantile(0.5), "late_p99_s": merged.quantile(0.99),
+                         "late_max_s": merged.max_s}
+    total = player.total_of(list(player.accounts))
+    return {"sent": total.count, "late_p50_s": total.quantile(0.5), "late_p99_s": total.quantile(0.99),
+            "late_max_s": total.max_s, "topics": topics, "end": end_reason}
+
+
+def _line(name: str, account: Dict[str, float], is_immediate: bool) -> str:
+    text = "%s: %d messages" % (name, account["sent"])
+    if is_immediate or not account["sent"]:
+        return text
+    return "%s, late by p50 %.0f us, p99 %.0f us, at most %.1f ms" % (
+        text, account["late_p50_s"] * 1e6, account["late_p99_s"] * 1e6, account["late_max_s"] * 1e3)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play to the end, or until SIGINT or SIGTERM; 0 when all went well.
+
+    Raises:
+        BagError: A log cannot be read, or there is nothing to play.
+        ConnectionLost: There is no master.
+    """
+    def notice(line: str) -> None:
+        print("jaka_bag play: %s" % line, file=sys.stderr, flush=True)
+
+    def say(line: str) -> None:
+        if not args.quiet:
+            notice(line)
+
+    words, remappings = split_remappings(args.files + args.topics + args.bags)
+    paths = [word for word in args.files + args.bags if word in words]
+    if not paths:
+        notice("error: no FILE")
+        return 2
+    if args.immediate and args.rate != 1.0:
+        notice("error: -i has no rate")
+        return 2
+    names = node_names(anonymous_name("jaka_bag_play"), remappings, os.environ)
+    source = LogSource(paths, [topic for topic in args.topics if topic in words], args.regex, args.exclude)
+    try:
+        if not source.connections:
+            raise BagError("nothing to play: no topic of %s is wanted" % ", ".join(paths))
+        report = _perform(args, names, source, notice, say)
+    finally:
+        source.close()
+    if args.report:
+        try:
+            Path(args.report).write_text(json.dumps(report, indent=1, sort_keys=True) + "\n")
+        except OSError as error:
+            raise BagError("cannot write the report %s: %s" % (args.report, error.strerror)) from error
+    return 0
+
+
+def _perform(args: argparse.Namespace, names: NodeNames, source: LogSource, notice: Callable[[str], None],
+             say: Callable[[str], None]) -> Dict[str, Any]:
+    pace = Pace(args.rate, args.immediate, args.pause, args.spin_us * 1e-6, args.skip_empty,
+                1.0 / args.hz if args.clock else None)
+    end_reason = "end of the log"
+    publisher = RawPublisher(names, notice, lambda reason: os.kill(os.getpid(), signal.SIGTERM))
+    with Keyboard() as keyboard:
+        stage = _Stage(publisher)
+        player = Player(pace, stage.send, stage.send_clock, keyboard, publisher.admit, say)
+        try:
+            with _signals_stop():
+                if args.clock and not read_parameter(publisher.master, "/use_sim_time"):
+                    notice("the parameter /use_sim_time is not true: nodes will not use /clock")
+                stage.advertise(source, args.prefix, args.clock, notice)
+                say("playing %d topics, %.1f s of log, node %s"
+                    % (len({o.topic for o in stage.outlets}), (source.end - source.begin) * 1e-9, names.node))
+                _play_through(args, source, stage, publisher, player, say)
+        except _Stop as stop:
+            end_reason = str(stop)
+        finally:
+            with contextlib.suppress(KeyboardInterrupt):
+                publisher.close(_PATIENCE_S if end_reason == "end of the log" else 0.5)
+    report = _report(source, stage, player, end_reason)
+    for topic, account in report["topics"].items():
+        say(_line(topic, account, args.immediate))
+    say(_line("all", report, args.immediate) + ", " + end_reason)
+    return report

@@ -1,0 +1,313 @@
+"""``jaka_bag record``: the command line of the recorder."""
+import argparse
+import contextlib
+import dataclasses
+import json
+import os
+import platform
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any, Callable, Dict, Iterator, List, Optional
+
+from ..errors import BagError, JakaBagError
+from ..live.graph import RemoteNode, master_uri
+from ..live.names import NodeNames, anonymous_name, node_names, split_remappings
+from ..live.rolling_files import Attachment, FileSettings, LogFiles
+from ..live.rospy_transport import RospyTransport
+from ..live.session import Recording, Transport, parameter_dump, read_parameter, wait_for_master
+from ..live.stream_account import TopicDrops, drops_by_topic
+from ..live.subscriber import RawTransport, accept_all
+from ..live.topic_selection import TopicSelection, compile_pattern, is_of_namespace, state_log_topics
+from ..live.writer_thread import Recorder
+from . import quantities
+from .notices import Notices
+
+SUMMARY = "record topics to .mcap (default) or .bag"
+
+_EPILOG = """\
+Messages are stored as they come over the wire, whatever their type. While it is written the file is called
+NAME.mcap.active; SIGINT or SIGTERM finish it and give it its name. After a power cut or kill -9 it can be read as it
+is, or made whole with 'jaka_bag recover'; at most the newest second is missing.
+
+Log times are the kernel's times of receipt (--stamp). Where the parameter /use_sim_time is true they are the times of
+/clock, as with rosbag record; messages that come before the first /clock get its time.
+
+--state-log records exactly one driver: jaka_driver/tool_position, joint_position, robot_states and service_calls,
+and joint_states, tf, tf_static and diagnostics, all of the namespace (__ns:=/left or ROS_NAMESPACE). Of the global
+topics /tf, /tf_static and /diagnostics it takes the messages of the namespace's nodes, and no others.
+
+What was lost is always said at the end, by topic: skipped header.seq numbers, the publishers' own bus statistics, and
+what the recorder itself had to throw away; an .mcap holds the same account in its metadata, and the ROS parameters
+at the start as an attachment.
+
+--snapshot keeps the newest messages in memory and writes them to a file of their own at each SIGUSR1.
+NAME:=VALUE words remap topics; __name:=, __ns:= are known. Exit code: 0 done, 1 failed or cut short, 2 usage.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``jaka_bag record``."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = _EPILOG
+    add = parser.add_argument
+    add("topics", nargs="*", metavar="TOPIC", help="topics to record; with -e regular expressions")
+    what = parser.add_argument_group("what to record")
+    what.add_argument("-a", "--all", action="store_true", help="every topic, also those that appear later")
+    what.add_argument("-e", "--regex", action="store_true", help="TOPICs are regular expressions for whole names")
+    what.add_argument("-x", "--exclude", metavar="REGEX", help="leave out topics whose whole name matches")
+    what.add_argument("--node", help="every topic that this node subscribes to")
+    what.add_argument("--state-log", action="store_true", help="exactly the topics of one driver, see below")
+    what.add_argument("-l", "--limit", type=quantities.count, default=0, metavar="N",
+                      help="N messages of each topic (0: no limit)")
+    where = parser.add_argument_group("where to")
+    where.add_argument("-o", "--output-prefix", metavar="PREFIX", help="name is PREFIX and the date")
+    where.add_argument("-O", "--output-name", metavar="NAME", help="name; .bag or .mcap at its end chooses the format")
+    where.add_argument("--format", choices=("mcap", "bag"), help="default mcap")
+    where.add_argument("--force", action="store_true", help="overwrite files of the same name")
+    where.add_argument("--split", action="store_true", help="begin a new, numbered file at --size or --duration")
+    where.add_argument("--size", type=quantities.megabytes, metavar="MB", help="size of a file; without --split: stop")
+    where.add_argument("--duration", type=quantities.duration, metavar="TIME",
+                       help="length of a file (s; or with ms, m, h); without --split: stop")
+    where.add_argument("--max-splits", type=quantities.count, default=0, metavar="N",
+                       help="keep the newest N files (0: all)")
+    where.add_argument("-L", "--min-space", type=quantities.size, default=64 << 20, metavar="SIZE",
+                       help="stop when the disk has less left (k, M, G; default 64M)")
+    how = parser.add_argument_group("how")
+    codec = how.add_mutually_exclusive_group()
+    codec.add_argument("--zstd", nargs="?", const="", metavar="LEVEL", help="zstd (mcap; the default there, level 1)")
+    codec.add_argument("--lz4", action="store_true", help="lz4")
+    codec.add_argument("-j", "--bz2", action="store_true", help="bz2 (bag)")
+    codec.add_argument("--no-compression", action="store_true", help="none (the default for bag)")
+    how.add_argument("-b", "--buffsize", type=quantities.megabytes, default=256 << 20, metavar="MB",
+                     help="messages that may wait for the disk (default 256; 0: no limit)")
+    how.add_argument("--chunksize", type=quantities.count, default=1024, metavar="KB", help="chunk size (default 1024)")
+    how.add_argument("--chunk-age", type=quantities.duration, default=1.0, metavar="TIME",
+                     help="a chunk is written when its first message is this old (default 1s)")
+    how.add_argument("--fsync", type=quantities.duration, default=1.0, metavar="TIME",
+                     help="force to the disk this often (default 1s; 0: never)")
+    how.add_argument("--snapshot", type=quantities.duration, metavar="TIME",
+                     help="write the newest TIME of messages at each SIGUSR1, and only then")
+    how.add_argument("--repeat-latched", action="store_true",
+                     help="begin each further file with the newest message of each latched publisher")
+    how.add_argument("--tcpnodelay", action="store_true", help="ask publishers to send each message at once")
+    how.add_argument("--stamp", choices=("receive", "kernel"), default="kernel",
+                     help="log time: when the kernel got the message (default), or when it was read")
+    how.add_argument("--transport", choices=("raw", "rospy"), default="raw",
+                     help="own subscriber (default) or rospy's (receive stamps only)")
+    how.add_argument("--report", metavar="FILE", help="write the account of the recording as JSON")
+    how.add_argument("-q", "--quiet", action="store_true", help="say only what went wrong or was lost")
+
+
+class _Usage(BagError):
+    """Options that do not go together."""
+
+
+def _selection(args: argparse.Namespace, names: NodeNames) -> TopicSelection:
+    exclude = compile_pattern(args.exclude) if args.exclude is not None else None
+    if args.state_log:
+        if args.topics or args.all or args.regex or args.node:
+            raise _Usage("--state-log chooses the topics itself")
+        return TopicSelection(state_log_topics(names), exclude=exclude)
+    node = names.resolve(args.node) if args.node else None
+    if args.regex and not args.topics:
+        raise _Usage("-e needs regular expressions")
+    if not (args.topics or args.all or node):
+        raise _Usage("nothing to record: give topics, -a, -e, --node or --state-log")
+    if args.regex:
+        patterns = tuple(compile_pattern(topic) for topic in args.topics)
+        return TopicSelection((), args.all, patterns, exclude, node)
+    return TopicSelection(tuple(names.resolve(topic) for topic in args.topics), args.all, (), exclude, node)
+
+
+def _stem(args: argparse.Namespace) -> Path:
+    if args.output_name is not None:
+        path = Path(args.output_name)
+        if path.suffix in (".bag", ".mcap"):
+            args.format = args.format or path.suffix[1:]
+            path = path.with_suffix("")
+        if not path.name:
+            raise _Usage("-O needs a name")
+        return path
+    date = time.strftime("%Y-%m-%d-%H-%M-%S")
+    if args.output_prefix is None:
+        return Path(date)
+    prefix = args.output_prefix
+    return Path(prefix + date if prefix.endswith("/") else "%s_%s" % (prefix, date))
+
+
+def _settings(args: argparse.Namespace) -> FileSettings:
+    stem = _stem(args)
+    container = args.format or "mcap"
+    level: Optional[int] = None
+    compression = "zstd" if container == "mcap" else "none"
+    if args.zstd is not None:
+        compression, level = "zstd", int(args.zstd) if args.zstd else None
+    for name in ("lz4", "bz2"):
+        if getattr(args, name):
+            compression = name
+    if args.no_compression:
+        compression = "none"
+    if args.split and args.size is None and args.duration is None:
+        raise _Usage("--split needs --size or --duration")
+    if args.max_splits and not args.split:
+        raise _Usage("--max-splits needs --split")
+    return FileSettings(stem, container, compression, level, args.chunksize << 10, args.chunk_age, args.fsync,
+                        args.size, args.duration if args.split else None, args.split, args.max_splits, args.min_space,
+                        args.repeat_latched, args.force)
+
+
+def _take_zstd_level(args: argparse.Namespace) -> None:
+    """``--zstd TOPIC`` is ``--zstd`` and a topic: the level is a number."""
+    if args.zstd and not args.zstd.isdigit():
+        args.topics.insert(0, args.zstd)
+        args.zstd = ""
+
+
+@contextlib.contextmanager
+def _signals(recording: Recording, recorder: Recorder, is_snapshot: bool) -> Iterator[None]:
+    def on_end(number: int, frame: Any) -> None:
+        recording.end(signal.Signals(number).name)
+
+    def on_trigger(number: int, frame: Any) -> None:
+        recorder.trigger_snapshot()
+
+    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    handlers: Dict[int, Callable[[int, Any], None]] = dict.fromkeys(ends, on_end)
+    if is_snapshot:
+        handlers[signal.SIGUSR1] = on_trigger
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _write_report(path: str, recorder: Recorder, recording: Recording, drops: Dict[str, TopicDrops],
+                  failure: Optional[Exception]) -> None:
+    report = {"files": recorder.finished_paths, "messages": recorder.messages, "end": recording.end_reason,
+              "error": None if failure is None else str(failure), "untimed": recorder.untimed,
+              "topics": {topic: dict(account._asdict(), lossy=account.is_lossy) for topic, account in drops.items()}}
+    try:
+        Path(path).write_text(json.dumps(report, indent=1, sort_keys=True) + "\n")
+    except OSError as error:
+        raise BagError("cannot write the report %s: %s" % (path, error.strerror)) from error
+
+
+class _Console:
+    """Lines for the user, on stderr; ``always`` also with ``--quiet``. Nothing that records waits for them."""
+
+    def __init__(self, quiet: bool) -> None:
+        self._quiet = quiet
+        self._notices = Notices("jaka_bag record")
+
+    def __enter__(self) -> "_Console":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._notices.close()
+
+    def say(self, line: str) -> None:
+        if not self._quiet:
+            self.always(line)
+
+    def always(self, line: str) -> None:
+        self._notices.say(line)
+
+    def report(self, recorder: Recorder, recording: Recording, drops: Dict[str, TopicDrops]) -> None:
+        """Files, counts, and all that was lost."""
+        if recording.end_reason:
+            self.say("ended: %s" % recording.end_reason)
+        for path in recorder.finished_paths:
+            self.say("wrote %s" % path)
+        if recorder.untimed:
+            self.always("%d messages came before the first /clock" % recorder.untimed)
+        for topic, account in drops.items():
+            line = "%s: %d messages, %s" % (topic, account.received, account.describe())
+            if account.is_lossy:
+                self.always("LOST on " + line)
+            else:
+                self.say(line)
+            if len(account.types) > 1:
+                self.always("%s has publishers of different types: %s" % (
+                    topic, ", ".join("%s (md5 %s)" % kind for kind in account.types)))
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record until SIGINT, SIGTERM or a limit; 0 when all went well.
+
+    Raises:
+        BagError: The recording could not be started.
+    """
+    _take_zstd_level(args)
+    args.topics, remappings = split_remappings(args.topics)
+    try:
+        names = node_names(anonymous_name("jaka_bag_record"), remappings, os.environ)
+        selection = _selection(args, names)
+        settings = _settings(args)
+    except _Usage as error:
+        print("jaka_bag record: error: %s" % error, file=sys.stderr)
+        return 2
+    with _Console(args.quiet) as console:
+        return _record(args, names, selection, settings, console)
+
+
+def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelection, settings: FileSettings,
+            console: _Console) -> int:
+    facts = {"program": "jaka_bag record", "host": platform.node(), "node": names.node, "master": master_uri(),
+             "transport": args.transport, "arguments": json.dumps(sys.argv[1:]),
+             "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
+    attachments: List[Attachment] = []
+
+    def open_files() -> LogFiles:
+        chosen = settings
+        if args.snapshot is not None:
+            chosen = dataclasses.replace(settings, stem=_snapshot_stem(settings))
+        return LogFiles(chosen, facts, attachments, lambda: recorder.streams(), console.say)
+
+    def connect() -> Transport:
+        console.say("recording to %s, node %s" % (
+            settings.path(0) if args.snapshot is None else "memory, the newest %g s" % args.snapshot, names.node))
+        if args.transport == "rospy":
+            return RospyTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
+                                  args.tcpnodelay)
+        return RawTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
+                            args.tcpnodelay, args.stamp == "kernel")
+
+    recorder = Recorder(open_files, args.buffsize, console.always, lambda reason: recording.end(reason), False,
+                        args.limit, args.snapshot)
+    recording = Recording(recorder, selection, is_of_namespace(names.namespace) if args.state_log else accept_all,
+                          console.always, None if args.split else args.duration)
+    failure: Optional[Exception] = None
+    with _signals(recording, recorder, args.snapshot is not None):
+        master = RemoteNode(master_uri(), names.node)
+        if not wait_for_master(master, recording.stop, console.always):
+            return 1
+        recorder.is_simulated_time = bool(read_parameter(master, "/use_sim_time"))
+        receipt = args.stamp if args.transport == "raw" else "receive"
+        facts["log_time"] = "/clock" if recorder.is_simulated_time else receipt
+        attachments.append(Attachment("rosparam.yaml", parameter_dump(master), "application/yaml"))
+        master.close()
+        try:
+            recording.run(connect, recorder.is_simulated_time)
+        except JakaBagError as error:
+            failure = error
+    drops = drops_by_topic(recorder.streams())
+    console.report(recorder, recording, drops)
+    if args.report:
+        _write_report(args.report, recorder, recording, drops, failure)
+    if failure is not None:
+        console.always("error: %s" % failure)
+    return 0 if failure is None else 1
+
+
+def _snapshot_stem(settings: FileSettings) -> Path:
+    date = time.strftime("%Y-%m-%d-%H-%M-%S")
+    stem = settings.stem.with_name("%s_snapshot_%s" % (settings.stem.name, date))
+    number = 1
+    while dataclasses.replace(settings, stem=stem).path(0).exists():
+        number += 1
+        stem = settings.stem.with_name("%s_snapshot_%s_%d" % (settings.stem.name, date, number))
+    return stem

@@ -1,0 +1,21 @@
+"""Does the arm still do what it did? Compares two state logs, the golden one and a candidate.
+
+The shelf, from the ground up; a module imports only from those above it in this list:
+
+tolerances        how far the candidate may be off, from YAML
+rotation_angles   angles between orientations
+run               one log as streams, joints, poses, states and calls, times in s
+sequences         pairs of like entries of two sequences
+loading           a log read into a run
+verdict           the outcome of one check, and of all
+motion_fit        lag and pace of motions by Gauss-Newton
+alignment         when in the candidate a moment of the golden log happened: events, then all joints together
+stream_checks     types, counts, rates, jitter, gaps, stamps
+cut_motions       motions that were stopped: how far off the arm may stand afterwards
+curve_distance    how far samples are from a curve whose times are uncertain
+motion_checks     timing and pace; joints, positions, orientations, other fields
+state_checks      sequences of states
+call_checks       sequences of service calls
+comparison        all checks in their order
+report            the result for people and machines
+"""

@@ -1,0 +1,96 @@
+"""Motions that ended where something stopped them, not at a target: how far off the arm may stand afterwards.
+
+A stop that arrives a moment later finds the arm farther along. How far is the speed at that moment times the time
+allowed; it stays until a motion to an absolute target has been completed.
+"""
+from typing import List, NamedTuple, Sequence, Tuple
+
+import numpy as np
+
+from ..driver_interface import MotionState
+from ..messages.batch import Array
+from .alignment import Arm
+from .motion_fit import speeds
+from .run import Call, Run, arm_of
+
+_BEFORE_S = 0.3
+"""Speeds are looked up so long before a cut: the stop's own ramp comes after it, its report may come late."""
+_AFTER_S = 0.1
+_JOG_TAIL_S = 0.5
+_STOP_SERVICES = ("stop_move",)
+_JOG_SERVICES = ("jog",)
+_ABSOLUTE_SERVICES = ("joint_move", "linear_move", "servo_j", "servo_p")
+_STOP_STATES = (MotionState.PAUSED, MotionState.EMERGENCY_STOP, MotionState.ERROR)
+
+
+class Cut(NamedTuple):
+    """A motion that was cut off; golden times in s: of the cut, of the motion's start, of the end of its effect."""
+
+    at: float
+    span_start: float
+    until: float
+
+
+def _stops(run: Run, arm: str, arms: List[str], calls: Sequence[Call]) -> List[float]:
+    """Golden times of everything that ends motions."""
+    times = [call.start for call in calls if call.short_name in _STOP_SERVICES]
+    for topic, track in run.states.items():
+        if arm_of(topic, arms) != arm:
+            continue
+        for column, name in enumerate(track.names):
+            value = track.value[:, column]
+            changed = np.flatnonzero(value[1:] != value[:-1]) + 1
+            if name == "motion_state":
+                times += track.time[changed[np.isin(value[changed], _STOP_STATES)]].tolist()
+            elif name in ("power_state", "servo_state"):
+                times += track.time[changed[value[changed] == 0]].tolist()
+    return sorted(times)
+
+
+def cut_motions(run: Run, name: str, arm: Arm) -> List[Cut]:
+    """The cut motions of one arm of a golden log, in the order of time."""
+    calls, spans = arm.calls, arm.spans
+    stops = np.array(_stops(run, name, run.arms, calls))
+    motion_calls = [call for call in calls if call.short_name in _JOG_SERVICES + _ABSOLUTE_SERVICES]
+    call_starts = np.array([call.start for call in motion_calls])
+    at: List[float] = []
+    is_absolute: List[bool] = []
+    for start, end in spans:
+        before = int(np.searchsorted(call_starts, start + 0.05)) - 1
+        by_jog = before >= 0 and motion_calls[before].short_name in _JOG_SERVICES
+        inside = stops[(stops > start) & (stops < end + 0.05)]
+        at.append(float(inside[0]) if len(inside) else max(start, end - _JOG_TAIL_S) if by_jog else np.inf)
+        is_absolute.append(not calls or (before >= 0 and not by_jog))
+    cuts: List[Cut] = []
+    for number, (start, _) in enumerate(spans):
+        if np.isfinite(at[number]):
+            whole = [k for k in range(number + 1, len(spans)) if np.isinf(at[k]) and is_absolute[k]]
+            cuts.append(Cut(at[number], start, spans[whole[0]][1] if whole else np.inf))
+    return cuts
+
+
+def fit_ends(cuts: Sequence[Cut]) -> List[Tuple[float, float]]:
+    """Start of each cut motion, and from when it says nothing about lag and pace, s."""
+    return [(cut.span_start, cut.at - 0.1) for cut in cuts]
+
+
+def allowances(cuts: Sequence[Cut], time: Array, value: Array, at: Array, cut_s: float) -> Array:
+    """How far each column may be off because of cuts, in the unit of ``value``, shape (len(at), columns).
+
+    Args:
+        cuts: Of the golden log.
+        time: Of the golden track, s.
+        value: Of the golden track, shape (n, columns).
+        at: Golden times asked for, s.
+        cut_s: How much sooner or later a cut may come, s.
+    """
+    result = np.zeros((len(at), value.shape[1]))
+    if not cuts:
+        return result
+    speed = np.abs(speeds(time, value))
+    for cut in cuts:
+        begin, end = np.searchsorted(time, (cut.at - _BEFORE_S, cut.at + _AFTER_S))
+        if end > begin:
+            inside = (at >= cut.at - cut_s) & (at <= cut.until + cut_s)
+            result[inside] += speed[begin:end].max(axis=0) * cut_s
+    return result

@@ -1,0 +1,215 @@
+"""Lag and pace of motions by Gauss-Newton, over all joints at once and for many motions in one pass."""
+from dataclasses import dataclass
+from typing import List, NamedTuple, Sequence, Tuple, Union
+
+import numpy as np
+
+from ..messages.batch import Array
+from .run import Track
+
+_ROUNDS = 10
+_STEP_S = 0.05
+_LEAST_POWER = 1e-9
+_KNEE_RAD = 2e-4
+_COMMON_MOTIONS = 60
+_LATE_ONE_BY_ONE = 10.0
+
+
+def half_width(time: Array) -> int:
+    """Samples in about 24 ms, at least 1: what speeds are taken over, to either side."""
+    steps = np.diff(time)
+    steps = steps[steps > 1e-4]
+    return max(1, int(round(0.024 / float(np.median(steps))))) if len(steps) else 1
+
+
+def speeds(time: Array, value: Array) -> Array:
+    """Rate of change of each column, central over about 48 ms, unit/s, the shape of ``value``."""
+    result = np.zeros(value.shape)
+    reach = half_width(time)
+    if len(time) > 2 * reach:
+        span = np.maximum(time[2 * reach:] - time[:-2 * reach], 1e-6)
+        result[reach:-reach] = (value[2 * reach:] - value[:-2 * reach]) / span[:, None]
+    return result
+
+
+class Curve:
+    """Joints over time, with speeds, to be looked up anywhere; samples that are no numbers are left out."""
+
+    def __init__(self, track: Track) -> None:
+        good = np.isfinite(track.value).all(axis=1)
+        self.time = track.time if good.all() else track.time[good]
+        self.value = track.value if good.all() else track.value[good]
+        self.speed = speeds(self.time, self.value)
+        self._both = np.hstack([self.value, self.speed])
+
+    def at(self, times: Array) -> Tuple[Array, Array]:
+        """Values and speeds, the shape of ``times`` and a last axis for the joints; held at the ends."""
+        joints = self.value.shape[1]
+        right = np.searchsorted(self.time, times.ravel())
+        right = np.minimum(np.maximum(right, 1), len(self.time) - 1)
+        before = self.time[right - 1]
+        part = (times.ravel() - before) / np.maximum(self.time[right] - before, 1e-9)
+        part = np.minimum(np.maximum(part, 0.0), 1.0)[:, None]
+        low = self._both[right - 1]
+        both = (low + part * (self._both[right] - low)).reshape(times.shape + (2 * joints,))
+        return both[..., :joints], both[..., joints:]
+
+
+@dataclass(frozen=True)
+class Motions:
+    """Motions of one arm, sampled evenly.
+
+    Attributes:
+        times: Golden times, s, shape (motions, samples).
+        values: Golden joints there, rad, shape (motions, samples, joints).
+        candidate: The other log's joints.
+    """
+
+    times: Array
+    values: Array
+    candidate: Curve
+
+    @property
+    def centre(self) -> Array:
+        """Golden time half way, s, shape (motions,)."""
+        middle: Array = 0.5 * (self.times[:, 0] + self.times[:, -1])
+        return middle
+
+    def some(self, which: Union[Array, slice]) -> "Motions":
+        """Those of the motions that ``which``, a mask or indices, picks."""
+        return Motions(self.times[which], self.values[which], self.candidate)
+
+
+class Fits(NamedTuple):
+    """Fits of motions, one a row.
+
+    Attributes:
+        lag: Candidate time - golden time at the centre, s.
+        pace: Candidate duration / golden duration.
+        rms: Of what remains, rad.
+    """
+
+    lag: Array
+    pace: Array
+    rms: Array
+
+
+def sampled(golden: Curve, candidate: Curve, spans: Sequence[Tuple[float, float]], samples: int) -> Motions:
+    """Motions between golden times (start, end), s."""
+    part = np.linspace(0.0, 1.0, samples)
+    edges = np.array(spans, float).reshape(-1, 2)
+    times = edges[:, :1] + part * (edges[:, 1:] - edges[:, :1])
+    return Motions(times, golden.at(times)[0], candidate)
+
+
+def _normals(motions: Motions, lag: Array, pace: Array) -> Tuple[Array, Array, Array]:
+    """Normal equations of each motion, shapes (n, 2, 2) and (n, 2), and the mean square of what remains, rad^2."""
+    offset = motions.times - motions.centre[:, None]
+    seen, slope = motions.candidate.at((motions.centre + lag)[:, None] + pace[:, None] * offset)
+    residual = motions.values - seen
+    size = np.sqrt((residual * residual).sum(axis=2))
+    # Huber: what is far beyond the median counts less
+    knee = np.maximum(_KNEE_RAD, 3.0 * np.median(size, axis=1))
+    weight = np.minimum(1.0, knee[:, None] / np.maximum(size, 1e-12))
+    power = (slope * slope).sum(axis=2) * weight
+    push = (slope * residual).sum(axis=2) * weight
+    cross = (power * offset).sum(axis=1)
+    matrix = np.stack([np.stack([power.sum(axis=1), cross], axis=1),
+                       np.stack([cross, (power * offset * offset).sum(axis=1)], axis=1)], axis=1)
+    right = np.stack([push.sum(axis=1), (push * offset).sum(axis=1)], axis=1)
+    joints = motions.values.shape[2]
+    return matrix, right, (weight * size * size).mean(axis=1) / joints
+
+
+def fit(motions: Motions, lag: Array, with_pace: Array) -> Fits:
+    """Fit each motion on its own: the lag, and the pace where asked for; from the given lags, s."""
+    lag, pace = lag.astype(float).copy(), np.ones(len(lag))
+    square = np.zeros(len(lag))
+    active = np.arange(len(lag))
+    for _ in range(_ROUNDS):
+        some = motions.some(active)
+        matrix, right, square[active] = _normals(some, lag[active], pace[active])
+        power, cross, spread = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1]
+        determinant = power * spread - cross * cross
+        both = with_pace[active] & (determinant > 1e-6 * power * spread) & (power > _LEAST_POWER)
+        alone = np.where(power > _LEAST_POWER, right[:, 0] / np.maximum(power, _LEAST_POWER), 0.0)
+        safe = np.where(both, determinant, 1.0)
+        step = np.where(both, (right[:, 0] * spread - right[:, 1] * cross) / safe, alone)
+        turn = np.where(both, (right[:, 1] * power - right[:, 0] * cross) / safe, 0.0)
+        lag[active] += np.minimum(np.maximum(step, -0.2), 0.2)
+        pace[active] = np.minimum(np.maximum(pace[active] + np.minimum(np.maximum(turn, -0.1), 0.1), 0.5), 2.0)
+        active = active[(np.abs(step) > 1e-5) | (np.abs(turn) > 1e-5)]
+        if not len(active):
+            break
+    return Fits(lag, pace, np.sqrt(square))
+
+
+def fit_common(arms: Sequence[Motions], lag: float) -> Tuple[float, float]:
+    """One lag for all motions of all arms, from a given one: lag, s, and rms of what remains, rad."""
+    square = 0.0
+    for _ in range(_ROUNDS):
+        power, push = 0.0, 0.0
+        squares: List[Array] = []
+        for motions in arms:
+            count = len(motions.times)
+            matrix, right, remains = _normals(motions, np.full(count, lag), np.ones(count))
+            power += float(matrix[:, 0, 0].sum())
+            push += float(right[:, 0].sum())
+            squares.append(remains)
+        square = float(np.concatenate(squares).mean())
+        if power < _LEAST_POWER:
+            break
+        step = min(max(push / power, -0.2), 0.2)
+        lag += step
+        if abs(step) < 1e-6:
+            break
+    return lag, float(np.sqrt(square))
+
+
+def _costs(motions: Motions, lag: Array) -> Array:
+    residual = motions.values - motions.candidate.at(motions.times + lag[:, None])[0]
+    cost: Array = np.sqrt((residual * residual).sum(axis=2)).mean(axis=1)
+    return cost
+
+
+def _best_around(cost_of_lags: Array, lags: Array) -> Array:
+    """The lag of the least cost in each column, the middle one of equals."""
+    biased = cost_of_lags + 1e-9 * np.abs(lags)[:, None]
+    best: Array = lags[np.argmin(biased, axis=0)]
+    return best
+
+
+def search(motions: Motions, around: Array, with_pace: Array, reach_s: float, good_rms: float) -> Fits:
+    """As ``fit``; where that leaves more than ``good_rms``, rad, from the best of the lags within ``reach_s``."""
+    first = fit(motions, around, with_pace)
+    poor = np.flatnonzero((first.rms > good_rms) | (np.abs(first.lag - around) > reach_s))
+    if not len(poor):
+        return first
+    some = motions.some(poor)
+    lags = np.arange(-reach_s, reach_s + 0.5 * _STEP_S, _STEP_S)
+    start = around[poor] + _best_around(np.stack([_costs(some, around[poor] + lag) for lag in lags]), lags)
+    again = fit(some, start, with_pace[poor])
+    outside = np.abs(again.lag - around[poor]) > reach_s + _STEP_S
+    again.lag[outside], again.pace[outside] = start[outside], 1.0
+    better = (again.rms < first.rms[poor]) | (np.abs(first.lag[poor] - around[poor]) > reach_s)
+    for kept, found in zip(first, again):
+        kept[poor[better]] = found[better]
+    return first
+
+
+def search_common(arms: Sequence[Motions], around: float, reach_s: float, good_rms: float) -> float:
+    """As ``fit_common``; where much remains, from the best of the lags within ``reach_s``.
+
+    Motions may be late one by one, so more than ``good_rms``, rad, of each may remain.
+    """
+    arms = [motions.some(slice(None, None, 1 + len(motions.times) // _COMMON_MOTIONS)) for motions in arms]
+    lag, rms = fit_common(arms, around)
+    if rms <= _LATE_ONE_BY_ONE * good_rms and abs(lag - around) <= reach_s:
+        return lag
+    lags = np.arange(-reach_s, reach_s + 0.5 * _STEP_S, _STEP_S)
+    costs = [[sum(float(_costs(m, np.full(len(m.times), around + offset)).sum()) for m in arms)] for offset in lags]
+    start = around + float(_best_around(np.array(costs), lags)[0])
+    again, again_rms = fit_common(arms, start)
+    if abs(again - around) > reach_s + _STEP_S:
+        again = start
+    return again if again_rms < rms or abs(lag - around) > reach_s else lag

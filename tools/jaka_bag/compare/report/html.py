@@ -1,0 +1,161 @@
+"""The result of a comparison as one HTML page that needs no network and no scripts."""
+import html
+import os
+from typing import Iterable, List
+
+from ..tolerances import Tolerances, as_yaml
+from ..verdict import Check, Comparison, Outcome
+from .pictures import Figure, Pictures
+from .text import headline
+
+_STYLE = """
+:root{--page:#f6f7f9;--card:#fff;--text:#1b2330;--faint:#5b6675;--rule:#d7dce3;--golden:#e0a000;--candidate:#1d4fd7;
+--difference:#8b2fc9;--band:#2e9e6b26;--bad:#b3261e;--bad-soft:#fdecea;--good:#17693f;--good-soft:#e7f5ed;
+--s0:#e4e8ee;--s1:#bcd9f5;--s2:#f5b5ae;--s3:#b9e3c8;--s4:#f0c3e6;--s5:#f3dfa6}
+@media (prefers-color-scheme:dark){:root{--page:#12161c;--card:#1b212a;--text:#e8ecf2;--faint:#a3afbf;--rule:#35404e;
+--golden:#f0b62e;--candidate:#7aa5ff;--difference:#cf9bf5;--band:#46c48a2e;--bad:#ff9d94;--bad-soft:#3b1e1d;
+--good:#7ddba8;--good-soft:#17301f;--s0:#3a4350;--s1:#26507a;--s2:#7d2f28;--s3:#23613c;--s4:#6b2c5f;--s5:#6a551a}}
+*{box-sizing:border-box}
+body{margin:0;background:var(--page);color:var(--text);
+font:15px/1.5 system-ui,"Segoe UI",Roboto,"DejaVu Sans",sans-serif}
+main{max-width:1060px;margin:0 auto;padding:20px 16px 60px}
+h1{font-size:1.45rem;margin:0 0 4px}h2{font-size:1.15rem;margin:34px 0 10px}h3{font-size:1rem;margin:0 0 4px}
+a{color:inherit}
+.skip{position:absolute;left:-999px}.skip:focus{left:8px;top:8px;background:var(--card);padding:6px 10px}
+.verdict{border-left:8px solid;border-radius:8px;padding:16px 20px;margin-bottom:14px}
+.verdict.same{background:var(--good-soft);border-color:var(--good)}
+.verdict.different{background:var(--bad-soft);border-color:var(--bad)}
+.verdict.same h1{color:var(--good)}.verdict.different h1{color:var(--bad)}
+.verdict p{margin:2px 0}
+nav ul{display:flex;flex-wrap:wrap;gap:4px 18px;list-style:none;margin:0 0 6px;padding:0}
+dl{display:grid;grid-template-columns:max-content 1fr;gap:2px 16px;margin:0}
+dt{color:var(--faint)}dd{margin:0;overflow-wrap:anywhere}
+.card{background:var(--card);border:1px solid var(--rule);border-radius:8px;padding:14px 16px;margin:0 0 14px}
+.card.bad{border-left:5px solid var(--bad)}
+.amount{font-variant-numeric:tabular-nums;color:var(--bad);font-weight:600;white-space:nowrap}
+.values{margin:6px 0 8px;font-size:.93rem}
+figure{margin:8px 0 0}figcaption{font-size:.88rem;color:var(--faint)}
+svg{display:block;width:100%;height:auto}
+.planes{display:grid;grid-template-columns:repeat(auto-fit,minmax(260px,1fr));gap:10px}
+.legend{display:flex;flex-wrap:wrap;gap:4px 20px;font-size:.88rem;color:var(--faint);margin:0 0 10px}
+.legend span::before{content:"";display:inline-block;width:26px;height:0;margin-right:7px;vertical-align:middle;
+border-top:3px solid var(--k)}
+.legend .band::before{height:11px;border:0;background:var(--band);outline:1px solid var(--rule)}
+.legend .golden::before{border-top-width:5px}.legend .mark::before{border-top:2px dashed var(--bad)}
+path{fill:none}
+.golden{stroke:var(--golden);stroke-width:4;stroke-linejoin:round}
+.candidate{stroke:var(--candidate);stroke-width:1.4;stroke-linejoin:round}
+.difference{stroke:var(--difference);stroke-width:1.3}.warp{stroke:var(--faint);stroke-width:1.4}
+.band{fill:var(--band);stroke:none}.grid{stroke:var(--rule);stroke-width:.7}
+.mark{stroke:var(--bad);stroke-width:1.6;stroke-dasharray:5 4}
+.mark-point{fill:none;stroke:var(--bad);stroke-width:2}
+.tick,.unit,.row{font-size:11.5px;fill:var(--faint)}.row{fill:var(--text)}
+.state rect{stroke:var(--card);stroke-width:1}.state text{font-size:11px;fill:var(--text)}
+.state0 rect{fill:var(--s0)}.state1 rect{fill:var(--s1)}.state2 rect{fill:var(--s2)}
+.state3 rect{fill:var(--s3)}.state4 rect{fill:var(--s4)}.state5 rect{fill:var(--s5)}
+.call rect{fill:var(--candidate);opacity:.75}.call.failed rect{fill:var(--bad);opacity:1}
+.scroll{overflow-x:auto}
+table{border-collapse:collapse;width:100%;font-size:.9rem}
+th,td{text-align:left;padding:5px 10px 5px 0;border-bottom:1px solid var(--rule);vertical-align:top}
+td.number{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
+.outcome{white-space:nowrap;font-weight:600}.outcome.different{color:var(--bad)}.outcome.same{color:var(--good)}
+.outcome.not-compared{color:var(--faint);font-weight:400}
+pre{overflow:auto;font-size:.82rem;background:var(--page);padding:10px;border-radius:6px}
+summary{cursor:pointer}
+@media print{body{background:#fff}.card{break-inside:avoid}details{display:block}}
+"""
+_SIGNS = {Outcome.SAME: "&#10003; same", Outcome.DIFFERENT: "&#10007; different",
+          Outcome.NOT_COMPARED: "&#8211; not compared"}
+_MOST_PICTURES = 30
+_LEGEND = """<p class="legend"><span class="golden" style="--k:var(--golden)">golden log</span>
+<span class="candidate" style="--k:var(--candidate)">candidate</span>
+<span class="difference" style="--k:var(--difference)">how far off, less what jitter and stops allow</span>
+<span class="band">allowed</span><span class="mark">worst moment</span></p>"""
+
+
+def _text(words: str) -> str:
+    return html.escape(words)
+
+
+def _figures(figures: Iterable[Figure]) -> str:
+    return "".join("<figure><figcaption>%s</figcaption>%s</figure>" % (_text(figure.caption), figure.picture)
+                   for figure in figures)
+
+
+def _definitions(rows: Iterable[List[str]]) -> str:
+    return "<dl>%s</dl>" % "".join("<dt>%s</dt><dd>%s</dd>" % (_text(a), _text(b)) for a, b in rows)
+
+
+def _amount(check: Check) -> str:
+    if check.measured is None or check.limit is None:
+        return ""
+    return "%.4g of %.4g %s" % (check.measured, check.limit, check.unit)
+
+
+def _difference(check: Check, figures: List[Figure]) -> str:
+    rows = [["golden", check.golden], ["candidate", check.candidate]] if check.golden or check.candidate else []
+    return ('<article class="card bad"><h3>%s</h3><p>%s <span class="amount">%s</span></p>'
+            '<div class="values">%s</div>%s</article>'
+            % (_text(check.name), _text(check.detail), _text(_amount(check)), _definitions(rows) if rows else "",
+               _figures(figures)))
+
+
+def _table(checks: Iterable[Check]) -> str:
+    rows = "".join(
+        '<tr><td class="outcome %s">%s</td><th scope="row">%s</th><td>%s</td><td class="number">%s</td></tr>'
+        % (check.outcome.value.replace(" ", "-"), _SIGNS[check.outcome], _text(check.name), _text(check.detail),
+           _text(_amount(check))) for check in checks)
+    return ('<div class="scroll"><table><thead><tr><th scope="col">Outcome</th><th scope="col">Check</th>'
+            '<th scope="col">Seen</th><th scope="col">Measured, of what is allowed</th></tr></thead>'
+            '<tbody>%s</tbody></table></div>' % rows)
+
+
+def _section(name: str, title: str, content: str) -> str:
+    return '<section id="%s"><h2>%s</h2>%s</section>' % (name, title, content) if content else ""
+
+
+def as_html(comparison: Comparison, tolerances: Tolerances, title: str = "") -> str:
+    """The page, to be written as UTF-8."""
+    pictures = Pictures(comparison, tolerances)
+    alignment = comparison.alignment
+    title = title or "%s against %s" % (os.path.basename(comparison.candidate.path),
+                                        os.path.basename(comparison.golden.path))
+    verdict = "same" if comparison.same else "different"
+    words = "The candidate does what the golden log shows" if comparison.same else \
+        "The candidate differs from the golden log"
+    facts = [["golden log", "%s, %.1f s" % (comparison.golden.path, comparison.golden.duration)],
+             ["candidate", "%s, %.1f s" % (comparison.candidate.path, comparison.candidate.duration)],
+             ["alignment", "the candidate is %.3f s behind, found by %s; not judged"
+              % (alignment.lag, alignment.method)]]
+    if comparison.time_scale != 1.0:
+        facts.append(["speed", "the candidate ran %g times faster" % comparison.time_scale])
+    first = comparison.first_divergence
+    if first is not None:
+        facts.append(["first divergence", "%s at %.3f s" % (first.name, first.at or 0.0)])
+    worst = comparison.worst_first
+    cards = "".join(_difference(check, pictures.moment(check) if number < _MOST_PICTURES else [])
+                    for number, check in enumerate(worst))
+    sections = [
+        ("differences", "Differences, the worst first", (_LEGEND if worst else "") + cards),
+        ("timeline", "States and calls", _carded(_figures(pictures.time_lines()))),
+        ("path", "Tool centre point", _carded(_figures(pictures.paths()))),
+        ("joints", "Joints", _carded(_figures(pictures.joints()))),
+        ("timing", "Timing of the motions", _carded(_figures(pictures.timing()))),
+        ("checks", "All checks", _carded(_table(comparison.checks))),
+        ("tolerances", "Tolerances", _carded("<details><summary>The tolerances as a YAML file</summary><pre>%s</pre>"
+                                             "</details>" % _text(as_yaml(tolerances))))]
+    shown = [(name, heading, content) for name, heading, content in sections if content]
+    links = "".join('<li><a href="#%s">%s</a></li>' % (name, heading) for name, heading, _ in shown)
+    body = "".join(_section(*section) for section in shown)
+    return ('<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
+            '<meta name="viewport" content="width=device-width,initial-scale=1">'
+            "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">"
+            '<title>%s: %s</title><style>%s</style></head><body><a class="skip" href="#checks">To all checks</a><main>'
+            '<header class="verdict %s"><h1>%s %s</h1><p>%s</p></header><nav aria-label="Sections"><ul>%s</ul></nav>'
+            '<div class="card">%s</div>%s%s</main></body></html>\n'
+            % (_text(verdict), _text(title), _STYLE, verdict, "&#10003;" if comparison.same else "&#10007;", words,
+               _text(headline(comparison)), links, _definitions(facts), _LEGEND if not worst else "", body))
+
+
+def _carded(content: str) -> str:
+    return '<div class="card">%s</div>' % content if content else ""

@@ -1,0 +1,76 @@
+"""The result of a comparison as a few lines of text, and as plain data."""
+import math
+from typing import Any, Dict, List, Optional
+
+from ..verdict import Check, Comparison, Outcome
+
+FORMAT_VERSION = 1
+
+
+def _amount(check: Check) -> str:
+    if check.measured is None or check.limit is None or check.outcome is not Outcome.DIFFERENT:
+        return ""
+    return " [%.4g of %.4g %s]" % (check.measured, check.limit, check.unit) if check.unit else \
+        " [%.4g of %.4g]" % (check.measured, check.limit)
+
+
+def check_line(check: Check) -> str:
+    """One check in one line."""
+    line = "%-13s %s: %s%s" % (check.outcome.value.upper(), check.name, check.detail, _amount(check))
+    if check.outcome is Outcome.DIFFERENT and (check.golden or check.candidate):
+        line += "\n%-13s   golden: %s\n%-13s   candidate: %s" % ("", check.golden, "", check.candidate)
+    return line
+
+
+def headline(comparison: Comparison) -> str:
+    """The verdict in one line."""
+    different = comparison.differences
+    compared = [check for check in comparison.checks if check.outcome is not Outcome.NOT_COMPARED]
+    if not different:
+        return "same: %d checks, lag %.3f s" % (len(compared), comparison.alignment.lag)
+    return "DIFFERENT: %d of %d checks: %s" % (len(different), len(compared), ", ".join(
+        dict.fromkeys(check.stage.value for check in different)))
+
+
+def as_text(comparison: Comparison, verbose: bool = False) -> str:
+    """The verdict, the differences with the worst first, and the first divergence; ``verbose``: every check."""
+    lines = ["golden:    %s" % comparison.golden.path, "candidate: %s" % comparison.candidate.path]
+    if comparison.time_scale != 1.0:
+        lines.append("the candidate ran %g times faster" % comparison.time_scale)
+    shown = list(comparison.checks) if verbose else comparison.worst_first
+    lines += [check_line(check) for check in shown]
+    first = comparison.first_divergence
+    if first is not None:
+        lines.append("first divergence: %s at %.3f s of the golden log" % (first.name, first.at or 0.0))
+    skipped = sum(check.outcome is Outcome.NOT_COMPARED for check in comparison.checks)
+    if skipped and not verbose:
+        lines.append("%d checks were not compared (--verbose tells why)" % skipped)
+    return "\n".join(lines + [headline(comparison)])
+
+
+def _finite(value: Optional[float]) -> Any:
+    """JSON has no infinity and no NaN: they become text."""
+    return value if value is None or math.isfinite(value) else str(value)
+
+
+def check_data(check: Check) -> Dict[str, Any]:
+    """One check as plain data."""
+    return {"check": check.stage.value, "topic": check.topic, "field": check.field, "outcome": check.outcome.value,
+            "detail": check.detail, "measured": _finite(check.measured), "limit": _finite(check.limit),
+            "unit": check.unit, "at_s": _finite(check.at), "golden": check.golden, "candidate": check.candidate}
+
+
+def as_data(comparison: Comparison) -> Dict[str, Any]:
+    """The whole result as plain data, for JSON."""
+    alignment = comparison.alignment
+    first = comparison.first_divergence
+    episodes: List[Dict[str, Any]] = [
+        {"arm": episode.arm, "start_s": episode.start, "end_s": episode.end, "lag_s": episode.lag,
+         "pace": episode.pace, "is_alike": episode.is_alike}
+        for found in alignment.episodes.values() for episode in found]
+    return {"format": FORMAT_VERSION, "same": comparison.same, "summary": headline(comparison),
+            "golden": comparison.golden.path, "candidate": comparison.candidate.path,
+            "time_scale": comparison.time_scale,
+            "alignment": {"lag_s": alignment.lag, "method": alignment.method, "motions": episodes},
+            "first_divergence": None if first is None else check_data(first),
+            "checks": [check_data(check) for check in comparison.checks]}

@@ -1,0 +1,59 @@
+"""Dynamic time warping, only to be drawn: how far one run is ahead of the other, moment by moment. Never a verdict."""
+from typing import Optional, Tuple
+
+import numpy as np
+
+from ...messages.batch import Array
+from ..curve_distance import interpolated
+
+_SAMPLES = 500
+_BAND = 40
+_STRAY = 0.002
+"""What each step off the straight way costs, in the unit of the values, so that noise at rest draws no curve."""
+
+
+def warping(golden_time: Array, golden: Array, candidate_time: Array,
+            candidate: Array) -> Optional[Tuple[Array, Array]]:
+    """Golden times and how much later, s, the candidate is at the same place, by warping; None where too short.
+
+    Args:
+        golden_time: s, shape (n,).
+        golden: Shape (n, columns).
+        candidate_time: In golden time, s, shape (m,).
+        candidate: Shape (m, columns).
+    """
+    if len(golden_time) < 3 or len(candidate_time) < 3:
+        return None
+    start, end = max(golden_time[0], candidate_time[0]), min(golden_time[-1], candidate_time[-1])
+    if not end > start:
+        return None
+    grid = np.linspace(start, end, _SAMPLES)
+    a, b = interpolated(golden_time, golden, grid), interpolated(candidate_time, candidate, grid)
+    width = 2 * _BAND + 1
+    cost = np.full((_SAMPLES, width), np.inf)
+    padded = np.full((_SAMPLES + 2 * _BAND, a.shape[1]), np.inf)
+    padded[_BAND:_BAND + _SAMPLES] = b
+    for i in range(_SAMPLES):
+        away = padded[i:i + width] - a[i]
+        cost[i] = np.sqrt((away * away).sum(axis=1))
+    total = np.full((_SAMPLES, width), np.inf)
+    total[0, _BAND:] = np.cumsum(cost[0, _BAND:])
+    for i in range(1, _SAMPLES):
+        # column k stands for candidate sample i + k - band: the same sample was one column on in the row before
+        before = np.minimum(total[i - 1], np.append(total[i - 1, 1:], np.inf) + _STRAY).tolist()
+        left, here = np.inf, []
+        for reached, price in zip(before, cost[i].tolist()):
+            left = min(reached, left + _STRAY) + price
+            here.append(left)
+        total[i] = here
+    late = np.zeros(_SAMPLES)
+    i, k = _SAMPLES - 1, _BAND
+    while i > 0:
+        late[i] = k - _BAND
+        choices = [(total[i - 1, k], i - 1, k)]
+        if k + 1 < width:
+            choices.append((total[i - 1, k + 1] + _STRAY, i - 1, k + 1))
+        if k > 0:
+            choices.append((total[i, k - 1] + _STRAY, i, k - 1))
+        _, i, k = min(choices, key=lambda choice: choice[0])
+    return grid, late * (end - start) / (_SAMPLES - 1)

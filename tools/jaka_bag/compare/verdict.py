@@ -1,0 +1,166 @@
+"""The outcome of one check, and of a whole comparison."""
+import enum
+from dataclasses import dataclass
+from typing import Dict, List, NamedTuple, Optional, Tuple
+
+from ..messages.batch import Array
+from .alignment import Alignment
+from .run import Run
+
+
+class Outcome(enum.Enum):
+    """What one check found."""
+
+    SAME = "same"
+    DIFFERENT = "different"
+    NOT_COMPARED = "not compared"
+
+
+class Stage(enum.Enum):
+    """The checks in their order."""
+
+    TYPES = "types"
+    COUNTS = "counts"
+    RATES = "rates"
+    JITTER = "jitter"
+    GAPS = "gaps"
+    LOST = "lost messages"
+    STAMPS = "stamps"
+    ALIGNMENT = "alignment"
+    TIMING = "timing"
+    PACE = "pace"
+    JOINTS = "joints"
+    POSITION = "position"
+    ORIENTATION = "orientation"
+    FIELDS = "fields"
+    STATES = "states"
+    CALLS = "calls"
+    RESPONSES = "responses"
+    DURATIONS = "durations"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check of one topic or field.
+
+    Attributes:
+        stage: Which check.
+        topic: The topic, or the arm's namespace where it is about several.
+        field: Field, joint or service; empty where it is about the whole topic.
+        outcome: What it found.
+        detail: One sentence: what was seen, or why it was not compared.
+        measured: The worst value seen; None where the check is not about an amount.
+        limit: What is allowed.
+        unit: Of both.
+        at: Golden time of the worst moment, s; None where it has none.
+        golden: The golden log's value there, readable.
+        candidate: The candidate's value there.
+    """
+
+    stage: Stage
+    topic: str
+    field: str
+    outcome: Outcome
+    detail: str
+    measured: Optional[float] = None
+    limit: Optional[float] = None
+    unit: str = ""
+    at: Optional[float] = None
+    golden: str = ""
+    candidate: str = ""
+
+    @property
+    def name(self) -> str:
+        """Topic, check and field, as reports name it."""
+        field = "" if self.field == self.stage.value else self.field
+        return " ".join(part for part in (self.topic, self.stage.value, field) if part)
+
+    @property
+    def severity(self) -> float:
+        """How many times the limit was measured; infinite where something differs that has no amount."""
+        if self.measured is None or self.limit is None:
+            return float("inf") if self.outcome is Outcome.DIFFERENT else 0.0
+        if self.limit <= 0:
+            return float("inf") if self.measured > 0 else 0.0
+        return self.measured / self.limit
+
+
+def judged(stage: Stage, topic: str, field: str, measured: float, limit: float, unit: str, detail: str,
+           at: Optional[float] = None, golden: str = "", candidate: str = "") -> Check:
+    """A check that an amount is within its limit; NaN is not."""
+    outcome = Outcome.SAME if measured <= limit else Outcome.DIFFERENT
+    return Check(stage, topic, field, outcome, detail, measured, limit, unit, at, golden, candidate)
+
+
+def equal(stage: Stage, topic: str, field: str, is_same: bool, detail: str, at: Optional[float] = None,
+          golden: str = "", candidate: str = "") -> Check:
+    """A check without an amount."""
+    outcome = Outcome.SAME if is_same else Outcome.DIFFERENT
+    return Check(stage, topic, field, outcome, detail, None, None, "", at, golden, candidate)
+
+
+def not_compared(stage: Stage, topic: str, field: str, why: str) -> Check:
+    """A check that was left out; says why."""
+    return Check(stage, topic, field, Outcome.NOT_COMPARED, why)
+
+
+class Residual(NamedTuple):
+    """How far off the samples of one check are, beyond what jitter and stops allow.
+
+    Attributes:
+        time: Golden time, s, shape (n,).
+        off: In ``unit``, shape (n,).
+        limit: What is allowed.
+        unit: Of both.
+    """
+
+    time: Array
+    off: Array
+    limit: float
+    unit: str
+
+
+ResidualKey = Tuple[Stage, str, str]
+"""Check, topic and field."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two logs, compared.
+
+    Attributes:
+        golden: What ought to happen.
+        candidate: What happened.
+        alignment: When it happened.
+        checks: In the order they were made.
+        residuals: Of the checks that go sample by sample.
+        time_scale: The candidate ran this many times faster.
+    """
+
+    golden: Run
+    candidate: Run
+    alignment: Alignment
+    checks: Tuple[Check, ...]
+    residuals: Dict[ResidualKey, Residual]
+    time_scale: float = 1.0
+
+    @property
+    def differences(self) -> List[Check]:
+        """The checks that failed, in their order."""
+        return [check for check in self.checks if check.outcome is Outcome.DIFFERENT]
+
+    @property
+    def same(self) -> bool:
+        """True where no check failed."""
+        return not self.differences
+
+    @property
+    def worst_first(self) -> List[Check]:
+        """The checks that failed, the largest excess over its limit first; those without an amount lead."""
+        return sorted(self.differences, key=lambda check: -check.severity)
+
+    @property
+    def first_divergence(self) -> Optional[Check]:
+        """Of the failed checks with a moment, the one whose worst moment is the earliest."""
+        timed = [check for check in self.differences if check.at is not None]
+        return min(timed, key=lambda check: check.at or 0.0) if timed else None

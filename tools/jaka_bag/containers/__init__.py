@@ -1,0 +1,13 @@
+"""The container formats of logs.
+
+index         what a log says about itself at its end: connections, chunks, totals; without numpy
+compression   the codecs of all formats
+reader        the contract of readers: chunks as batches of messages
+writer        the contract of writers: batches or single messages to files, with flat memory
+recovery      the contract of what reads damaged logs
+bag           ROS bags, version 2.0
+mcap          MCAP
+rosbag2       rosbag2 folders (MCAP with CDR messages), written only
+registry      the formats by content and by suffix: opens, creates, recovers
+time_order    the messages of logs in the order of time
+"""

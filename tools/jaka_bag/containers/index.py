@@ -1,0 +1,119 @@
+"""What a log says about itself at its end: connections, chunks, totals; read without numpy and without messages."""
+import os
+from typing import Dict, List, NamedTuple, Optional, Tuple
+
+from ..errors import BagError
+from ..messages.connection import Connection
+from ..paths import PathLike
+
+
+class ChunkRef(NamedTuple):
+    """One chunk of a file.
+
+    Attributes:
+        position: First byte in the file.
+        end: First byte behind the chunk and its indexes.
+        start_time: Earliest log time in it, ns.
+        end_time: Latest log time in it, ns.
+        counts: Messages by number of the connection; empty where the index does not say.
+        is_loose: The bytes are plain records rather than one chunk record (MCAP without chunks).
+    """
+
+    position: int
+    end: int
+    start_time: int
+    end_time: int
+    counts: Dict[int, int]
+    is_loose: bool = False
+
+
+class AttachmentIndex(NamedTuple):
+    """Where one attachment is; times in ns, positions and sizes in byte."""
+
+    position: int
+    size: int
+    log_time: int
+    create_time: int
+    data_size: int
+    name: str
+    media_type: str
+
+
+class MetadataIndex(NamedTuple):
+    """Where one metadata record is, byte."""
+
+    position: int
+    size: int
+    name: str
+
+
+class LogIndex(NamedTuple):
+    """The index of one log.
+
+    Attributes:
+        format: ``bag`` or ``mcap``.
+        version: Version of the format.
+        path: The file.
+        size: byte.
+        connections: By number; the numbers are this package's own.
+        numbers: The file's id of a connection to its number.
+        chunks: In the order of the file.
+        counts: Messages by number of the connection.
+        start_time: Earliest log time, ns; None without messages.
+        end_time: Latest log time, ns; None without messages.
+        profile: MCAP profile, else empty.
+        library: The program that wrote the MCAP, else empty.
+        attachments: Of an MCAP.
+        metadata: Of an MCAP.
+        codecs: Per codec: chunks, stored bytes, uncompressed bytes (known from the index for MCAP only).
+    """
+
+    format: str
+    version: str
+    path: str
+    size: int
+    connections: List[Connection]
+    numbers: Dict[int, int]
+    chunks: List[ChunkRef]
+    counts: List[int]
+    start_time: Optional[int]
+    end_time: Optional[int]
+    profile: str = ""
+    library: str = ""
+    attachments: Tuple[AttachmentIndex, ...] = ()
+    metadata: Tuple[MetadataIndex, ...] = ()
+    codecs: Tuple[Tuple[str, int, int, int], ...] = ()
+
+
+def open_for_reading(path: PathLike) -> int:
+    """A descriptor of a file that must exist.
+
+    Raises:
+        BagError: It cannot be opened, or is a folder.
+    """
+    try:
+        descriptor = os.open(str(path), os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    except OSError as error:
+        raise BagError("cannot read %s: %s" % (path, error.strerror)) from error
+    if not os.path.isfile("/dev/fd/%d" % descriptor):
+        os.close(descriptor)
+        raise BagError("cannot read %s: it is %s" % (path, "a folder" if os.path.isdir(str(path)) else "no plain file"))
+    return descriptor
+
+
+def read_at(descriptor: int, position: int, size: int) -> bytes:
+    """Up to ``size`` bytes of a file, fewer only at its end.
+
+    Raises:
+        BagError: The system refused.
+    """
+    try:
+        data = os.pread(descriptor, size, position)
+        while len(data) < size:
+            more = os.pread(descriptor, size - len(data), position + len(data))
+            if not more:
+                break
+            data += more
+    except OSError as error:
+        raise BagError("cannot read: %s" % error.strerror) from error
+    return data

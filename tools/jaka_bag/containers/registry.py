@@ -1,0 +1,157 @@
+"""The formats of logs: which one a file has, by content; which one an output gets, by name; who reads and writes it."""
+import importlib
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Optional
+
+from ..errors import BagError, BagFormatError
+from ..paths import PathLike
+from .index import LogIndex, open_for_reading, read_at
+
+if TYPE_CHECKING:  # an index is read without numpy
+    from .reader import LogReader
+    from .recovery import Salvager
+    from .writer import ChunkWriter
+
+
+class Format(NamedTuple):
+    """One container format; its parts are named ``module:object`` and imported when they are first needed.
+
+    Attributes:
+        name: As ``LogIndex.format`` has it.
+        suffix: Of its files.
+        magic: First bytes of its files.
+        compression: Codec where none is asked for.
+        read_index: ``(path, descriptor) -> LogIndex``.
+        reader: A ``LogReader``.
+        writer: A ``ChunkWriter``.
+        recovery: A ``Salvager``.
+    """
+
+    name: str
+    suffix: str
+    magic: bytes
+    compression: str
+    read_index: str
+    reader: str
+    writer: str
+    recovery: str
+
+
+FORMATS = (
+    Format("bag", ".bag", b"#ROSBAG V2.0\n", "none", "jaka_bag.containers.bag.index:read_bag_index",
+           "jaka_bag.containers.bag.reader:BagReader", "jaka_bag.containers.bag.writer:BagWriter",
+           "jaka_bag.containers.bag.recovery:BagSalvager"),
+    Format("mcap", ".mcap", b"\x89MCAP", "zstd", "jaka_bag.containers.mcap.index:read_mcap_index",
+           "jaka_bag.containers.mcap.reader:McapReader", "jaka_bag.containers.mcap.writer:McapWriter",
+           "jaka_bag.containers.mcap.recovery:McapSalvager"),
+)
+SUFFIXES = tuple(entry.suffix for entry in FORMATS)
+ROSBAG2_WRITER = "jaka_bag.containers.rosbag2:Rosbag2Writer"
+"""Writes folders, which have no suffix."""
+
+
+def load(name: str) -> Any:
+    """The object that ``module:object`` names."""
+    module, _, attribute = name.partition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+def detect_format(path: PathLike, descriptor: int) -> Format:
+    """The format of an open file, by its first bytes.
+
+    Raises:
+        BagFormatError: None that is known, empty, or a version that is not supported.
+    """
+    head = read_at(descriptor, 0, 16)
+    for entry in FORMATS:
+        if head.startswith(entry.magic):
+            return entry
+    if head.startswith(b"#ROSBAG V"):
+        raise BagFormatError("%s is a bag of version %s; only 2.0 can be read ('rosbag fix' converts older ones)"
+                             % (path, head[9:].split(b"\n")[0].decode("ascii", "replace")))
+    if not head:
+        raise BagFormatError("%s is empty" % path)
+    raise BagFormatError("%s is neither a .bag nor an .mcap file" % path)
+
+
+def _index_of(entry: Format, path: PathLike, descriptor: int) -> LogIndex:
+    try:
+        index: LogIndex = load(entry.read_index)(path, descriptor)
+    except BagFormatError as error:
+        raise BagFormatError("%s: %s" % (path, error)) from error
+    return index
+
+
+def read_index(path: PathLike) -> LogIndex:
+    """The index of a log, whatever its format; needs no numpy.
+
+    Raises:
+        BagError: It cannot be read.
+        BagFormatError: It is damaged, or has no index because the recording was cut off.
+    """
+    descriptor = open_for_reading(path)
+    try:
+        return _index_of(detect_format(path, descriptor), path, descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def open_log(path: PathLike) -> "LogReader":
+    """Open a log by content, whatever its name; close it after use.
+
+    Raises:
+        BagError: It cannot be read.
+        BagFormatError: It is damaged, or has no index because the recording was cut off.
+    """
+    descriptor = open_for_reading(path)
+    try:
+        entry = detect_format(path, descriptor)
+        reader: LogReader = load(entry.reader)(descriptor, _index_of(entry, path, descriptor))
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return reader
+
+
+def open_damaged(path: PathLike, descriptor: int) -> "Salvager":
+    """What reads an open log that may be damaged, as far as that goes.
+
+    Raises:
+        BagFormatError: It is of no known format, or encrypted.
+    """
+    salvager: Salvager = load(detect_format(path, descriptor).recovery)(descriptor, os.fstat(descriptor).st_size)
+    return salvager
+
+
+def create_log(path: PathLike, compression: Optional[str] = None, level: Optional[int] = None,
+               overwrite: bool = False, profile: str = "ros1", as_rosbag2: bool = False,
+               **options: Any) -> "ChunkWriter":
+    """Begin an output.
+
+    Args:
+        path: Its suffix decides about the format.
+        compression: None for the format's default: zstd for MCAP, none for .bag.
+        level: The codec's level; None for the codec's default.
+        overwrite: Replace an existing output.
+        profile: Profile of an MCAP.
+        as_rosbag2: Make a rosbag2 folder: ROS 1 messages are converted to CDR.
+        options: Of ``ChunkWriter``: ``chunk_size``, ``suffix``, ``keep_leftover``.
+
+    Raises:
+        BagError: The suffix is neither, the compression is not the format's, or it cannot be created.
+        OutputExists: The output exists and ``overwrite`` is False.
+    """
+    suffix = Path(path).suffix
+    writer: ChunkWriter
+    if as_rosbag2:
+        if suffix:
+            raise BagError("the output of the profile ros2 is a folder: %s has a suffix" % path)
+        writer = load(ROSBAG2_WRITER)(path, compression or "zstd", level, overwrite)
+        return writer
+    for entry in FORMATS:
+        if suffix == entry.suffix:
+            writer = load(entry.writer)(path, compression or entry.compression, level, overwrite=overwrite,
+                                        profile=profile, **options)
+            return writer
+    raise BagError("%s: the name of an output ends in .bag or .mcap" % path)

@@ -1,0 +1,155 @@
+"""Writes rosbag2 folders (MCAP storage, CDR messages) from ROS 1 messages."""
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any, Dict, List, Optional, Tuple
+
+import numpy as np
+
+from ..errors import BagError, OutputExists, WriteFailed
+from ..messages.batch import Array, Block
+from ..messages.cdr import CdrConverter, cdr_block
+from ..messages.connection import Connection
+from ..paths import PathLike
+from .mcap.writer import EncodedChunk, McapWriter
+
+_VERSION = 8  # of metadata.yaml; the newest that the readers of both supported rosbags generations know
+_UNLIMITED = {"sec": 2147483647, "nsec": 4294967295}
+_LATCHED: List[Dict[str, Any]] = [{
+    "history": 3, "depth": 0, "reliability": 1, "durability": 1, "deadline": _UNLIMITED, "lifespan": _UNLIMITED,
+    "liveliness": 1, "liveliness_lease_duration": _UNLIMITED, "avoid_ros_namespace_conventions": False}]
+"""Quality of service of a latched topic as ``metadata.yaml`` numbers it: reliable, transient local."""
+
+
+def yaml_text(value: Any, indent: int = 0) -> str:
+    """Plain data as YAML, block style."""
+    pad = "  " * indent
+    if isinstance(value, dict) and value:
+        return "".join("%s%s:%s" % (pad, key, _nested(item, indent)) for key, item in value.items())
+    if isinstance(value, list) and value:
+        return "".join("%s- %s" % (pad, yaml_text(item, indent + 1).lstrip()) for item in value)
+    return pad + json.dumps(value) + "\n"
+
+
+def _nested(item: Any, indent: int) -> str:
+    if isinstance(item, (dict, list)) and item:
+        return "\n" + yaml_text(item, indent + 1)
+    return " " + yaml_text(item)
+
+
+class Rosbag2Writer(McapWriter):
+    """A rosbag2 folder being written as ``NAME.part``; takes ROS 1 connections and messages.
+
+    Args:
+        folder: Final path of the folder.
+        compression: ``none``, ``lz4`` or ``zstd``, of the chunks.
+        level: The codec's level; None for the fast default.
+        overwrite: Replace an existing rosbag2 folder.
+
+    Raises:
+        OutputExists: The folder exists and ``overwrite`` is False, or it is no rosbag2 folder.
+        BagError: The compression is not MCAP's, or the output cannot be created.
+    """
+
+    def __init__(self, folder: PathLike, compression: str = "zstd", level: Optional[int] = None,
+                 overwrite: bool = False) -> None:
+        self.folder = Path(os.path.abspath(str(folder)))
+        self._overwrite = overwrite
+        self._check_target()
+        self._working_folder = self.folder.with_name(self.folder.name + ".part")
+        try:
+            self._working_folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise BagError("cannot write %s: %s" % (self._working_folder, error.strerror)) from error
+        self._converters: Dict[int, CdrConverter] = {}
+        self._channel_of: Dict[Connection, int] = {}
+        self._topics: Dict[int, Tuple[Connection, str]] = {}
+        try:
+            super().__init__(self._working_folder / (self.folder.name + ".mcap"), compression, level, overwrite=True,
+                             profile="ros2")
+        except BaseException:
+            shutil.rmtree(str(self._working_folder), ignore_errors=True)
+            raise
+
+    def _check_target(self) -> None:
+        if not os.path.lexists(str(self.folder)):
+            return
+        if not self._overwrite:
+            raise OutputExists("%s exists (--force overwrites it)" % self.folder)
+        if not (self.folder / "metadata.yaml").is_file():
+            raise OutputExists("%s exists and is no rosbag2 folder: it is not overwritten" % self.folder)
+
+    def add_channel(self, connection: Connection) -> int:
+        """Channel id of a ROS 1 connection; those of one topic, type and quality of service share it.
+
+        Raises:
+            DefinitionError: The type's definition is not understood.
+            WriteFailed: The system refused.
+        """
+        known = self._channel_of.get(connection)
+        if known is not None:
+            return known
+        converter = CdrConverter(connection)
+        qos = yaml_text(_LATCHED).strip() if connection.latching else ""
+        channel = super().add_channel(Connection(
+            connection.topic, converter.kind.name, "", converter.kind.definition,
+            extra=(("offered_qos_profiles", qos),), encoding="cdr", schema_encoding="ros2msg"))
+        self._channel_of[connection] = channel
+        self._converters.setdefault(channel, converter)
+        self._topics[channel] = (connection, qos)
+        return channel
+
+    def encode(self, block: Block, channel_ids: Array) -> Optional[EncodedChunk]:
+        """Convert a block to CDR and make a chunk of it; see ``ChunkWriter.encode``.
+
+        Raises:
+            DefinitionError: A definition does not describe a message.
+        """
+        numbered = cdr_block(block.with_connections(channel_ids), self._converters)
+        return super().encode(numbered, np.arange(int(channel_ids.max(initial=0)) + 1))
+
+    def _metadata(self) -> Dict[str, Any]:
+        name = self.folder.name + ".mcap"
+        start = self._start_time or 0
+        span = {"duration": {"nanoseconds": max(0, self._end_time - start)},
+                "starting_time": {"nanoseconds_since_epoch": start}, "message_count": self.message_count}
+        topics = [{"topic_metadata": {
+            "name": connection.topic, "type": self._converters[channel].kind.name, "serialization_format": "cdr",
+            "offered_qos_profiles": qos, "type_description_hash": self._converters[channel].kind.type_hash},
+            "message_count": self._channel_counts.get(channel, 0)} for channel, (connection, qos)
+            in self._topics.items()]
+        return {"version": _VERSION, "storage_identifier": "mcap", **span, "topics_with_message_count": topics,
+                "compression_format": "", "compression_mode": "", "relative_file_paths": [name],
+                "files": [{"path": name, **span}], "custom_data": None, "ros_distro": "unknown"}
+
+    def close(self) -> None:
+        """Finish the MCAP, write ``metadata.yaml`` and give the folder its name.
+
+        Raises:
+            WriteFailed: The system refused; the working folder stays.
+            OutputExists: The final name was taken meanwhile; the working folder stays.
+        """
+        if self._closed:
+            return
+        self.flush()
+        metadata = self._metadata()
+        self.add_metadata("rosbag2", {"serialized_metadata": yaml_text(metadata)})
+        super().close()
+        aside = self.folder.with_name(self.folder.name + ".old")
+        try:
+            (self._working_folder / "metadata.yaml").write_text(
+                yaml_text({"rosbag2_bagfile_information": metadata}), encoding="utf-8")
+            self._check_target()
+            if self.folder.exists():
+                os.rename(str(self.folder), str(aside))
+            os.rename(str(self._working_folder), str(self.folder))
+            if aside.exists():
+                shutil.rmtree(str(aside))
+        except OSError as error:
+            raise WriteFailed(str(self.folder), error) from error
+
+    def abort(self) -> None:
+        """Give up: remove the working folder."""
+        super().abort()
+        shutil.rmtree(str(self._working_folder), ignore_errors=True)

@@ -1,0 +1,110 @@
+"""The messages of logs in the order of time, several logs as one."""
+from typing import Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from ..messages.batch import Array, Block, concatenate, pieces_of
+from ..messages.selection import Picker, Selection
+from .index import ChunkRef
+from .reader import LogReader, Message
+
+_PIECE = 1 << 20
+_HELD_BYTES = 32 << 20
+"""Chunk contents kept while chunks overlap in time; beyond it they are read again when their turn comes."""
+
+
+class Source(NamedTuple):
+    """One log of several that are read together; ``numbers`` are its connections' numbers among all."""
+
+    reader: LogReader
+    picker: Picker
+    numbers: Array
+
+
+class _Held:
+    """A chunk whose turn has not come, or not wholly."""
+
+    def __init__(self, order: Tuple[int, int], source: Source, chunk: ChunkRef) -> None:
+        self.order = order
+        self._source = source
+        self._chunk = chunk
+        self.rest = self._load()
+        self.picked = np.arange(len(self.rest))
+
+    def _load(self) -> Block:
+        return self._source.picker.pick(self._source.reader.load(self._chunk)).with_connections(self._source.numbers)
+
+    @property
+    def held_bytes(self) -> int:
+        return len(self.rest.data)
+
+    def drop(self) -> None:
+        """Forget the bytes, keep the times."""
+        rest = self.rest
+        self.rest = Block(rest.data[:0], rest.start, rest.length, rest.connection, rest.log_time)
+
+    def take_before(self, time: Optional[int]) -> Block:
+        """Remove and give the messages before a time, ns (None: all)."""
+        mask = np.ones(len(self.rest), bool) if time is None else self.rest.log_time < time
+        if not mask.any():
+            return self.rest.take(mask)
+        full = self.rest
+        if not len(full.data) and int(full.length.sum()):
+            full = self._load().take(self.picked)
+        taken = full.take(mask)
+        self.rest = self.rest.take(~mask)
+        self.picked = self.picked[~mask]
+        return taken
+
+
+def _emit(held: Iterable[_Held], before: Optional[int]) -> Iterator[Block]:
+    parts = [part for part in (h.take_before(before) for h in sorted(held, key=lambda h: h.order)) if len(part)]
+    if parts:
+        whole = concatenate(parts)
+        if (whole.log_time[1:] < whole.log_time[:-1]).any():
+            whole = whole.take(np.argsort(whole.log_time, kind="stable"))
+        yield from pieces_of(whole, _PIECE)
+
+
+def in_time_order(sources: Sequence[Source]) -> Iterator[Block]:
+    """All wanted messages of several logs by log time; equal times in the order of the logs and of each file.
+
+    Raises:
+        BagFormatError: A chunk is damaged.
+    """
+    queue = sorted(((chunk.start_time, k, chunk.position, chunk) for k, source in enumerate(sources)
+                    for chunk in source.reader.wanted_chunks(source.picker)), key=lambda entry: entry[:3])
+    held: List[_Held] = []
+    for start, k, position, chunk in queue:
+        yield from _emit(held, start)
+        held = [h for h in held if len(h.rest)]
+        held.append(_Held((k, position), sources[k], chunk))
+        for old in held[:-1] if sum(h.held_bytes for h in held) > _HELD_BYTES else ():
+            old.drop()
+    yield from _emit(held, None)
+
+
+def whole_source(reader: LogReader, selection: Optional[Selection] = None) -> Source:
+    """A log read on its own.
+
+    Raises:
+        BagError: A pattern of the selection is not a regular expression.
+    """
+    return Source(reader, Picker(selection or Selection(), reader.connections), np.arange(len(reader.connections)))
+
+
+def messages_of(reader: LogReader, selection: Optional[Selection] = None) -> Iterator[Message]:
+    """The wanted messages of a log, one by one, by log time.
+
+    Raises:
+        BagError: A pattern of the selection is not a regular expression.
+        BagFormatError: A chunk is damaged.
+    """
+    connections = reader.connections
+    for block in in_time_order([whole_source(reader, selection)]):
+        base = int(block.start.min())
+        raw = block.data[base:int((block.start + block.length).max())].tobytes()
+        for start, length, number, log_time, publish_time, sequence in zip(
+                (block.start - base).tolist(), block.length.tolist(), block.connection.tolist(),
+                block.log_time.tolist(), block.publish_time.tolist(), block.sequence.tolist()):
+            yield Message(connections[number], log_time, raw[start:start + length], publish_time, sequence)

@@ -1,0 +1,45 @@
+"""What can go wrong with a log or a ROS graph; every one prints as one line."""
+
+
+class JakaBagError(Exception):
+    """Any failure that this package foresees; every other exception is a bug."""
+
+
+class ProtocolError(JakaBagError):
+    """A peer's bytes or replies break the protocol (TCPROS, master and slave API)."""
+
+
+class ConnectionLost(JakaBagError, ConnectionError):
+    """A peer cannot be reached, or the link to it broke."""
+
+
+class BagError(JakaBagError):
+    """A log that cannot be read, written or worked with; the text names the file and the reason."""
+
+
+class BagFormatError(BagError):
+    """The bytes are not those of the format: damaged, cut short, encrypted or of another version."""
+
+
+class OutputExists(BagError):
+    """The output is there already and overwriting was not asked for, or another program is writing it."""
+
+
+class DefinitionError(BagError):
+    """A message definition that cannot be understood, or that does not describe the bytes."""
+
+
+class MissingDependency(BagError):
+    """An optional library that this operation needs is not installed; the text names it."""
+
+
+class WriteFailed(BagError):
+    """The system refused to write the output; the file is whole up to the record before.
+
+    Attributes:
+        errno: The system's error number, as ``errno.ENOSPC`` for a full disk.
+    """
+
+    def __init__(self, name: str, error: OSError) -> None:
+        super().__init__("cannot write %s: %s" % (name, error.strerror))
+        self.errno = error.errno

@@ -1,0 +1,83 @@
+"""How many messages each publisher says it sent us: ``getBusInfo`` and ``getBusStats`` of the slave API.
+
+The two client libraries answer differently (ROS wiki "ROS/Slave_API"; rospy ``topics.py``, roscpp ``publication.cpp``):
+rospy gives ``[topic, bytes, [[id, bytes, messages, connected], ...]]``, within (code, message, value);
+roscpp gives ``[topic, [[id, bytes, payload bytes, messages, 0], ...]]``, without it in older releases.
+"""
+from concurrent.futures import ThreadPoolExecutor, wait
+from typing import Any, Dict, Iterable, List, Tuple
+
+from ..errors import ConnectionLost, ProtocolError
+from .graph import RemoteNode
+
+_ASK_TIMEOUT_S = 1.0
+
+
+def _links_to(subscriber: str, bus_info: Any) -> Dict[int, str]:
+    """Topic of each of the publisher's connections that leads to ``subscriber``, by connection id."""
+    links: Dict[int, str] = {}
+    for entry in bus_info:
+        if len(entry) >= 5 and entry[1] == subscriber and entry[2] == "o":
+            links[int(entry[0])] = str(entry[4])
+    return links
+
+
+def _publish_statistics(reply: Any) -> List[Any]:
+    if len(reply) == 3 and isinstance(reply[0], int):
+        reply = reply[2]
+    return list(reply[0])
+
+
+def sent_messages(subscriber: str, bus_info: Any, bus_stats: Any) -> Dict[str, int]:
+    """Messages sent to ``subscriber``, by topic, over the connections that stand.
+
+    Args:
+        subscriber: Global name of the subscribing node.
+        bus_info: Value of ``getBusInfo``.
+        bus_stats: Whole reply to ``getBusStats``.
+
+    Raises:
+        ProtocolError: The reply has another shape than those of rospy and roscpp.
+    """
+    sent: Dict[str, int] = {}
+    try:
+        links = _links_to(subscriber, bus_info)
+        for entry in _publish_statistics(bus_stats):
+            is_roscpp = isinstance(entry[1], (list, tuple))
+            for connection in entry[1] if is_roscpp else entry[2]:
+                topic = links.get(int(connection[0]))
+                if topic is not None:
+                    sent[topic] = sent.get(topic, 0) + int(connection[3 if is_roscpp else 2])
+    except (TypeError, ValueError, IndexError, KeyError) as error:
+        raise ProtocolError("bus statistics are not understood: %s" % error) from error
+    return sent
+
+
+def ask_publisher(uri: str, subscriber: str) -> Dict[str, int]:
+    """Messages that one publishing node says it sent us, by topic.
+
+    Raises:
+        ConnectionLost: It does not answer.
+        ProtocolError: Its answer is not understood.
+    """
+    node = RemoteNode(uri, subscriber, _ASK_TIMEOUT_S)
+    try:
+        return sent_messages(subscriber, node.call("getBusInfo"), node.raw_call("getBusStats"))
+    finally:
+        node.close()
+
+
+def ask_publishers(uris: Iterable[str], subscriber: str, timeout_s: float) -> Dict[Tuple[str, str], int]:
+    """Messages sent to us by (publisher's URI, topic); those that do not answer in time are left out."""
+    pool = ThreadPoolExecutor(16, "bus-stats")
+    asked = {pool.submit(ask_publisher, uri, subscriber): uri for uri in uris}
+    done, _ = wait(asked, timeout_s)
+    pool.shutdown(wait=False)
+    result: Dict[Tuple[str, str], int] = {}
+    for future in done:
+        try:
+            for topic, count in future.result().items():
+                result[asked[future], topic] = count
+        except (ConnectionLost, ProtocolError):
+            pass  # a publisher that has gone, or another client library: no number
+    return result

@@ -1,0 +1,175 @@
+"""The messages of several logs in the order of time, read ahead by a thread, framed for the wire."""
+import queue
+import threading
+from typing import Any, Callable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from ..containers.reader import LogReader
+from ..containers.registry import open_log
+from ..containers.time_order import Source, in_time_order
+from ..errors import BagError
+from ..messages.batch import Array
+from ..messages.definitions import Connection
+from ..messages.selection import Picker, Selection
+from .publisher import frame_of
+
+_BATCH = 512
+_AHEAD = 32
+"""Batches read ahead; with state-size messages this is some seconds of a log."""
+_AHEAD_BYTES = 32 << 20
+
+
+class Timed(NamedTuple):
+    """One message to be played.
+
+    Attributes:
+        time: Log time, ns since the epoch.
+        connection: Position in ``LogSource.connections``.
+        frame: The message as TCPROS sends it.
+    """
+
+    time: int
+    connection: int
+    frame: bytes
+
+
+class LogSource:
+    """Several logs as one.
+
+    Args:
+        paths: The logs, .bag or .mcap with ROS 1 messages.
+        topics: Wanted topics; none for all.
+        patterns: Wanted topics as regular expressions for whole names.
+        exclude: Unwanted topics as regular expressions for whole names.
+
+    Attributes:
+        connections: The wanted connections of all logs; equal ones are one.
+        begin: Earliest log time of the logs, ns; 0 where they are empty.
+        end: Latest log time of the logs, ns.
+
+    Raises:
+        BagError: A log cannot be read, or holds messages of another kind than ROS 1.
+    """
+
+    def __init__(self, paths: Sequence[str], topics: Sequence[str] = (), patterns: Sequence[str] = (),
+                 exclude: Sequence[str] = ()) -> None:
+        self._choice = Selection(tuple(topics), tuple(patterns), tuple(exclude))
+        self._readers: List[LogReader] = []
+        self.connections: List[Connection] = []
+        self._numbers: List[Array] = []
+        begins, ends = [], []
+        try:
+            for path in paths:
+                reader = open_log(path)
+                self._readers.append(reader)
+                self._numbers.append(self._number(reader))
+                if reader.index.start_time is not None and reader.index.end_time is not None:
+                    begins.append(reader.index.start_time)
+                    ends.append(reader.index.end_time)
+        except BaseException:
+            self.close()
+            raise
+        self.begin = min(begins, default=0)
+        self.end = max(ends, default=0)
+
+    def _number(self, reader: LogReader) -> Array:
+        numbers = np.zeros(len(reader.connections), np.int32)
+        for i, wanted in enumerate(self._choice.wanted(reader.connections).tolist()):
+            connection = reader.connections[i]
+            if wanted and connection.encoding != "ros1":
+                raise BagError("%s: %s is encoded as %s; only ROS 1 messages can be played"
+                               % (reader.path, connection.topic, connection.encoding or "nothing known"))
+            if wanted and connection not in self.connections:
+                self.connections.append(connection)
+            numbers[i] = self.connections.index(connection) if wanted else -1
+        return numbers
+
+    def close(self) -> None:
+        """Close the logs."""
+        for reader in self._readers:
+            reader.close()
+
+    def _sources(self, selection: Selection) -> List[Source]:
+        return [Source(reader, Picker(selection, reader.connections), numbers)
+                for reader, numbers in zip(self._readers, self._numbers)]
+
+    def _batches(self, selection: Selection) -> Iterator[List[Timed]]:
+        for block in in_time_order(self._sources(selection)):
+            buffer: Any = block.data
+            data = memoryview(buffer)
+            for first in range(0, len(block), _BATCH):
+                part = block.take(slice(first, first + _BATCH))
+                yield [Timed(time, number, frame_of(data[start:start + length].tobytes()))
+                       for time, number, start, length in zip(part.log_time.tolist(), part.connection.tolist(),
+                                                              part.start.tolist(), part.length.tolist())]
+
+    def last_before(self, time: int) -> List[Timed]:
+        """The newest message of each latching connection before a log time, ns, in the order of time."""
+        topics = tuple({c.topic for c in self.connections if c.latching})
+        newest = {}
+        if topics:
+            for batch in self._batches(self._choice._replace(topics=topics, patterns=(), end_time=time - 1)):
+                for message in batch:
+                    if self.connections[message.connection].latching:
+                        newest[message.connection] = message
+        return sorted(newest.values())
+
+    def play(self, begin: Optional[int], end: Optional[int]) -> "ReadAhead":
+        """The wanted messages from a log time to another, ns, None for the whole; close it after use."""
+        selection = self._choice._replace(start_time=begin, end_time=end)
+        return ReadAhead(lambda: self._batches(selection))
+
+
+class ReadAhead:
+    """Batches that a thread prepares ahead of their use.
+
+    Args:
+        batches: Gives the batches; called in the thread.
+    """
+
+    def __init__(self, batches: Callable[[], Iterator[List[Timed]]]) -> None:
+        self._queue: queue.Queue[Tuple[List[Timed], Optional[BaseException]]] = queue.Queue(_AHEAD)
+        self._ahead_bytes = 0
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._fill, args=(batches,), name="read-ahead", daemon=True)
+        self._thread.start()
+
+    def _fill(self, batches: Callable[[], Iterator[List[Timed]]]) -> None:
+        failure: Optional[BaseException] = None
+        try:
+            for batch in batches():
+                size = sum(len(message.frame) for message in batch)
+                while self._ahead_bytes + size > _AHEAD_BYTES and not self._queue.empty():
+                    if self._closed.wait(0.01):
+                        return
+                self._ahead_bytes += size
+                if not self._put((batch, None)):
+                    return
+        except BaseException as error:  # raised in the thread that plays
+            failure = error
+        self._put(([], failure))
+
+    def _put(self, item: Tuple[List[Timed], Optional[BaseException]]) -> bool:
+        while not self._closed.is_set():
+            try:
+                self._queue.put(item, timeout=0.1)
+                return True
+            except queue.Full:
+                pass
+        return False
+
+    def __iter__(self) -> Iterator[Timed]:
+        while True:
+            batch, failure = self._queue.get()
+            if failure is not None:
+                raise failure
+            if not batch:
+                return
+            self._ahead_bytes -= sum(len(message.frame) for message in batch)
+            yield from batch
+
+    def close(self) -> None:
+        """Stop reading."""
+        self._closed.set()
+        self._thread.join()

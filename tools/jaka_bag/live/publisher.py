@@ -1,0 +1,271 @@
+"""Publishing without rospy: blocking and in order, so that no subscriber ever misses a message.
+
+After the ROS wiki pages "ROS/TCPROS" and "ROS/Connection Header".
+"""
+import collections
+import contextlib
+import os
+import select
+import socket
+import struct
+import threading
+import time
+from typing import Any, Callable, Deque, Dict, List, Optional, Tuple, Union
+
+from ..errors import ConnectionLost, ProtocolError
+from ..messages.definitions import Connection
+from .graph import RemoteNode, SlaveServer, master_uri
+from .names import NodeNames, host_address
+from .tcpros import decode_header, encode_header
+
+_LENGTH = struct.Struct("<I")
+_HANDSHAKE_TIMEOUT_S = 5.0
+_MAX_HEADER = 1 << 20
+_SLOW_NOTICE_S = 1.0
+
+
+class _Link:
+    """One subscriber's connection."""
+
+    def __init__(self, link_socket: socket.socket, subscriber: str) -> None:
+        self.socket = link_socket
+        self.subscriber = subscriber
+        self.sent_bytes = 0
+        self.sent = 0
+
+
+class Outlet:
+    """One topic with one type, as subscribers see it.
+
+    Attributes:
+        topic: Global name.
+        connection: Type, md5 and definition.
+        is_latching: Whether subscribers are told of latched messages.
+        sent: Messages published.
+    """
+
+    def __init__(self, topic: str, connection: Connection, is_latching: bool) -> None:
+        self.topic = topic
+        self.connection = connection
+        self.is_latching = is_latching
+        self.sent = 0
+        self.links: List[_Link] = []
+        self.joining: Deque[_Link] = collections.deque()
+        self.latched: Dict[Any, bytes] = {}
+
+
+def frame_of(payload: bytes) -> bytes:
+    """A message as TCPROS sends it."""
+    return _LENGTH.pack(len(payload)) + payload
+
+
+class RawPublisher:
+    """The publishers of one node. One thread publishes; subscribers may come and go at any time.
+
+    Args:
+        names: Who the node is.
+        notice: Takes a line for the user.
+        on_shutdown: Called with a reason when another node asks this one to end.
+
+    Raises:
+        ConnectionLost: The master cannot be reached, at ``advertise``.
+    """
+
+    def __init__(self, names: NodeNames, notice: Callable[[str], None], on_shutdown: Callable[[str], None]) -> None:
+        self.names = names
+        self.outlets: List[Outlet] = []
+        self._notice = notice
+        self.master = RemoteNode(master_uri(), names.node)
+        self._has_joining = threading.Event()
+        self._is_closing = False
+        self._host, bind = host_address(os.environ)
+        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._listener.bind((bind, 0))
+        self._listener.listen(64)
+        self._acceptor = threading.Thread(target=self._accept, name="tcpros-accept", daemon=True)
+        self._acceptor.start()
+        self._slave = SlaveServer(self._host, bind, lambda topic, uris: None, on_shutdown)
+        self._slave.publications = lambda: [[o.topic, o.connection.datatype] for o in self.outlets]
+        self._slave.bus_info = lambda: [[id(link) % 2147483647, link.subscriber, "o", "TCPROS", outlet.topic, 1, ""]
+                                        for outlet in self.outlets for link in outlet.links]
+        self._slave.publish_statistics = lambda: [
+            [o.topic, sum(link.sent_bytes for link in o.links),
+             [[id(link) % 2147483647, link.sent_bytes, link.sent, True] for link in o.links]] for o in self.outlets]
+        self._slave.topic_address = self._topic_address
+
+    def advertise(self, topic: str, connection: Connection, is_latching: bool) -> Outlet:
+        """Offer a topic with a type; further types of one topic are served to those who ask for their md5.
+
+        Raises:
+            ConnectionLost: The master cannot be reached.
+            ProtocolError: The master refuses.
+        """
+        outlet = Outlet(topic, connection, is_latching)
+        is_first = all(other.topic != topic for other in self.outlets)
+        self.outlets.append(outlet)
+        if is_first:
+            self.master.call("registerPublisher", topic, connection.datatype, self._slave.uri)
+        return outlet
+
+    def _topic_address(self, topic: str) -> Optional[Tuple[str, int]]:
+        if self._is_closing or all(outlet.topic != topic for outlet in self.outlets):
+            return None
+        return self._host, int(self._listener.getsockname()[1])
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                link_socket, _ = self._listener.accept()
+            except OSError:
+                return  # closed
+            threading.Thread(target=self._shake_hands, args=(link_socket,), name="tcpros-hello", daemon=True).start()
+
+    def _shake_hands(self, link_socket: socket.socket) -> None:
+        try:
+            link_socket.settimeout(_HANDSHAKE_TIMEOUT_S)
+            link_socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            link_socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            size = _LENGTH.unpack(_receive_exactly(link_socket, 4))[0]
+            if size > _MAX_HEADER:
+                raise ProtocolError("connection header of %d bytes" % size)
+            request = decode_header(_receive_exactly(link_socket, size))
+            outlet = self._outlet_for(request)
+            if isinstance(outlet, str):
+                link_socket.sendall(encode_header({"error": outlet}))
+                link_socket.close()
+                return
+            connection = outlet.connection
+            link_socket.sendall(encode_header({
+                "callerid": self.names.node, "latching": "1" if outlet.is_latching else "0",
+                "md5sum": connection.md5sum, "message_definition": connection.definition, "topic": outlet.topic,
+                "type": connection.datatype}))
+            link_socket.settimeout(None)
+        except (OSError, ProtocolError, struct.error):
+            link_socket.close()  # a peer that does not speak TCPROS, or left
+            return
+        outlet.joining.append(_Link(link_socket, request.get("callerid", "")))
+        self._has_joining.set()
+
+    def _outlet_for(self, request: Dict[str, str]) -> Union[Outlet, str]:
+        topic, md5sum = request.get("topic", ""), request.get("md5sum", "*")
+        of_topic = [outlet for outlet in self.outlets if outlet.topic == topic]
+        if not of_topic:
+            return "%s is not published by %s" % (topic, self.names.node)
+        for outlet in of_topic:
+            if md5sum in ("*", outlet.connection.md5sum):
+                return outlet
+        return "%s is published with md5sum %s, not %s" % (topic, of_topic[0].connection.md5sum, md5sum)
+
+    def admit(self) -> None:
+        """Take in the subscribers that have connected, send them what is latched."""
+        if not self._has_joining.is_set():
+            return
+        self._has_joining.clear()
+        for outlet in self.outlets:
+            while outlet.joining:
+                link = outlet.joining.popleft()
+                outlet.links.append(link)
+                for frame in list(outlet.latched.values()):
+                    self._send(outlet, link, frame)
+
+    def publish(self, outlet: Outlet, frame: bytes, latch_key: Any = None) -> None:
+        """Send a message to all subscribers; returns when the system has taken it for each of them.
+
+        Args:
+            outlet: From ``advertise``.
+            frame: From ``frame_of``.
+            latch_key: Keep the message for later subscribers, in place of the last one with this key; None: do not.
+        """
+        if self._has_joining.is_set():
+            self.admit()
+        if latch_key is not None:
+            outlet.latched[latch_key] = frame
+        outlet.sent += 1
+        for link in outlet.links:
+            try:
+                done = link.socket.send(frame, socket.MSG_DONTWAIT)
+            except OSError:
+                done = 0
+            if done == len(frame):
+                link.sent += 1
+                link.sent_bytes += done
+            else:
+                self._send(outlet, link, frame[done:])
+
+    def _send(self, outlet: Outlet, link: _Link, data: bytes) -> None:
+        """Send the rest of a message, however long the subscriber takes; drop one that has gone."""
+        rest = memoryview(data)
+        is_noticed = False
+        try:
+            while rest:
+                _, writable, _ = select.select([], [link.socket], [], _SLOW_NOTICE_S)
+                if writable:
+                    with contextlib.suppress(BlockingIOError):
+                        rest = rest[link.socket.send(rest, socket.MSG_DONTWAIT):]
+                elif not is_noticed:
+                    is_noticed = True
+                    self._notice("%s does not read %s: waiting for it" % (link.subscriber, outlet.topic))
+        except OSError:
+            link.socket.close()
+            outlet.links = [other for other in outlet.links if other is not link]
+            return
+        link.sent += 1
+        link.sent_bytes += len(data)
+
+    def has_subscribers(self) -> bool:
+        """True when each topic has at least one subscriber."""
+        self.admit()
+        subscribed = {outlet.topic for outlet in self.outlets if outlet.links}
+        return all(outlet.topic in subscribed for outlet in self.outlets)
+
+    def close(self, patience_s: float) -> None:
+        """End: let every subscriber read to the end, then unregister.
+
+        A subscriber drops a publisher that is unregistered together with what it has not read yet; so each link is
+        closed first, and its subscriber answers by closing it when it has read everything.
+
+        Args:
+            patience_s: Longest wait for subscribers that do not read, s.
+        """
+        self._is_closing = True
+        self.admit()
+        waiting = {link.socket: link for outlet in self.outlets for link in outlet.links}
+        for link_socket in waiting:
+            with contextlib.suppress(OSError):
+                link_socket.shutdown(socket.SHUT_WR)
+        deadline = time.monotonic() + patience_s
+        while waiting and time.monotonic() < deadline:
+            readable, _, _ = select.select(list(waiting), [], [], max(0.0, deadline - time.monotonic()))
+            for link_socket in readable:
+                try:
+                    is_over = not link_socket.recv(4096)
+                except OSError:
+                    is_over = True
+                if is_over:
+                    waiting.pop(link_socket).socket.close()
+        for link in waiting.values():
+            self._notice("%s did not read to the end" % link.subscriber)
+            link.socket.close()
+        for topic in sorted({outlet.topic for outlet in self.outlets}):
+            try:
+                self.master.call("unregisterPublisher", topic, self._slave.uri)
+            except (ConnectionLost, ProtocolError):
+                break  # the master is gone, and with it the registrations
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self._acceptor.join()
+        self._slave.close()
+        self.master.close()
+
+
+def _receive_exactly(link_socket: socket.socket, size: int) -> bytes:
+    parts = []
+    while size:
+        part = link_socket.recv(size)
+        if not part:
+            raise ConnectionLost("closed in mid-header")
+        parts.append(part)
+        size -= len(part)
+    return b"".join(parts)

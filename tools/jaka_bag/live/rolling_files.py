@@ -1,0 +1,297 @@
+"""The file or files that a recording writes: names, chunks closed by age, splits, latched messages, a full disk."""
+import os
+import resource
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Callable, Dict, List, NamedTuple, Optional
+
+from ..containers.mcap.writer import McapWriter
+from ..containers.registry import create_log
+from ..containers.writer import ChunkWriter
+from ..errors import BagError, WriteFailed
+from ..units import NS_PER_S
+from .stream_account import Stream, drops_as_metadata, drops_by_topic
+
+WORKING_SUFFIX = ".active"
+_SUMMARY_RESERVE = 64 * 1024
+_SUMMARY_SHARE = 64
+"""Room kept for the end of the file: a fixed part, byte, and a share of what was written."""
+
+
+class Attachment(NamedTuple):
+    """A file to go into each log: name, content, media type."""
+
+    name: str
+    data: bytes
+    media_type: str
+
+
+@dataclass(frozen=True)
+class FileSettings:
+    """How a recording is stored.
+
+    Attributes:
+        stem: Path of the log without number and suffix.
+        container: ``mcap`` or ``bag``.
+        compression: ``none``, ``lz4``, ``zstd`` (mcap) or ``bz2`` (bag).
+        level: The codec's own level; None for the fast default.
+        chunk_bytes: A chunk is closed at this size, byte.
+        chunk_age_s: A chunk is closed when its first message came this long ago, s.
+        fsync_s: What is written is forced to the disk this often, s; 0 leaves it to the system.
+        split_bytes: A new file is begun at this size, byte, or the only one is large enough; None for never.
+        split_s: A new file is begun after this log time, s; None for never.
+        is_split: Files are numbered.
+        max_splits: Only so many files are kept, the oldest is removed; 0 keeps all.
+        min_space: Recording stops when the disk has less than this left, byte.
+        repeat_latched: Begin each further file with the newest message of each latched stream.
+        overwrite: Replace files of the same name.
+    """
+
+    stem: Path
+    container: str = "mcap"
+    compression: str = "zstd"
+    level: Optional[int] = None
+    chunk_bytes: int = 1 << 20
+    chunk_age_s: float = 1.0
+    fsync_s: float = 1.0
+    split_bytes: Optional[int] = None
+    split_s: Optional[float] = None
+    is_split: bool = False
+    max_splits: int = 0
+    min_space: int = 0
+    repeat_latched: bool = False
+    overwrite: bool = False
+
+    def path(self, number: int) -> Path:
+        """Final name of the file with this number, from 0."""
+        return self.stem.with_name("%s%s.%s" % (self.stem.name, "_%d" % number if self.is_split else "",
+                                                self.container))
+
+
+class DiskFull(BagError):
+    """The disk has no room for more; what was written before is whole."""
+
+
+class LogFiles:
+    """Writes messages into one file after the other, in one thread.
+
+    Args:
+        settings: How to store them.
+        facts: Facts of the recording, stored in each MCAP file.
+        attachments: Files stored in each MCAP file.
+        streams: Gives all streams so far, for the account stored in each MCAP file.
+        notice: Takes a line for the user.
+
+    Attributes:
+        finished: Final paths of whole files, oldest first.
+        messages: Messages written into all files.
+
+    Raises:
+        BagError: The first file cannot be created, or the disk has no room for it.
+    """
+
+    def __init__(self, settings: FileSettings, facts: Dict[str, str], attachments: List[Attachment],
+                 streams: Callable[[], List[Stream]], notice: Callable[[str], None]) -> None:
+        self.settings = settings
+        self._facts = facts
+        self._attachments = attachments
+        self._streams = streams
+        self._notice = notice
+        self.finished: List[Path] = []
+        self.messages = 0
+        self._serial = 0
+        self._writer: Optional[ChunkWriter] = None
+        self._begin_time: Optional[int] = None
+        self._chunk_born: Optional[float] = None
+        self._chunk_streams: Dict[Stream, int] = {}
+        self._largest_chunk = settings.chunk_bytes
+        self._synced_at = time.monotonic()
+        self._synced_position = 0
+        self._open()
+
+    def _open(self) -> None:
+        s = self.settings
+        path = s.path(self._serial)
+        writer = create_log(path, s.compression, s.level, s.overwrite, chunk_size=s.chunk_bytes,
+                            suffix=WORKING_SUFFIX, keep_leftover=not s.overwrite)
+        self._writer = writer
+        self._serial += 1
+        self._begin_time = None
+        self._chunk_born = None
+        self._synced_position = 0
+        try:
+            self._check_space(writer)
+            if isinstance(writer, McapWriter):
+                writer.add_metadata("jaka_bag.recording", self._facts)
+                for item in self._attachments:
+                    writer.add_attachment(item.name, item.data, item.media_type, time.time_ns(), time.time_ns())
+        except BagError:
+            writer.abort()
+            self._writer = None
+            raise
+
+    def add(self, stream: Stream, log_time: int, publish_time: int, payload: bytes) -> None:
+        """Write one message; a new file is begun where the settings say so.
+
+        Args:
+            stream: Whose it is.
+            log_time: ns.
+            publish_time: ns.
+            payload: The serialised message.
+
+        Raises:
+            WriteFailed: The system refused.
+            BagError: A further file cannot be created.
+        """
+        try:
+            self._make_ready(log_time, len(payload))
+        except BagError:
+            stream.unwritten += 1
+            raise
+        self.messages += 1
+        stream.written += 1
+        self._put(stream, log_time, publish_time, payload)
+        if stream.connection.latching:
+            stream.latched = (payload, publish_time)
+
+    def _make_ready(self, log_time: int, size: int) -> None:
+        """Split, or close the chunk, where a message of that size asks for it."""
+        if self._begin_time is None:
+            self._begin_time = log_time
+        elif self._is_time_to_split(log_time):
+            self._split(log_time)
+        writer = self._writer
+        assert writer is not None
+        if writer.pending_bytes + size >= self.settings.chunk_bytes:
+            self._flush(writer)
+            self._check_space(writer, size)
+
+    def _flush(self, writer: ChunkWriter) -> None:
+        begin = writer.position
+        writer.flush()
+        self._largest_chunk = max(self._largest_chunk, writer.position - begin)
+        self._chunk_done()
+
+    def _put(self, stream: Stream, log_time: int, publish_time: int, payload: bytes) -> None:
+        writer = self._writer
+        assert writer is not None
+        if self._chunk_born is None:
+            self._chunk_born = time.monotonic()
+        if stream.channel_file != self._serial:
+            stream.channel = writer.add_channel(stream.connection)
+            stream.channel_file = self._serial
+        self._chunk_streams[stream] = self._chunk_streams.get(stream, 0) + 1
+        writer.add_message(stream.channel, log_time, payload, publish_time, stream.position & 0xFFFFFFFF)
+        if not writer.pending_bytes:
+            self._chunk_done()
+
+    def _chunk_done(self) -> None:
+        self._chunk_born = None
+        self._chunk_streams.clear()
+
+    @property
+    def is_large_enough(self) -> bool:
+        """True where the only file wanted has reached its size."""
+        s, writer = self.settings, self._writer
+        return not s.is_split and s.split_bytes is not None and writer is not None \
+            and writer.position + writer.pending_bytes >= s.split_bytes
+
+    def _is_time_to_split(self, log_time: int) -> bool:
+        s = self.settings
+        assert self._begin_time is not None and self._writer is not None
+        if not s.is_split:
+            return False
+        if s.split_s is not None and log_time - self._begin_time >= s.split_s * NS_PER_S:
+            return True
+        return s.split_bytes is not None and self._writer.position + self._writer.pending_bytes >= s.split_bytes
+
+    def _split(self, log_time: int) -> None:
+        self._finish_file()
+        if self.settings.max_splits and len(self.finished) >= self.settings.max_splits:
+            oldest = self.finished.pop(0)
+            oldest.unlink()
+            self._notice("removed %s" % oldest)
+        self._open()
+        self._begin_time = log_time
+        if self.settings.repeat_latched:
+            for stream in self._streams():
+                if stream.latched is not None:
+                    payload, publish_time = stream.latched
+                    self._put(stream, log_time, publish_time, payload)
+
+    def tick(self) -> None:
+        """Close an old chunk, force what is due to the disk, look at the room left; to be called often.
+
+        Raises:
+            DiskFull: Less room is left than asked for.
+            WriteFailed: The system refused.
+        """
+        writer = self._writer
+        assert writer is not None
+        now = time.monotonic()
+        if self._chunk_born is not None and now - self._chunk_born >= self.settings.chunk_age_s:
+            self._flush(writer)
+            self._check_space(writer)
+        if self.settings.fsync_s and now - self._synced_at >= self.settings.fsync_s:
+            self._synced_at = now
+            if writer.position != self._synced_position:
+                self._synced_position = writer.position
+                self._sync(writer)
+                self._check_space(writer)
+
+    def _sync(self, writer: ChunkWriter) -> None:
+        try:
+            os.fdatasync(writer.fileno())
+        except OSError as error:
+            raise WriteFailed(writer.name, error) from error
+
+    def _check_space(self, writer: ChunkWriter, coming: int = 0) -> None:
+        """See to it that one more chunk with ``coming`` more bytes, and the end of the file, have room.
+
+        Raises:
+            DiskFull: They have not.
+        """
+        reserve = _SUMMARY_RESERVE + writer.position // _SUMMARY_SHARE + self._largest_chunk + coming
+        disk = os.fstatvfs(writer.fileno())
+        free = disk.f_bavail * disk.f_frsize
+        if free < self.settings.min_space + reserve:
+            raise DiskFull("the disk of %s is full: %.1f MB left" % (self.settings.stem, free / 1e6))
+        limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+        if limit != resource.RLIM_INFINITY and limit - writer.position < reserve:
+            raise DiskFull("%s is at the largest size that this process may write" % self.settings.stem)
+
+    def lose_chunk(self) -> None:
+        """Account for the messages of a chunk, where the writer has dropped it because the system refused it."""
+        if self._writer is not None and self._writer.pending_messages:
+            return
+        for stream, count in self._chunk_streams.items():
+            stream.unwritten += count
+            stream.written -= count
+            self.messages -= count
+        self._chunk_done()
+
+    def _finish_file(self) -> None:
+        writer = self._writer
+        if writer is None:
+            return
+        try:
+            self._flush(writer)
+        except WriteFailed as error:
+            self.lose_chunk()
+            self._notice(str(error))
+        if isinstance(writer, McapWriter):
+            writer.add_metadata("jaka_bag.drops", drops_as_metadata(drops_by_topic(self._streams())))
+        if self.settings.fsync_s:
+            self._sync(writer)
+        writer.close()
+        self._writer = None
+        self.finished.append(self.settings.path(self._serial - 1))
+
+    def close(self) -> None:
+        """Finish the file that is being written and give it its name.
+
+        Raises:
+            BagError: It could not be finished; what it holds stays under its working name.
+        """
+        self._finish_file()

@@ -1,0 +1,263 @@
+"""One recording from start to end: finds the topics, keeps them subscribed, asks publishers, ends in order."""
+import json
+import threading
+import time
+from typing import Any, Callable, Dict, List, Optional, Set, Union
+
+from ..errors import ConnectionLost, JakaBagError, ProtocolError
+from ..messages.definitions import Connection
+from ..units import NS_PER_S
+from .bus_statistics import ask_publishers
+from .graph import RemoteNode
+from .rospy_transport import RospyTransport
+from .stream_account import Stream
+from .subscriber import RawTransport
+from .topic_selection import TopicSelection
+from .writer_thread import CLOCK_TOPIC, Recorder
+
+Transport = Union[RawTransport, RospyTransport]
+
+_WATCH_PERIOD_S = 0.2
+_STATISTICS_PERIOD_S = 5.0
+_STATISTICS_WAIT_S = 1.5
+_DRAIN_S = 0.5
+_POLL_S = 0.1
+_LOSS_NOTICE_PERIOD_S = 10.0
+
+
+class Recording:
+    """Joins a transport, a selection and a recorder.
+
+    Args:
+        recorder: Where messages go; not started yet.
+        selection: The topics wanted.
+        accept: Says whether a publisher's stream on a wanted topic belongs to the log.
+        notice: Takes a line for the user.
+        duration_s: Recording ends after this time, s; None for never. Log time where that is simulated.
+
+    Attributes:
+        stop: Set to end the recording.
+        end_reason: Why it ended, for the user.
+    """
+
+    def __init__(self, recorder: Recorder, selection: TopicSelection, accept: Callable[[Connection], bool],
+                 notice: Callable[[str], None], duration_s: Optional[float] = None) -> None:
+        self._recorder = recorder
+        self._selection = selection
+        self._accept = accept
+        self._notice = notice
+        self._duration_s = duration_s
+        self._subscribed: Set[str] = set()
+        self._is_master_lost = False
+        self._noticed: Dict[str, str] = {}
+        self._watcher = threading.Thread(target=self._watch, name="graph-watch", daemon=True)
+        self._transport: Optional[Transport] = None
+        self.stop = threading.Event()
+        self.end_reason = ""
+
+    def open_stream(self, connection: Connection, publisher: str) -> Stream:
+        """For the transport: the account of a new link."""
+        is_wanted = self._selection.node is not None or self._selection.wants(connection.topic)
+        return self._recorder.open_stream(connection, publisher, is_wanted)
+
+    def end(self, reason: str) -> None:
+        """End the recording; may be called from any thread or a signal handler."""
+        if self.stop.is_set():
+            return
+        self.end_reason = reason
+        self.stop.set()
+        if self._transport is not None:
+            self._transport.wake()
+
+    def run(self, connect: Callable[[], Transport], use_clock: bool) -> None:
+        """Record until told to stop.
+
+        Args:
+            connect: Makes the transport, which delivers to the recorder; called when there is a file to write to.
+            use_clock: Listen to ``/clock`` for log times.
+
+        Raises:
+            BagError: Why recording ended early or the file could not be finished.
+        """
+        self._recorder.start()
+        try:
+            self._transport = connect()
+        except BaseException:
+            self._recorder.finish()
+            raise
+        self._record(self._transport, use_clock)
+
+    def _record(self, transport: Transport, use_clock: bool) -> None:
+        try:
+            if use_clock:
+                self._subscribe(CLOCK_TOPIC)
+            self._watcher.start()
+            begin: Optional[float] = None
+            while not self.stop.is_set():
+                now = time.monotonic()
+                if use_clock:
+                    now = (self._recorder.clock or 0) / NS_PER_S
+                if begin is None and now:
+                    begin = now
+                if self._duration_s is not None and begin is not None and now - begin >= self._duration_s:
+                    self.end("the time is over")
+                else:
+                    transport.poll(_POLL_S)
+            self._drain(transport)
+        finally:
+            self.stop.set()
+            if self._watcher.ident is not None:
+                self._watcher.join()
+            transport.close()
+            self._recorder.finish()
+
+    def _drain(self, transport: Transport) -> None:
+        """Compare with the publishers' own counts, once what was under way has arrived."""
+        if self._recorder.failure is not None:
+            return
+        answer: List[Any] = []
+        asker = threading.Thread(target=lambda: answer.append(self._ask_publishers(transport)), daemon=True)
+        asker.start()
+        while asker.is_alive():
+            transport.poll(0.01)
+        sent = answer[0] if answer else {}
+        late = [(stream, sent[key]) for stream in self._recorder.streams()
+                for key in [(stream.publisher, stream.connection.topic)] if key in sent]
+        deadline = time.monotonic() + _DRAIN_S
+        while time.monotonic() < deadline and any(s.received - s.link_start < count for s, count in late):
+            transport.poll(0.01)
+        for stream, count in late:
+            stream.note_sent(count, is_final=True)
+
+    def _ask_publishers(self, transport: Transport) -> Dict[Any, int]:
+        return ask_publishers({uri for _, _, uri in transport.links()}, transport.names.node, _STATISTICS_WAIT_S)
+
+    # The watching thread
+
+    def _watch(self) -> None:
+        assert self._transport is not None
+        statistics_at = time.monotonic() + _STATISTICS_PERIOD_S
+        loss_notice_at = 0.0
+        while True:
+            try:
+                self._look_at_graph(self._transport)
+                if self._is_master_lost:
+                    self._is_master_lost = False
+                    self._notice("the master is back")
+            except ConnectionLost as error:
+                if not self._is_master_lost:
+                    self._is_master_lost = True
+                    self._notice("%s; recording goes on, waiting for it" % error)
+            except ProtocolError as error:
+                self._notice_once("graph", str(error))
+            now = time.monotonic()
+            if now >= statistics_at:
+                statistics_at = now + _STATISTICS_PERIOD_S
+                sent = self._ask_publishers(self._transport)
+                for stream in self._recorder.streams():
+                    count = sent.get((stream.publisher, stream.connection.topic))
+                    if count is not None:
+                        stream.note_sent(count)
+            if now >= loss_notice_at:
+                loss_notice_at = now + _LOSS_NOTICE_PERIOD_S
+                self._notice_overflow()
+            if self.stop.wait(_WATCH_PERIOD_S):
+                return
+
+    def _look_at_graph(self, transport: Transport) -> None:
+        master = transport.master
+        if self._subscribed and not _knows(master, transport.names.node):
+            transport.resubscribe()
+            self._notice("registered again: the master was restarted")
+        for topic in self._selection.names:
+            if not self._selection.is_excluded(topic):
+                self._subscribe(topic)
+        if self._selection.everything or self._selection.patterns:
+            for topic, _ in master.call("getPublishedTopics", ""):
+                if self._selection.wants(topic):
+                    self._subscribe(topic)
+        if self._selection.node is not None:
+            self._subscribe_as(self._selection.node, master)
+        full = self._recorder.full_topics
+        for topic in full & self._subscribed:
+            if topic not in self._noticed:
+                self._noticed[topic] = "full"
+                transport.unsubscribe(topic)
+        if full and {t for t in self._subscribed if not self._is_clock_only(t)} <= full:
+            self.end("each topic has reached its limit")
+
+    def _subscribe_as(self, node: str, master: RemoteNode) -> None:
+        try:
+            uri = str(master.call("lookupNode", node))
+            peer = RemoteNode(uri, node)
+            try:
+                for topic, _ in peer.call("getSubscriptions"):
+                    if not self._selection.is_excluded(topic):
+                        self._subscribe(topic)
+            finally:
+                peer.close()
+        except (ConnectionLost, ProtocolError) as error:
+            self._notice_once("node", "waiting for node %s: %s" % (node, error))
+
+    def _subscribe(self, topic: str) -> None:
+        if topic not in self._subscribed:
+            assert self._transport is not None
+            self._transport.subscribe(topic, self._accept)
+            self._subscribed.add(topic)
+
+    def _is_clock_only(self, topic: str) -> bool:
+        return topic == CLOCK_TOPIC and not self._selection.wants(topic)
+
+    def _notice_once(self, key: str, text: str) -> None:
+        if self._noticed.get(key) != text:
+            self._noticed[key] = text
+            self._notice(text)
+
+    def _notice_overflow(self) -> None:
+        lost = sum(stream.overflowed for stream in self._recorder.streams())
+        if lost:
+            self._notice_once("overflow", "the buffer is full: %d messages thrown away so far" % lost)
+
+
+def _knows(master: RemoteNode, node: str) -> bool:
+    try:
+        master.call("lookupNode", node)
+        return True
+    except ProtocolError:
+        return False
+
+
+def read_parameter(master: RemoteNode, name: str) -> Any:
+    """A parameter of the master's server; None where it is not set.
+
+    Raises:
+        ConnectionLost: The master cannot be reached.
+    """
+    try:
+        return master.call("getParam", name)
+    except ProtocolError:
+        return None
+
+
+def parameter_dump(master: RemoteNode) -> bytes:
+    """All parameters, as JSON, which ``rosparam load`` reads as YAML; what JSON lacks becomes its text.
+
+    Raises:
+        JakaBagError: The master does not answer.
+    """
+    return json.dumps(master.call("getParam", "/"), indent=1, sort_keys=True, default=str).encode() + b"\n"
+
+
+def wait_for_master(master: RemoteNode, stop: threading.Event, notice: Callable[[str], None]) -> bool:
+    """Wait until the master answers; False when told to stop before."""
+    is_noticed = False
+    while not stop.is_set():
+        try:
+            master.call("getPid")
+            return True
+        except JakaBagError as error:
+            if not is_noticed:
+                is_noticed = True
+                notice("%s; waiting for the master" % error)
+            stop.wait(1.0)
+    return False

@@ -1,0 +1,79 @@
+"""Which topics a recording takes."""
+import re
+from dataclasses import dataclass
+from typing import Callable, Optional, Pattern, Tuple
+
+from ..errors import BagError
+from ..messages.definitions import Connection
+from .names import NodeNames
+
+_DRIVER_TOPICS = ("tool_position", "joint_position", "robot_states", "service_calls")
+_NAMESPACE_TOPICS = ("joint_states", "tf", "tf_static", "diagnostics")
+_GLOBAL_TOPICS = ("/tf", "/tf_static", "/diagnostics")
+
+
+def compile_pattern(pattern: str) -> Pattern[str]:
+    """A topic pattern, to be matched against whole names.
+
+    Raises:
+        BagError: It is no regular expression.
+    """
+    try:
+        return re.compile(pattern)
+    except re.error as error:
+        raise BagError("%r is not a regular expression: %s" % (pattern, error)) from error
+
+
+@dataclass(frozen=True)
+class TopicSelection:
+    """The topics wanted.
+
+    Attributes:
+        names: Global names, wanted whether or not anybody publishes them yet.
+        everything: Every topic that is published.
+        patterns: Published topics whose whole name one of these matches.
+        exclude: Topics whose whole name this matches are never wanted.
+        node: Global name of a node: every topic that it subscribes to.
+    """
+
+    names: Tuple[str, ...] = ()
+    everything: bool = False
+    patterns: Tuple[Pattern[str], ...] = ()
+    exclude: Optional[Pattern[str]] = None
+    node: Optional[str] = None
+
+    @property
+    def is_dynamic(self) -> bool:
+        """True where the wanted topics depend on what is published."""
+        return self.everything or bool(self.patterns) or self.node is not None
+
+    def is_excluded(self, topic: str) -> bool:
+        """True for a topic that is never wanted."""
+        return self.exclude is not None and self.exclude.fullmatch(topic) is not None
+
+    def wants(self, topic: str) -> bool:
+        """Whether a topic is wanted by its name."""
+        if self.is_excluded(topic):
+            return False
+        return self.everything or topic in self.names or any(p.fullmatch(topic) for p in self.patterns)
+
+
+def state_log_topics(names: NodeNames) -> Tuple[str, ...]:
+    """The topics of one driver and what belongs to it in its namespace.
+
+    ``tf``, ``tf_static`` and ``diagnostics`` are published under global names by most nodes: those are among the
+    topics too, and ``is_of_namespace`` says whose messages on them belong to the log.
+    """
+    topics = [names.resolve("jaka_driver/" + name) for name in _DRIVER_TOPICS]
+    topics.extend(names.resolve(name) for name in _NAMESPACE_TOPICS)
+    topics.extend(name for name in _GLOBAL_TOPICS if name not in topics)
+    return tuple(topics)
+
+
+def is_of_namespace(namespace: str) -> Callable[[Connection], bool]:
+    """Whether a stream comes from a node of the namespace, or lies on a topic of it."""
+    prefix = namespace.rstrip("/") + "/"
+
+    def accept(connection: Connection) -> bool:
+        return connection.topic.startswith(prefix) or (connection.callerid or "").startswith(prefix)
+    return accept

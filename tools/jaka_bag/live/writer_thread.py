@@ -1,0 +1,253 @@
+"""From the network's messages to log files: a bounded buffer between the receiving thread and a writing one."""
+import collections
+import struct
+import threading
+import time
+from typing import Callable, Deque, Dict, List, Optional, Set, Tuple
+
+from ..errors import BagError, WriteFailed
+from ..messages.definitions import Connection
+from ..units import NS_PER_S
+from .rolling_files import LogFiles
+from .stream_account import Stream
+
+_HEADER = struct.Struct("<III")
+_TIME = struct.Struct("<II")
+_TICK_S = 0.02
+_EARLIEST_NS = 1
+"""Log time of messages under simulated time when no clock ever came (rosbag refuses 0)."""
+
+CLOCK_TOPIC = "/clock"
+
+_Item = Tuple[Stream, int, int, bytes]
+
+
+class Recorder:
+    """Takes messages in the receiving thread, writes them in another.
+
+    Args:
+        open_files: Creates the log files; called in ``start`` and, for snapshots, at each trigger.
+        buffer_bytes: Payload bytes that may wait for the writer; what is beyond is thrown away and counted; 0 for no
+            limit.
+        is_simulated_time: Log times are those of ``/clock``, not the host's.
+        limit: Messages to record of each topic; 0 for all.
+        snapshot_s: Keep this many seconds in memory and write them only when triggered; None records at once.
+        notice: Takes a line for the user.
+        on_stop: Called from the writing thread, with the reason, when recording cannot or need not go on.
+
+    Attributes:
+        failure: What ended the recording; None while it goes on or when a limit was reached.
+        full_topics: Topics of which ``limit`` messages were taken.
+        messages: Messages in finished files.
+        finished_paths: Finished files, oldest first.
+        clock: Newest time of ``/clock``, ns; None before the first.
+        untimed: Messages that came before the first ``/clock`` and got its time.
+    """
+
+    def __init__(self, open_files: Callable[[], LogFiles], buffer_bytes: int, notice: Callable[[str], None],
+                 on_stop: Callable[[str], None], is_simulated_time: bool = False, limit: int = 0,
+                 snapshot_s: Optional[float] = None) -> None:
+        self._open_files = open_files
+        self._buffer_bytes = buffer_bytes
+        self._notice = notice
+        self._on_stop = on_stop
+        self._limit = limit
+        self._snapshot_s = snapshot_s
+        self.is_simulated_time = is_simulated_time
+        self.clock: Optional[int] = None
+        self._waiting_for_clock: List[_Item] = []
+        self._streams: Dict[Tuple[Connection, str], Stream] = {}
+        self._queue: Deque[_Item] = collections.deque()
+        self._taken_bytes = 0
+        self._passed_bytes = 0
+        self._topic_counts: Dict[str, int] = {}
+        self._files: Optional[LogFiles] = None
+        self._ring: Deque[_Item] = collections.deque()
+        self._ring_bytes = 0
+        self._trigger = threading.Event()
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="log-writer")
+        self.failure: Optional[Exception] = None
+        self.full_topics: Set[str] = set()
+        self.untimed = 0
+        self.finished_paths: List[str] = []
+        self.messages = 0
+
+    def start(self) -> None:
+        """Create the first file and begin to write.
+
+        Raises:
+            BagError: The file cannot be created, or there is no room for it.
+        """
+        if self._snapshot_s is None:
+            self._files = self._open_files()
+        self._thread.start()
+
+    def streams(self) -> List[Stream]:
+        """All streams seen so far."""
+        return list(self._streams.values())
+
+    # The receiving thread
+
+    def open_stream(self, connection: Connection, publisher: str, is_wanted: bool = True) -> Stream:
+        """The account of a new link; a publisher that comes back continues its own."""
+        stream = self._streams.get((connection, publisher))
+        if stream is not None:
+            stream.reopen()
+            return stream
+        for other in self.streams():
+            if other.connection.topic == connection.topic and other.connection.md5sum != connection.md5sum:
+                self._notice("%s: %s sends %s (md5 %s), %s sends %s (md5 %s); both are recorded" % (
+                    connection.topic, other.connection.callerid, other.connection.datatype, other.connection.md5sum,
+                    connection.callerid, connection.datatype, connection.md5sum))
+                break
+        stream = self._streams[connection, publisher] = Stream(connection, publisher, is_wanted)
+        return stream
+
+    def take(self, stream: Stream, stamp: int, data: bytes) -> None:
+        """Take one message.
+
+        Args:
+            stream: From ``open_stream``.
+            stamp: Host time of receipt, ns since the epoch.
+            data: The serialised message.
+        """
+        stream.received += 1
+        published = stamp
+        if stream.has_header and len(data) >= 12:
+            sequence, seconds, nanoseconds = _HEADER.unpack_from(data)
+            if sequence != stream.next_sequence:
+                stream.note_sequence(sequence)
+            stream.next_sequence = sequence + 1
+            published = seconds * NS_PER_S + nanoseconds
+        if self.is_simulated_time:
+            self._take_simulated(stream, published if stream.has_header else None, data)
+        elif self._has_room(stream, len(data)):
+            self._queue.append((stream, stamp, published, data))
+
+    def _has_room(self, stream: Stream, size: int) -> bool:
+        if self._buffer_bytes and self._taken_bytes - self._passed_bytes + size > self._buffer_bytes:
+            stream.overflowed += 1
+            return False
+        self._taken_bytes += size
+        return True
+
+    def _take_simulated(self, stream: Stream, published: Optional[int], data: bytes) -> None:
+        if stream.connection.topic == CLOCK_TOPIC and len(data) == _TIME.size:
+            seconds, nanoseconds = _TIME.unpack(data)
+            clock = max(seconds * NS_PER_S + nanoseconds, _EARLIEST_NS)
+            self.clock = clock
+            self._release(clock)
+        if not stream.is_wanted or not self._has_room(stream, len(data)):
+            return
+        if self.clock is None:
+            self._waiting_for_clock.append((stream, 0, published or 0, data))
+            self.untimed += 1
+        else:
+            self._queue.append((stream, self.clock, self.clock if published is None else published, data))
+
+    def _release(self, clock: int) -> None:
+        if self._waiting_for_clock:
+            self._queue.extend((stream, clock, published or clock, data)
+                               for stream, _, published, data in self._waiting_for_clock)
+            self._waiting_for_clock.clear()
+
+    def trigger_snapshot(self) -> None:
+        """Write what is in memory to a file."""
+        self._trigger.set()
+
+    def finish(self) -> None:
+        """Write everything taken so far and finish the file; no message may be taken any more.
+
+        Raises:
+            BagError: Why recording ended early or the file could not be finished.
+        """
+        self._release(self.clock or _EARLIEST_NS)
+        self._ending.set()
+        self._thread.join()
+        if self.failure is not None:
+            raise self.failure
+
+    # The writing thread
+
+    def _run(self) -> None:
+        try:
+            is_last = False
+            while not is_last:
+                is_last = self._ending.wait(_TICK_S)
+                self._write_queue()
+                if self._files is not None:
+                    self._files.tick()
+                    if self._files.is_large_enough:
+                        self._on_stop("the file has the size asked for")
+                if self._trigger.is_set():
+                    self._trigger.clear()
+                    self._write_queue()  # all that was taken before the trigger
+                    self._write_snapshot()
+        except Exception as error:  # kept for finish(), which raises it: a recording must not end unnoticed
+            self._fail(error)
+        self._close_files()
+
+    def _fail(self, error: Exception) -> None:
+        self.failure = error
+        if isinstance(error, WriteFailed) and self._files is not None:
+            self._files.lose_chunk()
+        self._on_stop(str(error))
+        self._ending.wait()
+        while self._queue:
+            self._queue.popleft()[0].unwritten += 1
+
+    def _close_files(self) -> None:
+        if self._files is None:
+            return
+        try:
+            self._files.close()
+        except BagError as error:
+            self.failure = self.failure or error
+        self._note_files(self._files)
+
+    def _note_files(self, files: LogFiles) -> None:
+        self.messages += files.messages
+        self.finished_paths.extend(str(path) for path in files.finished)
+
+    def _write_queue(self) -> None:
+        queue, files, limit = self._queue, self._files, self._limit
+        for _ in range(len(queue)):
+            stream, stamp, published, data = queue.popleft()
+            self._passed_bytes += len(data)
+            if limit and not self._is_within_limit(stream.connection.topic):
+                continue
+            if files is not None:
+                files.add(stream, stamp, published, data)
+            else:
+                self._ring.append((stream, stamp, published, data))
+                self._ring_bytes += len(data)
+        if files is None:
+            self._trim_ring()
+
+    def _is_within_limit(self, topic: str) -> bool:
+        count = self._topic_counts[topic] = self._topic_counts.get(topic, 0) + 1
+        if count >= self._limit and topic not in self.full_topics:
+            self.full_topics.add(topic)
+        return count <= self._limit
+
+    def _trim_ring(self) -> None:
+        if not self._ring or self._snapshot_s is None:
+            return
+        newest = self._ring[-1][1] if self.is_simulated_time else time.time_ns()
+        oldest = newest - int(self._snapshot_s * NS_PER_S)
+        while self._ring and (self._ring[0][1] < oldest
+                              or (self._buffer_bytes and self._ring_bytes > self._buffer_bytes)):
+            self._ring_bytes -= len(self._ring.popleft()[3])
+
+    def _write_snapshot(self) -> None:
+        files = self._open_files()
+        self._files = files  # so that a failure accounts for its chunk
+        for stream, stamp, published, data in self._ring:
+            files.add(stream, stamp, published, data)
+        files.close()
+        self._ring.clear()
+        self._ring_bytes = 0
+        self._files = None
+        self._note_files(files)
+        self._notice("snapshot of %d messages in %s" % (files.messages, files.finished[-1]))

@@ -1,0 +1,11 @@
+"""Messages as bytes: what a log says about them, and many of them at once in numpy arrays.
+
+connection    what a log knows about one publisher's stream
+definitions   ROS 1 message definitions: text to fields, and the md5 of a type
+batch         many messages in one buffer: what readers give, filters pick from and writers take
+selection     which messages are wanted: topics, types, times
+layout        where the fields of serialised messages lie; messages of one layout are handled together
+columns       fields of messages as numpy columns
+ros2_types    ROS 2 definitions, type hashes and single CDR messages, by the library rosbags
+cdr           ROS 1 messages to CDR, many at once
+"""

@@ -1,0 +1,162 @@
+"""Many messages in few numpy arrays: what readers give, what filters pick from and what writers take."""
+from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple, Union
+
+import numpy as np
+
+if TYPE_CHECKING:
+    Array = np.ndarray[Any, Any]
+else:
+    Array = np.ndarray
+
+_GATHER_LIMIT = 4096
+"""Payloads above this size, byte, are copied one by one: memcpy then wins over index arrays."""
+_GATHER_ROWS = 8
+_MAX_GAPS = 64
+
+
+class Block:
+    """Messages that lie in one buffer.
+
+    Attributes:
+        data: The buffer, uint8.
+        start: First byte of each message in ``data``, int64, shape (n,).
+        length: Bytes of each message, int64, shape (n,).
+        connection: Position in the reader's ``connections``, int32, shape (n,).
+        log_time: Time of recording, ns since the epoch, int64, shape (n,).
+        publish_time: Time of publishing, ns, int64, shape (n,); equal to ``log_time`` where the log has none.
+        sequence: Number given by the publisher or recorder, uint32, shape (n,); 0 where the log has none.
+    """
+
+    __slots__ = ("data", "start", "length", "connection", "log_time", "publish_time", "sequence")
+
+    def __init__(self, data: Array, start: Array, length: Array, connection: Array,
+                 log_time: Array, publish_time: Optional[Array] = None,
+                 sequence: Optional[Array] = None) -> None:
+        self.data = data
+        self.start = start
+        self.length = length
+        self.connection = connection
+        self.log_time = log_time
+        self.publish_time = log_time if publish_time is None else publish_time
+        self.sequence = np.zeros(len(start), np.uint32) if sequence is None else sequence
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def payload(self, i: int) -> bytes:
+        """The bytes of message ``i``."""
+        begin = int(self.start[i])
+        return self.data[begin:begin + int(self.length[i])].tobytes()
+
+    def take(self, which: Union[Array, slice]) -> "Block":
+        """The messages that ``which`` (a mask, indices or a slice) picks; the buffer is shared."""
+        return Block(self.data, self.start[which], self.length[which], self.connection[which],
+                     self.log_time[which], self.publish_time[which], self.sequence[which])
+
+    def with_connections(self, mapping: Array) -> "Block":
+        """The same messages, connection ``c`` renumbered to ``mapping[c]``."""
+        return Block(self.data, self.start, self.length, mapping[self.connection].astype(np.int32),
+                     self.log_time, self.publish_time, self.sequence)
+
+
+def empty_block() -> Block:
+    """A block without messages."""
+    none = np.zeros(0, np.int64)
+    return Block(np.zeros(0, np.uint8), none, none, none.astype(np.int32), none)
+
+
+def distinct(values: Array) -> Array:
+    """The distinct values of a non-negative integer array, ascending; faster than ``unique`` for small ones."""
+    if len(values) == 0:
+        return values
+    if int(values.max()) <= 1 << 16:
+        return np.flatnonzero(np.bincount(values))
+    return np.unique(values)
+
+
+def windows(data: Array, width: int) -> Array:
+    """View of a contiguous uint8 buffer as all its windows of ``width`` bytes (at least 1), dtype void.
+
+    Opaque elements are gathered and scattered several times as fast as rows of bytes.
+    """
+    return np.ndarray((max(len(data) - width + 1, 0),), np.dtype("V%d" % width), data, strides=(1,))
+
+
+def rows(block: Block, which: Array, length: int) -> Array:
+    """The bytes of messages that all have ``length``, uint8, shape (len(which), length)."""
+    if length == 0:
+        return np.zeros((len(which), 0), np.uint8)
+    taken: Array = windows(block.data, length)[block.start[which]].view(np.uint8)
+    return taken.reshape(len(which), length)
+
+
+def copy_pieces(source: Array, source_start: Array, target: Array,
+                target_start: Array, length: Array) -> None:
+    """Copy many pieces between two uint8 buffers, together where many have the same length."""
+    for size in distinct(length).tolist():
+        if size == 0:
+            continue
+        which = np.flatnonzero(length == size)
+        if size <= _GATHER_LIMIT and len(which) >= _GATHER_ROWS:
+            windows(target, size)[target_start[which]] = windows(source, size)[source_start[which]]
+        else:
+            for a, b in zip(source_start[which].tolist(), target_start[which].tolist()):
+                target[b:b + size] = source[a:a + size]
+
+
+def concatenate(blocks: Sequence[Block]) -> Block:
+    """One block with the messages of all, in the order given; only bytes of messages are copied."""
+    if len(blocks) == 1:
+        return blocks[0]
+    if not blocks:
+        return empty_block()
+    length = np.concatenate([b.length for b in blocks])
+    start = np.cumsum(length) - length
+    data = np.empty(int(length.sum()), np.uint8)
+    done = 0
+    for block in blocks:
+        copy_pieces(block.data, block.start, data, start[done:done + len(block)], block.length)
+        done += len(block)
+    return Block(data, start, length, np.concatenate([b.connection for b in blocks]),
+                 np.concatenate([b.log_time for b in blocks]), np.concatenate([b.publish_time for b in blocks]),
+                 np.concatenate([b.sequence for b in blocks]))
+
+
+def pieces_of(block: Block, max_bytes: int) -> List[Block]:
+    """The block cut, in order, into blocks of at most ``max_bytes`` of messages (a larger message stays whole)."""
+    total = int(block.length.sum())
+    if total <= max_bytes or len(block) <= 1:
+        return [block]
+    ends = np.cumsum(block.length)
+    result: List[Block] = []
+    begin = 0
+    while begin < len(block):
+        base = int(ends[begin - 1]) if begin else 0
+        end = max(int(np.searchsorted(ends, base + max_bytes, side="right")), begin + 1)
+        result.append(block.take(slice(begin, end)))
+        begin = end
+    return result
+
+
+def uncovered(start: Array, end: Array, total: int) -> Optional[List[Tuple[int, int]]]:
+    """The stretches that no message covers; None where messages overlap or there are too many of them."""
+    begins = np.concatenate([[0], end])
+    ends = np.concatenate([start, [total]])
+    if (ends < begins).any():
+        return None
+    which = np.flatnonzero(ends != begins)
+    if len(which) > _MAX_GAPS:
+        return None
+    return list(zip(begins[which].tolist(), ends[which].tolist()))
+
+
+def block_of_rows(data: Array, columns: List[Tuple[int, ...]], has_publish: bool) -> Block:
+    """A block from (start, length, connection, log time[, publish time, sequence]) of each message."""
+    if not columns:
+        columns_array = np.zeros((6 if has_publish else 4, 0), np.uint64)
+    else:
+        columns_array = np.array(columns, np.uint64).T
+    signed = columns_array.view(np.int64) if columns_array.flags.c_contiguous else np.ascontiguousarray(
+        columns_array).view(np.int64)
+    return Block(data, signed[0], signed[1], signed[2], signed[3], signed[4] if has_publish else None,
+                 signed[5].astype(np.uint32) if has_publish else None)

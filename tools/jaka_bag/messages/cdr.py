@@ -1,0 +1,126 @@
+"""ROS 1 messages to CDR, many at once: for each layout, which byte goes where is learnt from rosbags."""
+from typing import Dict, List, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from .batch import Array, Block, distinct, windows
+from .connection import Connection
+from .layout import Group, Layout, LayoutFinder
+from .ros2_types import Ros2Type
+
+_MAP_LIMIT = 8192
+"""Larger messages, byte, go through rosbags one by one: there it copies whole arrays."""
+_WORTH_A_MAP = 8
+
+
+class ByteMap(NamedTuple):
+    """How CDR messages of one layout are made: constant bytes, and stretches (from, to, length) copied in."""
+
+    template: Array
+    stretches: Tuple[Tuple[int, int, int], ...]
+
+    def apply(self, rows: Array) -> Array:
+        """CDR messages of ROS 1 messages, uint8, one a row."""
+        result = np.empty((len(rows), len(self.template)), np.uint8)
+        result[:] = self.template
+        for source, target, length in self.stretches:
+            result[:, target:target + length] = rows[:, source:source + length]
+        return result
+
+
+def learn_map(layout: Layout, kind: Ros2Type) -> ByteMap:
+    """The byte map of a layout, from how rosbags converts messages whose bytes tell their positions.
+
+    Raises:
+        DefinitionError: The definition does not describe messages of this layout.
+    """
+    position = np.arange(layout.length)
+    probes = []
+    for digits in (position & 255, position >> 8 & 255, ~position & 255):
+        probe = digits.astype(np.uint8)
+        probe[layout.lengths_at] = layout.lengths
+        probes.append(np.frombuffer(kind.to_cdr(probe.tobytes()), np.uint8))
+    low, high, inverse = probes
+    copied = np.flatnonzero(low == ~inverse)
+    source = low[copied].astype(np.int64) | high[copied].astype(np.int64) << 8
+    template = low.copy()
+    template[copied] = 0
+    breaks = np.flatnonzero((np.diff(copied) != 1) | (np.diff(source) != 1)) + 1
+    starts = np.concatenate([[0], breaks]).astype(np.int64) if len(copied) else breaks
+    ends = np.concatenate([breaks, [len(copied)]]).astype(np.int64) if len(copied) else breaks
+    stretches = tuple((int(source[a]), int(copied[a]), int(b - a)) for a, b in zip(starts, ends))
+    return ByteMap(template, stretches)
+
+
+class CdrConverter:
+    """Converts the messages of one connection; one for each thread, maps are learnt as layouts appear.
+
+    Args:
+        connection: Gives type and definition.
+
+    Attributes:
+        kind: The ROS 2 side of the type.
+
+    Raises:
+        MissingDependency: rosbags is not installed.
+        DefinitionError: The definition is not understood.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self.kind = Ros2Type(connection)
+        self._finder = LayoutFinder(connection)
+        self._maps: Dict[int, ByteMap] = {}
+        self._seen: Dict[int, Tuple[Layout, int]] = {}
+
+    def _map_of(self, group: Group) -> Optional[ByteMap]:
+        """The byte map of a group; None where one is not worth learning."""
+        layout = group.layout
+        if layout.length > _MAP_LIMIT:
+            return None
+        known = self._maps.get(id(layout))
+        if known is None:
+            seen = self._seen.get(id(layout), (layout, 0))[1] + len(group.which)
+            self._seen[id(layout)] = (layout, seen)  # holds the layout, so that its id stays its own
+            if seen >= _WORTH_A_MAP:
+                known = self._maps[id(layout)] = learn_map(layout, self.kind)
+        return known
+
+    def convert(self, block: Block, which: Array) -> List[Tuple[Array, Array]]:
+        """(positions in the block, CDR messages of one length, one a row) that cover ``which``.
+
+        Raises:
+            DefinitionError: The definition does not describe a message.
+        """
+        result = []
+        for group in self._finder.groups(block, which):
+            byte_map = self._map_of(group)
+            if byte_map is not None:
+                result.append((group.which, byte_map.apply(group.rows)))
+            else:
+                made = [np.frombuffer(self.kind.to_cdr(row.tobytes()), np.uint8) for row in group.rows]
+                result.append((group.which, np.stack(made)))
+        return result
+
+
+def cdr_block(block: Block, converters: Dict[int, CdrConverter]) -> Block:
+    """The same messages as CDR, in the same order.
+
+    Args:
+        block: ROS 1 messages.
+        converters: By number of the connection.
+
+    Raises:
+        DefinitionError: A definition does not describe a message.
+    """
+    length = np.zeros(len(block), np.int64)
+    parts = []
+    for number in distinct(block.connection).tolist():
+        for which, made in converters[number].convert(block, np.flatnonzero(block.connection == number)):
+            length[which] = made.shape[1]
+            parts.append((which, made))
+    start = np.cumsum(length) - length
+    data = np.empty(int(length.sum()), np.uint8)
+    for which, made in parts:
+        if made.shape[1]:
+            windows(data, made.shape[1])[start[which]] = made.view("V%d" % made.shape[1])[:, 0]
+    return Block(data, start, length, block.connection, block.log_time, block.publish_time, block.sequence)

@@ -1,0 +1,135 @@
+"""Fields of messages as numpy columns; all messages of one layout are decoded at once."""
+from typing import Dict, List, NamedTuple, Sequence
+
+import numpy as np
+
+from ..units import NS_PER_S
+from .batch import Array, Block
+from .connection import Connection
+from .layout import Group, Leaf
+
+_TYPES = {"bool": "?", "byte": "i1", "char": "u1", "time": "<u4", "duration": "<i4", "int8": "i1", "uint8": "u1",
+          "int16": "<i2", "uint16": "<u2", "int32": "<i4", "uint32": "<u4", "int64": "<i8", "uint64": "<u8",
+          "float32": "<f4", "float64": "<f8"}
+_SIZES = {"time": 8, "duration": 8}
+
+
+class Columns(NamedTuple):
+    """All messages of one topic, in the order of time.
+
+    Attributes:
+        connection: The topic's first connection; its others have the same type.
+        log_time: Time of recording, ns since the epoch, int64, shape (n,).
+        publish_time: Time of publishing, ns, int64, shape (n,); the log time where the log has none.
+        fields: By dotted name (``header.stamp``, ``pose.position.x``), first axis is the message. Times and durations
+            are int64 ns; strings are numpy byte strings (``S``); arrays have a second axis, or are objects, one array
+            a message, where their length changes. Arrays of messages are spread over their fields, the elements one
+            after the other (``transforms.header.stamp``).
+    """
+
+    connection: Connection
+    log_time: Array
+    publish_time: Array
+    fields: Dict[str, Array]
+
+
+def _runs(matrix: Array, offsets: Sequence[int], counts: Sequence[int], size: int) -> Array:
+    """The bytes of equal-sized values at several places of each row, contiguous, shape (n, values x size)."""
+    if len(offsets) == 1:
+        return np.ascontiguousarray(matrix[:, offsets[0]:offsets[0] + counts[0] * size])
+    return np.ascontiguousarray(np.concatenate(
+        [matrix[:, at:at + count * size] for at, count in zip(offsets, counts)], axis=1))
+
+
+def _strings(matrix: Array, leaf: Leaf) -> Array:
+    width = max(leaf.counts, default=0)
+    if width == 0:
+        return np.zeros((len(matrix), len(leaf.counts)), "S1")
+    padded = np.zeros((len(matrix), len(leaf.counts), width), np.uint8)
+    for i, (at, count) in enumerate(zip(leaf.offsets, leaf.counts)):
+        padded[:, i, :count] = matrix[:, at:at + count]
+    return padded.view("S%d" % width)[:, :, 0]
+
+
+def leaf_values(matrix: Array, leaf: Leaf) -> Array:
+    """A field of messages of one layout: shape (n,), or (n, values) for an array."""
+    if leaf.type == "string":
+        values = _strings(matrix, leaf)
+    elif not leaf.offsets:
+        values = np.zeros((len(matrix), 0), np.int64 if leaf.type in _SIZES else _TYPES[leaf.type])
+    else:
+        kind = np.dtype(_TYPES[leaf.type])
+        raw = _runs(matrix, leaf.offsets, leaf.counts, _SIZES.get(leaf.type, kind.itemsize))
+        if raw.shape[1] == 0:
+            values = np.zeros((len(matrix), 0), np.int64 if leaf.type in _SIZES else kind)
+        else:
+            values = raw.view(kind)
+            if leaf.type in _SIZES:
+                parts = values.astype(np.int64)
+                values = parts[:, 0::2] * NS_PER_S + parts[:, 1::2]
+    return values if leaf.is_array else values[:, 0]
+
+
+def _fields(group: Group) -> Dict[str, Array]:
+    return {name: leaf_values(group.rows, leaf) for name, leaf in group.layout.leaves.items()}
+
+
+class _Taken(NamedTuple):
+    """Messages of one layout out of one chunk: positions among the topic's messages of that chunk, and fields."""
+
+    which: Array
+    fields: Dict[str, Array]
+
+
+class Part(NamedTuple):
+    """One topic's messages out of one chunk."""
+
+    log_time: Array
+    publish_time: Array
+    taken: List[_Taken]
+
+
+def _join(where: List[Array], values: List[Array], count: int) -> Array:
+    """One column from the values of each layout of each chunk and their positions."""
+    if len({v.shape[1:] for v in values}) > 1:
+        ragged = np.empty(count, object)
+        for places, some in zip(where, values):
+            for place, value in zip(places.tolist(), some):
+                ragged[place] = value
+        return ragged
+    joined: Array = values[0] if len(values) == 1 else np.concatenate(values)
+    places = where[0] if len(where) == 1 else np.concatenate(where)
+    if (places[1:] < places[:-1]).any():
+        ordered = np.empty_like(joined)
+        ordered[places] = joined
+        return ordered
+    return joined
+
+
+def part_of(block: Block, groups: List[Group]) -> Part:
+    """The messages of one topic in a block, given by layout."""
+    among = np.sort(np.concatenate([group.which for group in groups])) if len(groups) > 1 else groups[0].which
+    return Part(block.log_time[among], block.publish_time[among],
+                [_Taken(np.searchsorted(among, group.which), _fields(group)) for group in groups])
+
+
+def columns_of(connection: Connection, parts: List[Part]) -> Columns:
+    """One topic's columns from its parts, which are given in the order of the file."""
+    log_time = np.concatenate([part.log_time for part in parts])
+    publish_time = np.concatenate([part.publish_time for part in parts])
+    where: Dict[str, List[Array]] = {}
+    values: Dict[str, List[Array]] = {}
+    base = 0
+    for part in parts:
+        for taken in part.taken:
+            places = taken.which + base
+            for name, some in taken.fields.items():
+                where.setdefault(name, []).append(places)
+                values.setdefault(name, []).append(some)
+        base += len(part.log_time)
+    fields = {name: _join(where[name], values.pop(name), base) for name in list(values)}
+    if (log_time[1:] < log_time[:-1]).any():
+        order = np.argsort(log_time, kind="stable")
+        log_time, publish_time = log_time[order], publish_time[order]
+        fields = {name: column[order] for name, column in fields.items()}
+    return Columns(connection, log_time, publish_time, fields)

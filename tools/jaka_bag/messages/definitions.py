@@ -1,0 +1,163 @@
+"""ROS 1 message definitions: text to fields, and the md5 of a type."""
+import hashlib
+from typing import Dict, List, NamedTuple, Optional, Tuple
+
+from ..errors import DefinitionError
+from .connection import Connection as Connection
+
+PRIMITIVE_SIZES = {
+    "bool": 1, "byte": 1, "char": 1, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int32": 4, "uint32": 4,
+    "int64": 8, "uint64": 8, "float32": 4, "float64": 8, "time": 8, "duration": 8,
+}
+"""Size on the ROS 1 wire, byte; ``string`` is the one built-in type without a fixed size."""
+
+_HEADER_NAMES = ("Header", "std_msgs/Header", "roslib/Header")
+
+
+class Field(NamedTuple):
+    """One field of a message.
+
+    Attributes:
+        type: A key of ``PRIMITIVE_SIZES``, ``string``, or the full name of a message type.
+        name: Field name.
+        array: None for a single value, the length of a fixed array, -1 for one whose length the message says.
+    """
+
+    type: str
+    name: str
+    array: Optional[int]
+
+    @property
+    def is_builtin(self) -> bool:
+        """True where the type is not another message."""
+        return self.type == "string" or self.type in PRIMITIVE_SIZES
+
+
+class Constant(NamedTuple):
+    """One constant of a message; ``value`` is its text."""
+
+    type: str
+    name: str
+    value: str
+
+
+class MessageType(NamedTuple):
+    """A parsed ``.msg``: full name, constants, fields, each in the order of the text."""
+
+    name: str
+    constants: Tuple[Constant, ...]
+    fields: Tuple[Field, ...]
+
+
+def _resolve(type_name: str, package: str) -> str:
+    if type_name == "string" or type_name in PRIMITIVE_SIZES:
+        return type_name
+    if type_name in _HEADER_NAMES:
+        return "std_msgs/Header"
+    return type_name if "/" in type_name else "%s/%s" % (package, type_name)
+
+
+def _parse_field(type_name: str, name: str, package: str) -> Field:
+    base, bracket, rest = type_name.partition("[")
+    array: Optional[int] = None
+    if bracket:
+        digits = rest[:-1]
+        if not rest.endswith("]") or not (digits == "" or digits.isdigit()):
+            raise DefinitionError("array type %r is not understood" % type_name)
+        array = int(digits) if digits else -1
+    return Field(_resolve(base, package), name, array)
+
+
+def parse_type(datatype: str, text: str) -> MessageType:
+    """The fields and constants of one ``.msg`` text (without those of the types in it).
+
+    Raises:
+        DefinitionError: A line that is neither field nor constant.
+    """
+    package = datatype.split("/")[0]
+    constants: List[Constant] = []
+    fields: List[Field] = []
+    for line in text.splitlines():
+        clean = line.split("#")[0].strip()
+        if not clean:
+            continue
+        parts = clean.split(None, 1)
+        if len(parts) != 2:
+            raise DefinitionError("definition of %s: line %r is not understood" % (datatype, line[:60]))
+        type_name, rest = parts
+        if "=" in rest:
+            if type_name == "string":  # a string constant runs to the end of the line, '#' included
+                rest = line.strip().split(None, 1)[1]
+            name, value = rest.split("=", 1)
+            constants.append(Constant(type_name, name.strip(), value.strip()))
+        elif len(rest.split()) != 1:
+            raise DefinitionError("definition of %s: line %r is not understood" % (datatype, line[:60]))
+        else:
+            fields.append(_parse_field(type_name, rest, package))
+    return MessageType(datatype, tuple(constants), tuple(fields))
+
+
+def parse_definition(datatype: str, text: str) -> Dict[str, MessageType]:
+    """All types of a full definition (``====`` between them), by full name; the first is ``datatype`` itself.
+
+    Raises:
+        DefinitionError: The text is not understood, or a type in it is missing or contains itself.
+    """
+    types: Dict[str, MessageType] = {}
+    name = datatype
+    lines: List[str] = []
+    for line in text.splitlines() + ["=" * 80]:
+        if len(line) >= 40 and not line.strip("="):
+            types.setdefault(name, parse_type(name, "\n".join(lines)))
+            name, lines = "", []
+        elif not name:
+            if line.strip():
+                if not line.startswith("MSG:"):
+                    raise DefinitionError("definition of %s: %r is not understood" % (datatype, line[:60]))
+                name = _resolve(line[4:].strip(), datatype.split("/")[0])
+        else:
+            lines.append(line)
+    _check_closed(datatype, types, ())
+    return types
+
+
+def _check_closed(name: str, types: Dict[str, MessageType], above: Tuple[str, ...]) -> None:
+    if name not in types:
+        raise DefinitionError("the definition of %s lacks %s" % (above[0] if above else name, name))
+    if name in above:
+        raise DefinitionError("%s contains itself" % name)
+    for inner in types[name].fields:
+        if not inner.is_builtin:
+            _check_closed(inner.type, types, above + (name,))
+
+
+def md5_of(datatype: str, types: Dict[str, MessageType]) -> str:
+    """md5 of a type as ROS 1 computes it (genmsg ``gentools``): constants, then fields, nested types by md5."""
+    lines = ["%s %s=%s" % constant for constant in types[datatype].constants]
+    for item in types[datatype].fields:
+        if item.is_builtin:
+            suffix = "" if item.array is None else "[]" if item.array < 0 else "[%d]" % item.array
+            lines.append("%s%s %s" % (item.type, suffix, item.name))
+        else:
+            lines.append("%s %s" % (md5_of(item.type, types), item.name))
+    return hashlib.md5("\n".join(lines).strip().encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def definition_md5(datatype: str, text: str) -> str:
+    """md5 of the type that a full definition text describes.
+
+    Raises:
+        DefinitionError: The text is not understood.
+    """
+    return md5_of(datatype, parse_definition(datatype, text))
+
+
+def describes_type(connection: Connection) -> bool:
+    """True where the definition's own md5 is the announced one, so that it may be used to decode.
+
+    Some publishers announce no definition, or an md5 that is not that of the type.
+    """
+    try:
+        return definition_md5(connection.datatype, connection.definition) == connection.md5sum
+    except DefinitionError:
+        return False

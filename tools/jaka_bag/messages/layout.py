@@ -1,0 +1,180 @@
+"""Where the fields of serialised ROS 1 messages lie: messages of one layout are handled together."""
+import struct
+from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from ..errors import DefinitionError
+from .batch import Array, Block, distinct, rows
+from .connection import Connection
+from .definitions import PRIMITIVE_SIZES, MessageType, parse_definition
+
+_U32 = struct.Struct("<I")
+_MAX_CACHED = 256
+
+
+class Leaf(NamedTuple):
+    """One field without fields of its own, in all places where a layout has it.
+
+    Attributes:
+        type: A key of ``PRIMITIVE_SIZES`` or ``string``.
+        offsets: First byte of each run of values.
+        counts: Values of each run; bytes for a string.
+        is_array: True where a message may hold other than one value.
+    """
+
+    type: str
+    offsets: Tuple[int, ...]
+    counts: Tuple[int, ...]
+    is_array: bool
+
+
+class Layout:
+    """Where each field lies in all messages that have the same lengths of strings and arrays.
+
+    Attributes:
+        length: Bytes of a message.
+        lengths_at: Positions of the bytes that hold lengths, int64.
+        lengths: The values of those bytes, uint8.
+        leaves: Fields by dotted name.
+    """
+
+    def __init__(self, length: int, lengths_at: Array, lengths: Array, leaves: Dict[str, Leaf]) -> None:
+        self.length = length
+        self.lengths_at = lengths_at
+        self.lengths = lengths
+        self.leaves = leaves
+
+
+class _Walker:
+    """Walks over one message along its definition."""
+
+    def __init__(self, types: Dict[str, MessageType], raw: bytes) -> None:
+        self._types = types
+        self._raw = raw
+        self.at = 0
+        self.lengths_at: List[int] = []
+        self.runs: Dict[str, Tuple[str, List[int], List[int], bool]] = {}
+
+    def _length(self) -> int:
+        if self.at + 4 > len(self._raw):
+            raise DefinitionError("a message is shorter than its definition says")
+        self.lengths_at.extend(range(self.at, self.at + 4))
+        self.at += 4
+        return int(_U32.unpack_from(self._raw, self.at - 4)[0])
+
+    def _leaf(self, name: str, type_name: str, count: int, size: int, is_array: bool) -> None:
+        if self.at + count * size > len(self._raw):
+            raise DefinitionError("a message is shorter than its definition says")
+        run = self.runs.setdefault(name, (type_name, [], [], is_array))
+        run[1].append(self.at)
+        run[2].append(count)
+        self.at += count * size
+
+    def walk(self, datatype: str, prefix: str, is_array: bool) -> None:
+        for field in self._types[datatype].fields:
+            name = prefix + field.name
+            count = 1 if field.array is None else self._length() if field.array < 0 else field.array
+            in_array = is_array or field.array is not None
+            size = PRIMITIVE_SIZES.get(field.type)
+            if size is not None:
+                self._leaf(name, field.type, count, size, in_array)
+                continue
+            if count > len(self._raw) and (field.type == "string" or self._types[field.type].fields):
+                raise DefinitionError("a message is shorter than its definition says")
+            if count == 0:
+                self._declare(field.type, name)
+            for _ in range(count):
+                if field.type == "string":
+                    self._leaf(name, "string", self._length(), 1, in_array)
+                else:
+                    self.walk(field.type, name + ".", in_array)
+
+    def _declare(self, type_name: str, name: str) -> None:
+        """Name the leaves of an array that is empty in this message."""
+        if type_name == "string" or type_name in PRIMITIVE_SIZES:
+            self.runs.setdefault(name, (type_name, [], [], True))
+            return
+        for field in self._types[type_name].fields:
+            self._declare(field.type, "%s.%s" % (name, field.name))
+
+
+def layout_of(datatype: str, types: Dict[str, MessageType], raw: bytes) -> Layout:
+    """The layout of one message.
+
+    Raises:
+        DefinitionError: The definition does not describe these bytes.
+    """
+    walker = _Walker(types, raw)
+    walker.walk(datatype, "", False)
+    if walker.at != len(raw):
+        raise DefinitionError("a message has %d bytes, its definition describes %d" % (len(raw), walker.at))
+    at = np.array(walker.lengths_at, np.int64)
+    leaves = {name: Leaf(kind, tuple(offsets), tuple(counts), is_array)
+              for name, (kind, offsets, counts, is_array) in walker.runs.items()}
+    return Layout(len(raw), at, np.frombuffer(raw, np.uint8)[at], leaves)
+
+
+class Group(NamedTuple):
+    """Messages of one layout: their positions in the block, and their bytes, uint8, shape (n, layout.length)."""
+
+    layout: Layout
+    which: Array
+    rows: Array
+
+
+class LayoutFinder:
+    """Sorts the messages of one connection by layout.
+
+    Args:
+        connection: Its definition is followed, whatever its md5.
+
+    Raises:
+        DefinitionError: The definition is not understood.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        if connection.encoding != "ros1" or connection.schema_encoding != "ros1msg":
+            raise DefinitionError("%s: messages encoded as %s (%s) cannot be decoded"
+                                  % (connection.topic, connection.encoding, connection.schema_encoding))
+        self._topic = connection.topic
+        self._datatype = connection.datatype
+        self._types = parse_definition(connection.datatype, connection.definition)
+        self._known: Dict[int, List[Layout]] = {}
+        self._count = 0
+
+    def _new_layout(self, raw: bytes) -> Layout:
+        try:
+            return layout_of(self._datatype, self._types, raw)
+        except DefinitionError as error:
+            raise DefinitionError("%s (%s): %s" % (self._topic, self._datatype, error)) from error
+
+    def groups(self, block: Block, which: Array) -> Iterator[Group]:
+        """The messages at positions ``which`` of a block, by layout.
+
+        Raises:
+            DefinitionError: The definition does not describe a message.
+        """
+        length = block.length[which]
+        for size in distinct(length).tolist():
+            rest = which[length == size]
+            matrix = rows(block, rest, size)
+            known = self._known.setdefault(size, [])
+            tried = 0
+            while len(rest):
+                if tried < len(known):
+                    layout: Optional[Layout] = known[tried]
+                else:
+                    layout = self._new_layout(matrix[0].tobytes())
+                    if self._count < _MAX_CACHED:
+                        known.append(layout)
+                        self._count += 1
+                tried += 1
+                assert layout is not None
+                fits = (matrix[:, layout.lengths_at] == layout.lengths).all(axis=1)
+                if fits.all():
+                    yield Group(layout, rest, matrix)
+                    break
+                if fits.any():
+                    yield Group(layout, rest[fits], matrix[fits])
+                    rest, matrix = rest[~fits], matrix[~fits]

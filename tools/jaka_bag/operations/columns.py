@@ -1,0 +1,105 @@
+"""The messages of a log as numpy columns, by topic."""
+from typing import Dict, Iterator, List, Optional, Sequence, Tuple
+
+import numpy as np
+
+from ..containers.index import ChunkRef
+from ..containers.reader import LogReader
+from ..containers.registry import open_log
+from ..errors import BagError, DefinitionError
+from ..messages.batch import Block, distinct
+from ..messages.columns import Columns, Part, columns_of, part_of
+from ..messages.connection import Connection
+from ..messages.layout import Group, LayoutFinder
+from ..messages.selection import Picker, Selection
+from ..paths import PathLike
+from ..pipeline import WORKERS, in_order
+
+
+class ColumnReader:
+    """Decodes the messages of a log.
+
+    Args:
+        reader: The log.
+        selection: Which messages; None for all.
+        only_connection: Number of the one connection to decode; None for all that are selected.
+
+    Raises:
+        DefinitionError: The definition of a wanted connection is not understood, or two connections of a topic
+            have different types.
+        BagError: A pattern of the selection is not a regular expression.
+    """
+
+    def __init__(self, reader: LogReader, selection: Optional[Selection] = None,
+                 only_connection: Optional[int] = None) -> None:
+        self._reader = reader
+        self._picker = Picker(selection or Selection(), reader.connections)
+        if only_connection is not None:
+            self._picker.limit_to(only_connection)
+        self.connections: Dict[str, Connection] = {}
+        self._finders: Dict[int, LayoutFinder] = {}
+        self._topics: List[str] = [connection.topic for connection in reader.connections]
+        counts = reader.index.counts
+        for number, connection in enumerate(reader.connections):
+            if not self._picker.wanted[number] or (not counts[number] and connection.topic in self.connections):
+                continue
+            first = self.connections.setdefault(connection.topic, connection)
+            if (first.datatype, first.md5sum) != (connection.datatype, connection.md5sum):
+                raise DefinitionError("%s holds messages of different types: %s and %s"
+                                      % (connection.topic, first.datatype, connection.datatype))
+            self._finders[number] = LayoutFinder(connection)
+
+    def groups(self, block: Block) -> Iterator[Tuple[str, Group]]:
+        """The messages of a block by topic and layout.
+
+        Raises:
+            DefinitionError: A definition does not describe a message.
+        """
+        for number in distinct(block.connection).tolist():
+            for group in self._finders[number].groups(block, np.flatnonzero(block.connection == number)):
+                yield self._topics[number], group
+
+    def read(self, workers: int = WORKERS) -> Dict[str, Columns]:
+        """All wanted messages, by topic; a topic without messages has no entry.
+
+        Raises:
+            BagFormatError: A chunk is damaged.
+            DefinitionError: A definition does not describe a message.
+        """
+        def work(chunk: ChunkRef) -> Dict[str, Part]:
+            block = self._picker.pick(self._reader.load(chunk))
+            by_topic: Dict[str, List[Group]] = {}
+            for topic, group in self.groups(block):
+                by_topic.setdefault(topic, []).append(group)
+            return {topic: part_of(block, groups) for topic, groups in by_topic.items()}
+
+        parts: Dict[str, List[Part]] = {}
+        for by_topic in in_order(work, self._reader.wanted_chunks(self._picker), workers):
+            for topic, part in by_topic.items():
+                parts.setdefault(topic, []).append(part)
+        return {topic: columns_of(self.connections[topic], parts.pop(topic)) for topic in list(parts)}
+
+
+def read_columns(path: PathLike, topics: Optional[Sequence[str]] = None,
+                 selection: Optional[Selection] = None) -> Dict[str, Columns]:
+    """The messages of a log as columns, by topic; a topic without messages has no entry.
+
+    Args:
+        path: A .bag or .mcap of ROS 1 messages.
+        topics: Topics to decode; None for all.
+        selection: Which messages, where more than topics matters.
+
+    Raises:
+        BagError: The log cannot be read, or has none of the topics.
+        BagFormatError: It is damaged, or has no index because the recording was cut off.
+        DefinitionError: A definition is not understood or does not describe a message.
+    """
+    with open_log(path) as reader:
+        if topics is not None:
+            missing = set(topics) - {connection.topic for connection in reader.connections}
+            if missing:
+                raise BagError("%s has no topic %s" % (path, ", ".join(sorted(missing))))
+            selection = (selection or Selection())._replace(topics=tuple(topics))
+        if topics is not None and not topics:
+            return {}
+        return ColumnReader(reader, selection).read()

@@ -1,0 +1,234 @@
+"""Writes the fields of messages as CSV, NPZ or Parquet; one table a topic."""
+import contextlib
+import csv
+import importlib
+import io
+import re
+import zipfile
+from pathlib import Path
+from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, cast
+
+import numpy as np
+
+from ..containers.reader import LogReader
+from ..containers.time_order import in_time_order, whole_source
+from ..errors import BagError, MissingDependency
+from ..messages.batch import Array
+from ..messages.columns import leaf_values
+from ..messages.layout import Layout, Leaf
+from ..messages.selection import Selection
+from ..output_file import OutputFile
+from ..paths import PathLike
+from ..units import NS_PER_S
+from .columns import ColumnReader
+
+FORMATS = (".csv", ".npz", ".parquet")
+_BYTE_TYPES = ("uint8", "char", "byte", "int8")
+
+
+class Table(NamedTuple):
+    """Some messages of one topic: their log times, ns, and fields of one layout."""
+
+    log_time: Array
+    layout: Layout
+    rows: Array
+
+
+def tables(reader: LogReader, columns: ColumnReader, topic: str) -> Iterator[Table]:
+    """The messages of a topic in the order of time, in runs of one layout.
+
+    Raises:
+        BagFormatError: A chunk is damaged.
+        DefinitionError: A definition does not describe a message.
+    """
+    for block in in_time_order([whole_source(reader, Selection(topics=(topic,)))]):
+        groups = [group for _, group in columns.groups(block)]
+        if len(groups) == 1:
+            yield Table(block.log_time[groups[0].which], groups[0].layout, groups[0].rows)
+            continue
+        owner = np.zeros(len(block), np.int64)
+        place = np.zeros(len(block), np.int64)
+        for i, group in enumerate(groups):
+            owner[group.which] = i
+            place[group.which] = np.arange(len(group.which))
+        for run in np.split(np.arange(len(block)), np.flatnonzero(np.diff(owner)) + 1):
+            group = groups[owner[run[0]]]
+            yield Table(block.log_time[run], group.layout, group.rows[place[run]])
+
+
+def _is_bytes(leaf: Leaf) -> bool:
+    return leaf.is_array and leaf.type in _BYTE_TYPES
+
+
+def _text_time(ns: int) -> str:
+    sign = "-" if ns < 0 else ""
+    return "%s%d.%09d" % (sign, abs(ns) // NS_PER_S, abs(ns) % NS_PER_S)
+
+
+def _cells(leaf: Leaf, rows: Array, width: int) -> List[List[Any]]:
+    """The CSV columns of a field, ``width`` of them."""
+    values = leaf_values(rows, leaf)
+    if _is_bytes(leaf):
+        return [[row.tobytes().hex() for row in values]]
+    columns = [values] if values.ndim == 1 else [values[:, i] for i in range(values.shape[1])]
+    cells: List[List[Any]] = []
+    for column in columns:
+        if leaf.type == "string":
+            cells.append([v.decode("utf-8", "replace") for v in column.tolist()])
+        elif leaf.type in ("time", "duration"):
+            cells.append([_text_time(v) for v in column.tolist()])
+        elif leaf.type == "float32":
+            cells.append([str(v) for v in column])  # the shortest text that gives the same float32
+        else:
+            cells.append(column.tolist())
+    return cells + [[""] * len(rows)] * (width - len(cells))
+
+
+def _widths(source: Iterator[Table]) -> Dict[str, Tuple[Leaf, int]]:
+    widths: Dict[str, Tuple[Leaf, int]] = {}
+    seen = set()
+    for table in source:
+        if id(table.layout) in seen:
+            continue
+        seen.add(id(table.layout))
+        for name, leaf in table.layout.leaves.items():
+            count = 1 if _is_bytes(leaf) or not leaf.is_array else (
+                len(leaf.counts) if leaf.type == "string" else sum(leaf.counts))
+            widths[name] = (leaf, max(count, widths.get(name, (leaf, 0))[1]))
+    return widths
+
+
+def _write_csv(output: OutputFile, again: Callable[[], Iterator[Table]]) -> int:
+    widths = _widths(again())
+    stream = io.TextIOWrapper(io.BufferedWriter(cast(io.RawIOBase, output.file), 1 << 20), encoding="utf-8", newline="")
+    writer = csv.writer(stream)
+    header = ["log_time"]
+    for name, (leaf, width) in widths.items():
+        header += ["%s[%d]" % (name, i) for i in range(width)] if leaf.is_array and not _is_bytes(leaf) else [name]
+    writer.writerow(header)
+    count = 0
+    for table in again():
+        cells: List[List[Any]] = [[_text_time(t) for t in table.log_time.tolist()]]
+        for name, (_, width) in widths.items():
+            cells += _cells(table.layout.leaves[name], table.rows, width)
+        writer.writerows(zip(*cells))
+        count += len(table.log_time)
+    stream.flush()
+    stream.detach().detach()
+    return count
+
+
+def _arrow_column(pa: Any, leaf: Leaf, values: Array) -> Any:
+    flat = values.reshape(-1)
+    if leaf.type == "string":
+        column = pa.array([v.decode("utf-8", "replace") for v in flat.tolist()], pa.string())
+    elif leaf.type == "time":
+        column = pa.array(flat, pa.timestamp("ns", "UTC"))
+    elif leaf.type == "duration":
+        column = pa.array(flat, pa.duration("ns"))
+    elif _is_bytes(leaf):
+        return pa.array([row.tobytes() for row in values], pa.binary())
+    else:
+        column = pa.array(flat)
+    if not leaf.is_array:
+        return column
+    offsets = np.arange(len(values) + 1, dtype=np.int32) * values.shape[1]
+    return pa.ListArray.from_arrays(pa.array(offsets), column)
+
+
+def _write_parquet(output: OutputFile, again: Callable[[], Iterator[Table]]) -> int:
+    try:
+        pa = importlib.import_module("pyarrow")
+        parquet = importlib.import_module("pyarrow.parquet")
+    except ImportError:
+        raise MissingDependency("Parquet needs the Python package pyarrow") from None
+    writer: Any = None
+    count = 0
+    with contextlib.ExitStack() as stack:
+        for table in again():
+            columns = {"log_time": pa.array(table.log_time, pa.timestamp("ns", "UTC"))}
+            for name, leaf in table.layout.leaves.items():
+                columns[name] = _arrow_column(pa, leaf, leaf_values(table.rows, leaf))
+            made = pa.table(columns)
+            if writer is None:
+                sink = stack.enter_context(pa.PythonFile(output.file, mode="w"))
+                writer = stack.enter_context(parquet.ParquetWriter(sink, made.schema))
+            writer.write_table(made)
+            count += len(table.log_time)
+    return count
+
+
+def _tables_writer(suffix: str) -> Callable[[OutputFile, Callable[[], Iterator[Table]]], int]:
+    return _write_csv if suffix == ".csv" else _write_parquet
+
+
+def _add_array(archive: zipfile.ZipFile, name: str, values: Array) -> None:
+    with archive.open(name + ".npy", "w", force_zip64=True) as member:
+        np.save(member, np.ascontiguousarray(values), allow_pickle=False)
+
+
+def _write_npz(output: OutputFile, reader: LogReader, topics: Sequence[str]) -> Dict[str, int]:
+    counts = {}
+    with zipfile.ZipFile(output.file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for topic in topics:
+            columns = ColumnReader(reader, Selection(topics=(topic,))).read().get(topic)
+            counts[topic] = 0 if columns is None else len(columns.log_time)
+            if columns is None:
+                continue
+            base = topic.strip("/")
+            _add_array(archive, base + "/log_time", columns.log_time)
+            for name, values in columns.fields.items():
+                if values.dtype == object:
+                    _add_array(archive, "%s/%s.lengths" % (base, name), np.array([len(v) for v in values], np.int64))
+                    values = np.concatenate(list(values))
+                _add_array(archive, "%s/%s" % (base, name), values)
+    return counts
+
+
+def table_path(target: Path, topic: str, is_only: bool) -> Path:
+    """Where the table of a topic goes: the target itself for one topic, else ``STEM_topic.SUFFIX``."""
+    if is_only:
+        return target
+    return target.with_name("%s_%s%s" % (target.stem, re.sub(r"[^\w.-]+", "_", topic.strip("/")), target.suffix))
+
+
+def export(reader: LogReader, target: PathLike, selection: Optional[Selection] = None,
+           overwrite: bool = False) -> Dict[str, Tuple[str, int]]:
+    """Write the wanted topics; give for each the file and the number of messages.
+
+    Args:
+        reader: The log.
+        target: .csv, .npz or .parquet by suffix. NPZ holds all topics; of the others each topic has its own file,
+            ``STEM_topic.SUFFIX`` where there are several.
+        selection: Which topics.
+        overwrite: Replace existing files.
+
+    Raises:
+        BagError: The suffix is none of these, no topic is wanted, or a file cannot be created.
+        BagFormatError: A chunk is damaged.
+        DefinitionError: A definition is not understood or does not describe a message.
+        MissingDependency: Parquet is wanted and pyarrow is not installed.
+    """
+    path = Path(target)
+    if path.suffix not in FORMATS:
+        raise BagError("%s: the name of an export ends in one of %s" % (path, ", ".join(FORMATS)))
+    columns = ColumnReader(reader, selection)
+    topics = sorted(columns.connections)
+    if not topics:
+        raise BagError("%s has none of the topics" % reader.path)
+    result: Dict[str, Tuple[str, int]] = {}
+    with contextlib.ExitStack() as outputs:
+        if path.suffix == ".npz":
+            counts = _write_npz(outputs.enter_context(OutputFile(path, overwrite)), reader, topics)
+            result = {topic: (str(path), counts[topic]) for topic in topics}
+        else:
+            for topic in topics:
+                file = table_path(path, topic, len(topics) == 1)
+                output = outputs.enter_context(OutputFile(file, overwrite))
+                own = ColumnReader(reader, Selection(topics=(topic,)))
+
+                def again(topic: str = topic, own: ColumnReader = own) -> Iterator[Table]:
+                    return tables(reader, own, topic)
+
+                result[topic] = (str(file), _tables_writer(path.suffix)(output, again))
+    return result

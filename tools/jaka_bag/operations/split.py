@@ -1,0 +1,160 @@
+"""Makes several logs of one."""
+import os
+from pathlib import Path
+from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from ..containers.registry import create_log, open_log
+from ..containers.time_order import in_time_order, whole_source
+from ..containers.writer import ChunkWriter
+from ..errors import BagError
+from ..messages.batch import Array, Block, concatenate, pieces_of
+from ..messages.selection import Selection
+from ..output_file import check_output
+from ..paths import PathLike
+from .copying import LossNotes, OnProgress, add_channels
+
+_FINEST = 64
+"""Pieces that a part limited by size is at least made of."""
+
+
+class Limits(NamedTuple):
+    """When a part is full; None where that does not limit it.
+
+    Attributes:
+        size: Bytes of the file; the last chunk and the index may go beyond.
+        duration: ns.
+        messages: How many.
+    """
+
+    size: Optional[int] = None
+    duration: Optional[int] = None
+    messages: Optional[int] = None
+
+
+class SplitResult(NamedTuple):
+    """The parts in order, (path, messages), and what they cannot hold."""
+
+    parts: Tuple[Tuple[str, int], ...]
+    notes: Tuple[str, ...]
+
+
+class _Parts:
+    """The parts written so far and the one being written."""
+
+    def __init__(self, stem: Path, compression: Optional[str], level: Optional[int], overwrite: bool,
+                 profile: str) -> None:
+        self._stem = stem
+        self._settings = (compression, level, overwrite, profile)
+        self.done: List[Tuple[str, int]] = []
+        self.writer: Optional[ChunkWriter] = None
+        self.begin_time = 0
+
+    def path(self, number: int) -> Path:
+        return self._stem.with_name("%s_%d%s" % (self._stem.stem, number, self._stem.suffix))
+
+    def begin(self, time: int) -> ChunkWriter:
+        compression, level, overwrite, profile = self._settings
+        self.writer = create_log(self.path(len(self.done)), compression, level, overwrite, profile)
+        self.begin_time = time
+        return self.writer
+
+    def finish(self) -> None:
+        if self.writer is not None:
+            path = str(self.path(len(self.done)))
+            self.writer.close()
+            self.done.append((path, self.writer.message_count))
+            self.writer = None
+
+    def discard(self) -> None:
+        """Remove what was written: a set with parts missing would look whole."""
+        if self.writer is not None:
+            self.writer.abort()
+        for path, _ in self.done:
+            os.unlink(path)
+
+
+def _cuts(block: Block, begin_time: int, written: int, limits: Limits) -> int:
+    """How many of the block's first messages still belong to a part."""
+    fits = len(block)
+    if limits.duration is not None:
+        fits = min(fits, int(np.searchsorted(block.log_time, begin_time + limits.duration)))
+    if limits.messages is not None:
+        fits = min(fits, limits.messages - written)
+    return fits
+
+
+class _Latched:
+    """The newest message of each latched connection so far."""
+
+    def __init__(self, is_latched: Array) -> None:
+        self._is_latched = is_latched
+        self._newest: Dict[int, Block] = {}
+
+    def look(self, block: Block) -> None:
+        for i in np.flatnonzero(self._is_latched[block.connection]).tolist():
+            one = block.take(np.array([i]))
+            self._newest[int(block.connection[i])] = concatenate([one, one.take(slice(0, 0))])
+
+    def repeated(self, time: int) -> Iterator[Block]:
+        """Those messages, with the time at which a part begins, ns."""
+        for block in self._newest.values():
+            yield Block(block.data, block.start, block.length, block.connection,
+                        np.full(1, time, np.int64), block.publish_time, block.sequence)
+
+
+def split(source: PathLike, stem: PathLike, limits: Limits, compression: Optional[str] = None,
+          level: Optional[int] = None, overwrite: bool = False, repeat_latched: bool = False,
+          on_progress: Optional[OnProgress] = None) -> SplitResult:
+    """Write a log as parts ``STEM_0.SUFFIX``, ``STEM_1.SUFFIX``, ..., in the order of time.
+
+    Args:
+        source: The log.
+        stem: ``NAME.bag`` or ``NAME.mcap``.
+        limits: When a part is full; at least one limit.
+        compression: None for the format's default.
+        level: The codec's level; None for its default.
+        overwrite: Replace existing parts.
+        repeat_latched: Begin each further part with the newest message of each latched connection.
+        on_progress: Is told how far it is.
+
+    Raises:
+        BagError: The source cannot be read, a part cannot be written, or no limit is given.
+    """
+    if limits == Limits():
+        raise BagError("nothing says where to split")
+    with open_log(source) as reader:
+        parts = _Parts(Path(stem), compression, level, overwrite, reader.index.profile or "ros1")
+        check_output(parts.path(0), overwrite)
+        latched = _Latched(np.array([bool(c.latching) for c in reader.connections] or [False], bool))
+        losses: Optional[LossNotes] = None
+        ids = np.zeros(1, np.int64)
+        every = np.ones(len(reader.connections), bool)
+        piece = 1 << 20 if limits.size is None else max(min(1 << 20, limits.size // _FINEST), 1)
+        try:
+            for whole in in_time_order([whole_source(reader, Selection())]):
+                for rest in pieces_of(whole, piece):
+                    while len(rest):
+                        writer = parts.writer
+                        if writer is None:
+                            first = int(rest.log_time[0])
+                            writer = parts.begin(first)
+                            ids = add_channels(reader.connections, every, writer)
+                            losses = LossNotes(writer)
+                            for block in latched.repeated(first) if repeat_latched and parts.done else ():
+                                writer.append(writer.encode(block, ids))
+                        fits = _cuts(rest, parts.begin_time, writer.message_count, limits)
+                        taken, rest = rest.take(slice(0, fits)), rest.take(slice(fits, len(rest)))
+                        latched.look(taken)
+                        assert losses is not None
+                        writer.append(writer.encode(losses.look(taken), ids))
+                        if len(rest) or (limits.size is not None and writer.position >= limits.size):
+                            parts.finish()
+                if on_progress is not None:
+                    on_progress(int(whole.length.sum()), len(whole))
+            parts.finish()
+        except BaseException:
+            parts.discard()
+            raise
+        return SplitResult(tuple(parts.done), losses.notes([reader]) if losses is not None else ())

@@ -1,0 +1,18 @@
+"""Makes a recorded run happen again, so that it can be compared with the golden one; on jaka_bag and jaka_ros_driver.
+
+The shelf, from the ground up; a module imports only from those above it in this list:
+
+programs           the modules that a replay starts as programs; all of them are declared there
+command_schedule   when each recorded call is made again: times and causes
+command_player     makes the calls, in threads where they overlap
+driver_client      the live driver through rospy: raw services, joints, states
+scenario           what a golden log needs besides itself: arms, simulated controllers, the operator's doings
+processes          programs started, watched and ended
+host_watch         how long the computer let programs wait meanwhile
+stage              master, simulated or recorded controllers, drivers, recorder and calls, together
+replay             a golden log happens again and is compared
+replay_commands    the subcommand ``jaka_bag replay-commands``
+replay_wire        the subcommand ``jaka_bag replay-wire``
+pytest_plugin      golden logs as tests of pytest
+rostest_program    a golden log as a rostest
+"""

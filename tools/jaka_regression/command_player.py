@@ -1,0 +1,122 @@
+"""Makes recorded service calls again: on time, in threads where they overlap, until the first unforeseen refusal."""
+import threading
+import time
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence
+
+from jaka_bag.compare.run import Call
+from jaka_bag.errors import BagError
+
+from .command_schedule import Planned, due
+
+_POLL_S = 0.02
+_PATIENCE = 5.0
+_PATIENCE_S = 60.0
+
+
+class ReplayStopped(BagError):
+    """The replay ended before the last call; the text says why."""
+
+
+class Reply(NamedTuple):
+    """What came of a call made again.
+
+    Attributes:
+        success: Answered, and successful as far as its type can tell.
+        text: Message of the response, or the error.
+    """
+
+    success: bool
+    text: str
+
+
+class CommandPlayer:
+    """Makes the calls of a plan.
+
+    Args:
+        planned: The plan.
+        perform: Makes one call and waits for its answer; must be thread-safe; an error is a Reply, too.
+        notice: Told of each call: the planned one, when it was made (monotonic s), and its reply or None when it
+            begins.
+        after_previous: Each call as soon as those that it follows have ended.
+        cancelled: Set to stop.
+
+    Attributes:
+        lateness: How much later than due each call was made, s.
+    """
+
+    def __init__(self, planned: Sequence[Planned], perform: Callable[[Call], Reply],
+                 notice: Callable[[Planned, float, Optional[Reply]], None], after_previous: bool = False,
+                 cancelled: Optional[threading.Event] = None) -> None:
+        self._planned = planned
+        self._perform = perform
+        self._notice = notice
+        self._after_previous = after_previous
+        self._cancelled = cancelled or threading.Event()
+        self._started: List[Optional[float]] = [None] * len(planned)
+        self._ended: List[Optional[float]] = [None] * len(planned)
+        self._changed = threading.Condition()
+        self._failure: Optional[str] = None
+        self.lateness: List[float] = []
+
+    def run(self, begin: Optional[float] = None) -> None:
+        """Make all calls; returns when the last has been answered.
+
+        Args:
+            begin: When the plan begins, monotonic s; None: now.
+
+        Raises:
+            ReplayStopped: A call was refused that succeeded in the log, or the replay was cancelled.
+        """
+        begin = time.monotonic() if begin is None else begin
+        threads: Dict[int, threading.Thread] = {}
+        for entry in self._planned:
+            moment = self._wait_until_due(entry, begin)
+            self.lateness.append(max(0.0, time.monotonic() - moment))
+            self._check()
+            if entry.is_overlapped:
+                # started is set before the thread runs, so that what overlaps this call can be planned
+                self._begin(entry)
+                threads[entry.number] = threading.Thread(target=self._finish, args=(entry,), daemon=True,
+                                                         name="call %d" % entry.number)
+                threads[entry.number].start()
+            else:
+                self._begin(entry)
+                self._finish(entry)
+            self._check()
+        for number, thread in threads.items():
+            thread.join(_PATIENCE * self._planned[number].call.duration + _PATIENCE_S)
+            if thread.is_alive():
+                raise ReplayStopped("%s was not answered" % self._planned[number].call.words)
+        self._check()
+
+    def _wait_until_due(self, entry: Planned, begin: float) -> float:
+        with self._changed:
+            while not self._cancelled.is_set() and self._failure is None:
+                moment = due(entry, self._started, self._ended, begin, self._after_previous)
+                now = time.monotonic()
+                if moment is not None and moment <= now:
+                    return moment
+                self._changed.wait(_POLL_S if moment is None else min(moment - now, _POLL_S))
+        return time.monotonic()
+
+    def _begin(self, entry: Planned) -> None:
+        now = time.monotonic()
+        with self._changed:
+            self._started[entry.number] = now
+        self._notice(entry, now, None)
+
+    def _finish(self, entry: Planned) -> None:
+        reply = self._perform(entry.call)
+        now = time.monotonic()
+        self._notice(entry, now, reply)
+        with self._changed:
+            self._ended[entry.number] = now
+            if not reply.success and entry.call.success and self._failure is None:
+                self._failure = "%s was refused, unlike in the log: %s" % (entry.call.words, reply.text)
+            self._changed.notify_all()
+
+    def _check(self) -> None:
+        if self._failure is not None:
+            raise ReplayStopped(self._failure)
+        if self._cancelled.is_set():
+            raise ReplayStopped("interrupted")

@@ -1,0 +1,13 @@
+"""The modules that a replay starts as programs, as arguments of the interpreter: all of them stand here."""
+
+JAKA_BAG = ("-m", "jaka_bag.__main__")
+SIMULATION = ("-m", "jaka_ros_driver.simulation")
+WIRE_PLAYER = ("-m", "jaka_ros_driver.wire.player")
+PANEL_SESSION = ("-m", "jaka_ros_driver.simulation.server.panel_session")
+
+_DRIVER_MODULE = "jaka_ros_driver.ros.node"
+DRIVER = ("-c", "import sys; from %s import main; sys.exit(main())" % _DRIVER_MODULE)
+
+MASTER = ("-c", "from rosmaster.master import Master\nimport time\nmaster = Master(0)\nmaster.start()\n"
+                "print(master.uri, flush=True)\nwhile master.ok():\n    time.sleep(0.1)\n")
+"""A ROS master on a free port; prints its URI."""

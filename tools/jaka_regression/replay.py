@@ -1,0 +1,163 @@
+"""A golden log happens again: simulated controllers, driver, recorder and calls together; then the comparison."""
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Dict, List, Optional, Sequence, Tuple
+
+from jaka_bag.cli.compare import write_reports
+from jaka_bag.compare.comparison import compare_runs
+from jaka_bag.compare.loading import load_run
+from jaka_bag.compare.report.text import as_text, headline
+from jaka_bag.compare.run import Call, Run
+from jaka_bag.compare.tolerances import Tolerances
+from jaka_bag.compare.verdict import Comparison
+from jaka_bag.errors import BagError
+from jaka_bag.output_file import PathLike
+
+from .host_watch import HostWatch
+from .processes import Programs
+from .programs import DRIVER
+from .scenario import Scenario, scenario_of
+from .stage import Script, Stage, script_of
+
+MAX_TIME_SCALE = 10.0
+DRIVER_TIMED_SERVICES = ("jog", "servo_j", "servo_p", "servo_move_enable")
+"""Services whose course depends on the driver's own clock (jog watchdog, servo cycle): it runs at speed 1 only."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What came of a golden log's replay.
+
+    Attributes:
+        same: True where the candidate does what the golden log shows.
+        summary: The verdict and the differences, as text.
+        comparison: All of it.
+        candidate: The log recorded.
+        report: The page to look at.
+    """
+
+    same: bool
+    summary: str
+    comparison: Comparison
+    candidate: Path
+    report: Path
+
+
+def _driver_timed(calls: Sequence[Call]) -> List[str]:
+    return sorted({call.short_name for call in calls if call.short_name in DRIVER_TIMED_SERVICES})
+
+
+def takes_time_scale(golden: PathLike) -> bool:
+    """Whether a log can be replayed at another speed: nothing in it depends on the driver's own clock.
+
+    Raises:
+        BagError: It cannot be read.
+    """
+    return not _driver_timed(load_run(golden).calls)
+
+
+def _check_time_scale(script: Script, time_scale: float) -> None:
+    if not 0.1 <= time_scale <= MAX_TIME_SCALE:
+        raise BagError("time scale is %g; it must be 0.1 to %g" % (time_scale, MAX_TIME_SCALE))
+    timed = _driver_timed(script.calls)
+    if timed and time_scale != 1.0:
+        raise BagError("%s calls %s, whose course depends on the driver's own clock: its time scale is 1"
+                       % (script.log, ", ".join(timed)))
+
+
+def record_script(script: Script, folder: Path, scenario: Scenario, time_scale: float = 1.0,
+                  driver: Sequence[str] = DRIVER) -> Path:
+    """Make a script happen against simulated controllers and record it; the path of the new log.
+
+    Args:
+        script: What is to happen.
+        folder: For the new log and for what the programs print; it exists.
+        scenario: What else is needed.
+        time_scale: The simulated controllers run this many times faster, at most 10.
+        driver: Arguments of the interpreter that start the driver under test.
+
+    Raises:
+        BagError: The script's course depends on the driver's own clock and time_scale is not 1.
+        ProgramFailed: One of the programs failed.
+    """
+    _check_time_scale(script, time_scale)
+    candidate = folder / "candidate.mcap"
+    with Programs() as programs:
+        Stage(programs, folder, script, scenario, time_scale).run(candidate, driver)
+    return candidate
+
+
+def record_wire(wire_log: PathLike, script: Script, folder: Path, scenario: Scenario, speed: float = 1.0,
+                driver: Sequence[str] = DRIVER) -> Tuple[Path, Dict[str, Any]]:
+    """Play a recorded controller to the driver, make the script's calls among its bytes, and record.
+
+    Args:
+        wire_log: Of ``jaka_sim --log`` or ``jaka_sim proxy``.
+        script: What is called and recorded.
+        folder: As of ``record_script``.
+        scenario: As of ``record_script``; its first arm is the one whose controller was recorded.
+        speed: The bytes come this many times faster, at most 10.
+        driver: As of ``record_script``.
+
+    Returns:
+        The new log, and what the player says: how many requests it answered, and the names of those it could not.
+
+    Raises:
+        BagError: The script's course depends on the driver's own clock and speed is not 1.
+        ProgramFailed: One of the programs failed.
+    """
+    _check_time_scale(script, speed)
+    candidate = folder / "candidate.mcap"
+    with Programs() as programs:
+        told = Stage(programs, folder, script, scenario, speed).run_wire(str(wire_log), candidate, driver)
+    return candidate, told
+
+
+def judge(golden: Run, candidate: Path, place: Path, limits: Tolerances, time_scale: float,
+          host: HostWatch) -> Replay:
+    """Compare, and leave the reports beside the candidate.
+
+    Args:
+        golden: The golden log.
+        candidate: The log recorded.
+        place: The folder of the reports.
+        limits: How far it may be off.
+        time_scale: As of ``record_script``.
+        host: What was noticed of the computer meanwhile; told beside a difference, and no part of the verdict.
+
+    Raises:
+        BagError: The candidate cannot be read, or a report cannot be written.
+    """
+    run = load_run(candidate, limits, time_scale)
+    comparison = compare_runs(golden, run, limits, time_scale)
+    report = place / "report.html"
+    write_reports(comparison, limits, str(report), str(place / "report.xml"), str(place / "report.json"), True)
+    lines = [headline(comparison)] if comparison.same else [as_text(comparison), host.words(run.start_ns, time_scale)]
+    summary = "\n".join(line for line in lines + ["report: %s" % report] if line)
+    return Replay(comparison.same, summary, comparison, candidate, report)
+
+
+def replay(golden: PathLike, folder: PathLike, tolerances: Optional[Tolerances] = None, time_scale: float = 1.0,
+           scenario: Optional[Scenario] = None, driver: Sequence[str] = DRIVER) -> Replay:
+    """Make a golden log happen again, compare, and leave the reports in ``folder``.
+
+    Args:
+        golden: The golden log.
+        folder: Made where it is not there.
+        tolerances: None for those of the scenario.
+        time_scale: The simulated controllers run this many times faster, at most 10.
+        scenario: What else is needed; None for the file beside the log.
+        driver: Arguments of the interpreter that start the driver under test.
+
+    Raises:
+        BagError: A log cannot be read, or its course depends on the driver's own clock and time_scale is not 1.
+        ProgramFailed: One of the programs failed.
+    """
+    place = Path(str(folder))
+    place.mkdir(parents=True, exist_ok=True)
+    known = scenario or scenario_of(golden)
+    limits = tolerances or known.tolerances
+    run = load_run(golden, limits)
+    with HostWatch() as host:
+        candidate = record_script(script_of(run), place, known, time_scale, driver)
+    return judge(run, candidate, place, limits, time_scale, host)

@@ -1,0 +1,186 @@
+"""``jaka_bag replay-commands``: the command line that makes the service calls of a log again."""
+import argparse
+import json
+import math
+import signal
+import sys
+import threading
+import time
+from typing import Any, List, Optional
+
+from jaka_bag.cli.quantities import duration, positive_number
+from jaka_bag.compare.loading import load_run
+from jaka_bag.compare.run import Run
+from jaka_bag.errors import BagError, JakaBagError
+
+from .command_player import CommandPlayer, ReplayStopped, Reply
+from .command_schedule import Planned, as_text, plan
+
+_START_SPEED = 0.2
+_START_ACCELERATION = 0.5
+_REACH_RAD = 0.01
+
+_EPILOG = """\
+Makes the calls that the log's service_calls topics tell of again, against a live driver, with the same bytes. Each
+comes at its recorded time, but never before the calls it followed have ended; calls that overlapped overlap again.
+
+The arm must stand where the log began; --go-to-start moves it there first, slowly (0.2 rad/s), by joint_move: see
+that the way is free. The replay ends at the first call that is refused and was not in the log; then, as after Ctrl-C,
+stop_move is called.
+
+--speed-limit 25 asks for at most 25 % of each recorded speed, and stretches the times between calls as much.
+--dry-run prints the calls and needs neither ROS nor a driver.
+
+Exit code: 0 all calls made, 1 stopped or refused, 2 usage.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``jaka_bag replay-commands``."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = _EPILOG
+    add = parser.add_argument
+    add("log", metavar="LOG", help=".bag or .mcap with service_calls")
+    add("-n", "--dry-run", action="store_true", help="print the calls and end")
+    add("--after-previous", action="store_true", help="each call as soon as those it followed have ended")
+    add("--speed-limit", type=_percent, default=100.0, metavar="PERCENT", help="of the recorded speeds (default 100)")
+    add("--time-scale", type=positive_number, default=1.0, metavar="N",
+        help="the times between calls are N times shorter: for a simulated controller that runs N times faster")
+    add("--go-to-start", action="store_true", help="first move to where the log began")
+    add("--start-tolerance", type=positive_number, default=_REACH_RAD, metavar="RAD",
+        help="how far each joint may be from where the log began (default %g)" % _REACH_RAD)
+    add("--wait", type=duration, default=20.0, metavar="TIME", help="wait so long for the driver (default 20s)")
+    add("--progress", action="store_true", help="a line of JSON at each start and end of a call, for programs")
+    add("--begin-at-stdin", action="store_true",
+        help="a line on stdin tells when the log begins, in s of the monotonic clock, for programs")
+    add("-q", "--quiet", action="store_true", help="say only what went wrong")
+
+
+def _percent(text: str) -> float:
+    value = positive_number(text)
+    if value > 100.0:
+        raise argparse.ArgumentTypeError("%r is more than 100" % text)
+    return value
+
+
+def start_of(run: Run, topic: str) -> Optional[List[float]]:
+    """Where the joints of a topic stood when the log began, rad; None where it does not tell."""
+    track = run.joints.get(topic)
+    if track is None:
+        return None
+    for row in track.value.tolist():
+        if all(math.isfinite(value) for value in row):
+            return [float(value) for value in row]
+    return None
+
+
+class _Teller:
+    """Tells of each call: for people, or as JSON for programs."""
+
+    def __init__(self, count: int, quiet: bool, as_json: bool) -> None:
+        self._count = count
+        self._quiet = quiet
+        self._as_json = as_json
+
+    def __call__(self, entry: Planned, at: float, reply: Optional[Reply]) -> None:
+        if self._as_json:
+            event = {"call": entry.number, "service": entry.call.service, "event": "start" if reply is None else "end",
+                     "monotonic_s": at, "success": None if reply is None else reply.success}
+            print(json.dumps(event), flush=True)
+        elif reply is not None and not self._quiet:
+            print("%d/%d %s: %s" % (entry.number + 1, self._count, entry.call.words,
+                                    "succeeded" if reply.success else "refused: %s" % reply.text), flush=True)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Make the calls; 0 all made, 1 stopped or refused.
+
+    Raises:
+        BagError: The log cannot be read or holds no calls, the driver is not there or not where the log began.
+    """
+    log = load_run(args.log)
+    if not log.calls:
+        raise BagError("%s holds no service calls: record the topic service_calls" % args.log)
+    if args.speed_limit < 100.0 and args.time_scale != 1.0:
+        print("jaka_bag replay-commands: error: --speed-limit and --time-scale do not go together", file=sys.stderr)
+        return 2
+    stretch = 100.0 / args.speed_limit / args.time_scale
+    planned = plan(log.calls, stretch)
+    if args.dry_run:
+        print(as_text(planned))
+        return 0
+    return _play(args, log, planned)
+
+
+def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
+    try:
+        from .driver_client import DriverClient, StartPose, end_node, start_node
+    except ImportError as error:
+        raise BagError("replay-commands needs ROS: %s" % error) from error
+    from jaka_bag.live.graph import RemoteNode, master_uri
+    _require_master(RemoteNode(master_uri(), "/jaka_bag_replay"))
+    cancelled = threading.Event()
+    start_node("jaka_bag_replay")
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: cancelled.set())
+    client = DriverClient(args.speed_limit / 100.0)
+    poses = [StartPose(topic, tuple(start)) for topic, start in ((topic, start_of(log, topic)) for topic in log.joints)
+             if start is not None and topic.endswith("/joint_position")]
+    try:
+        client.wait_for(sorted({call.service for call in log.calls}), args.wait)
+        for pose in poses:
+            _check_start(args, client, pose)
+        teller = _Teller(len(planned), args.quiet, args.progress)
+        begin = time.monotonic()
+        if args.begin_at_stdin:
+            print(json.dumps({"event": "ready"}), flush=True)
+            begin = float(sys.stdin.readline() or begin)
+        if args.progress:
+            print(json.dumps({"event": "begin", "monotonic_s": begin}), flush=True)
+        player = CommandPlayer(planned, client.perform, teller, args.after_previous, cancelled)
+        try:
+            player.run(begin)
+        except ReplayStopped as error:
+            print("jaka_bag replay-commands: error: %s" % error, file=sys.stderr)
+            for node in sorted({call.service.rsplit("/", 1)[0] for call in log.calls}):
+                why = client.stop(node)
+                if why:
+                    print("jaka_bag replay-commands: error: %s could not be stopped: %s" % (node, why), file=sys.stderr)
+            return 1
+        if not args.quiet and not args.progress:
+            late = max(player.lateness)
+            print("%d calls made, at most %.1f ms late" % (len(planned), 1e3 * late))
+        return 0
+    finally:
+        client.close()
+        end_node("replay is over")
+
+
+def _require_master(master: Any) -> None:
+    try:
+        master.call("getPid")
+    except (JakaBagError, OSError) as error:
+        raise BagError("no ROS master: %s" % error) from error
+    finally:
+        master.close()
+
+
+def _check_start(args: argparse.Namespace, client: Any, pose: Any) -> None:
+    end = time.monotonic() + args.wait
+    here = client.joint_position(pose.topic, args.wait)
+    away = [abs(a - b) for a, b in zip(here, pose.joint_position)]
+    if len(here) != len(pose.joint_position):
+        raise BagError("%s has %d joints, %d in the log" % (pose.topic, len(here), len(pose.joint_position)))
+    if max(away) <= args.start_tolerance:
+        return
+    joint = away.index(max(away))
+    if not args.go_to_start:
+        raise BagError("%s: joint %d stands %.4f rad from where the log began; --go-to-start moves the arm there"
+                       % (pose.topic, joint + 1, away[joint]))
+    client.move_to(pose, _START_SPEED, _START_ACCELERATION)
+    while True:
+        here = client.joint_position(pose.topic, max(end - time.monotonic(), 1.0))
+        if max(abs(a - b) for a, b in zip(here, pose.joint_position)) <= args.start_tolerance:
+            return
+        if time.monotonic() > end:
+            raise BagError("%s: the arm did not reach where the log began" % pose.topic)

@@ -1,0 +1,56 @@
+"""A golden log as a rostest: the program behind launch/replay_golden.test, for those who have no pytest."""
+import argparse
+import importlib
+import os
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+from typing import Any, List, Optional
+
+from jaka_bag.compare.tolerances import load_tolerances
+
+from .replay import replay
+
+_RESULT_FLAG = "--gtest_output=xml:"
+
+
+def _report_folder(arguments: List[str], golden: Path) -> Path:
+    """Beside the results file that rostest asks for, else among the temporary files."""
+    for argument in arguments:
+        if argument.startswith(_RESULT_FLAG):
+            return Path(argument[len(_RESULT_FLAG):]).resolve().parent / "jaka_reports" / golden.stem
+    return Path(tempfile.mkdtemp(prefix="jaka_reports_")) / golden.stem
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the test; rosunit writes its result where rostest wants it, and ends the process on failure.
+
+    Args:
+        argv: Without the program's name; None for those of the process, without what roslaunch adds (__name:=...).
+
+    Returns:
+        0 when the log happened again.
+    """
+    arguments = [word for word in sys.argv[1:] if ":=" not in word] if argv is None else argv
+    parser = argparse.ArgumentParser(prog="jaka_rostest", description="Makes a golden log happen again, as a rostest.")
+    parser.add_argument("golden", metavar="LOG", help=".bag or .mcap")
+    parser.add_argument("--tolerances", metavar="FILE", help="YAML file with what differs from the defaults")
+    parser.add_argument("--time-scale", type=float, default=1.0, metavar="N", help="N times faster, at most 10")
+    options, _ = parser.parse_known_args(arguments)
+    golden = Path(options.golden)
+
+    class GoldenLog(unittest.TestCase):
+        """One golden log."""
+
+        def test_it_happens_again(self) -> None:
+            """The candidate does what the golden log shows."""
+            limits = load_tolerances(options.tolerances) if options.tolerances else None
+            result = replay(golden, _report_folder(arguments, golden), limits, options.time_scale)
+            print(result.summary, flush=True)
+            self.assertTrue(result.same, result.summary)
+
+    rosunit: Any = importlib.import_module("rosunit")
+    rosunit.unitrun("jaka_ros_driver", golden.stem, GoldenLog, sysargs=["jaka_rostest", *arguments],
+                    coverage_packages=[])
+    return os.EX_OK

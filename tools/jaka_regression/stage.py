@@ -1,0 +1,225 @@
+"""The programs of one replay: master, simulated controllers or recorded ones, recorder, drivers, calls, operator."""
+import json
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Dict, List, Optional, Sequence, Tuple
+
+from jaka_bag.compare.run import Call, Run
+from jaka_bag.units import NS_PER_S
+
+from . import programs
+from .processes import Program, ProgramFailed, Programs
+from .scenario import Arm, Event, Scenario
+
+_START_S = 60.0
+_TAIL_S = 0.7
+
+
+@dataclass(frozen=True)
+class Script:
+    """What is to happen, and what of it is recorded.
+
+    Attributes:
+        log: A log with the calls; None where there are none.
+        calls: The calls in it.
+        duration: s, from its beginning.
+        topics: What is recorded.
+        start_ns: When the log began, ns since the epoch.
+    """
+
+    log: Optional[str]
+    calls: Tuple[Call, ...]
+    duration: float
+    topics: Tuple[str, ...]
+    start_ns: int = 0
+
+
+def script_of(run: Run) -> Script:
+    """The script that a golden log is."""
+    return Script(run.path if run.calls else None, run.calls, run.duration, tuple(sorted(run.streams)),
+                  run.start_ns)
+
+
+class Stage:
+    """The programs of one replay."""
+
+    def __init__(self, programs: Programs, folder: Path, script: Script, scenario: Scenario,
+                 time_scale: float) -> None:
+        self._programs = programs
+        self._folder = folder
+        self._script = script
+        self._scenario = scenario
+        self._time_scale = time_scale
+        self._environment: Dict[str, Optional[str]] = {}
+        self._panels: Dict[str, Program] = {}
+        self._ports: Dict[str, Dict[str, Any]] = {}
+        self._operators: List[threading.Thread] = []
+        self._failure: Optional[str] = None
+
+    def _start(self, name: str, *arguments: str, **further: Any) -> Program:
+        return self._programs.add(Program(name, arguments, self._folder, self._environment, **further))
+
+    def run(self, candidate: Path, driver: Sequence[str]) -> None:
+        """Everything with simulated controllers, in order.
+
+        Raises:
+            ProgramFailed: One of the programs failed.
+        """
+        self._start_master()
+        for number, arm in enumerate(self._scenario.arms):
+            self._start_simulation(number, arm)
+        recorder = self._start_recorder_and_drivers(candidate, driver)
+        if self._script.log is not None:
+            self._make_calls(self._script.log)
+        else:
+            self._schedule(None, time.monotonic())
+            self._let_pass(self._script.duration / self._time_scale + _TAIL_S)
+        self._end_recording(recorder)
+
+    def run_wire(self, wire_log: str, candidate: Path, driver: Sequence[str]) -> Dict[str, Any]:
+        """Everything with a recorded controller, in order; what its player says at the end.
+
+        Raises:
+            ProgramFailed: One of the programs failed.
+        """
+        self._start_master()
+        began, ended = threading.Event(), threading.Event()
+        told: Dict[str, Any] = {}
+
+        def hear(line: str) -> None:
+            event = json.loads(line)
+            if event.get("event") in ("begin", "end"):
+                told[event["event"]] = event
+                (began if event["event"] == "begin" else ended).set()
+
+        player = self._start("wire", *programs.WIRE_PLAYER, wire_log, "--speed",
+                             "%g" % self._time_scale, on_line=hear)
+        facts = player.first_object(_START_S)
+        self._ports[self._scenario.arms[0].namespace] = facts
+        recorder = self._start_recorder_and_drivers(candidate, driver)
+        calls = self._start_calls(self._script.log, "--begin-at-stdin") if self._script.log is not None else None
+        self._wait_until(began, _START_S, "the driver does not connect")
+        if calls is not None:
+            # both logs tell real time: the calls keep their places among the recorded bytes
+            log_begins = self._script.start_ns - facts["start_ns"] - facts["realtime_minus_monotonic_ns"]
+            calls.say("%.6f" % (told["begin"]["monotonic_s"] + log_begins / NS_PER_S / self._time_scale))
+        self._wait_until(ended, facts["duration_s"] / self._time_scale + _START_S, "the play does not end")
+        if calls is not None and self._wait_for(calls, _START_S):
+            raise ProgramFailed("the calls could not be made again: %s" % calls.last_words())
+        self._let_pass(_TAIL_S)
+        self._end_recording(recorder)
+        return dict(told["end"])
+
+    def _wait_until(self, event: threading.Event, patience_s: float, failure: str) -> None:
+        end = time.monotonic() + patience_s
+        while not event.wait(0.05):
+            self._programs.check()
+            if time.monotonic() > end:
+                raise ProgramFailed(failure)
+
+    def _start_master(self) -> None:
+        master = self._start("master", *programs.MASTER)
+        self._environment = {"ROS_MASTER_URI": master.first_line(_START_S), "ROS_IP": "127.0.0.1",
+                             "ROS_HOME": str(self._folder), "ROS_LOG_DIR": str(self._folder / "ros_log"),
+                             "ROS_HOSTNAME": None, "ROS_NAMESPACE": None}
+
+    def _start_recorder_and_drivers(self, candidate: Path, driver: Sequence[str]) -> Program:
+        recorder = self._start("recorder", *programs.JAKA_BAG, "record", "-O", str(candidate), "--force",
+                               *self._script.topics)
+        recorder.wait_for_words("recording to", _START_S)
+        for number, arm in enumerate(self._scenario.arms):
+            self._start_driver(number, arm, driver)
+        return recorder
+
+    def _end_recording(self, recorder: Program) -> None:
+        if self._failure is not None:
+            raise ProgramFailed(self._failure)
+        if recorder.end():
+            raise ProgramFailed("the recorder failed: %s" % recorder.last_words())
+
+    def _start_simulation(self, number: int, arm: Arm) -> None:
+        simulation = self._start(
+            "simulation%d" % number, *programs.SIMULATION, "--model", arm.model, "--command-port", "0",
+            "--status-port", "0", "--poll-port", "0", "--time-scale", "%g" % self._time_scale, *arm.simulation)
+        self._ports[arm.namespace] = simulation.first_object(_START_S)
+        if any(event.arm == arm.namespace for event in self._scenario.events):
+            panel = self._start("panel%d" % number, *programs.PANEL_SESSION,
+                                str(self._ports[arm.namespace]["panel_port"]), on_line=self._panel_answered)
+            panel.first_line(_START_S)
+            self._panels[arm.namespace] = panel
+
+    def _panel_answered(self, line: str) -> None:
+        if '"ok": false' in line:
+            self._failure = "the operator's panel refuses: %s" % line
+
+    def _start_driver(self, number: int, arm: Arm, driver: Sequence[str]) -> None:
+        ports = self._ports[arm.namespace]
+        # the guard takes a driver that gets no time on a busy host for a dead one, and stops the arm
+        private = {"guard": False, "ip": "127.0.0.1", "command_port": ports["command_port"],
+                   "status_port": ports["status_port"], "model": arm.model, **dict(arm.parameters)}
+        self._start("driver%d" % number, *driver, "__ns:=%s" % (arm.namespace or "/"), "__name:=jaka_driver",
+                    *["_%s:=%s" % (name, json.dumps(value)) for name, value in private.items()])
+
+    def _make_calls(self, log: str) -> None:
+        patience = 3.0 * self._script.duration / self._time_scale + 3.0 * _START_S
+        player = self._start_calls(log)
+        code = self._wait_for(player, patience)
+        if code:
+            raise ProgramFailed("the calls could not be made again: %s" % player.last_words())
+        last = max(call.end for call in self._script.calls)
+        self._let_pass((self._script.duration - last) / self._time_scale + _TAIL_S)
+
+    def _start_calls(self, log: str, *further: str) -> Program:
+        return self._start("calls", *programs.JAKA_BAG, "replay-commands", log, "--go-to-start",
+                           "--progress", "--wait", "%g" % _START_S, "--time-scale", "%g" % self._time_scale, *further,
+                           on_line=self._call_made, is_service=False)
+
+    def _wait_for(self, program: Program, patience_s: float) -> int:
+        """Wait for its end while all others run; its exit code."""
+        end = time.monotonic() + patience_s
+        while time.monotonic() < end:
+            code = program.process.poll()
+            if code is not None:
+                return code
+            self._programs.check()
+            time.sleep(0.05)
+        raise ProgramFailed("%s did not end: %s" % (program.name, program.last_words()))
+
+    def _call_made(self, line: str) -> None:
+        try:
+            event = json.loads(line)
+        except ValueError:
+            return
+        if event.get("event") == "begin":
+            self._schedule(None, event["monotonic_s"])
+        elif event.get("event") == "start":
+            self._schedule(event["call"], event["monotonic_s"])
+
+    def _schedule(self, call: Optional[int], moment: float) -> None:
+        """The operator does what follows this call, or the beginning."""
+        events = sorted((event for event in self._scenario.events if event.after_call == call),
+                        key=lambda event: event.delay_s)
+        if events:
+            operator = threading.Thread(target=self._operate, args=(events, moment), daemon=True)
+            self._operators.append(operator)
+            operator.start()
+
+    def _operate(self, events: Sequence[Event], moment: float) -> None:
+        """One after the other, also where the host is late with all of them."""
+        try:
+            for event in events:
+                time.sleep(max(0.0, moment + event.delay_s / self._time_scale - time.monotonic()))
+                self._panels[event.arm].say(json.dumps(dict(event.request)))
+        except ProgramFailed as error:
+            self._failure = str(error)
+
+    def _let_pass(self, seconds: float) -> None:
+        """Record what happens by itself."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and self._failure is None:
+            self._programs.check()
+            time.sleep(0.05)
+        for operator in self._operators:
+            operator.join(_START_S)
