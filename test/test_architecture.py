@@ -66,7 +66,8 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
     }),
     **rooms("jaka_regression", {
         "": {"programs"} | {"jaka_bag." + room for room in TOOLS | {"cli"}},
-        "programs": {"jaka_bag.__main__", "jaka_ros_driver.ros", "jaka_ros_driver.simulation"},
+        "programs": {"jaka_bag.__main__", "jaka_ros_driver.ros", "jaka_ros_driver.simulation",
+                     "jaka_ros_driver.simulation.server", "jaka_ros_driver.wire"},
     }),
 }
 NAME_MODULES_IN_STRINGS = {"jaka_bag", "jaka_bag.cli.commands", "jaka_bag.containers.registry",

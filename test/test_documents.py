@@ -16,7 +16,6 @@ CITED = {"controller protocol": "controller-protocol.md", "sdk client": "sdk-cli
 ``docs/controller-protocol.md section 4.3``."""
 LINK = re.compile(r"\[[^\]\n]*\]\(([^)\s]+)\)")
 PATH = re.compile(r"`((?:docs|jaka_msgs|jaka_ros_driver|launch|test|tools|\.ci)/[\w./*-]*)`")
-COMING = ("tools/jaka_bag/", "tools/jaka_regression/")
 PAGE_NAME = re.compile(r"`([\w-]+\.md)`")
 SECTION = r"\d+(?:\.\d+)*"
 CITATION = re.compile(r"\b(controller[ -]protocol|SDK[ -]client|interface)(?: document|\.md)?,? (?:sections? )?"
@@ -50,7 +49,7 @@ def test_every_link_and_every_path_leads_somewhere(page):
         if not goal.exists() or (anchor and anchor not in anchors(goal)):
             wrong.append(target)
     for name in PATH.findall(text):
-        if not name.startswith(COMING) and "NAME" not in name and not list(ROOT.glob(name.rstrip("/"))):
+        if "NAME" not in name and not list(ROOT.glob(name.rstrip("/"))):
             wrong.append(name)
     wrong += [name for name in PAGE_NAME.findall(text) if not any((folder / name).exists() for folder in (DOCS, ROOT))]
     assert not set(wrong) - ELSEWHERE

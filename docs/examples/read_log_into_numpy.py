@@ -5,8 +5,9 @@ usage: read_log_into_numpy.py LOG    (.bag or .mcap, for instance of ``jaka_bag 
 """
 import sys
 
-import jaka_bag
 import numpy as np
+
+import jaka_bag
 
 TOPIC = "/jaka_driver/joint_position"
 

@@ -10,7 +10,7 @@ from jaka_ros_driver.client.core.arm_core import AT_REST_ONLY, ArmCore
 from jaka_ros_driver.client.core.feed import FeedHealth
 from jaka_ros_driver.client.core.links import LinkHealth
 from jaka_ros_driver.client.core.motion import MotionOwner
-from jaka_ros_driver.client.core.procedure import Procedure
+from jaka_ros_driver.client.core.procedures.procedure import Procedure
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
@@ -214,7 +214,7 @@ class ArmClient:
         return self.run(lambda core: core.ask(command), exclusive=isinstance(command, AT_REST_ONLY))
 
     def run(self, procedure: Callable[[ArmCore], Procedure], exclusive: bool = False) -> Any:
-        """Carry out a procedure of ``core/settings`` or ``core/power``, and return its result.
+        """Carry out a procedure of ``core/procedures/settings`` or ``core/procedures/power``, and return its result.
 
         With ``exclusive`` it is refused while anything moves the arm, and nothing can begin to move it meanwhile.
         Raises what the procedure names.

@@ -4,5 +4,6 @@ texts      the controller's words, made fit for logs, messages and terminals
 framing    cuts JSON objects out of byte streams
 codec      commands as request objects, replies as results or refusals
 exchange   which reply answers which request
+ports      names and numbers of the TCP ports
 status     status frames of the feed, to and from robot states
 """

@@ -6,7 +6,7 @@ import pytest
 from arm_bench import eventually
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core import power
+from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, MotionInterrupted, StopCause
 
 HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))

@@ -3,8 +3,8 @@ import pytest
 from arm_bench import eventually
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core import settings as procedures
-from jaka_ros_driver.client.core.procedure import Ask
+from jaka_ros_driver.client.core.procedures import settings as procedures
+from jaka_ros_driver.client.core.procedures.procedure import Ask
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand
 from jaka_ros_driver.state import IoBank
 

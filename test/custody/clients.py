@@ -5,7 +5,7 @@ from driver_process import Call, DriverProcess
 from virtual_clock import Clock
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core import power, settings
+from jaka_ros_driver.client.core.procedures import power, settings
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.state import RobotState

@@ -1,7 +1,6 @@
 """Custody of the arm, as pure state machines: events in, actions out; no thread, socket, clock or log.
 
 actions         what the shell around is asked to do
-settings        settings that are read back
 channel         requests and their replies
 link            keeps one connection up
 links           both links to one controller, and whose they are
@@ -14,10 +13,7 @@ jog             goes on as long as it is called for
 servo_planner   servo targets to one frame a cycle
 servo_trace     where the arm may be while it is streamed
 servo           servo mode: entered, streamed, left
-arm_access      what procedures may use of the core
-procedure       sequences of requests and conditions; settings, power and session are written as such
-power           power, enabling and alarms
-session         what is asked of a controller when it is connected
+procedures      what takes several requests, as generators: session, power, settings
 admission       who may begin to move the arm now, and who waits for that
 arm_core        routes events and calls
 """

@@ -8,7 +8,6 @@ import logging
 from typing import Any, Callable, List, Optional, Union
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core import power
 from jaka_ros_driver.client.core.actions import Action, Actions, Port
 from jaka_ros_driver.client.core.admission import Admission, Enter
 from jaka_ros_driver.client.core.channel import Channel, in_order
@@ -18,7 +17,8 @@ from jaka_ros_driver.client.core.jog import Jog
 from jaka_ros_driver.client.core.links import LinkHealth, Links
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.move import Move
-from jaka_ros_driver.client.core.procedure import Ask, Procedure, Running
+from jaka_ros_driver.client.core.procedures import power
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure, Running
 from jaka_ros_driver.client.core.servo import Servo, left_servo_mode
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, MotionInterrupted, StopCause

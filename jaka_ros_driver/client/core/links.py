@@ -5,13 +5,13 @@ What is lost with a link is told to the custody of the motion at once; nothing i
 from dataclasses import dataclass
 from typing import Any, Callable, Optional
 
-from jaka_ros_driver.client.core import session
 from jaka_ros_driver.client.core.actions import Actions, Port, Show
 from jaka_ros_driver.client.core.channel import Channel
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.feed import SILENCE, Feed, FeedHealth
 from jaka_ros_driver.client.core.link import Link, first_error
-from jaka_ros_driver.client.core.procedure import Running
+from jaka_ros_driver.client.core.procedures import session
+from jaka_ros_driver.client.core.procedures.procedure import Running
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Query
 from jaka_ros_driver.errors import ConnectionLost, JakaError

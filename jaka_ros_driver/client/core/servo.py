@@ -3,7 +3,7 @@ from typing import Any, Callable, List, Optional, Union
 
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner
-from jaka_ros_driver.client.core.procedure import Ask, Now, Procedure, Running, pause
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Running, pause
 from jaka_ros_driver.client.core.servo_planner import JointServo, PoseServo
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
 from jaka_ros_driver.client.core.stillness import REST_TIME

@@ -5,7 +5,7 @@ from typing import Any, Mapping, Sequence, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.core import power, settings
+from jaka_ros_driver.client.core.procedures import power, settings
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.ros.convert import Payload, Terminal
 from jaka_ros_driver.ros.frame_table import FrameTable

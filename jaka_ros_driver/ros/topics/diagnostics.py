@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import DiagnosticStatusWrapper, Updater
 
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.core.power import missing_for_motion
+from jaka_ros_driver.client.core.procedures.power import missing_for_motion
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig

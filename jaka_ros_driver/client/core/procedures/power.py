@@ -3,9 +3,9 @@ import logging
 from typing import Callable, List
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core.arm_access import ArmAccess
 from jaka_ros_driver.client.core.motion import event_text
-from jaka_ros_driver.client.core.procedure import Ask, Now, Procedure, Until
+from jaka_ros_driver.client.core.procedures.arm_access import ArmAccess
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState

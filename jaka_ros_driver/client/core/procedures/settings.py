@@ -3,9 +3,9 @@ import math
 from typing import Any, Callable, Optional, Sequence
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core.arm_access import ArmAccess
 from jaka_ros_driver.client.core.motion import require_drives
-from jaka_ros_driver.client.core.procedure import Ask, Now, Procedure, Until
+from jaka_ros_driver.client.core.procedures.arm_access import ArmAccess
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import IoBank, RobotState

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Callable, Optional
 
 from jaka_ros_driver.client.core.actions import Actions
-from jaka_ros_driver.client.core.procedure import Ask, Now, Procedure
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Command, Query, SetFeedPeriod
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
