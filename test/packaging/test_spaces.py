@@ -75,7 +75,7 @@ def test_every_definition_is_listed_and_every_field_has_a_comment(root):
             assert line == "---" or "# " in line, "%s: no comment: %s" % (path.name, line)
 
 
-@pytest.mark.parametrize("program", ["jaka_bag", "jaka_driver", "jaka_sim"])
+@pytest.mark.parametrize("program", ["jaka_bag", "jaka_driver", "jaka_rostest", "jaka_sim"])
 def test_rosrun_and_roslaunch_find_one_program_each(space, shell, program):
     found = shell("catkin_find --libexec jaka_ros_driver %s" % program, space).stdout.split()
     assert len(found) == 1
@@ -86,6 +86,11 @@ def test_the_simulation_runs_as_a_module_with_its_data(space, shell):
     shell("/usr/bin/python3 -m jaka_ros_driver.simulation --help", space)
     shell("/usr/bin/python3 -c 'from jaka_ros_driver.kinematics import arm_models as m; print(open(m.MODELS_FILE))'",
           space)
+
+
+def test_the_log_tools_are_found_with_the_subcommands_that_need_the_driver(space, shell):
+    shell("/usr/bin/python3 -c 'import jaka_bag, jaka_regression.programs; jaka_bag.__version__'", space)
+    shell("rosrun jaka_ros_driver jaka_bag replay-commands --help", space)
 
 
 def test_roslaunch_finds_a_launch_file_and_those_it_includes(space, shell):

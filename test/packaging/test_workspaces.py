@@ -29,6 +29,7 @@ def test_a_cpp_package_speaks_the_same_types(built, shell):
         assert shell("rosrun cpp_client print_md5", setup).stdout.split() == [
             move_md5, str(request_length), robot_md5]
         shell("rosrun jaka_ros_driver jaka_sim --help", setup)
+        shell("rosrun jaka_ros_driver jaka_bag --help; /usr/bin/python3 -c 'import jaka_bag, jaka_regression'", setup)
 
 
 @pytest.mark.parametrize("builder", sorted(BUILDERS))

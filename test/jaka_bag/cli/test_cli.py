@@ -33,6 +33,26 @@ def test_every_command_has_help_and_a_clean_usage_error(name, capsys):
     assert "Traceback" not in capsys.readouterr().err
 
 
+def test_commands_of_a_package_that_is_not_installed_say_how_to_get_it(capsys, monkeypatch):
+    class Nowhere:
+        """Says of the package what Python says where it is not installed."""
+
+        @staticmethod
+        def find_spec(name, path=None, target=None):
+            if name == "jaka_regression":
+                raise ModuleNotFoundError("No module named %r" % name, name=name)
+
+    for name in [name for name in sys.modules if name.split(".")[0] == "jaka_regression"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "meta_path", [Nowhere, *sys.meta_path])
+    for name in sorted(COMMANDS):
+        if COMMANDS[name].module.startswith("jaka_regression."):
+            assert main([name, "--help"]) == 2
+            said = capsys.readouterr().err
+            assert said.startswith("jaka_bag: error: %s needs the Python package jaka_regression" % name)
+            assert "jaka_ros_driver" in said and said.count("\n") == 1
+
+
 def test_a_misspelt_command_is_guessed(capsys):
     assert main(["covnert"]) == 2
     assert "did you mean 'convert'" in capsys.readouterr().err

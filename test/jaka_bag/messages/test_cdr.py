@@ -107,7 +107,8 @@ def test_large_messages_are_converted_too(tmp_path):
     path = write(tmp_path / "log.mcap", [Sample(image, START_NS + i, data) for i in range(12)])
     with open_log(path) as reader:
         converters = {0: CdrConverter(image)}
-        made = [b.payload(i) for b in (cdr_block(b, converters) for b in map(reader.load, reader.chunks)) for i in range(len(b))]
+        blocks = [cdr_block(reader.load(chunk), converters) for chunk in reader.chunks]
+    made = [block.payload(i) for block in blocks for i in range(len(block))]
     assert made == [Ros2Type(image).to_cdr(data)] * 12
 
 

@@ -1,0 +1,8 @@
+"""What jaka_bag says again, because it stands without the driver, is what the driver says."""
+from jaka_bag.driver_interface import MotionState
+from jaka_ros_driver import state
+
+
+def test_motion_states_have_the_drivers_numbers():
+    assert {entry.name: entry.value for entry in MotionState} \
+        == {entry.name: entry.value for entry in state.MotionState}
