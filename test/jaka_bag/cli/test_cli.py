@@ -34,9 +34,17 @@ def test_every_command_has_help_and_a_clean_usage_error(name, capsys):
 
 
 def test_commands_of_a_package_that_is_not_installed_say_how_to_get_it(capsys, monkeypatch):
-    for name in [name for name in sys.modules if name.startswith("jaka_regression.")]:
+    class Nowhere:
+        """Says of the package what Python says where it is not installed."""
+
+        @staticmethod
+        def find_spec(name, path=None, target=None):
+            if name == "jaka_regression":
+                raise ModuleNotFoundError("No module named %r" % name, name=name)
+
+    for name in [name for name in sys.modules if name.split(".")[0] == "jaka_regression"]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "jaka_regression", None)
+    monkeypatch.setattr(sys, "meta_path", [Nowhere, *sys.meta_path])
     for name in sorted(COMMANDS):
         if COMMANDS[name].module.startswith("jaka_regression."):
             assert main([name, "--help"]) == 2
