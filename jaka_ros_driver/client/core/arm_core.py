@@ -19,7 +19,7 @@ from jaka_ros_driver.client.core.motion import MotionOwner, standing_cause
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.procedure import Ask, Procedure, Running
 from jaka_ros_driver.client.core.servo import Servo, left_servo_mode
-from jaka_ros_driver.client.core.stillness import REST_TIME
+from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics import limits
@@ -28,7 +28,7 @@ from jaka_ros_driver.state import RobotState
 
 AT_REST_ONLY = (c.SetToolFrame, c.SelectTool, c.SetUserFrame, c.SelectUserFrame, c.SetPayload, c.SetHandGuiding)
 """They change what a motion under way means, or what the arm carries."""
-_WAIT_FOR_REST = 1.5
+_WAIT_FOR_REST_S = 1.5
 """s; a motion waits so long for the arm to come to rest from what was before it."""
 
 
@@ -374,15 +374,15 @@ class ArmCore:
                                  % motion.owner.value)
         if self.custody.is_free and self._setting is None and not self._stops_under_way:
             self.fresh_state(now)
-            if self.custody.stillness.duration() >= REST_TIME:
+            if self.custody.stillness.duration() >= REST_TIME_S:
                 return True
-        if now - asked_at >= _WAIT_FOR_REST:
+        if now - asked_at >= _WAIT_FOR_REST_S:
             self.fresh_state(now)
             owner = self.motion_owner
             raise InvalidCommand("refused: the arm has not come to rest within %.1f s; %s" % (
-                _WAIT_FOR_REST, "it moves, and not by this driver" if owner is None
+                _WAIT_FOR_REST_S, "it moves, and not by this driver" if owner is None
                 else "%s is still being ended" % owner.value))
-        self._waiting.append(_Waiting(call, enter, asked_at + _WAIT_FOR_REST))
+        self._waiting.append(_Waiting(call, enter, asked_at + _WAIT_FOR_REST_S))
         return False
 
     def _retry_waiting(self, now: float) -> None:
