@@ -134,7 +134,7 @@ class DriverConfig:
     blocking: bool = _flag(True, "linear_move and joint_move answer when the motion has ended; false: on acceptance.")
     activate_frames: Optional[bool] = _flag(None, "set_toolframe and set_userframe also make the frame the active one. "
                                                   "Default: true; false with interface vendor.")
-    auto_enable: bool = _flag(True, "Power and enable the arm once, when it is first seen after the start without fault.")
+    auto_enable: bool = _flag(True, "Power and enable the arm once, when it is first seen without a fault.")
     guard: bool = _flag(True, "A guard process stops the arm when the driver dies or hangs.")
     link_loss_stop: float = _number(
         _CLIENT.link_loss_stop, 0.0, 10.0, "s", "The controller is asked to stop the arm this time after it has "
