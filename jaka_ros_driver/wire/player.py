@@ -32,7 +32,7 @@ PATIENCE_S = 5.0
 
 
 class _Client:
-    """One accepted connection and what is still to be sent."""
+    """An accepted connection, the recorded one that it replays, and what is still to be sent."""
 
     def __init__(self, link: socket.socket, recorded: RecordedConnection, shift: float, grace: float) -> None:
         self.link = link
@@ -222,7 +222,7 @@ class WirePlayer(PortServer):
         del self._clients[client.link]
         try:
             self._selector.unregister(client.link)
-        except KeyError:  # a half open one was taken out before
+        except KeyError:  # a half open connection is not registered any more
             pass
         sockets.close(client.link, is_reset=how == "reset")
 

@@ -26,7 +26,7 @@ _MOST_BACKLOG = 4 << 20
 
 
 class _Side:
-    """One socket of a pair."""
+    """One of the two connected sockets between which bytes are forwarded: the client's or the controller's."""
 
     def __init__(self, link: socket.socket, port: str, number: int, is_client: bool) -> None:
         self.link = link
