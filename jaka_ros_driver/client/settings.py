@@ -24,8 +24,8 @@ class ClientSettings:
         enable_timeout: Longest wait for the brakes to open or close.
         jog_timeout: A jog stops this time after the last jog call (docs/interface.md section 1.1).
         servo_timeout: Servo mode is left this time after the last servo target.
-        servo_ahead: A servo target is reached this time after it came at most, so that the motion ends soon after the
-            stream ends.
+        servo_ahead: A servo target is refused unless the arm can reach it within this time, so that the motion ends
+            soon after the client stops sending.
         servo_max_joint_jump: Largest distance of a servo target from the frame sent last, rad.
         servo_max_linear_jump: The same for the position of a Cartesian target, m.
         servo_max_angular_jump: The same for its orientation, rad.

@@ -66,7 +66,7 @@ class Line:
             raise self._lost(error) from error
 
     def fileno(self) -> int:
-        """For select."""
+        """The descriptor, for ``select``."""
         return self._socket.fileno()
 
     def finish_connecting(self) -> None:
@@ -110,7 +110,7 @@ class Line:
         return data
 
     def close(self) -> None:
-        """End it."""
+        """Close the connection."""
         self._socket.close()
 
     def _lost(self, error: OSError) -> ConnectionLost:

@@ -208,7 +208,7 @@ def _data() -> Dict[str, Any]:
 
 
 def _read_yaml(path: str) -> Any:
-    import yaml  # here, because most users of this module's classes never read a file
+    import yaml  # imported here, because most users of this module's classes never read a file
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     with open(path, encoding="utf-8") as file:
         try:

@@ -29,7 +29,7 @@ ANALOG_LIMIT = 1000.0
 TOLERANCES = (0.0, 1.0)
 """m; a rounded corner that is larger than this is not meant."""
 IO_INDICES = (0, 1023)
-"""No bank of a controller has more terminals."""
+"""First and last index of a terminal; no bank of a controller has more."""
 SERVO_CYCLES = (1, 1000)
 """Servo cycles of 8 ms for one target; the upper bound is 8 s."""
 JOINT_SPEED_CEILING = math.pi

@@ -223,7 +223,7 @@ class _AcceptingSocket:
 def _shake_hands_in_background(server: Any, sock: socket.socket, address: Any) -> None:
     connection = _HANDSHAKES.add(sock)
     try:
-        threading.Thread(target=_shake_hands, args=(server, connection, address), name="greeting", daemon=True).start()
+        threading.Thread(target=_shake_hands, args=(server, connection, address), name="handshake", daemon=True).start()
     except RuntimeError:  # no more threads: the accepting thread must not end
         _HANDSHAKES.remove(connection)
         sock.close()
@@ -268,7 +268,7 @@ def _read_handshake(sock: socket.socket, deadline: float) -> Dict[str, str]:
     size_bytes = _read_exactly(sock, 4, deadline)
     size, = struct.unpack("<I", size_bytes)
     if size > _LONGEST_HANDSHAKE:
-        raise ValueError("a greeting of %d bytes" % size)
+        raise ValueError("a handshake of %d bytes" % size)
     header: Dict[str, str] = rosgraph.network.decode_ros_handshake_header(
         size_bytes + _read_exactly(sock, size, deadline))
     sock.settimeout(None)
@@ -280,7 +280,7 @@ def _read_exactly(sock: socket.socket, count: int, deadline: float) -> bytes:
     while len(data) < count:
         remaining = deadline - time.monotonic()
         if remaining <= 0.0:
-            raise socket.timeout("no greeting in time")
+            raise socket.timeout("no handshake in time")
         sock.settimeout(remaining)
         piece = sock.recv(count - len(data))
         if not piece:

@@ -126,7 +126,7 @@ class DriverConfig:
     command_port: int = _integer(PORT_NUMBERS["command"], 1, 65535, "Its request and reply port.")
     status_port: int = _integer(PORT_NUMBERS["status"], 1, 65535, "Its status feed.")
     model: str = _parameter("zu7", "text", "", "one of " + ", ".join(model_names()),
-                            "The arm; its limits are the audit of every command.", _model)
+                            "Model of the arm; every command is checked against its limits.", _model)
     dh_file: str = _parameter("", "text", "", "empty, or path of a model file",
                               "A model file of your own (calibrated arm), instead of `model`.", _model_file)
     interface: str = _choice(DOCUMENTED, (DOCUMENTED, VENDOR),
@@ -134,22 +134,22 @@ class DriverConfig:
     blocking: bool = _flag(True, "linear_move and joint_move answer when the motion has ended; false: on acceptance.")
     activate_frames: Optional[bool] = _flag(None, "set_toolframe and set_userframe also make the frame the active one. "
                                                   "Default: true; false with interface vendor.")
-    auto_enable: bool = _flag(True, "Power and enable a healthy arm once, when it is first seen after the start.")
+    auto_enable: bool = _flag(True, "Power and enable the arm once, when it is first seen without a fault.")
     guard: bool = _flag(True, "A guard process stops the arm when the driver dies or hangs.")
     link_loss_stop: float = _number(
-        _CLIENT.link_loss_stop, 0.0, 10.0, "s", "The controller is asked to stop the arm so long after it has lost "
-        "this driver in the middle of a motion; 0: it is not asked.")
+        _CLIENT.link_loss_stop, 0.0, 10.0, "s", "The controller is asked to stop the arm this time after it has "
+        "lost this driver during a motion; 0: it is not asked.")
     simulator: str = _text("", _IDENTITY, "empty, or the identity of a simulated controller",
-                           "Any other controller than the simulated one of this identity is left alone; set by the "
+                           "With it, the driver uses no controller but the simulated one of this identity; set by the "
                            "launch files.")
     publish_rate: float = _number(1.0 / _CLIENT.feed_period, 1.0, 500.0, "Hz",
-                                  "Rate of the state topics: a slower feed is filled up to it, a faster one thinned "
-                                  "out. The controller is asked for 125 Hz at least.")
+                                  "Rate of the state topics: samples of a slower feed are repeated, of a faster one "
+                                  "left out. The controller is asked for 125 Hz at least.")
     stale_after: float = _number(_CLIENT.stale_after, 0.02, 10.0, "s",
-                                 "State older than this is neither published nor acted on.")
+                                 "A state that is older is neither published nor used.")
     joint_states_topic: str = _text("joint_states", _TOPIC, "a ROS name",
-                                    "Topic for robot_state_publisher and the like, with velocity (the controller's "
-                                    "where it reports one, else a filtered difference).")
+                                    "Topic for robot_state_publisher and similar nodes, with velocity (the "
+                                    "controller's where it reports one, else a filtered difference).")
     publish_tf: str = _choice(TF_ALL, (TF_ALL, TF_TOOL, TF_NONE),
                               "Transforms: all (base to flange, flange to active tool, base to user frame); tool (the "
                               "same without the flange: robot_state_publisher gives it); none.")
@@ -161,27 +161,27 @@ class DriverConfig:
                               "In front of every frame and of the joints of joint_states; for several arms.")
     connect_timeout: float = _number(_CLIENT.connect_timeout, 0.05, 30.0, "s", "Longest wait for a connection.")
     reply_timeout: float = _number(_CLIENT.reply_timeout, 0.05, 30.0, "s",
-                                   "Longest wait for a reply of the controller; then the link is made anew.")
+                                   "Longest wait for a reply of the controller; then the link is made again.")
     silence_timeout: float = _number(_CLIENT.silence_timeout, 0.1, 30.0, "s",
-                                     "The status feed counts as lost after so long without a byte.")
+                                     "The status feed counts as lost after this time without a byte.")
     motion_timeout: float = _number(_CLIENT.motion_timeout, 0.1, 86400.0, "s", "A motion that takes longer is stopped.")
     power_timeout: float = _number(_CLIENT.power_timeout, 0.1, 300.0, "s", "Longest wait for the drives' power.")
     enable_timeout: float = _number(_CLIENT.enable_timeout, 0.1, 300.0, "s", "Longest wait for the brakes.")
     jog_timeout: float = _number(_CLIENT.jog_timeout, 0.05, _CLIENT.jog_timeout, "s",
-                                 "A jog stops so long after the last jog call.")
+                                 "A jog stops this time after the last jog call.")
     servo_timeout: float = _number(_CLIENT.servo_timeout, 0.05, 3600.0, "s",
-                                   "Servo mode is left so long after the last servo target.")
+                                   "Servo mode is left this time after the last servo target.")
     servo_ahead: float = _number(_CLIENT.servo_ahead, 0.008, 2.0, "s",
-                                 "A servo target is refused unless the arm can be there so long after it came: the "
-                                 "motion ends with its client.")
+                                 "A servo target is refused unless the arm can reach it within this time, so that "
+                                 "the motion ends soon after its client.")
     servo_max_joint_jump: float = _number(_CLIENT.servo_max_joint_jump, 0.0001, 6.3, "rad",
-                                          "A servo target may be so far from the frame that was sent last, each joint.")
+                                          "Largest distance of a servo target from the frame sent last, each joint.")
     servo_max_linear_jump: float = _number(_CLIENT.servo_max_linear_jump, 0.0001, 2.0, "m",
                                            "The same for the position of a Cartesian target.")
     servo_max_angular_jump: float = _number(_CLIENT.servo_max_angular_jump, 0.0001, 3.2, "rad",
                                             "The same for its orientation.")
     realtime_priority: int = _integer(0, 0, 99, "SCHED_FIFO priority of the driver's threads; 0 leaves the scheduler "
-                                                "alone. Needs the right to it (rtprio).")
+                                                "as it is. Needs the right to it (rtprio).")
 
     @property
     def is_vendor(self) -> bool:

@@ -114,19 +114,19 @@ class WireLog:
         return channels
 
     def bytes_in(self, time_ns: int, port: str, connection: int, data: bytes) -> None:
-        """Bytes came in."""
+        """Note bytes that came in."""
         self._put("/wire/" + port, time_ns, (connection, "in", data))
 
     def bytes_out(self, time_ns: int, port: str, connection: int, data: bytes) -> None:
-        """Bytes were taken by the network."""
+        """Note bytes that the network has taken."""
         self._put("/wire/" + port, time_ns, (connection, "out", data))
 
     def event(self, time_ns: int, port: str, connection: int, what: str, peer: str) -> None:
-        """A connection began or ended."""
+        """Note that a connection began or ended; ``what`` as in ``WireEvent``."""
         self._put("/wire/" + port, time_ns, (connection, what, peer.encode("ascii")))
 
     def joints(self, time_ns: int, simulated_s: float, joint_position: Vector) -> None:
-        """Where the arm is."""
+        """Note the true joints of the arm, rad (6,)."""
         self._put(_JOINTS_TOPIC, time_ns, (simulated_s, joint_position))
 
     def _put(self, topic: str, time_ns: int, content: Any) -> None:

@@ -18,8 +18,8 @@ from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.wire import sockets
-from jaka_ros_driver.wire.listeners import Listeners
 from jaka_ros_driver.wire.log import clock_offset_ns, read_log
+from jaka_ros_driver.wire.port_server import IDLE_S, PortServer
 from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
 from jaka_ros_driver.wire.script import Piece, RecordedConnection, WireScript, wire_script
 from jaka_ros_driver.wire.sockets import LOOPBACK
@@ -29,11 +29,10 @@ _EARLY_S = 0.05
 _GRACE_S = 2.0
 PATIENCE_S = 5.0
 """s of wall time for which a request is waited for; then the player assumes that this driver does not make it."""
-_IDLE_S = 0.5
 
 
 class _Client:
-    """One accepted connection and what is still to be sent."""
+    """An accepted connection, the recorded one that it replays, and what is still to be sent."""
 
     def __init__(self, link: socket.socket, recorded: RecordedConnection, shift: float, grace: float) -> None:
         self.link = link
@@ -62,7 +61,7 @@ class Progress(NamedTuple):
     facts: Dict[str, Any]
 
 
-class WirePlayer:
+class WirePlayer(PortServer):
     """Serves the ports of a recorded controller.
 
     Args:
@@ -80,39 +79,21 @@ class WirePlayer:
         self._script = script
         self._speed = speed
         self._notice = notice
-        self._selector = selectors.DefaultSelector()
-        self._listeners = Listeners(self._selector)
         self._clients: Dict[socket.socket, _Client] = {}
         self._coming = {port: deque(script.connections[port]) for port in PORTS}
         self._begin: Optional[float] = None
         self._causes = list(script.causes)
         self._held = 0.0
         self._held_since: Optional[float] = None
-        self._is_running = True
         self._is_over = False
-        for port in PORTS:
-            self._listeners.add(port, LOOPBACK, ports.get(port, 0))
-        self.port_numbers = self._listeners.numbers
+        super().__init__(LOOPBACK, {port: ports.get(port, 0) for port in PORTS})
 
-    def stop(self) -> None:
-        """End ``run`` within half a second; also from a signal handler."""
-        self._is_running = False
+    def _serve(self, data: _Client, events: int) -> None:
+        self._read(data)
 
-    def run(self) -> None:
-        """Serve until ``stop``."""
-        try:
-            while self._is_running:
-                for key, _ in self._selector.select(self._wait_s()):
-                    if isinstance(key.data, str):
-                        self._accept(key.fileobj, key.data)
-                    else:
-                        self._read(key.data)
-                self._play()
-        finally:
-            for client in list(self._clients.values()):
-                self._drop(client, "close")
-            self._listeners.close()
-            self._selector.close()
+    def _close_all(self) -> None:
+        for client in list(self._clients.values()):
+            self._drop(client, "close")
 
     def _now(self) -> float:
         """Time of the replay, s of the recording since its first connection. It stands still while a request that moves
@@ -144,14 +125,14 @@ class WirePlayer:
 
     def _wait_s(self) -> float:
         if self._begin is None:
-            return _IDLE_S
+            return IDLE_S
         now = self._now()
         moments = [client.due[0].at + self._shift(client) for client in self._clients.values() if client.due]
         moments += [end for end in (client.end_at() for client in self._clients.values()) if end is not None]
         further = [coming[0].opened - _EARLY_S for coming in self._coming.values() if coming]
         further.append(self._script.duration)
         moments += [moment for moment in further if moment > now]
-        return min([_IDLE_S] + [max(moment - now, 0.0) / self._speed for moment in moments])
+        return min([IDLE_S] + [max(moment - now, 0.0) / self._speed for moment in moments])
 
     @staticmethod
     def _shift(client: _Client) -> float:
@@ -160,11 +141,7 @@ class WirePlayer:
         """
         return 0.0 if client.recorded.port == "command" else client.shift
 
-    def _accept(self, listener: Any, port: str) -> None:
-        accepted = sockets.accept(listener)
-        if accepted is None:
-            return
-        link, _ = accepted
+    def _accept(self, link: socket.socket, peer: str, port: str) -> None:
         if not self._coming[port]:
             link.close()
             return
@@ -197,7 +174,7 @@ class WirePlayer:
                 at = max(at, client.due[-1].at)
             client.due.append(Piece(at, reply.data))
 
-    def _play(self) -> None:
+    def _turn(self) -> None:
         now = self._now()
         for client in list(self._clients.values()):
             while client.due and client.due[0].at + self._shift(client) <= now:
@@ -245,7 +222,7 @@ class WirePlayer:
         del self._clients[client.link]
         try:
             self._selector.unregister(client.link)
-        except KeyError:  # a half open one was taken out before
+        except KeyError:  # a half open connection is not registered any more
             pass
         sockets.close(client.link, is_reset=how == "reset")
 

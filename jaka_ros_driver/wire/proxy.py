@@ -9,25 +9,24 @@ import selectors
 import socket
 import sys
 import time
-from typing import Any, Dict, List, Optional
+from typing import Dict, List, Optional
 
 from jaka_ros_driver.background_log import StandardErrorLog
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS, PORTS
 from jaka_ros_driver.wire import sockets
-from jaka_ros_driver.wire.listeners import Listeners
 from jaka_ros_driver.wire.log import WireLog
+from jaka_ros_driver.wire.port_server import PortServer
 from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
 _CONNECT_S = 3.0
-_IDLE_S = 0.5
 _LOG_TIMEOUT_S = 0.5
 _MOST_BACKLOG = 4 << 20
 
 
 class _Side:
-    """One socket of a pair."""
+    """One of the two connected sockets between which bytes are forwarded: the client's or the controller's."""
 
     def __init__(self, link: socket.socket, port: str, number: int, is_client: bool) -> None:
         self.link = link
@@ -39,7 +38,7 @@ class _Side:
         self.peer: _Side
 
 
-class Proxy:
+class Proxy(PortServer):
     """Forwards between clients and one controller.
 
     Args:
@@ -61,49 +60,24 @@ class Proxy:
         self._controller = controller
         self._controller_ports = controller_ports
         self._log = log
+        super().__init__(host, {port: ports[port] for port in PORTS})
         self._errors = StandardErrorLog("jaka_sim proxy")
-        self._selector = selectors.DefaultSelector()
-        self._listeners = Listeners(self._selector)
         self._sides: List[_Side] = []
         self._count = 0
-        self._is_running = True
-        try:
-            for port in PORTS:
-                self._listeners.add(port, host, ports[port])
-        except OSError:
-            self._listeners.close()
-            raise
-        self.port_numbers = self._listeners.numbers
 
-    def stop(self) -> None:
-        """End ``run`` within half a second; also from a signal handler."""
-        self._is_running = False
+    def _serve(self, data: _Side, events: int) -> None:
+        if events & selectors.EVENT_WRITE:
+            self._send(data)
+        if events & selectors.EVENT_READ:
+            self._read(data)
 
-    def run(self) -> None:
-        """Forward until ``stop``."""
-        try:
-            while self._is_running:
-                for key, events in self._selector.select(_IDLE_S):
-                    if isinstance(key.data, str):
-                        self._accept(key.fileobj, key.data)
-                        continue
-                    if events & selectors.EVENT_WRITE:
-                        self._send(key.data)
-                    if events & selectors.EVENT_READ:
-                        self._read(key.data)
-        finally:
-            for side in list(self._sides):
-                if side.is_client:
-                    self._end(side)
-            self._listeners.close()
-            self._selector.close()
-            self._errors.close(_LOG_TIMEOUT_S)
+    def _close_all(self) -> None:
+        for side in list(self._sides):
+            if side.is_client:
+                self._end(side)
+        self._errors.close(_LOG_TIMEOUT_S)
 
-    def _accept(self, listener: Any, port: str) -> None:
-        accepted = sockets.accept(listener)
-        if accepted is None:
-            return
-        link, peer = accepted
+    def _accept(self, link: socket.socket, peer: str, port: str) -> None:
         try:
             controller = socket.create_connection((self._controller, self._controller_ports[port]), _CONNECT_S)
         except OSError as error:

@@ -40,7 +40,7 @@ class Hostile:
                 return self._said(name, "2", "call stop_program failed")
         if name in ("joint_move", "jog") and self.late_start and request.get("jog_mode") != 0:
             self._pending = request
-            self._core.cabinet.after(self.late_start, lambda: self._start(request))
+            self._core.state.after(self.late_start, lambda: self._start(request))
             return self._said(name, "0", "")
         return self._execute(request)
 

@@ -3,7 +3,7 @@ import enum
 
 
 class MotionState(enum.IntEnum):
-    """``motion_state`` of ``jaka_msgs/RobotMsg`` (interface document V2.0, RobotMsg)."""
+    """``motion_state`` of ``jaka_msgs/RobotMsg`` (docs/interface.md)."""
 
     STOPPED = 0
     PAUSED = 1

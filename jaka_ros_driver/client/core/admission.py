@@ -5,11 +5,11 @@ from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.links import Links
 from jaka_ros_driver.client.core.motion import MotionOwner, require_drives
-from jaka_ros_driver.client.core.stillness import REST_TIME
+from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError
 from jaka_ros_driver.state import RobotState
 
-_WAIT_FOR_REST = 1.5
+_WAIT_FOR_REST_S = 1.5
 """s; a motion waits so long for the arm to come to rest from what was before it."""
 
 Enter = Callable[[float], None]
@@ -80,15 +80,15 @@ class Admission:
                                  % motion.owner.value)
         if self._custody.is_free and not self.is_setting and not self.stops_under_way:
             self._links.fresh_state(now)
-            if self._custody.stillness.duration() >= REST_TIME:
+            if self._custody.stillness.duration() >= REST_TIME_S:
                 return True
-        if now - asked_at >= _WAIT_FOR_REST:
+        if now - asked_at >= _WAIT_FOR_REST_S:
             self._links.fresh_state(now)
             owner = self.owner
             raise InvalidCommand("refused: the arm has not come to rest within %.1f s; %s" % (
-                _WAIT_FOR_REST, "it moves, and not by this driver" if owner is None
+                _WAIT_FOR_REST_S, "it moves, and not by this driver" if owner is None
                 else "%s is still being ended" % owner.value))
-        self._waiting.append(_Waiting(call, enter, asked_at + _WAIT_FOR_REST))
+        self._waiting.append(_Waiting(call, enter, asked_at + _WAIT_FOR_REST_S))
         return False
 
     def retry(self, now: float) -> None:

@@ -21,7 +21,7 @@ class _Pending:
 
 
 class Channel:
-    """Several requests may be on their way; a late reply ends the connection (controller protocol 3.2).
+    """Several requests may be on their way; a late reply ends the connection (docs/controller-protocol.md section 3.2).
 
     What the controller did of a command whose reply is late is unknown, and later replies could no longer be told
     apart. Nothing is ever sent twice.

@@ -12,19 +12,19 @@ from typing import Any, Callable, List, Optional
 from jaka_ros_driver.client.core.actions import Actions, Tell
 from jaka_ros_driver.client.core.channel import Channel, in_order
 from jaka_ros_driver.client.core.motion import Motion
-from jaka_ros_driver.client.core.stillness import REST_TIME, Stillness
+from jaka_ros_driver.client.core.stillness import REST_TIME_S, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Command, SetLinkLoss, Stop
 from jaka_ros_driver.errors import CommandRejected, ConnectionLost, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
 
-_RETRY_PERIOD = 0.05
+_RETRY_PERIOD_S = 0.05
 """s; from the refusal of a stop to the next one."""
-_COASTING_TIME = 0.5
+_COASTING_TIME_S = 0.5
 """s; an arm that still moves so long after an accepted stop is stopped once more."""
-_TELL_AFTER = 1.0
+_TELL_AFTER_S = 1.0
 """s; callers of a motion whose stop is not accepted are told its end at the latest then."""
-_SAY_PERIOD = 1.0
+_SAY_PERIOD_S = 1.0
 _NEVER = float("inf")
 
 
@@ -96,7 +96,7 @@ class Custody:
             return _NEVER
         if self._phase is _Phase.HELD:
             return self.motion.due()
-        return min(self._retry_at, _NEVER if self._is_told else self._began_at + _TELL_AFTER)
+        return min(self._retry_at, _NEVER if self._is_told else self._began_at + _TELL_AFTER_S)
 
     # ---- the life of a motion ----
 
@@ -162,12 +162,12 @@ class Custody:
         elif self._phase is _Phase.SETTLING:
             if self.stillness.has_moved_since(self._began_at):
                 self.stop(MotionInterrupted(StopCause.FAULT, "the arm moves though the motion was refused"), now)
-            elif self.stillness.duration(self._began_at) >= REST_TIME:
+            elif self.stillness.duration(self._began_at) >= REST_TIME_S:
                 self._release(now)
         elif self._accepted_at is not None:
             if self.stillness.duration(self._accepted_at) >= motion.rest_time:
                 self._release(now)
-            elif self.stillness.has_moved_since(self._sent_at + max(_COASTING_TIME, motion.rest_time)):
+            elif self.stillness.has_moved_since(self._sent_at + max(_COASTING_TIME_S, motion.rest_time)):
                 self._say(logging.ERROR, "the arm moves on after an accepted stop; stopping it again", now)
                 self._accepted_at = None
                 self._send_stop(now)
@@ -182,7 +182,7 @@ class Custody:
         elif self._phase is _Phase.STOPPING:
             if now >= self._retry_at and not self._outstanding:
                 self._send_stop(now)
-            if now - self._began_at >= _TELL_AFTER and not self._is_told:
+            if now - self._began_at >= _TELL_AFTER_S and not self._is_told:
                 self._outcome = MotionInterrupted(StopCause.TIMEOUT, "the stop is not accepted; it is sent again and "
                                                                      "again (%s)" % (self._outcome or "at the end"))
                 self._tell_end()
@@ -239,12 +239,12 @@ class Custody:
             self._accepted_at = now
             self._tell_end()
         elif not isinstance(error, ConnectionLost) and self._accepted_at is None:
-            self._retry_at = now + _RETRY_PERIOD
+            self._retry_at = now + _RETRY_PERIOD_S
             self._say(logging.ERROR, "the stop was not accepted, sending it again: %s" % error, now)
 
     def _say(self, level: int, text: str, now: float) -> None:
         """Log, but not the same trouble at every repetition."""
-        if now - self._said_at >= _SAY_PERIOD:
+        if now - self._said_at >= _SAY_PERIOD_S:
             self._said_at = now
             self.actions.log(level, text)
 

@@ -15,16 +15,16 @@ from jaka_ros_driver.state import RobotState
 
 MAX_BURST = 5
 """Of the frames that arrive in one piece so many, the newest, are shown as new: the others are old news."""
-SILENCE = 0.15
+SILENCE_S = 0.15
 """s; a longer pause in a feed that is otherwise faster puts what follows in doubt.
 
 After a shorter one all that has waited arrives in one piece, and the newest frames of that are new indeed.
 """
-_SHORTEST_PERIOD = 0.004
+_SHORTEST_PERIOD_S = 0.004
 """s; no controller makes frames faster, so that shorter intervals are those of frames that waited."""
 _RATE_WINDOW = 250
 _USUAL_WINDOW = 9
-_TICK = 1e-6
+_TICK_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Feed:
             try:
                 if isinstance(item, FramingError):
                     raise item
-                self._last_arrival = max(now, self._last_arrival + _TICK)
+                self._last_arrival = max(now, self._last_arrival + _TICK_S)
                 states.append(parse_status(item, self._last_arrival))
             except (FramingError, StatusFrameError) as error:
                 self._damaged += 1
@@ -141,11 +141,11 @@ class Feed:
             return True
         interval = now - last
         usual = sorted(self._intervals)[len(self._intervals) // 2] if self._intervals else self._period
-        if interval >= _SHORTEST_PERIOD:
+        if interval >= _SHORTEST_PERIOD_S:
             self._intervals.append(interval)
-        if interval > max(SILENCE, 3.0 * usual):
+        if interval > max(SILENCE_S, 3.0 * usual):
             self._is_doubtful = True
             return False
-        if self._is_doubtful and interval >= max(_SHORTEST_PERIOD, 0.5 * min(self._period, usual)) * count:
+        if self._is_doubtful and interval >= max(_SHORTEST_PERIOD_S, 0.5 * min(self._period, usual)) * count:
             self._is_doubtful = False
         return not self._is_doubtful

@@ -4,7 +4,7 @@ from typing import Any, List, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner, rest_time_at
-from jaka_ros_driver.client.core.move import START_WINDOW
+from jaka_ros_driver.client.core.move import START_WINDOW_S
 from jaka_ros_driver.commands import Command, JogFrame, JogStop
 from jaka_ros_driver.commands import Jog as JogCommand
 from jaka_ros_driver.errors import (
@@ -17,7 +17,7 @@ from jaka_ros_driver.errors import (
 )
 from jaka_ros_driver.state import RobotState
 
-_OVER_TIME = 0.5
+_OVER_TIME_S = 0.5
 """s; a jog whose arm rests for so long, and is said to be in position, has been ended by somebody else."""
 _REACH = 1.5
 """m; a joint turns at least by the tool's way divided by this."""
@@ -60,8 +60,8 @@ class Jog(Motion):
         cause = self._watch.cause(state)
         if cause is not None:
             self._custody.stop(cause, now)
-        elif (state.is_in_position and now - self._accepted_at > START_WINDOW
-                and self._custody.stillness.duration(self._accepted_at) >= max(_OVER_TIME, self.rest_time)):
+        elif (state.is_in_position and now - self._accepted_at > START_WINDOW_S
+                and self._custody.stillness.duration(self._accepted_at) >= max(_OVER_TIME_S, self.rest_time)):
             self._custody.stop(MotionInterrupted(StopCause.STOPPED, "the jog has ended by itself"), now)
 
     def tick(self, now: float) -> None:

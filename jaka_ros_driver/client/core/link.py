@@ -4,9 +4,9 @@ from typing import Optional
 
 from jaka_ros_driver.client.core.actions import Actions, Close, Open, Port
 
-_FIRST_PAUSE = 0.1
-_LONGEST_PAUSE = 0.5
-_STABLE_TIME = 2.0
+_FIRST_PAUSE_S = 0.1
+_LONGEST_PAUSE_S = 0.5
+_STABLE_TIME_S = 2.0
 _NEVER = float("inf")
 
 
@@ -67,7 +67,7 @@ class Link:
         if not self.is_up:
             return
         self.is_up = False
-        if now - self._opened_at > _STABLE_TIME:
+        if now - self._opened_at > _STABLE_TIME_S:
             self._pause = 0.0
         self._actions.log(logging.WARNING, "%s lost: %s" % (self._port.value, reason))
         self._again(reason, now)
@@ -85,7 +85,7 @@ class Link:
 
     def _again(self, reason: str, now: float) -> None:
         self.last_error = reason
-        self._pause = min(_LONGEST_PAUSE, max(_FIRST_PAUSE, 2.0 * self._pause))
+        self._pause = min(_LONGEST_PAUSE_S, max(_FIRST_PAUSE_S, 2.0 * self._pause))
         self.retry_at = _NEVER if self._is_stopped else now + self._pause
 
 

@@ -8,7 +8,7 @@ from typing import Any, Callable, Optional
 from jaka_ros_driver.client.core.actions import Actions, Port, Show
 from jaka_ros_driver.client.core.channel import Channel
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.feed import SILENCE, Feed, FeedHealth
+from jaka_ros_driver.client.core.feed import SILENCE_S, Feed, FeedHealth
 from jaka_ros_driver.client.core.link import Link, first_error
 from jaka_ros_driver.client.core.procedures import session
 from jaka_ros_driver.client.core.procedures.procedure import Running
@@ -17,7 +17,7 @@ from jaka_ros_driver.commands import Query
 from jaka_ros_driver.errors import ConnectionLost, JakaError
 from jaka_ros_driver.state import RobotState
 
-_BEAT_PERIOD = 0.25
+_BEAT_PERIOD_S = 0.25
 _NEVER = float("inf")
 
 
@@ -133,7 +133,7 @@ class Links:
     def note_time(self, now: float) -> None:
         """Every event passes here: nobody came for a while, as after the process was stopped, is noticed."""
         gap, self._last_event = now - self._last_event, now
-        if gap > SILENCE:
+        if gap > SILENCE_S:
             self._held_up = gap
             self._feed.held_up()
 
@@ -217,13 +217,13 @@ class Links:
             self.about = about
             self.is_servo_active = about.is_servo_active
             self.is_ready = True
-            self._next_beat = now + _BEAT_PERIOD
+            self._next_beat = now + _BEAT_PERIOD_S
         elif self._command.is_up:
             self._drop_command(str(error), now)
 
     def _beat_replied(self, result: Any, error: Optional[JakaError], now: float) -> None:
         """Asking now and then shows a port that has fallen silent, and whether servo mode is on."""
-        self._next_beat = now + _BEAT_PERIOD if self.is_ready else _NEVER
+        self._next_beat = now + _BEAT_PERIOD_S if self.is_ready else _NEVER
         if error is None:
             self.is_servo_active = bool(result)
 

@@ -2,13 +2,13 @@
 import enum
 from typing import List, Optional
 
-from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME
+from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.commands import Command
 from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
 
 _NEVER = float("inf")
-_LONGEST_REST_TIME = 5.0
+_LONGEST_REST_TIME_S = 5.0
 
 
 class MotionOwner(enum.Enum):
@@ -31,7 +31,7 @@ class Motion:
     """
 
     owner = MotionOwner.MOVE
-    rest_time = REST_TIME
+    rest_time = REST_TIME_S
     deadline = _NEVER
     is_leaving = False
 
@@ -113,4 +113,4 @@ def event_text(state: RobotState) -> str:
 
 def rest_time_at(joint_speed: float) -> float:
     """How long the joints must be still, s, so that a motion of this speed, rad/s, would have been seen."""
-    return min(_LONGEST_REST_TIME, max(REST_TIME, 2.0 * MOVEMENT / joint_speed))
+    return min(_LONGEST_REST_TIME_S, max(REST_TIME_S, 2.0 * MOVEMENT / joint_speed))

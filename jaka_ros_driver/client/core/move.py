@@ -4,7 +4,7 @@ from typing import Any, List, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner, rest_time_at
-from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME
+from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.commands import JointMove
 from jaka_ros_driver.commands import Motion as MoveCommand
 from jaka_ros_driver.errors import (
@@ -18,9 +18,9 @@ from jaka_ros_driver.errors import (
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import RobotState
 
-START_WINDOW = 1.0
+START_WINDOW_S = 1.0
 """s; a motion that is accepted and not seen to begin within this time is stopped: it may not begin later."""
-_SETTLE_TIME = 0.3
+_SETTLE_TIME_S = 0.3
 """s; an arm that rests away from its target for so long has been stopped by somebody else."""
 _JOINT_TOLERANCE = 0.01
 _POSITION_TOLERANCE = 0.002
@@ -148,9 +148,9 @@ class Move(Motion):
         has_run = self._has_moved or not self._must_move
         if has_run and distance is not None and distance <= 1.0:
             if not self._was_run_through(distance):
-                if still >= START_WINDOW:
+                if still >= START_WINDOW_S:
                     self._custody.stop(None, now)
-            elif state.is_in_position or (distance <= _NO_DISTANCE and still >= self.rest_time + _SETTLE_TIME):
+            elif state.is_in_position or (distance <= _NO_DISTANCE and still >= self.rest_time + _SETTLE_TIME_S):
                 self._custody.finish(now)
         elif not state.is_in_position:
             return
@@ -158,7 +158,7 @@ class Move(Motion):
             self._look_for_the_start(target, state, distance, now)
         elif distance is None:
             self._custody.finish(now)
-        elif still >= max(_SETTLE_TIME, self.rest_time):
+        elif still >= max(_SETTLE_TIME_S, self.rest_time):
             self._custody.stop(MotionInterrupted(
                 StopCause.STOPPED, "the arm came to rest %s from the target" % _distance_text(target, state)), now)
 
@@ -177,7 +177,7 @@ class Move(Motion):
 
     def _look_for_the_start(self, target: MoveCommand, state: RobotState, distance: Optional[float],
                             now: float) -> None:
-        if now - self._accepted_at < START_WINDOW:
+        if now - self._accepted_at < START_WINDOW_S:
             return
         if distance is not None and distance <= 1.0:
             self._custody.stop(None, now)
@@ -215,4 +215,4 @@ def _distance_text(command: MoveCommand, state: RobotState) -> str:
     return "%.4f m and %.4f rad" % (away[0], away[1])
 
 
-assert REST_TIME < _SETTLE_TIME
+assert REST_TIME_S < _SETTLE_TIME_S

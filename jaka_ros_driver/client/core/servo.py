@@ -6,16 +6,16 @@ from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, Motion
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Running, pause
 from jaka_ros_driver.client.core.servo_planner import JointServo, PoseServo
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
-from jaka_ros_driver.client.core.stillness import REST_TIME
+from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import Command, Pose, Query, ServoJoint, ServoPose, SetServoMode
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState
 
-PERIOD = 0.008
-"""s, the controller's interpolation cycle (controller protocol 5.6.5)."""
-_CONFIRM_TIMEOUT = 2.0
-_POLL_PERIOD = 0.02
+PERIOD_S = 0.008
+"""s, the controller's interpolation cycle (docs/controller-protocol.md section 5.6.5)."""
+_CONFIRM_TIMEOUT_S = 2.0
+_POLL_PERIOD_S = 0.02
 _TCP_SPEED_UNKNOWN = 1.0
 _MAX_JOINT_DEVIATION = 0.04
 """rad; more than the step of one cycle at 180 deg/s, behind which a controller ignores frames."""
@@ -186,12 +186,12 @@ class Servo(Motion):
     def _send_frame(self, stream: Union[JointServo, PoseServo], now: float) -> None:
         frame = stream.next_frame()
         self._trace.sent(stream.point, now)
-        self._next_frame += PERIOD
+        self._next_frame += PERIOD_S
         late = now - self._next_frame
         if late > 0.0:
-            skipped = 1 + int(late / PERIOD)
+            skipped = 1 + int(late / PERIOD_S)
             self.late_cycles += skipped
-            self._next_frame += PERIOD * skipped
+            self._next_frame += PERIOD_S * skipped
         self._custody.channel.request(frame, now, self._frame_replied)
 
     def _frame_replied(self, _result: Any, error: Optional[JakaError], now: float) -> None:
@@ -214,7 +214,7 @@ class Servo(Motion):
     def _require_rest(self) -> None:
         """A stream of the other kind begins at rest, where the arm is measured: only there do the two agree."""
         if (self._stream is not None and not self._stream.is_at_rest) or (
-                self._custody.stillness.duration() < REST_TIME):
+                self._custody.stillness.duration() < REST_TIME_S):
             raise InvalidCommand("refused: joint and pose targets can be changed over at rest only")
 
     def _joint_stream_at_rest(self) -> JointServo:
@@ -226,7 +226,7 @@ class Servo(Motion):
         start = state.joint_position_commanded
         if start is None or max([abs(a - b) for a, b in zip(start, state.joint_position)]) > _MAX_JOINT_DEVIATION:
             start = state.joint_position
-        return JointServo(start, self._model, settings.servo_max_joint_jump, settings.servo_ahead, PERIOD)
+        return JointServo(start, self._model, settings.servo_max_joint_jump, settings.servo_ahead, PERIOD_S)
 
     def _pose_stream_at_rest(self) -> PoseServo:
         self._require_rest()
@@ -234,7 +234,8 @@ class Servo(Motion):
         if state.tcp_position is None or state.tcp_rpy is None:
             raise InvalidCommand("refused: the controller does not report the tool pose")
         return PoseServo(Pose(state.tcp_position, state.tcp_rpy), self._model.tcp_max_speed or _TCP_SPEED_UNKNOWN,
-                         settings.servo_max_linear_jump, settings.servo_max_angular_jump, settings.servo_ahead, PERIOD)
+                         settings.servo_max_linear_jump, settings.servo_max_angular_jump, settings.servo_ahead,
+                         PERIOD_S)
 
 
 def _entered() -> Procedure:
@@ -251,7 +252,7 @@ def left_servo_mode() -> Procedure:
 def _confirmed(active: bool) -> Procedure:
     begun = yield Now()
     while bool((yield Ask(Query.SERVO_MODE))) is not active:
-        if (yield Now()) - begun > _CONFIRM_TIMEOUT:
+        if (yield Now()) - begun > _CONFIRM_TIMEOUT_S:
             raise MotionInterrupted(StopCause.TIMEOUT, "the controller did not %s servo mode"
                                     % ("enter" if active else "leave"))
-        yield pause(_POLL_PERIOD)
+        yield pause(_POLL_PERIOD_S)

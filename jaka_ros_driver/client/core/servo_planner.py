@@ -1,7 +1,8 @@
 """Turns servo targets, as they come, into one frame a cycle that no speed limit is broken by.
 
-The controller ignores a step that needs more than 180 deg/s on a joint (controller protocol 5.6.5), and continues or
-halts as it likes when frames stop; so the steps are limited here, and a hold frame fills every cycle without a target.
+The controller ignores a step that needs more than 180 deg/s on a joint (docs/controller-protocol.md section 5.6.5), and
+continues or halts as it likes when frames stop; so the steps are limited here, and a hold frame fills every cycle
+without a target.
 """
 import math
 from typing import Optional, Sequence, Tuple

@@ -1,14 +1,15 @@
 """Where the arm may be while it is streamed: near something that it was sent a moment ago.
 
 A controller whose frames come late may go on by itself, and then ignore frames that lie too far behind it for one
-cycle (controller protocol 5.6.5): nothing in the stream would ever bring it back. Only the status feed tells.
+cycle (docs/controller-protocol.md section 5.6.5): nothing in the stream would ever bring it back. Only the status feed
+tells.
 """
 from collections import deque
 from typing import Deque, List, NamedTuple, Sequence
 
-_WINDOW = 1.0
+_WINDOW_S = 1.0
 """s; longer than a controller's queue and filters lag behind."""
-_BUCKET = 0.1
+_BUCKET_S = 0.1
 
 
 class _Extent(NamedTuple):
@@ -25,9 +26,9 @@ class ServoTrace:
 
     def sent(self, point: Sequence[float], now: float) -> None:
         """This point was sent at this time, s."""
-        if not self._extents or now - self._extents[-1].since > _BUCKET:
+        if not self._extents or now - self._extents[-1].since > _BUCKET_S:
             self._extents.append(_Extent(now, list(point), list(point)))
-            while now - self._extents[0].since > _WINDOW + _BUCKET:
+            while now - self._extents[0].since > _WINDOW_S + _BUCKET_S:
                 self._extents.popleft()
             return
         _, low, high = self._extents[-1]

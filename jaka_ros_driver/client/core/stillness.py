@@ -3,11 +3,11 @@ from typing import Optional
 
 from jaka_ros_driver.state import RobotState, Vector
 
-REST_TIME = 0.08
+REST_TIME_S = 0.08
 """s; the joints are still for so long before the arm counts as at rest."""
 MOVEMENT = 2e-4
 """rad (0.011 deg); a joint that is farther than this from where it was first seen has moved."""
-_LONGEST_GAP = 0.6
+_LONGEST_GAP_S = 0.6
 """s; across a longer gap between two frames nothing is known."""
 
 
@@ -24,7 +24,7 @@ class Stillness:
         """Take one fresh frame into account."""
         joints, now = state.joint_position, state.received_at
         anchor = self._anchor
-        if anchor is None or now - self._last > _LONGEST_GAP:
+        if anchor is None or now - self._last > _LONGEST_GAP_S:
             self._anchor, self._since, self._seen_since = joints, now, now
         elif max([abs(a - b) for a, b in zip(anchor, joints)]) > MOVEMENT:
             self._anchor, self._since = joints, now

@@ -29,7 +29,7 @@ class Coast:
         self.is_done = self._duration <= 0.0
 
     def step(self, dt: float) -> Vector:
-        """One cycle; returns the joints."""
+        """Run one cycle of ``dt`` s; returns the joints, rad (6,)."""
         self._elapsed += dt
         if self._elapsed >= self._duration:
             self.is_done = True

@@ -8,7 +8,7 @@ from jaka_ros_driver.state import Vector
 MAX_SPEED = math.pi / 2.0
 """rad/s; the highest joint speed under a push. No vendor value exists."""
 ACCELERATION = math.pi
-"""rad/s2. No vendor value exists."""
+"""rad/s2; the acceleration of a pushed joint. No vendor value exists."""
 
 
 class HandGuiding:
@@ -32,7 +32,7 @@ class HandGuiding:
         self._pushes[joint] = min(max(velocity, -MAX_SPEED), MAX_SPEED)
 
     def step(self, dt: float) -> Vector:
-        """One cycle; returns the joints."""
+        """Run one cycle of ``dt`` s; returns the joints, rad (6,)."""
         joints, velocities = list(self.joints), list(self.velocity)
         for n, ((low, high), wanted) in enumerate(zip(self._model.joint_limits, self._pushes)):
             velocity = velocities[n]

@@ -14,7 +14,7 @@ class LimitWatch:
     """Reports each joint once as it comes near to a soft limit."""
 
     def __init__(self, model: ArmModel, joints: Sequence[float]) -> None:
-        """joints: where the arm stands, rad (6,)."""
+        """joints: where the arm stands at first, rad (6,)."""
         self._limits = model.joint_limits
         self._was_near = self.near(joints)
 

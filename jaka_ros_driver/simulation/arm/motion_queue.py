@@ -129,7 +129,7 @@ class MotionQueue:
             self._end_running()
 
     def pause(self) -> None:
-        """Slow down on the path and hold; without effect where nothing is queued."""
+        """Slow down along the path and hold; no effect where nothing is queued."""
         self.is_paused = self.length > 0
 
     def resume(self) -> None:
@@ -137,7 +137,7 @@ class MotionQueue:
         self.is_paused = False
 
     def stop(self) -> None:
-        """Slow down on the path and forget the queue."""
+        """Slow down along the path and empty the queue."""
         self._waiting.clear()
         self.is_paused = False
         self._end_running()

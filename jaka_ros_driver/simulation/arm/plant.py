@@ -86,7 +86,7 @@ class Plant:
 
     @property
     def joint_velocity(self) -> Vector:
-        """Over the last cycle, rad/s (6,)."""
+        """Mean joint velocity over the last cycle, rad/s (6,)."""
         return self._velocity
 
     @property
@@ -458,7 +458,7 @@ class Plant:
     # --- time -------------------------------------------------------------------------------------------------------
 
     def step(self, dt: float = CYCLE_TIME_S) -> None:
-        """Let dt seconds pass: one cycle."""
+        """Run one cycle of ``dt`` s."""
         self._unsettled -= dt
         joints = self._next_joints(dt)
         if joints is None or joints == self._joints:

@@ -38,7 +38,7 @@ class Profile:
     """
 
     def __init__(self, jerk_limited: bool = True) -> None:
-        """jerk_limited: has no effect without ruckig."""
+        """jerk_limited: limit the jerk; has no effect without ruckig."""
         self.position = 0.0
         self.velocity = 0.0
         self.acceleration = 0.0

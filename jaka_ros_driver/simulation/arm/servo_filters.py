@@ -83,7 +83,7 @@ class Filter:
 
 
 class LowPass(Filter):
-    """Filter 1."""
+    """Filter 1: a first-order low-pass for each joint; cutoff in Hz."""
 
     def __init__(self, joints: Vector, cutoff: float) -> None:
         super().__init__(joints)
@@ -96,7 +96,7 @@ class LowPass(Filter):
 
 
 class JointLimits(Filter):
-    """Filter 2."""
+    """Filter 2: each joint follows the target within limits of speed, acceleration and jerk (rad/s, rad/s2, rad/s3)."""
 
     def __init__(self, joints: Vector, limits: Tuple[float, float, float]) -> None:
         super().__init__(joints)
@@ -108,7 +108,7 @@ class JointLimits(Filter):
 
 
 class Mean(Filter):
-    """Filters 3 and 5."""
+    """Filters 3 and 5: the mean of the last targets, with speed and acceleration fed forward."""
 
     def __init__(self, joints: Vector, buffer: int, kp: float, kv: float, ka: float) -> None:
         super().__init__(joints)
@@ -132,7 +132,7 @@ class Mean(Filter):
 
 
 class CartesianLimits(Filter):
-    """Filter 4."""
+    """Filter 4: the tool follows the target within limits along (m) and about (rad) the axes of the base."""
 
     def __init__(self, joints: Vector, frames: ArmFrames, translation: Tuple[float, float, float],
                  rotation: Tuple[float, float, float]) -> None:

@@ -121,7 +121,7 @@ def _reorder(rule: FaultRule, _chance: random.Random, messages: List[Delivery], 
 
 
 def _noise(rule: FaultRule, chance: random.Random) -> bytes:
-    """No JSON, no zlib stream, no UTF-8."""
+    """Random bytes that are neither JSON nor a zlib stream nor UTF-8."""
     return bytes(chance.randrange(0x80, 0x100) for _ in range(int(rule.params["bytes"])))
 
 

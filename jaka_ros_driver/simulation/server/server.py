@@ -91,7 +91,7 @@ class Server:
 
     @property
     def port_numbers(self) -> Dict[str, int]:
-        """Name of a port to its number, once open."""
+        """TCP port number by name of the port, as soon as it is open."""
         return self._listeners.numbers
 
     # --- life -------------------------------------------------------------------------------------------------------
@@ -147,7 +147,7 @@ class Server:
         def act() -> None:
             try:
                 outcome[0] = action()
-            except Exception as error:  # handed to the caller, whose exception it is
+            except Exception as error:  # raised again in the caller's thread
                 outcome[1] = error
             done.set()
 
@@ -165,7 +165,7 @@ class Server:
         try:
             self._wake_send.send(b"\0")
         except OSError:
-            pass  # full: it will wake anyway; closed: nobody is left to wake
+            pass  # full: the loop will wake up anyway; closed: the loop has ended
 
     def close(self) -> None:
         """Close every socket."""

@@ -4,7 +4,7 @@ import math
 import pytest
 from stories import HOME, Story
 
-from jaka_ros_driver.client.core.move import START_WINDOW
+from jaka_ros_driver.client.core.move import START_WINDOW_S
 from jaka_ros_driver.commands import JointMove, LinearMove, Pose
 from jaka_ros_driver.errors import CommandRejected, ConnectionLost, InvalidCommand, ReplyTimeout, StopCause
 
@@ -52,7 +52,7 @@ def test_a_short_move_is_not_completed_before_it_has_begun(away):
 
 
 def test_a_move_that_is_accepted_and_never_begins_is_stopped_before_it_is_called_a_fault():
-    story = begun().run(START_WINDOW - 0.05)
+    story = begun().run(START_WINDOW_S - 0.05)
     assert story.error("move") == "pending"
     story.run(0.1)
     assert story.cause("move") is StopCause.FAULT and story.count("stop_program") == 1

@@ -6,11 +6,11 @@ from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.motion import event_text
 from jaka_ros_driver.client.core.procedures.arm_access import ArmAccess
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
-from jaka_ros_driver.client.core.stillness import REST_TIME
+from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
 
-_CLEAR_TIMEOUT = 3.0
+_CLEAR_TIMEOUT_S = 3.0
 _NEVER = float("inf")
 
 
@@ -77,7 +77,7 @@ def clear_error(core: ArmAccess) -> Procedure:
     core.note_operator("a call of clear_err")
     yield from _state(core)
     yield Ask(c.ClearError())
-    cleared = yield from _seen(core, lambda s: not s.protective_stop and not s.has_fault, _CLEAR_TIMEOUT)
+    cleared = yield from _seen(core, lambda s: not s.protective_stop and not s.has_fault, _CLEAR_TIMEOUT_S)
     state = yield from _state(core)
     if not cleared and not state.emergency_stop:
         raise MotionInterrupted(StopCause.FAULT, "an alarm still stands: 0x%X %s" % (state.error_code,
@@ -139,15 +139,15 @@ def _refuse_under_stop(state: RobotState, what: str) -> None:
 
 
 def _come_to_rest(core: ArmAccess) -> Procedure:
-    """The controller disables an arm at rest only (controller protocol 5.1)."""
+    """The controller disables an arm at rest only (docs/controller-protocol.md section 5.1)."""
     if not core.custody.is_free or not (yield from _state(core)).is_in_position:
         now = yield Now()
         core.stop_own(now)
 
     def rests(now: float) -> bool:
-        return core.custody.is_free and core.custody.stillness.duration() >= REST_TIME
-    if not (yield Until(rests, _CLEAR_TIMEOUT)):
-        raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not come to rest within %.0f s" % _CLEAR_TIMEOUT)
+        return core.custody.is_free and core.custody.stillness.duration() >= REST_TIME_S
+    if not (yield Until(rests, _CLEAR_TIMEOUT_S)):
+        raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not come to rest within %.0f s" % _CLEAR_TIMEOUT_S)
 
 
 def _state(core: ArmAccess) -> Procedure:

@@ -10,7 +10,7 @@ from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import IoBank, RobotState
 
-_TIMEOUT = 2.0
+_TIMEOUT_S = 2.0
 _LENGTH_TOLERANCE = 1e-5
 _ANGLE_TOLERANCE = 1e-5
 _MASS_TOLERANCE = 1e-4
@@ -143,7 +143,7 @@ def _await_feed(core: ArmAccess, holds: Callable[[RobotState], bool],
     def is_seen(_now: float) -> bool:
         state = core.state
         return state is not None and state.received_at > begun and holds(state)
-    if not (yield Until(is_seen, _TIMEOUT)):
+    if not (yield Until(is_seen, _TIMEOUT_S)):
         raise ReadBackMismatch("the controller accepted it but " + otherwise(core.fresh_state((yield Now()))))
 
 
