@@ -62,11 +62,11 @@ def test_frames_and_joints_are_told_apart(two):
 
 def test_a_second_driver_on_the_same_controller_refuses_and_the_first_goes_on(ros_node):
     with contextlib.closing(SimulatorProcess("--start", "enabled")) as simulator, \
-            DriverProcess("first", **on(simulator, guard=False)):
-        first = Arm(simulator, "/first")
+            DriverProcess("older", **on(simulator, guard=False)):
+        first = Arm(simulator, "/older")
         first.wait_until_seen()
-        with DriverProcess("second", **on(simulator, guard=False)) as second:
+        with DriverProcess("newer", **on(simulator, guard=False)) as second:
             code, said = second.wait()
-        assert code == 1 and "already driven by node /first (pid " in said
+        assert code == 1 and "already driven by node /older (pid " in said
         assert simulator.panel("wire")
         assert first.call("get_fk", joint=HOME).cartesian_pose
