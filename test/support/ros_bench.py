@@ -11,9 +11,9 @@ import arm_bench
 import rospy
 import rostopic
 import yaml
-from import_graph import ROOT
 
 from jaka_msgs.msg import ServiceCall
+from jaka_regression import programs
 from jaka_ros_driver.ros.services.service_table import SERVICES
 from jaka_ros_driver.simulation.server.server import ask_panel
 
@@ -162,7 +162,7 @@ class DriverProcess:
         words = ["__name:=" + name] + ["_%s:=%s" % (key, yaml.safe_dump(value).split("\n")[0])
                                        for key, value in parameters.items()]
         self.process = subprocess.Popen(
-            [sys.executable, str(ROOT / "tools" / "jaka_driver"), *words], stdout=subprocess.PIPE,
+            [sys.executable, *programs.DRIVER, *words], stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, text=True, env=dict(os.environ, **(environment or {})))
 
     def end(self, how=signal.SIGINT):

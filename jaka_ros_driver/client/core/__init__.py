@@ -7,13 +7,12 @@ links           both links to one controller, and whose they are
 feed            status frames: which of them are fresh
 stillness       evidence that the arm rests
 motion          what all motions have in common
-custody         from before a motion's first byte until evidence that the arm rests
+custody         from before a motion's first byte until evidence that the arm rests; who may take it next
 move            a planned move, or several that are queued
 jog             goes on as long as it is called for
 servo_planner   servo targets to one frame a cycle
 servo_trace     where the arm may be while it is streamed
 servo           servo mode: entered, streamed, left
 procedures      what takes several requests, as generators: session, power, settings
-admission       who may begin to move the arm now, and who waits for that
 arm_core        routes events and calls
 """

@@ -9,9 +9,8 @@ from typing import Any, Callable, List, Optional, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.actions import Action, Actions, Port
-from jaka_ros_driver.client.core.admission import Admission, Enter
 from jaka_ros_driver.client.core.channel import Channel, in_order
-from jaka_ros_driver.client.core.custody import Custody
+from jaka_ros_driver.client.core.custody import Admission, Custody, Enter
 from jaka_ros_driver.client.core.feed import FeedHealth
 from jaka_ros_driver.client.core.jog import Jog
 from jaka_ros_driver.client.core.links import LinkHealth, Links

@@ -4,18 +4,27 @@ It ends in two ways only. The motion saw its target reached and the arm still (`
 was accepted by the controller and the joints are still on fresh frames after that. No flag of the controller, no
 timer and no order of events gives a moving arm away: whatever contradicts the motion sends a stop and keeps custody.
 A stop is repeated until it is accepted, through refusals and new connections, and again while the arm moves on.
+
+``Admission`` decides who may take custody next, and keeps who waits until the arm is free and at rest.
 """
 import enum
 import logging
-from typing import Any, Callable, List, Optional
+from typing import Any, Callable, List, NamedTuple, Optional, Protocol
 
 from jaka_ros_driver.client.core.actions import Actions, Tell
 from jaka_ros_driver.client.core.channel import Channel, in_order
-from jaka_ros_driver.client.core.motion import Motion
+from jaka_ros_driver.client.core.motion import Motion, MotionOwner, require_drives
 from jaka_ros_driver.client.core.stillness import REST_TIME_S, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Command, SetLinkLoss, Stop
-from jaka_ros_driver.errors import CommandRejected, ConnectionLost, JakaError, MotionInterrupted, StopCause
+from jaka_ros_driver.errors import (
+    CommandRejected,
+    ConnectionLost,
+    InvalidCommand,
+    JakaError,
+    MotionInterrupted,
+    StopCause,
+)
 from jaka_ros_driver.state import RobotState
 
 _RETRY_PERIOD_S = 0.05
@@ -25,7 +34,12 @@ _COASTING_TIME_S = 0.5
 _TELL_AFTER_S = 1.0
 """s; callers of a motion whose stop is not accepted are told its end at the latest then."""
 _SAY_PERIOD_S = 1.0
+_WAIT_FOR_REST_S = 1.5
+"""s; a motion waits so long for the arm to come to rest from what was before it."""
 _NEVER = float("inf")
+
+Enter = Callable[[float], None]
+"""Begins a call at a time, s; tried again while the call waits. What it raises is the call's answer."""
 
 
 class _Phase(enum.Enum):
@@ -275,3 +289,111 @@ class Custody:
                 self.actions.log(logging.WARNING, "this controller does not stop the arm by itself when it loses its "
                                                   "client: %s" % error)
         self.channel.request(SetLinkLoss(seconds), now, replied)
+
+
+class Sight(Protocol):
+    """What is known of the arm now; ``Links`` is it."""
+
+    @property
+    def is_up(self) -> bool:
+        """Both connections are up."""
+
+    @property
+    def last_error(self) -> str:
+        """Why one is down; empty when both are up."""
+
+    def fresh_state(self, now: float) -> RobotState:
+        """The newest state; ConnectionLost where it is stale."""
+
+
+class _Waiting(NamedTuple):
+    call: Any
+    enter: Enter
+    deadline: float
+
+
+class Admission:
+    """Lets one call at a time at the arm.
+
+    Attributes:
+        is_setting: A change that needs the arm at rest is under way.
+        is_guided: Hand guiding was switched on by this driver; not every feed tells.
+        stops_under_way: Stops that were sent while nobody had custody, and are not answered yet.
+    """
+
+    def __init__(self, actions: Actions, custody: Custody, sight: Sight) -> None:
+        self._actions = actions
+        self._custody = custody
+        self._sight = sight
+        self._waiting: List[_Waiting] = []
+        self.is_setting = False
+        self.is_guided = False
+        self.stops_under_way = 0
+
+    @property
+    def owner(self) -> Optional[MotionOwner]:
+        """What has the arm on behalf of this driver."""
+        if self._custody.motion is not None:
+            return self._custody.motion.owner
+        return MotionOwner.SETTING if self.is_setting else None
+
+    @property
+    def deadline(self) -> float:
+        """When ``retry`` is due, s."""
+        return min([waiting.deadline for waiting in self._waiting], default=float("inf"))
+
+    def require_ready_to_move(self, now: float) -> RobotState:
+        """See that the arm can be moved now; returns its state.
+
+        Raises:
+            InvalidCommand: Its drives are not ready, or a hand guides it.
+            ConnectionLost: There is no fresh state, or no link.
+        """
+        state = self._sight.fresh_state(now)
+        require_drives(state)
+        if state.is_hand_guided or (state.is_hand_guided is None and self.is_guided):
+            raise InvalidCommand("refused: hand guiding owns the arm's motion; switch it off first")
+        if not self._sight.is_up:
+            raise ConnectionLost("no link to the controller: " + self._sight.last_error)
+        return state
+
+    def may_begin(self, call: Any, enter: Enter, asked_at: float, now: float) -> bool:
+        """Whether something new may begin; else the call waits for the end of what comes to rest.
+
+        Raises:
+            InvalidCommand: Somebody else has the arm, and keeps it.
+            ConnectionLost: Whether the arm rests is not known.
+        """
+        motion = self._custody.motion
+        if motion is not None and not self._custody.is_ending and not motion.is_leaving:
+            raise InvalidCommand("refused: %s owns the arm's motion; wait for its end or stop it first"
+                                 % motion.owner.value)
+        if self._custody.is_free and not self.is_setting and not self.stops_under_way:
+            self._sight.fresh_state(now)
+            if self._custody.stillness.duration() >= REST_TIME_S:
+                return True
+        if now - asked_at >= _WAIT_FOR_REST_S:
+            self._sight.fresh_state(now)
+            owner = self.owner
+            raise InvalidCommand("refused: the arm has not come to rest within %.1f s; %s" % (
+                _WAIT_FOR_REST_S, "it moves, and not by this driver" if owner is None
+                else "%s is still being ended" % owner.value))
+        self._waiting.append(_Waiting(call, enter, asked_at + _WAIT_FOR_REST_S))
+        return False
+
+    def retry(self, now: float) -> None:
+        """Try again to begin what waits."""
+        if not self._waiting:
+            return
+        waiting, self._waiting = self._waiting, []
+        for one in waiting:
+            try:
+                one.enter(now)
+            except JakaError as error:
+                self._actions.answer(one.call, None, error)
+
+    def end_waiting(self, error: JakaError) -> None:
+        """Answer every call that waits with this error."""
+        waiting, self._waiting = self._waiting, []
+        for one in waiting:
+            self._actions.answer(one.call, None, error)
