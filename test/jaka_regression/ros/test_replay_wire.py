@@ -29,7 +29,7 @@ def recorded(tmp_path_factory):
 def test_a_fault_seen_once_happens_again(recorded, speed, tmp_path, capsys):
     wire, state = recorded
     tolerances = tmp_path / "tolerances.yaml"
-    tolerances.write_text("pace_floor_ms: 250.0\n")  # both runs are live: a computer under load stretches either
+    tolerances.write_text("timing: {pace_floor_ms: 250}\n")  # both runs are live: load stretches either
     code = main(["replay-wire", str(wire), "--golden", str(state), "-o", str(tmp_path / "out"), "--speed", speed,
                  "--tolerances", str(tolerances)])
     told = capsys.readouterr().out
