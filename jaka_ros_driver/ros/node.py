@@ -3,9 +3,9 @@ import argparse
 import io
 import logging
 import os
+import select
 import signal
 import sys
-import time
 from typing import List, Optional
 
 import rospy
@@ -37,7 +37,7 @@ _LOG = logging.getLogger(__name__)
 _SWITCH_INTERVAL_S = 0.0005
 _ANSWER_TIMEOUT_S = 0.3
 _DRAIN_TIMEOUT_S = 0.5
-_SIGNAL_POLL_S = 0.02
+_LOOK_ROUND_S = 0.1
 _NAME = "jaka_driver"
 _DESCRIPTION = "robot_description"
 
@@ -150,7 +150,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         return 1
     rospy.init_node(_NAME, disable_signals=True)
     drain_log = log_to_ros()
-    signals = _noted_signals()
+    signals = _Signals()
     try:
         config = config_from(rospy.get_param("~", {}))
         _set_scheduler(config.realtime_priority)
@@ -163,25 +163,34 @@ def main(argv: Optional[List[str]] = None) -> int:
     rospy.on_shutdown(driver.close)
     rospy.on_shutdown(lambda: drain_log(_DRAIN_TIMEOUT_S))
     driver.start()
-    while not signals and not rospy.is_shutdown() and not driver.has_failed:
-        time.sleep(_SIGNAL_POLL_S)
+    while not signals.received and not rospy.is_shutdown() and not driver.has_failed:
+        signals.wait(_LOOK_ROUND_S)
         driver.tell_kind()
-    rospy.signal_shutdown("signal %s" % signals)
+    rospy.signal_shutdown("signal %s" % signals.received)
     if not drain_log(_DRAIN_TIMEOUT_S):
         os._exit(0)  # a terminal that does not read any more would keep the process from ending
     return 1 if driver.has_failed else 0
 
 
-def _noted_signals() -> List[int]:
-    """A list to which each SIGINT and SIGTERM that comes from now on is added.
+class _Signals:
+    """The SIGINT and SIGTERM that come from now on.
 
-    The handler does no more: one that ended the driver itself, as rospy's does, could wait for a lock that the
+    The handler only notes them: one that ended the driver itself, as rospy's does, could wait for a lock that the
     interrupted code holds.
     """
-    noted: List[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda received, _: noted.append(received))
-    return noted
+
+    def __init__(self) -> None:
+        self.received: List[int] = []
+        self._woken, writing = os.pipe()
+        os.set_blocking(writing, False)
+        signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda received, _: self.received.append(received))
+
+    def wait(self, timeout: float) -> None:
+        """Return when a signal has come, or after ``timeout``, s."""
+        if select.select([self._woken], [], [], timeout)[0]:
+            os.read(self._woken, 64)
 
 
 def _print_urdf(options: argparse.Namespace) -> int:

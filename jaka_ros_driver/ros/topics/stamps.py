@@ -20,16 +20,17 @@ class StampClock:
     clock was set: then the stamps follow it, and a warning is logged.
     """
 
-    def __init__(self, now: Callable[[], rospy.Time] = rospy.Time.now,
+    def __init__(self, now_ns: Callable[[], int] = time.time_ns,
                  monotonic: Callable[[], float] = time.monotonic) -> None:
-        self._now = now
+        """``now_ns``: the ROS time now, ns; see ``ros_clock``."""
+        self._now_ns = now_ns
         self._monotonic = monotonic
         self._last = 0
 
     def stamp(self, received_at: float) -> rospy.Time:
         """The ROS time for the monotonic time ``received_at``, s; later than the stamp before."""
         ago = self._monotonic() - received_at
-        nanoseconds = max(0, self._now().to_nsec() - int(ago * NS_PER_S))
+        nanoseconds = max(0, self._now_ns() - int(ago * NS_PER_S))
         if nanoseconds <= self._last:
             if self._last - nanoseconds > _SET_BACK_NS:
                 _LOG.warning("the system's clock was set back by %.3f s; stamps follow it",
@@ -38,3 +39,13 @@ class StampClock:
                 nanoseconds = self._last + _TICK_NS
         self._last = nanoseconds
         return rospy.Time(*divmod(nanoseconds, NS_PER_S))
+
+
+def ros_clock() -> Callable[[], int]:
+    """What tells the ROS time, ns: the system's clock, or under ``/use_sim_time`` the simulated one.
+
+    ``rospy.Time.now`` takes thirty times as long as the system's clock by itself.
+    """
+    if rospy.get_param("/use_sim_time", False):
+        return lambda: int(rospy.Time.now().to_nsec())
+    return time.time_ns

@@ -17,7 +17,7 @@ from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.ros import convert
 from jaka_ros_driver.ros.frame_table import FrameTable
 from jaka_ros_driver.ros.params import TF_ALL, TF_NONE, DriverConfig
-from jaka_ros_driver.ros.topics.stamps import StampClock
+from jaka_ros_driver.ros.topics.stamps import StampClock, ros_clock
 from jaka_ros_driver.ros.topics.state_repeater import StateRepeater, StateThinner
 from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
 from jaka_ros_driver.state import RobotState
@@ -61,7 +61,7 @@ class StatePublishers(LoopTask):
         self._frames = frames
         self._names = FrameNames(config)
         self._joint_names = [config.frame_prefix + joint for joint in JOINTS]
-        self._clock = StampClock()
+        self._clock = StampClock(ros_clock())
         self._velocity = VelocityEstimate()
         self._tool_position = _publisher("~tool_position", TwistStamped)
         self._joint_position = _publisher("~joint_position", JointState)

@@ -14,12 +14,11 @@ class Host:
         self.offset_ns = EPOCH * 10 ** 9
 
     def clock(self):
-        return StampClock(lambda: rospy.Time(0, 0) + rospy.Duration(0, 0) + _time(self), lambda: self.monotonic)
+        return StampClock(lambda: _time_ns(self), lambda: self.monotonic)
 
 
-def _time(host):
-    nanoseconds = host.offset_ns + int(host.monotonic * 1e9)
-    return rospy.Duration(nanoseconds // 10 ** 9, nanoseconds % 10 ** 9)
+def _time_ns(host):
+    return host.offset_ns + int(host.monotonic * 1e9)
 
 
 def test_the_stamp_is_when_the_frame_arrived_not_now():
