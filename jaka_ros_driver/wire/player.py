@@ -215,15 +215,12 @@ class WirePlayer(PortServer):
         if client.link not in self._clients:
             return
         if how == "half open":
-            self._selector.unregister(client.link)
+            sockets.watch(self._selector, client.link, 0)
             client.due.clear()
             client.recorded = client.recorded._replace(ended=None)
             return
         del self._clients[client.link]
-        try:
-            self._selector.unregister(client.link)
-        except KeyError:  # a half open connection is not registered any more
-            pass
+        sockets.watch(self._selector, client.link, 0)
         sockets.close(client.link, is_reset=how == "reset")
 
 

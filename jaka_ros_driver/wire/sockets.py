@@ -1,4 +1,5 @@
 """What every program that serves a controller's ports does with a socket; all of them are non-blocking."""
+import selectors
 import socket
 import struct
 from typing import Any, Optional, Tuple
@@ -53,6 +54,18 @@ def send(link: socket.socket, data: bytes) -> bytes:
     except BlockingIOError:
         pass
     return data
+
+
+def watch(selector: selectors.BaseSelector, link: socket.socket, events: int, data: Any = None) -> None:
+    """Have the selector wait for these events of the socket, and for none where ``events`` is 0."""
+    key = selector.get_map().get(link)
+    if key is None:
+        if events:
+            selector.register(link, events, data)
+    elif not events:
+        selector.unregister(link)
+    elif key.events != events:
+        selector.modify(link, events, data)
 
 
 def close(link: socket.socket, is_reset: bool) -> None:

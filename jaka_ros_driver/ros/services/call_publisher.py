@@ -27,8 +27,8 @@ class Call(NamedTuple):
 class CallPublisher:
     """Publishes ``~service_calls``. While nobody subscribes, no message is made.
 
-    A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack ``ServiceCall``, as the maker's does; then nothing
-    is published, and a warning is logged at the start.
+    A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack ``ServiceCall``, as the maker's does; then a
+    warning is logged, and nothing is published.
     """
 
     def __init__(self) -> None:

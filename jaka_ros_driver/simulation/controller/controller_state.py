@@ -16,7 +16,7 @@ from jaka_ros_driver.simulation.arm.plant import HOME, Plant, Starvation
 from jaka_ros_driver.simulation.controller import alarms
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.io_banks import IoBanks
-from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Memory
+from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, FrameTable, Memory
 from jaka_ros_driver.simulation.controller.replies import Refused
 from jaka_ros_driver.state import Vector
 from jaka_ros_driver.units import ms_to_s
@@ -123,8 +123,7 @@ class ControllerState:
         self._lines_are_stale = False
         self._timers: List[Tuple[float, int, Callable[[], None]]] = []
         self._timer_ids = itertools.count()
-        self.plant.set_tool(memory.tools[memory.tool_id].pose)
-        self.plant.set_user_frame(memory.user_frames[memory.user_frame_id].pose)
+        self.apply_frames()
         self.set_feed_period(ms_to_s(memory.feed_period_ms))
 
     # --- time -------------------------------------------------------------------------------------------------------
@@ -382,37 +381,27 @@ class ControllerState:
 
     # --- frames and feed --------------------------------------------------------------------------------------------
 
-    def select_tool(self, tool_id: int) -> None:
-        """Make a stored tool the active one, after ``FRAME_SWITCH_DELAY_S``.
+    def select_frame(self, table: FrameTable, frame_id: int) -> None:
+        """Make a stored tool or user frame the active one, after ``FRAME_SWITCH_DELAY_S``.
 
         Raises:
             Refused: There is no such id, or the arm moves.
         """
-        self._require_frame_change(tool_id, self.memory.tool_id)
-
-        def switch() -> None:
-            self.memory.tool_id = tool_id
-            self.plant.set_tool(self.memory.tools[tool_id].pose)
-        self.after(FRAME_SWITCH_DELAY_S, switch)
-
-    def select_user_frame(self, frame_id: int) -> None:
-        """Make a stored user frame the active one, after ``FRAME_SWITCH_DELAY_S``.
-
-        Raises:
-            Refused: There is no such id, or the arm moves.
-        """
-        self._require_frame_change(frame_id, self.memory.user_frame_id)
-
-        def switch() -> None:
-            self.memory.user_frame_id = frame_id
-            self.plant.set_user_frame(self.memory.user_frames[frame_id].pose)
-        self.after(FRAME_SWITCH_DELAY_S, switch)
-
-    def _require_frame_change(self, wanted: int, active: int) -> None:
-        if not 0 <= wanted < FRAME_COUNT:
+        if not 0 <= frame_id < FRAME_COUNT:
             raise Refused()
-        if wanted != active:
+        if frame_id != table.active:
             self.require_standstill()
+
+        def switch() -> None:
+            table.active = frame_id
+            self.apply_frames()
+        self.after(FRAME_SWITCH_DELAY_S, switch)
+
+    def apply_frames(self) -> None:
+        """Have the arm use the active tool and user frame as they are stored."""
+        tools, user_frames = self.memory.tools, self.memory.user_frames
+        self.plant.set_tool(tools.frames[tools.active].pose)
+        self.plant.set_user_frame(user_frames.frames[user_frames.active].pose)
 
     def require_standstill(self) -> None:
         """Raise unless nothing moves and nothing is queued.

@@ -25,8 +25,12 @@ class Frame:
     name: str = ""
 
 
-def _frames() -> List[Frame]:
-    return [Frame() for _ in range(FRAME_COUNT)]
+@dataclass
+class FrameTable:
+    """Stored tools or user frames by id, and the id of the active one. Id 0, the bare flange or the base, stays."""
+
+    frames: List[Frame] = field(default_factory=lambda: [Frame() for _ in range(FRAME_COUNT)])
+    active: int = 0
 
 
 @dataclass
@@ -42,10 +46,8 @@ class Memory:
     """Everything that survives a restart.
 
     Attributes:
-        tools: By id; 0 is the bare flange and stays.
-        user_frames: By id; 0 is the base and stays.
-        tool_id: Active tool.
-        user_frame_id: Active user frame.
+        tools: In the flange.
+        user_frames: In the base.
         payload: Load at the flange.
         sensor_payload: Load behind the torque sensor.
         collision_level: 0 off, 1 to 5.
@@ -57,10 +59,8 @@ class Memory:
         settings: Values of the settings of ``commands_settings``, by setter and index.
     """
 
-    tools: List[Frame] = field(default_factory=_frames)
-    user_frames: List[Frame] = field(default_factory=_frames)
-    tool_id: int = 0
-    user_frame_id: int = 0
+    tools: FrameTable = field(default_factory=FrameTable)
+    user_frames: FrameTable = field(default_factory=FrameTable)
     payload: Payload = field(default_factory=Payload)
     sensor_payload: Payload = field(default_factory=Payload)
     collision_level: int = 3
