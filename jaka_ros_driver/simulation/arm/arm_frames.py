@@ -1,6 +1,6 @@
 """Kinematics of the active tool in the active user frame, on top of the kinematics of the flange."""
 import math
-from typing import Optional, Sequence, Tuple
+from typing import Iterator, Optional, Sequence, Tuple
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import PoseOutsideLimits, UnreachablePose
@@ -135,21 +135,20 @@ class ArmFrames:
 
     def joint_outside(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
         """The first joint outside its limits, and True where it is above the upper one; None if all are within."""
-        for joint, (value, (low, high)) in enumerate(zip(joint_position, self.model.joint_limits)):
-            if value > high + 1e-9:
-                return joint, True
-            if value < low - 1e-9:
-                return joint, False
-        return None
+        return next(joints_beyond(self.model, joint_position, 1e-9), None)
 
     def joint_on_limit(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
         """The first joint on a soft limit, and True where that is the upper one; None if there is none."""
-        for joint, (value, (low, high)) in enumerate(zip(joint_position, self.model.joint_limits)):
-            if value > high - LIMIT_TOLERANCE:
-                return joint, True
-            if value < low + LIMIT_TOLERANCE:
-                return joint, False
-        return None
+        return next(joints_beyond(self.model, joint_position, -LIMIT_TOLERANCE), None)
+
+
+def joints_beyond(model: ArmModel, joint_position: Sequence[float], margin: float) -> Iterator[Tuple[int, bool]]:
+    """The joints that are more than ``margin``, rad, beyond a limit, each with True for the upper one."""
+    for joint, (value, (low, high)) in enumerate(zip(joint_position, model.joint_limits)):
+        if value > high + margin:
+            yield joint, True
+        elif value < low - margin:
+            yield joint, False
 
 
 def rotated(frame: Transform, vector: Sequence[float]) -> Tuple[float, float, float]:

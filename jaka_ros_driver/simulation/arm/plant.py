@@ -1,6 +1,6 @@
 """The simulated arm: where its joints are over time. No sockets, threads, clock or wire units; SI throughout.
 
-The drives are ideal: the measured joints are the commanded ones. Which module does what:
+Which module does what:
 
 moves, legs, routes, path_scan   a move's numbers, its geometry, its limits along the way
 profiles, follower               progress along a route over time
@@ -81,7 +81,7 @@ class Plant:
 
     @property
     def joint_position(self) -> Vector:
-        """Measured joint angles, rad (6,)."""
+        """Measured joint angles, rad (6,); the commanded ones, too, because the drives are ideal."""
         return self._joints
 
     @property
@@ -89,20 +89,11 @@ class Plant:
         """Mean joint velocity over the last cycle, rad/s (6,)."""
         return self._velocity
 
-    @property
-    def joint_position_commanded(self) -> Vector:
-        """Commanded joint angles, rad (6,)."""
-        return self._joints
-
     def tcp_pose(self) -> Pose:
         """Measured pose of the active tool in the active user frame, m and rpy rad."""
         if self._pose is None:
             self._pose = self._frames.pose_at(self._joints)
         return self._pose
-
-    def tcp_pose_commanded(self) -> Pose:
-        """Commanded pose of the active tool in the active user frame, m and rpy rad."""
-        return self.tcp_pose()
 
     @property
     def tcp_speed(self) -> float:

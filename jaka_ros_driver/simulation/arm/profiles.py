@@ -122,8 +122,7 @@ class Profile:
         """
         remaining = target - self.position
         limit = self._max_acceleration * dt
-        root = limit * limit - 4.0 * (limit * self.velocity - 2.0 * self._max_acceleration * remaining)
-        stoppable = 0.5 * (math.sqrt(root) - limit) if root > 0.0 else -1.0
+        stoppable = stoppable_speed(self.velocity, remaining, self._max_acceleration, dt)
         if remaining <= 0.0 or stoppable <= 0.0:
             self._rest_at(max(target, self.position))
             return
@@ -195,6 +194,13 @@ def speed_for_way(way: float, final_speed: float, acceleration: float, jerk_time
     budget = way - half * final_speed + 0.5 * final_speed * final_speed / acceleration
     root = half * half + 2.0 * budget / acceleration
     return max(final_speed, acceleration * (math.sqrt(root) - half)) if root > 0.0 else final_speed
+
+
+def stoppable_speed(speed: float, room: float, acceleration: float, dt: float) -> float:
+    """The highest speed after a cycle of ``dt`` s from which ``room`` still suffices to stop; below 0 for none."""
+    limit = acceleration * dt
+    root = limit * limit - 4.0 * (limit * speed - 2.0 * acceleration * room)
+    return 0.5 * (math.sqrt(root) - limit) if root > 0.0 else -1.0
 
 
 def stopping_way(speed: float, acceleration: float, jerk_time: float) -> float:

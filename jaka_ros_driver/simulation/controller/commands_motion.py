@@ -1,10 +1,11 @@
 """Commands that move the arm: queued moves, jog, servo mode, hand guiding (docs/controller-protocol.md sections 5.2
 to 5.8).
 """
-from typing import Callable, Dict, Optional, Tuple
+from typing import Callable, Optional, Tuple
 
 from jaka_ros_driver.commands import JogFrame
 from jaka_ros_driver.simulation.arm.plant import JogMode, ServoFilter
+from jaka_ros_driver.simulation.arm.servo_filters import PARAMETERS
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain, query
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
@@ -127,21 +128,12 @@ def _servo_pose(state: ControllerState, arguments: Arguments, relative: bool, cy
     return state.plant.servo_pose(pose_from_wire(arguments.vector("catPosition", 6)), relative, cycles)
 
 
-def _same(value: float) -> float:
-    return value
-
-
-_FILTER_PARAMETERS: Dict[ServoFilter, Tuple[Tuple[str, Callable[[float], float]], ...]] = {
-    ServoFilter.NONE: (),
-    ServoFilter.JOINT_LOW_PASS: (("lpf_cf", _same),),
-    ServoFilter.JOINT_LIMITS: (("nlf_max_vr", deg_to_rad), ("nlf_max_ar", deg_to_rad), ("nlf_max_jr", deg_to_rad)),
-    ServoFilter.JOINT_MEAN: (("mmf_max_buf", _same), ("mmf_kp", _same), ("mmf_kv", _same), ("mmf_ka", _same)),
-    ServoFilter.CARTESIAN_LIMITS: (
-        ("nlf_max_vr", deg_to_rad), ("nlf_max_ar", deg_to_rad), ("nlf_max_jr", deg_to_rad),
-        ("nlf_max_vp", mm_to_m), ("nlf_max_ap", mm_to_m), ("nlf_max_jp", mm_to_m)),
-    ServoFilter.FORESIGHT: (("mmf_max_buf", _same), ("mmf_kp", _same)),
-}
-"""Keys and units of each filter: docs/controller-protocol.md section 5.6.6, docs/sdk-client.md section 8."""
+def _filter_parameter(arguments: Arguments, key: str) -> float:
+    """One parameter of a servo filter in SI units; on the wire ``nlf_max_?r`` are in deg, ``nlf_max_?p`` in mm."""
+    rate = _rate(arguments, key)
+    if not key.startswith("nlf"):
+        return rate
+    return deg_to_rad(rate) if key.endswith("r") else mm_to_m(rate)
 
 
 def _set_servo_filter(state: ControllerState, arguments: Arguments) -> None:
@@ -149,7 +141,7 @@ def _set_servo_filter(state: ControllerState, arguments: Arguments) -> None:
     if number not in tuple(ServoFilter):
         raise Refused()
     kind = ServoFilter(number)
-    parameters = {key: to_si(_rate(arguments, key)) for key, to_si in _FILTER_PARAMETERS[kind]}
+    parameters = {key: _filter_parameter(arguments, key) for key in PARAMETERS[kind]}
     if state.plant.is_servo_active:
         raise Refused("-1", "set_servo_move_filter command can not be excuted in servo move mode")
     state.plant.set_servo_filter(kind, **parameters)

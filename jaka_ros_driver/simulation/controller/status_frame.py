@@ -64,8 +64,8 @@ def _task_mode(state: ControllerState) -> int:
 
 
 _COMMANDED_JOINTS: _Field = ("joint_position", lambda state: joints_to_wire(
-    state.plant.joint_position_commanded, FEED_DECIMALS))
-_COMMANDED_POSE: _Field = ("position", lambda state: pose_to_wire(state.plant.tcp_pose_commanded(), FEED_DECIMALS))
+    state.plant.joint_position, FEED_DECIMALS))
+_COMMANDED_POSE: _Field = ("position", lambda state: pose_to_wire(state.plant.tcp_pose(), FEED_DECIMALS))
 _KEYS: _Field = ("tio_key", lambda state: _NO_KEYS)
 _EXTENSION_OFF: Dict[str, Any] = {"status": 0, "setup": (), "num": (0, 0, 0, 0), "pinmap": (), "mode": 0}
 _EXTENSION: _Field = ("extio", lambda state: _EXTENSION_OFF)

@@ -183,7 +183,8 @@ ACTIONS: Dict[str, Action] = {
     "state": Action(_state, "", "what is true of the arm: joints, speeds, stops, outputs"),
     "events": Action(lambda server, request: {"events": [
         {"simulated_s": round(past.at, 6), "code": errcode_text(past.event.code), "text": past.event.text}
-        for past in server.controller.state.alarms.past]}, "", "the last events, also those that errcode does not show"),
+        for past in server.controller.state.alarms.past]}, "",
+                     "the last events, also those that errcode does not show"),
     "wire": Action(lambda server, request: {"wire": server.described()}, "",
                    "connections, rules in force, lateness of the cycle"),
     "help": Action(lambda server, request: {"actions": {

@@ -18,11 +18,11 @@ def watch(request):
 
 
 def test_stands_at_home_in_position(watch):
-    assert watch.plant.joint_position == HOME == watch.plant.joint_position_commanded
+    assert watch.plant.joint_position == HOME
     assert watch.plant.is_in_position
     assert not watch.plant.is_moving
     assert watch.plant.tcp_speed == 0.0
-    assert watch.plant.tcp_pose() == watch.plant.tcp_pose_commanded() == watch.plant.forward(HOME)
+    assert watch.plant.tcp_pose() == watch.plant.forward(HOME)
 
 
 def test_joint_move_arrives_exactly_and_together(watch):
