@@ -1,6 +1,6 @@
 """Kinematics of the active tool in the active user frame, on top of the kinematics of the flange."""
 import math
-from typing import Iterator, Optional, Sequence, Tuple
+from typing import Optional, Sequence, Tuple
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import PoseOutsideLimits, UnreachablePose
@@ -133,22 +133,18 @@ class ArmFrames:
         except UnreachablePose as error:
             raise TargetRejected(events.TARGET_UNREACHABLE, str(error)) from error
 
-    def joint_outside(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
-        """The first joint outside its limits, and True where it is above the upper one; None if all are within."""
-        return next(joints_beyond(self.model, joint_position, 1e-9), None)
+    def joint_outside(self, joint_position: Sequence[float], margin: float = 1e-9) -> Optional[Tuple[int, bool]]:
+        """The first joint more than ``margin``, rad, outside its limits, and True where it is above the upper one."""
+        for joint, (value, (low, high)) in enumerate(zip(joint_position, self.model.joint_limits)):
+            if value > high + margin:
+                return joint, True
+            if value < low - margin:
+                return joint, False
+        return None
 
     def joint_on_limit(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
         """The first joint on a soft limit, and True where that is the upper one; None if there is none."""
-        return next(joints_beyond(self.model, joint_position, -LIMIT_TOLERANCE), None)
-
-
-def joints_beyond(model: ArmModel, joint_position: Sequence[float], margin: float) -> Iterator[Tuple[int, bool]]:
-    """The joints that are more than ``margin``, rad, beyond a limit, each with True for the upper one."""
-    for joint, (value, (low, high)) in enumerate(zip(joint_position, model.joint_limits)):
-        if value > high + margin:
-            yield joint, True
-        elif value < low - margin:
-            yield joint, False
+        return self.joint_outside(joint_position, -LIMIT_TOLERANCE)
 
 
 def rotated(frame: Transform, vector: Sequence[float]) -> Tuple[float, float, float]:

@@ -4,7 +4,6 @@ from typing import List, Sequence, Tuple
 
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import joints_beyond
 from jaka_ros_driver.simulation.arm.events import PlantEvent
 
 NEAR_LIMIT = math.radians(2.0)
@@ -16,12 +15,18 @@ class LimitWatch:
 
     def __init__(self, model: ArmModel, joints: Sequence[float]) -> None:
         """joints: where the arm stands at first, rad (6,)."""
-        self._model = model
+        self._limits = model.joint_limits
         self._was_near = self.near(joints)
 
     def near(self, joints: Sequence[float]) -> Tuple[Tuple[int, bool], ...]:
         """Joints near a limit, each with True for the upper one."""
-        return tuple(joints_beyond(self._model, joints, -NEAR_LIMIT))
+        result = []
+        for joint, (q, (low, high)) in enumerate(zip(joints, self._limits)):
+            if q > high - NEAR_LIMIT:
+                result.append((joint, True))
+            elif q < low + NEAR_LIMIT:
+                result.append((joint, False))
+        return tuple(result)
 
     def look(self, joints: Sequence[float]) -> List[PlantEvent]:
         """One event for each joint that has come near to a limit since the last call."""
