@@ -145,11 +145,7 @@ class ArmClient:
         return self._core.state
 
     def fresh_state(self) -> RobotState:
-        """The newest state.
-
-        Raises:
-            ConnectionLost: It is stale, or there is none.
-        """
+        """The newest state; raises ConnectionLost where it is stale, or there is none."""
         return self._core.fresh_state(time.monotonic())
 
     @property

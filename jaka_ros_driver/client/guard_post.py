@@ -31,11 +31,7 @@ class GuardPost:
     """
 
     def __init__(self, now: float) -> None:
-        """Make the pipes.
-
-        Raises:
-            OSError: The pipes cannot be made.
-        """
+        """Make the pipes; raises OSError where that is not possible."""
         self.has_answered = False
         self.has_ended = False
         self.is_stopping = False

@@ -44,11 +44,7 @@ class Line:
     """
 
     def __init__(self, address: Address, name: str) -> None:
-        """Begin to connect.
-
-        Raises:
-            ConnectionLost: The connection cannot be begun.
-        """
+        """Begin to connect; raises ConnectionLost where that is not possible."""
         self._name = name
         self.is_connecting = True
         try:
@@ -81,11 +77,7 @@ class Line:
         self.is_connecting = False
 
     def send(self, data: bytes) -> None:
-        """Send a few bytes.
-
-        Raises:
-            ConnectionLost: The network does not take them.
-        """
+        """Send a few bytes; raises ConnectionLost where the network does not take them."""
         try:
             taken = self._socket.send(data)
         except OSError as error:
@@ -94,11 +86,7 @@ class Line:
             raise ConnectionLost("%s: the network takes no bytes" % self._name)
 
     def receive(self) -> bytes:
-        """The bytes that have arrived; empty for none.
-
-        Raises:
-            ConnectionLost: The connection has ended.
-        """
+        """The bytes that have arrived, empty for none; raises ConnectionLost where the connection has ended."""
         try:
             data = self._socket.recv(_RECEIVE_BYTES)
         except BlockingIOError:
@@ -122,11 +110,6 @@ class StopLink(Line):
     """A connection to the command port."""
 
     def __init__(self, address: Address) -> None:
-        """Begin to connect.
-
-        Raises:
-            ConnectionLost: That is not possible.
-        """
         super().__init__(address, "command port")
         self._stream = ObjectStream()
 
@@ -147,11 +130,6 @@ class FeedLink(Line):
     """
 
     def __init__(self, address: Address) -> None:
-        """Begin to connect.
-
-        Raises:
-            ConnectionLost: That is not possible.
-        """
         super().__init__(address, "status port")
         self._stream = FrameStream()
         self.trouble = "status port: no frame has come"

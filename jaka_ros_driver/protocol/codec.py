@@ -60,11 +60,7 @@ ERROR_MEANINGS: Dict[int, str] = {
 
 
 def encode(command: c.Command) -> JsonObject:
-    """The request object of a command, mm and deg.
-
-    Raises:
-        InvalidCommand: A number in it is not finite.
-    """
+    """The request object of a command, mm and deg; raises InvalidCommand where a number in it is not finite."""
     name = command_name(command)
     params = _QUERIES[command][1] if isinstance(command, c.Query) else _ENCODERS[type(command)][1](command)
     _require_finite(name, params)

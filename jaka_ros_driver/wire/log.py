@@ -79,11 +79,7 @@ class WireLog:
     """Writes a wire log; no method but ``close`` waits for the disk."""
 
     def __init__(self, path: str) -> None:
-        """Begin the file.
-
-        Raises:
-            WireLogError: The package mcap is missing, the file exists or cannot be written.
-        """
+        """Begin the file; raises WireLogError where mcap is missing, or the file exists or cannot be written."""
         writer = _mcap().writer
         try:
             self._file = open(path, "xb")

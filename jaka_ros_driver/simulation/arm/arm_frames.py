@@ -33,22 +33,14 @@ _FOLLOWED = 0.3  # rad; an iterative solution that is no farther than this from 
 
 
 def finite_six(what: str, values: Sequence[float]) -> Vector:
-    """The values as a tuple.
-
-    Raises:
-        TargetRejected: Not six finite numbers.
-    """
+    """The values as a tuple; raises TargetRejected unless they are six finite numbers."""
     if len(values) != 6 or not all(math.isfinite(v) for v in values):
         raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "%s must be six finite numbers" % what)
     return tuple(values)
 
 
 def checked_transform(pose: Pose) -> Transform:
-    """The pose as a Transform.
-
-    Raises:
-        TargetRejected: Not six finite numbers.
-    """
+    """The pose as a Transform; raises TargetRejected unless it has six finite numbers."""
     finite_six("pose", tuple(pose.position) + tuple(pose.rpy))
     return transform_from_pose(pose)
 
@@ -86,11 +78,7 @@ class ArmFrames:
         return pose_from_transform(compose(self.user_t_base, self.tool_at(joint_position)))
 
     def in_base(self, pose: Pose) -> Transform:
-        """``base_t_tool`` of a pose in the active user frame.
-
-        Raises:
-            TargetRejected: Not six finite numbers.
-        """
+        """``base_t_tool`` of a pose in the active user frame; raises as ``checked_transform``."""
         return compose(self.base_t_user, checked_transform(pose))
 
     def displaced(self, base_t_tool: Transform, increment: Pose) -> Transform:

@@ -23,9 +23,7 @@ _TURNS = 4.0 * math.pi  # rad; a jog about a Cartesian axis ends after two turns
 
 
 class JogMode(enum.IntEnum):
-    """How a jog ends; the numbers of the wire (docs/controller-protocol.md section 5.5; 0, stop, is
-    ``Plant.jog_stop``).
-    """
+    """How a jog ends; the numbers of the wire (docs/controller-protocol.md section 5.5), where 0 is stop."""
 
     CONTINUOUS = 1
     STEP = 2

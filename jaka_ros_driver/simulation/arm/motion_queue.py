@@ -73,11 +73,7 @@ class MotionQueue:
         return self._rest if self._rest is not None else self._running.route.end_joints
 
     def add_joint_route(self, route: JointRoute) -> None:
-        """Queue a joint motion.
-
-        Raises:
-            TargetRejected: A jog runs, or the queue is full.
-        """
+        """Queue a joint motion; raises TargetRejected while a jog runs, or where the queue is full."""
         self._check_room()
         self._enter(_Entry(route))
 

@@ -42,6 +42,9 @@ class Plant:
 
     It knows nothing of power, latched stops and sockets: its owner decides which commands reach it. A command that the
     arm cannot carry out raises TargetRejected and changes nothing.
+
+    Attributes:
+        queue: The accepted moves and the jog; pauses, resumes and ends them along their paths.
     """
 
     def __init__(self, model: ArmModel, joint_position: Sequence[float] = HOME, *,
@@ -64,7 +67,7 @@ class Plant:
         self._before = self._joints
         self._dt = CYCLE_TIME_S
         self._velocity = _STILL
-        self._queue = MotionQueue(self._frames, jerk_limited)
+        self.queue = MotionQueue(self._frames, jerk_limited)
         self._servo: Optional[ServoStream] = None
         self._guiding: Optional[HandGuiding] = None
         self._coast: Optional[Coast] = None
@@ -105,7 +108,7 @@ class Plant:
     @property
     def is_in_position(self) -> bool:
         """True when nothing is queued, running or coasting and settle_time has passed since the last acceptance."""
-        if self._unsettled > 0.0 or self._coast is not None or not self._queue.is_empty:
+        if self._unsettled > 0.0 or self._coast is not None or not self.queue.is_empty:
             return False
         if self._guiding is None and self._velocity is not _STILL:
             return False
@@ -115,21 +118,6 @@ class Plant:
     def is_moving(self) -> bool:
         """True while any joint moves, for whatever reason."""
         return self._velocity is not _STILL
-
-    @property
-    def is_jogging(self) -> bool:
-        """True from the acceptance of a jog until it has come to rest."""
-        return self._queue.is_jogging
-
-    @property
-    def queue_length(self) -> int:
-        """Accepted moves not yet completed, the running one included."""
-        return self._queue.length
-
-    @property
-    def is_paused(self) -> bool:
-        """True from ``pause`` until ``resume`` or ``stop``."""
-        return self._queue.is_paused
 
     @property
     def is_servo_active(self) -> bool:
@@ -156,11 +144,6 @@ class Plant:
     def rapid_rate(self) -> float:
         """Speed override in force, 0 to 1."""
         return self._rapid_rate
-
-    @property
-    def motion_line(self) -> int:
-        """``executing_line_id`` of the move running or last run; 0 before the first and for a move without one."""
-        return self._queue.motion_line
 
     @property
     def add_error_line(self) -> int:
@@ -290,38 +273,24 @@ class Plant:
         self._queue_leg(arc, joints)
         return True
 
-    def pause(self) -> None:
-        """Slow down along the path to a standstill and hold the queue."""
-        self._queue.pause()
-
-    def resume(self) -> None:
-        """Continue after ``pause``."""
-        self._queue.resume()
-
     def stop(self) -> None:
         """Slow down along the path, empty the queue and end a jog; in servo mode drop the points and stop."""
-        self._queue.stop()
+        self.queue.stop()
         if self._servo is not None:
             self._come_to_rest()
             self._servo = self._new_stream()
 
     def halt_protective(self) -> None:
         """Stop everything: queue and jog slow down along their path, servo mode and hand guiding end."""
-        self._queue.stop()
+        self.queue.stop()
         self.leave_servo()
         self.stop_hand_guiding()
 
     def halt_emergency(self) -> None:
         """Stop everything with the highest deceleration of the joints; the path is left."""
         self._come_to_rest()
-        self._queue.clear()
+        self.queue.clear()
         self._servo = self._guiding = None
-
-    def set_jerk_limited(self, jerk_limited: bool) -> None:
-        """Choose the speed profile of moves and jogs that are added from now on: S-curve (with ruckig) or trapezoid
-        (``set_motion_planner``).
-        """
-        self._queue.jerk_limited = jerk_limited
 
     def set_rapid_rate(self, rate: float) -> None:
         """Set the speed override of queued moves and jogs, 0 to 1; it takes effect during a motion, too.
@@ -355,27 +324,23 @@ class Plant:
         """
         self._check_planned_mode()
         key = (frame, axis, velocity > 0.0)
-        running_start = self._queue.running_jog_start(key) if mode == JogMode.CONTINUOUS else None
+        running_start = self.queue.running_jog_start(key) if mode == JogMode.CONTINUOUS else None
         if running_start is not None:
             again = jog_route(self._frames, running_start, mode, frame, axis, velocity, position)
-            return again is not None and self._queue.change_jog(again)
-        if not self._queue.takes_jog:
+            return again is not None and self.queue.change_jog(again)
+        if not self.queue.takes_jog:
             return False
         route = jog_route(self._frames, self._queue_end(), mode, frame, axis, velocity, position)
         if route is not None:
-            self._queue.start_jog(key, route)
+            self.queue.start_jog(key, route)
             self._unsettled = self.settle_time
         return True
-
-    def jog_stop(self, frame: JogFrame, axis: int) -> None:
-        """End the jog of this frame and axis smoothly; no effect on any other motion."""
-        self._queue.end_jog(frame, axis)
 
     # --- servo mode -------------------------------------------------------------------------------------------------
 
     def enter_servo(self) -> bool:
         """Enter servo mode; False, and no change, where the arm moves or the queue is not empty."""
-        if self._guiding is not None or self._coast is not None or not self._queue.is_empty:
+        if self._guiding is not None or self._coast is not None or not self.queue.is_empty:
             return False
         if self._servo is None:
             self._servo = self._new_stream()
@@ -425,7 +390,7 @@ class Plant:
         """
         if self._guiding is not None:
             return
-        if self._servo is not None or self._coast is not None or not self._queue.is_empty:
+        if self._servo is not None or self._coast is not None or not self.queue.is_empty:
             raise TargetRejected(events.HAND_GUIDING_REFUSED_MOVING, "the arm moves or is in servo mode")
         if self.on_soft_limit:
             raise TargetRejected(events.HAND_GUIDING_ON_SOFT_LIMIT, "a joint is on its soft limit")
@@ -458,7 +423,7 @@ class Plant:
             return
         self._before, self._joints, self._dt, self._pose = self._joints, joints, dt, None
         self._velocity = tuple([(b - a) / dt for a, b in zip(self._before, joints)])
-        if self._servo is not None or self._guiding is not None or self._queue.is_jogging:
+        if self._servo is not None or self._guiding is not None or self.queue.is_jogging:
             self._events += self._watch.look(self._joints)
 
     def _next_joints(self, dt: float) -> Optional[Vector]:
@@ -472,11 +437,11 @@ class Plant:
             return self._guided(self._guiding, dt)
         if self._servo is not None:
             return self._streamed(self._servo, dt)
-        queued, happened = self._queue.step(dt, self._rapid_rate)
+        queued, happened = self.queue.step(dt, self._rapid_rate)
         self._events += happened
-        if self._queue.fault is not None:
+        if self.queue.fault is not None:
             self._come_to_rest()
-            self._queue.clear()
+            self.queue.clear()
             return self._next_joints(dt) if self._coast is not None else None
         return queued
 
@@ -506,7 +471,7 @@ class Plant:
 
     def _queue_end(self) -> Vector:
         standing_at = self._joints if self._coast is None else self._coast.end_joints
-        return self._queue.end_joints(standing_at)
+        return self.queue.end_joints(standing_at)
 
     def _new_stream(self) -> ServoStream:
         joints = self._queue_end()
@@ -535,12 +500,12 @@ class Plant:
         tool_top = self._frames.model.tcp_max_speed
         if tool_top is not None:
             top = min(top, tool_top / max(tool_rate(self._frames, start, end), 1e-9))
-        self._queue.add_joint_route(JointRoute(self._frames.model, start, end, top, strongest, line_id or 0))
+        self.queue.add_joint_route(JointRoute(self._frames.model, start, end, top, strongest, line_id or 0))
         self._accepted()
         return True
 
     def _queue_leg(self, leg: Leg, joints: Vector) -> None:
-        self._queue.add_leg(leg, joints)
+        self.queue.add_leg(leg, joints)
         self._accepted()
 
     def _accepted(self) -> None:

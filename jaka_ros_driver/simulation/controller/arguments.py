@@ -51,11 +51,7 @@ class Arguments:
         return int(value)
 
     def flag(self, key: str, default: Optional[bool] = None) -> bool:
-        """0, 1, false or true.
-
-        Raises:
-            BadParameter: It is missing without a default, or anything else.
-        """
+        """0, 1, false or true; raises BadParameter where it is missing without a default, or anything else."""
         value = self.integer(key, None if default is None else int(default))
         if value not in (0, 1):
             raise BadParameter("%s is neither 0 nor 1" % key)
@@ -93,11 +89,7 @@ class Arguments:
         return next((key for key in keys if key in self._request), keys[0])
 
     def raw(self, key: str) -> Any:
-        """The value as it came.
-
-        Raises:
-            BadParameter: It is missing.
-        """
+        """The value as it came; raises BadParameter where it is missing."""
         if key not in self._request:
             raise BadParameter("%s is missing" % key)
         return self._request[key]

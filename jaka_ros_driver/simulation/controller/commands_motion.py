@@ -155,14 +155,14 @@ def _motion_planner(state: ControllerState, arguments: Arguments) -> None:
     if kind not in (-1, 0, 1):
         raise Refused()
     state.memory.settings["set_motion_planner", 0] = {"type": kind}
-    state.plant.set_jerk_limited(kind != 0)
+    state.plant.queue.jerk_limited = kind != 0
 
 
 def _motion_state(state: ControllerState) -> Reply:
     plant = state.plant
     motion_line, add_error_line = state.executing_lines()
-    return {"inpos": plant.is_in_position, "paused": state.is_paused, "queue": plant.queue_length,
-            "active_queue": min(1, plant.queue_length), "motion_line": motion_line, "err_add_line": add_error_line,
+    return {"inpos": plant.is_in_position, "paused": state.is_paused, "queue": plant.queue.length,
+            "active_queue": min(1, plant.queue.length), "motion_line": motion_line, "err_add_line": add_error_line,
             "queue_full": False, "isOnLimit": plant.on_soft_limit, "isInEstop": state.emergency_stop,
             "isInCollision": state.protective_stop}
 

@@ -147,7 +147,7 @@ class ControllerState:
             self._take_event(event)
         if not self.plant.on_soft_limit:
             self.alarms.left_soft_limit()
-        if self._jogged and not self.plant.is_jogging:
+        if self._jogged and not self.plant.queue.is_jogging:
             self._jogged = None
 
     def after(self, delay: float, action: Callable[[], None]) -> None:
@@ -174,11 +174,7 @@ class ControllerState:
             self._power_at = self.now + self.options.power_delay
 
     def power_off(self) -> None:
-        """Cut the drives.
-
-        Raises:
-            Refused: They are enabled (event 0x0F0026).
-        """
+        """Cut the drives; raises Refused while they are enabled (event 0x0F0026)."""
         if self.is_enabled or self._enable_at is not None:
             raise Refused()
         self.is_powered = self._was_enabled = False
@@ -304,7 +300,7 @@ class ControllerState:
         Lines of an earlier client read 0. Ids restart at 2 in every client, and a client that finds its id in the feed
         together with ``inpos`` considers its move done (docs/sdk-client.md section 1, point 7).
         """
-        return (0, 0) if self._lines_are_stale else (self.plant.motion_line, self.plant.add_error_line)
+        return (0, 0) if self._lines_are_stale else (self.plant.queue.motion_line, self.plant.add_error_line)
 
     def stop(self) -> None:
         """End the program, every motion and every jog; never refused."""
@@ -315,26 +311,22 @@ class ControllerState:
         """Pause the program and the queued motion."""
         if self.program_state is ProgramState.RUNNING:
             self.program_state = ProgramState.PAUSED
-        if self.plant.queue_length:
-            self.plant.pause()
+        if self.plant.queue.length:
+            self.plant.queue.pause()
 
     def resume(self) -> None:
-        """Continue the program and the queued motion.
-
-        Raises:
-            Refused: The drives are not ready.
-        """
-        if self.program_state is ProgramState.PAUSED or self.plant.is_paused:
+        """Continue the program and the queued motion; raises Refused where the drives are not ready."""
+        if self.program_state is ProgramState.PAUSED or self.plant.queue.is_paused:
             self.require_drives()
         if self.program_state is ProgramState.PAUSED:
             self.program_state = ProgramState.RUNNING
-        if self.plant.is_paused:
-            self.plant.resume()
+        if self.plant.queue.is_paused:
+            self.plant.queue.resume()
 
     @property
     def is_paused(self) -> bool:
         """The value of the feed's field ``paused``."""
-        return self.plant.is_paused or self.program_state is ProgramState.PAUSED
+        return self.plant.queue.is_paused or self.program_state is ProgramState.PAUSED
 
     def jogged(self, frame: JogFrame, axis: int) -> None:
         """A jog was accepted."""
@@ -343,7 +335,7 @@ class ControllerState:
     def stop_jog(self) -> None:
         """End the running jog, also where the request names another axis."""
         if self._jogged:
-            self.plant.jog_stop(*self._jogged)
+            self.plant.queue.end_jog(*self._jogged)
 
     def set_hand_guiding(self, active: bool) -> None:
         """Switch hand guiding (docs/controller-protocol.md section 5.8).
@@ -404,12 +396,8 @@ class ControllerState:
         self.plant.set_user_frame(user_frames.frames[user_frames.active].pose)
 
     def require_standstill(self) -> None:
-        """Raise unless nothing moves and nothing is queued.
-
-        Raises:
-            Refused: Something does.
-        """
-        if self.plant.is_moving or self.plant.queue_length or self.plant.is_jogging:
+        """Raise Refused unless nothing moves and nothing is queued."""
+        if self.plant.is_moving or self.plant.queue.length or self.plant.queue.is_jogging:
             raise Refused()
 
     def set_feed_period(self, period: float) -> None:
@@ -435,7 +423,7 @@ class ControllerState:
 
     def client_connected(self) -> None:
         """A new client has the command port; settings of the one before, and the reaction to its loss, end."""
-        self._lines_are_stale = not self.plant.queue_length
+        self._lines_are_stale = not self.plant.queue.length
         self.link_loss, self.link_loss_delay = LinkLoss.KEEP, 0.0
         self._link_loss_at = None
 

@@ -144,7 +144,7 @@ def _state(server: Server, _request: Dict[str, Any]) -> Answer:
         "tcp_pose": pose_to_wire(state.plant.tcp_pose(), QUERY_DECIMALS),
         "tcp_speed": round(m_to_mm(state.plant.tcp_speed), QUERY_DECIMALS),
         "is_moving": state.plant.is_moving, "is_in_position": state.plant.is_in_position,
-        "queue_length": state.plant.queue_length, "is_servo_active": state.plant.is_servo_active,
+        "queue_length": state.plant.queue.length, "is_servo_active": state.plant.is_servo_active,
         "is_hand_guided": state.plant.is_hand_guided, "collision_level": state.memory.collision_level,
         "payload": {"mass": state.memory.payload.mass}, "tool_id": state.memory.tools.active,
         "user_frame_id": state.memory.user_frames.active,
