@@ -230,9 +230,7 @@ class ArmClient:
         self._call(lambda call, now: self._core.move(call, command, wait, now))
 
     def jog(self, command: c.Jog) -> None:
-        """Begin a jog, or keep the same jog going. It ends ``jog_timeout`` after the last call. Raises what ``move``
-        raises.
-        """
+        """Begin a jog, or keep it going for another ``jog_timeout``. Raises what ``move`` raises."""
         self._call(lambda call, now: self._core.jog(call, command, now))
 
     def set_servo_mode(self, active: bool) -> None:

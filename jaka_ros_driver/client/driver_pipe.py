@@ -121,9 +121,7 @@ class DriverPipe:
         return Driver.BACK if time.monotonic() - self._heard_at < SILENCE_TIMEOUT_S else Driver.SILENT
 
     def end_driver(self, say: Say) -> None:
-        """Kill the driver, if it is still silent and still the parent of this process, so that its process id is still
-        its own.
-        """
+        """Kill the driver if it is still silent and still the parent, so that its process id is its own."""
         if self.wait(0.0):
             return
         if os.getppid() != self._driver:

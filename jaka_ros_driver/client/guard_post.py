@@ -74,9 +74,7 @@ class GuardPost:
             self._words.write(word)
 
     def listen(self, now: float) -> bool:
-        """Read the answers that have come; never waits. True where the guard has begun to stop the arm since the last
-        call.
-        """
+        """Read the answers that have come, never waits; True where the guard has begun to stop the arm since."""
         answers = self._answers.read(_READ_BYTES)
         if answers is None:
             return False
@@ -97,9 +95,7 @@ class GuardPost:
         return STARVED_ANSWER_TIMEOUT_S if process and waits_for_processor(process.pid) else ANSWER_TIMEOUT_S
 
     def answers_now(self) -> bool:
-        """Ask the guard and wait for its answer, ``ANSWER_TIMEOUT_S`` at most. True also where the process is still
-        starting.
-        """
+        """Ask the guard and wait for its answer, ``ANSWER_TIMEOUT_S`` at most. True also while the process starts."""
         self.listen(self.heard_at)
         if not self.has_answered:
             return not self.has_ended

@@ -17,9 +17,7 @@ from jaka_ros_driver.state import RobotState
 
 GIVE_UP_AFTER_S = 60.0
 LOCKED_OUT_AFTER_S = 0.25
-"""s; when the controller has turned the guard away for this time, the frozen driver's connection is assumed to be the
-reason.
-"""
+"""s; when the guard was turned away for this time, the frozen driver's connection is taken for the reason."""
 CONFIRM_AFTER_S = 0.5
 """s; when the arm is not seen at rest this time after an accepted stop, the stop is sent again."""
 BLIND_STOPS = 3

@@ -122,9 +122,7 @@ class Transport:
             self._wake_send.send(b"\0")
 
     def wait(self, seconds: float) -> None:
-        """Wait until something happens, at most ``timeout`` s. epoll counts in whole ms; select on its descriptor is
-        exact.
-        """
+        """Wait until something happens. epoll counts in whole ms; select on its descriptor is exact."""
         select.select([self._epoll], [], [], max(0.0, seconds))
 
     def read(self) -> List[Event]:
@@ -206,9 +204,7 @@ class Transport:
         self._events.append(Opened(connection.port))
 
     def _receive(self, connection: _PortSocket) -> None:
-        """Receive all bytes that are there as one piece, because only the last of several waiting status frames is
-        current.
-        """
+        """Receive all bytes in one piece: only the last of several waiting status frames is current."""
         pieces: List[bytes] = []
         reason = ""
         for _ in range(_READS_A_TURN):

@@ -37,11 +37,9 @@ SPHERICAL_WRIST = "spherical_wrist_shoulder_offset"
 TWO_PARALLEL = "two_parallel_three_intersecting_pairs"
 
 DEFAULT_JOINT_ACCELERATION = 4.0 * math.pi
-"""rad/s2 (720 deg/s2). No vendor value; libjaka's generic bound and the ceiling advised in
-docs/controller-protocol.md section 5.2."""
+"""rad/s2 (720 deg/s2): libjaka's bound and the ceiling advised in docs/controller-protocol.md section 5.2."""
 DEFAULT_TCP_ACCELERATION = 8.0
-"""m/s2. No vendor value; libjaka's generic bound and the ceiling advised in docs/controller-protocol.md section
-5.4.1."""
+"""m/s2: libjaka's bound and the ceiling advised in docs/controller-protocol.md section 5.4.1."""
 
 STRUCTURE_TOLERANCE_M = 0.01
 STRUCTURE_TOLERANCE_RAD = units.deg_to_rad(2.0)

@@ -119,9 +119,7 @@ def _reaches(model: ArmModel, joint_position: Sequence[float], target: Transform
 
 
 def _turned_into(angle: float, low: float, high: float) -> float:
-    """The angle, rad, with the fewest whole turns added after which it is between low and high; infinite if there are
-    none.
-    """
+    """The angle, rad, turned by the fewest whole turns into low..high; infinite where there are none."""
     if angle < low:
         angle += math.tau * math.ceil((low - LIMIT_TOLERANCE - angle) / math.tau)
     else:

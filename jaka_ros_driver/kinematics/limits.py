@@ -18,8 +18,7 @@ FLOAT32_SLACK = 2e-7
 POSITION_LIMIT = 10.0
 """m, for each axis of a target or a frame: the longest arm reaches 2 m, and frames of its cell are not farther away."""
 ANGLE_LIMIT = 4.0 * math.pi
-"""rad, for each angle of an orientation, and for joints in a query: two turns, more than any joint has to either side.
-"""
+"""rad, for each angle of an orientation, and for joints in a query: two turns, more than any joint has."""
 MASSES = (0.0, 100.0)
 """kg; three times the payload of the strongest arm of the series."""
 CENTROID_LIMIT = 2.0
@@ -35,8 +34,7 @@ SERVO_CYCLES = (1, 1000)
 JOINT_SPEED_CEILING = math.pi
 """rad/s (180 deg/s); upper bound of joint speeds for all models (docs/controller-protocol.md sections 5.2, 5.6.5)."""
 JOINT_ACCELERATION_CEILING = 4.0 * math.pi
-"""rad/s2 (720 deg/s2), the maker's advice (docs/controller-protocol.md section 5.2); no model has a value of its
-own."""
+"""rad/s2 (720 deg/s2), the maker's advice (docs/controller-protocol.md section 5.2)."""
 TCP_ACCELERATION_CEILING = 8.0
 """m/s2 (8000 mm/s2), the maker's advice (docs/controller-protocol.md section 5.4.1)."""
 UNKNOWN_TCP_SPEED_CEILING = 1.5
@@ -146,9 +144,7 @@ def _member(name: str, value: Any, kind: Any) -> None:
 
 
 def _vector(name: str, values: Any, length: int, bound: float, unit: str) -> None:
-    """Raise unless ``value`` has ``length`` numbers, each between -bound and bound. An infinite bound requires finite
-    numbers only.
-    """
+    """Raise unless these are ``length`` finite numbers, each between -bound and bound."""
     if not isinstance(values, (tuple, list)) or len(values) != length:
         raise InvalidCommand("%s is %.200r; it must be %d numbers in %s" % (name, values, length, unit))
     for n, value in enumerate(values):

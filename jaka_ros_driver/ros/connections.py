@@ -4,6 +4,7 @@ The number of file descriptors of a process is limited. rospy gives one, and a t
 the peer then sends nothing. When none is left, its accepting thread ends for good, and nobody could stop the arm any
 more.
 """
+import contextlib
 import errno
 import logging
 import resource
@@ -11,7 +12,7 @@ import socket
 import struct
 import threading
 import time
-from typing import Any, Callable, Dict, List, Optional, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 import rosgraph
 import rosgraph.network
@@ -24,9 +25,7 @@ from jaka_ros_driver.protocol.texts import printable
 _LOG = logging.getLogger(__name__)
 
 MOST_DESCRIPTORS = 65536
-"""The soft limit of file descriptors is raised to this where the hard limit allows it; threads and memory run out
-earlier.
-"""
+"""The soft limit of file descriptors is raised to this where the hard limit allows it."""
 HANDSHAKE_TIMEOUT_S = 5.0
 """s; a ROS client sends its whole handshake at once."""
 MOST_HANDSHAKES = 64
@@ -58,12 +57,11 @@ class PooledConnection:
         self.sock = sock
         self.idle_since = now
 
-    def is_busy_now(self) -> None:
-        """A call has begun."""
+    @contextlib.contextmanager
+    def busy(self) -> Iterator[None]:
+        """A context that lasts from a call's request to its reply."""
         self.idle_since = _BUSY
-
-    def is_idle_now(self) -> None:
-        """The call has ended."""
+        yield
         self.idle_since = time.monotonic()
 
 
@@ -120,9 +118,7 @@ _XMLRPC_CONNECTIONS = ConnectionPool("XML-RPC connections", MOST_CONNECTIONS)
 
 
 class _TopicConnections:
-    """Connections of topics. How long they have been idle is not known, so a new one is refused when there are too
-    many.
-    """
+    """Connections of topics; how long they are idle is not known, so a new one is refused when there are too many."""
 
     def __init__(self, most: int) -> None:
         self.most = most

@@ -1,6 +1,4 @@
-"""Passes the log records of the package, which uses Python's ``logging``, to rosout, the screen and the node's log
-file.
-"""
+"""Passes the package's log records (Python's ``logging``) to rosout, the screen and the node's log file."""
 import logging
 from typing import Callable
 

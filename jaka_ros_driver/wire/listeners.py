@@ -42,9 +42,7 @@ class Listeners:
             self._selector.register(listener, selectors.EVENT_READ, port)
 
     def shut(self, port: str) -> None:
-        """Stop listening and keep the number. The socket stays bound, so that connections are refused and nobody else
-        gets the number.
-        """
+        """Stop listening; the socket stays bound, so that connections are refused and nobody else gets the number."""
         host, listener = self._listeners[port]
         if listener in self._selector.get_map():
             self._selector.unregister(listener)

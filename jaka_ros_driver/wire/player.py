@@ -136,9 +136,7 @@ class WirePlayer(PortServer):
 
     @staticmethod
     def _shift(client: _Client) -> float:
-        """What is to be added to the times of a client's pieces, s: nothing for replies, which are timed from the live
-        request.
-        """
+        """What to add to the times of a client's pieces, s: nothing for replies, timed from the live request."""
         return 0.0 if client.recorded.port == "command" else client.shift
 
     def _accept(self, link: socket.socket, peer: str, port: str) -> None:

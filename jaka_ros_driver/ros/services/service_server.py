@@ -84,15 +84,11 @@ class ServiceServer(rospy.Service):
             SERVICE_CONNECTIONS.remove(transport.connection)
 
     def _handle_request(self, transport: Any, request: Any) -> None:
-        transport.connection.is_busy_now()
-        with self._calls.one():
+        with transport.connection.busy(), self._calls.one():
             super()._handle_request(transport, request)
-        transport.connection.is_idle_now()
 
     def _write_service_error(self, transport: Any, err_msg: str) -> None:
-        """Send an error. A response that could be serialised only in part is discarded first; it would precede the next
-        one.
-        """
+        """Send an error in place of a response that was serialised in part."""
         if transport.write_buff is not None:
             transport.write_buff.seek(0)
             transport.write_buff.truncate(0)

@@ -60,9 +60,7 @@ def as_exception(response: Any, outcome: Outcome, is_vendor: bool) -> None:
 
 
 def as_value(response: Any, outcome: Outcome, is_vendor: bool) -> None:
-    """Set the fields of get_io, which has no ``ret``: a failure is NaN and a message that begins with ``error:``
-    (docs/interface.md section 4.1).
-    """
+    """Set the fields of get_io, without ``ret``: failure is NaN and ``error:`` (docs/interface.md section 4.1)."""
     response.message = outcome.message if outcome.is_success else "error: " + outcome.message
     response.value = outcome.value if outcome.is_success else VENDOR_IO_FAILURE if is_vendor else float("nan")
 

@@ -101,9 +101,7 @@ class ArmFrames:
         return rotated(self.base_t_user, vector)
 
     def nearest_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Optional[Vector]:
-        """Joints, rad (6,), that bring the active tool there: the solution nearest to the reference. Joint limits are
-        not checked. None if the pose is out of reach.
-        """
+        """The joints, rad (6,), nearest to the reference that bring the tool there, limits unchecked; None for none."""
         return nearest_joints(self.model, compose(base_t_tool, self.tool_t_flange), reference)
 
     def reachable_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Vector:
@@ -154,9 +152,7 @@ def turned(matrix: Sequence[float], rotation_vector: Sequence[float], position: 
 
 
 def nearest_joints(model: ArmModel, base_t_flange: Transform, reference: Sequence[float]) -> Optional[Vector]:
-    """Joints, rad (6,), that bring the flange there: the solution nearest to the reference. Joint limits are not
-    checked. None if the pose is out of reach.
-    """
+    """The joints nearest to the reference, rad (6,), that bring the flange there, limits unchecked; None for none."""
     if not model.has_closed_form:
         followed = refine(model, base_t_flange, reference)
         if followed is not None and all(abs(a - b) < _FOLLOWED for a, b in zip(followed, reference)):

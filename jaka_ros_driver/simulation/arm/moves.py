@@ -17,8 +17,7 @@ FASTEST = 100.0
 STRONGEST = 1e4
 """rad/s2; the same for rotation accelerations."""
 DEFAULT_JOINT_ACCELERATION = math.pi
-"""rad/s2, where a joint move names none (the SDK's short form, docs/controller-protocol.md section 2). No vendor
-value exists."""
+"""rad/s2, where a joint move names none (docs/controller-protocol.md section 2). No vendor value exists."""
 DEFAULT_TCP_ACCELERATION = 0.5
 """m/s2, where a linear move names none. No vendor value exists."""
 DEFAULT_ROTATION_SPEED = 3.14

@@ -167,9 +167,7 @@ class Plant:
         self._pose = None
 
     def set_user_frame(self, base_t_user: Pose) -> None:
-        """Make this the active user frame. Moves that are queued already keep the frame that was active when they were
-        added.
-        """
+        """Make this the active user frame. Moves that are queued already keep theirs."""
         self._frames.set_user_frame(checked_transform(base_t_user))
         self._pose = None
 
@@ -214,9 +212,7 @@ class Plant:
 
     def add_end_move(self, target: Pose, speed: float, acceleration: Optional[float] = None,
                      line_id: Optional[int] = None) -> bool:
-        """Queue a joint motion to a tool pose in the active user frame (docs/controller-protocol.md section 5.3); speed
-        rad/s.
-        """
+        """Queue a joint motion to a pose in the user frame (docs/controller-protocol.md section 5.3); speed rad/s."""
         self._check_planned_mode()
         start = self._queue_end()
         end = self._frames.reachable_joints(self._frames.in_base(target), start)
@@ -403,9 +399,7 @@ class Plant:
             self._guiding = None
 
     def push_joint(self, joint: int, velocity: float) -> bool:
-        """Push joint 0..5 by hand at a velocity, rad/s, until the next call; 0 lets go. False, and no effect, unless
-        hand guiding is on.
-        """
+        """Push joint 0..5 at a velocity, rad/s, until the next call; False, and no effect, without hand guiding."""
         if self._guiding is None:
             return False
         self._guiding.push(joint, velocity)

@@ -117,9 +117,7 @@ class Profile:
         self.velocity -= self._max_acceleration * dt
 
     def _trapezoid(self, dt: float, target: float) -> None:
-        """One cycle at the constant acceleration after which the remaining distance still suffices to stop at the
-        target.
-        """
+        """One cycle at the constant acceleration after which it is still possible to stop at the target."""
         remaining = target - self.position
         limit = self._max_acceleration * dt
         stoppable = stoppable_speed(self.velocity, remaining, self._max_acceleration, dt)
@@ -187,9 +185,7 @@ def ruckig_solves(solver: Any, plan: Any, trajectory: Any) -> bool:
 
 
 def speed_for_way(way: float, final_speed: float, acceleration: float, jerk_time: float) -> float:
-    """The highest speed from which ``final_speed`` can be reached within the distance ``way`` at this deceleration,
-    which builds up over jerk_time, s.
-    """
+    """The highest speed from which ``way`` suffices to slow to ``final_speed``; braking builds up over jerk_time, s."""
     half = 0.5 * jerk_time
     budget = way - half * final_speed + 0.5 * final_speed * final_speed / acceleration
     root = half * half + 2.0 * budget / acceleration

@@ -1,6 +1,4 @@
-"""Servo (streaming) mode: points of 8 ms and their multiples, interpolated, filtered (docs/controller-protocol.md
-section 5.6).
-"""
+"""Servo mode: points of 8 ms and multiples, interpolated, filtered (docs/controller-protocol.md section 5.6)."""
 import enum
 import math
 from collections import deque

@@ -13,9 +13,7 @@ from jaka_ros_driver.state import Vector
 MAX_TEXT = 256
 """Longest name stored, characters."""
 MAX_NUMBER = 1e9
-"""Largest absolute value taken; no quantity of an arm is larger. Others are refused before anything is computed with
-them.
-"""
+"""Largest absolute value taken; no quantity of an arm is larger."""
 
 
 class Arguments:

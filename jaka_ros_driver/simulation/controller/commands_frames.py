@@ -1,6 +1,4 @@
-"""Commands about tools, user frames, payload and collision sensitivity (docs/controller-protocol.md sections 5.7,
-5.9).
-"""
+"""Tools, user frames, payload, collision sensitivity (docs/controller-protocol.md sections 5.7, 5.9)."""
 from typing import Callable, List, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments

@@ -1,6 +1,4 @@
-"""Commands that move the arm: queued moves, jog, servo mode, hand guiding (docs/controller-protocol.md sections 5.2
-to 5.8).
-"""
+"""Commands that move the arm: moves, jog, servo, hand guiding (docs/controller-protocol.md sections 5.2 to 5.8)."""
 from typing import Callable, Optional, Tuple
 
 from jaka_ros_driver.commands import JogFrame
@@ -21,9 +19,7 @@ _RAPID_RATE_DECIMALS = 4
 
 
 def _move(command: str, queue: Callable[[ControllerState, Arguments], bool]) -> Handler:
-    """Make the handler of a queued move. It refuses the move where the arm takes none, and a bad target with "call
-    <cmd> failed"; neither latches an error.
-    """
+    """Make the handler of a queued move; one that is refused latches no error."""
     def handle(state: ControllerState, arguments: Arguments) -> None:
         state.require_motion(command)
         queue(state, arguments)
@@ -108,9 +104,7 @@ def _servo_move(state: ControllerState, arguments: Arguments) -> None:
 
 
 def _servo_point(vendor_name: str, append: Callable[[ControllerState, Arguments, bool, int], bool]) -> Handler:
-    """Make the handler of a servo point. Outside servo mode a point is refused with the vendor's text; a point that
-    needs more than 180 deg/s is ignored.
-    """
+    """Make the handler of a servo point, refused outside servo mode; one over 180 deg/s is ignored."""
     def handle(state: ControllerState, arguments: Arguments) -> None:
         relative, cycles = arguments.flag("relFlag", False), arguments.integer("stepNum", 1)
         if not state.plant.is_servo_active:
@@ -148,9 +142,7 @@ def _set_servo_filter(state: ControllerState, arguments: Arguments) -> None:
 
 
 def _motion_planner(state: ControllerState, arguments: Arguments) -> None:
-    """Choose the profile of moves and jogs that come later: 0 trapezoid; -1 (off) and 1 S-curve, where ruckig is
-    installed.
-    """
+    """The profile of later moves and jogs: 0 trapezoid; -1 (off) and 1 S-curve, where ruckig is installed."""
     kind = arguments.integer("type")
     if kind not in (-1, 0, 1):
         raise Refused()

@@ -1,6 +1,4 @@
-"""Commands about the state of programs and about the status feed (docs/controller-protocol.md sections 5.13, 5.14,
-6.1).
-"""
+"""Commands about programs and the status feed (docs/controller-protocol.md sections 5.13, 5.14, 6.1)."""
 from typing import Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
@@ -53,9 +51,7 @@ def _set_delay(state: ControllerState, milliseconds: int) -> None:
 
 
 def _whole_number(value: object) -> int:
-    """The value of an optional-info setting: a number, or its text as clients send it (docs/controller-protocol.md
-    section 6.1).
-    """
+    """An optional-info value: a number, or its text as clients send it (docs/controller-protocol.md section 6.1)."""
     try:
         if isinstance(value, (str, int)) and len(str(value)) < 10:
             return int(value)

@@ -70,9 +70,7 @@ def _kine_inverse(state: ControllerState, arguments: Arguments) -> Reply:
 
 
 def _dh_param(state: ControllerState) -> Reply:
-    """The modified DH table, deg and mm, as the SDK shows it: alpha and a are those of the link before
-    (docs/sdk-client.md section 6).
-    """
+    """The modified DH table, deg and mm; alpha and a are those of the link before (docs/sdk-client.md section 6)."""
     rows = state.model.dh
     alphas = [0.0] + [rad_to_deg(row.alpha) for row in rows[:-1]]
     lengths = [0.0] + [m_to_mm(row.a) for row in rows[:-1]]

@@ -1,6 +1,4 @@
-"""The controller without sockets, threads and clock: it takes a request and returns the reply; ``step`` tells it the
-time.
-"""
+"""The controller without sockets, threads and clock: takes a request, returns the reply; ``step`` tells the time."""
 import dataclasses
 import sys
 import traceback

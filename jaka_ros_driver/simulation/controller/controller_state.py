@@ -24,9 +24,7 @@ from jaka_ros_driver.units import ms_to_s
 FORCE_PER_LEVEL_N = 25.0
 """Collision levels 1 to 5 stop at 25 N to 125 N (docs/controller-protocol.md section 5.9)."""
 FRAME_SWITCH_DELAY_S = 0.04
-"""How long a tool or user frame takes to become active. The switch is asynchronous; its real duration is not known
-(docs/controller-protocol.md section 5.7).
-"""
+"""How long a tool or user frame takes to become active; a guess (docs/controller-protocol.md section 5.7)."""
 DISABLE_DELAY_S = 0.3
 """How long the event code precedes the flags when the drives are disabled (docs/controller-protocol.md section 4.4)."""
 
@@ -259,9 +257,7 @@ class ControllerState:
         return True
 
     def clear_error(self) -> None:
-        """Clear errors and recover from a protective stop (docs/controller-protocol.md section 5.10); moves and
-        energises nothing.
-        """
+        """Clear errors and protective stop; energises nothing (docs/controller-protocol.md section 5.10)."""
         self.alarms.clear(self.emergency_stop)
         self.protective_stop = False
 
@@ -408,9 +404,7 @@ class ControllerState:
         self.plant.settle_time = self.feed_period
 
     def slow_feed(self, period: Optional[float]) -> None:
-        """Use this period of the feed, s of simulated time, instead of the one that the client asked for; None ends
-        that.
-        """
+        """Use this period of the feed, s of simulated time, instead of the client's; None for the client's again."""
         self._forced_feed_period = period
         self.plant.settle_time = self.feed_period
 

@@ -1,6 +1,4 @@
-"""The cabinet's terminals: inputs and outputs of every bank, by the wire's ``type`` (docs/controller-protocol.md
-section 5.11).
-"""
+"""The cabinet's terminals, by the wire's ``type`` and index (docs/controller-protocol.md section 5.11)."""
 from typing import Dict, Tuple, Union
 
 from jaka_ros_driver.errors import InvalidCommand

@@ -1,6 +1,4 @@
-"""What the controller keeps over a restart: frames, payload, settings (docs/controller-protocol.md sections 5.7,
-5.9, 6.1).
-"""
+"""What the controller keeps over a restart (docs/controller-protocol.md sections 5.7, 5.9, 6.1)."""
 from dataclasses import dataclass, field
 from typing import Any, Dict, List, Tuple
 
@@ -8,9 +6,7 @@ from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.state import Vector
 
 FRAME_COUNT = 16
-"""Ids 0 to 15. The maker's manual names 1 to 10; newer firmware takes up to 15 (docs/controller-protocol.md section
-5.7).
-"""
+"""Ids 0 to 15; the maker's manual names 1 to 10, newer firmware has 15 (docs/controller-protocol.md section 5.7)."""
 DEFAULT_FEED_PERIOD_MS = 30
 """Measured on 1.5.14 (docs/controller-protocol.md section 6.1)."""
 

@@ -31,9 +31,7 @@ _NO_SIGNALS = (0,) * 8
 
 
 def errcode_text(code: int) -> str:
-    """An event as the feed writes it: lower-case hexadecimal text, "0x0" for none (docs/controller-protocol.md
-    section 4.4).
-    """
+    """An event in the feed: lower-case hexadecimal, "0x0" for none (docs/controller-protocol.md section 4.4)."""
     return "0x%x" % code
 
 
@@ -190,9 +188,7 @@ class StatusFrame:
 
 
 def _with_len(parts: List[str]) -> bytes:
-    """Join the fields behind a ``len`` that counts every byte, its own digits included (docs/controller-protocol.md
-    section 3.3).
-    """
+    """Join the fields behind ``len``, the size of the whole in bytes (docs/controller-protocol.md section 3.3)."""
     rest = "".join(", " + part for part in parts) + "}"
     size = len(rest) + len('{"len": ')
     total = size + len(str(size))

@@ -1,6 +1,4 @@
-"""One client of one port, without its socket and without a clock: its requests not yet answered, and what it is to be
-sent, when.
-"""
+"""One client of one port, without socket and clock: its requests not yet answered, and what it is to be sent, when."""
 from collections import deque
 from typing import Callable, Deque, List, Optional
 

@@ -15,9 +15,7 @@ _SAME_MOMENT_S = 1e-6
 
 
 class Lateness(NamedTuple):
-    """How late the cycles of the last minute began, s; ``lags``: how often the clock was started anew because the host
-    stood still.
-    """
+    """How late the cycles of the last minute began, s; ``lags``: restarts of the clock after the host stood still."""
 
     cycles: int
     median: float

@@ -397,9 +397,7 @@ class Server:
         return now < self._stalled_until.get(port, now)
 
     def stall(self, ports: Tuple[str, ...], duration: float) -> None:
-        """Neither read nor send on these ports for ``duration`` s of wall time; the command client counts as lost
-        meanwhile.
-        """
+        """Neither read nor send on these ports for ``duration`` s; the command client counts as lost meanwhile."""
         until = time.monotonic() + duration
         self._stalled_until.update((port, until) for port in ports)
         if "command" in ports and duration > 0.0 and not self.is_off and self._has_client():
