@@ -35,18 +35,26 @@ _BRACE_OPEN, _BRACE_CLOSE, _BRACKET_OPEN, _BRACKET_CLOSE = b"{}[]"
 
 # What may come next.
 _FIRST_KEY, _KEY, _AFTER_KEY, _VALUE, _FIRST_ITEM, _AFTER_VALUE = "first key", "key", ":", "value", "item", ", or end"
-_STRING, _ESCAPE, _UNICODE, _LITERAL = "string", "escape", "unicode", "literal"
+_STRING, _ESCAPE = "string", "escape"
+_HEX = tuple("hex digit %d" % n for n in (1, 2, 3, 4))
 _MINUS, _ZERO, _INTEGER, _POINT, _FRACTION, _E, _E_SIGN, _EXPONENT = (
     "minus", "zero", "integer", "point", "fraction", "e", "e sign", "exponent")
-_NUMBER_STATES = {
+_TOKEN_STATES = {
+    _ESCAPE: {b'"\\/bfnrt': _STRING, b"u": _HEX[0]},
+    **{state: {b"0123456789abcdefABCDEF": following} for state, following in zip(_HEX, _HEX[1:] + (_STRING,))},
     _MINUS: {b"0": _ZERO, b"123456789": _INTEGER},
     _ZERO: {b".": _POINT, b"eE": _E}, _INTEGER: {b"0123456789": _INTEGER, b".": _POINT, b"eE": _E},
     _POINT: {b"0123456789": _FRACTION}, _FRACTION: {b"0123456789": _FRACTION, b"eE": _E},
     _E: {b"+-": _E_SIGN, b"0123456789": _EXPONENT}, _E_SIGN: {b"0123456789": _EXPONENT},
-    _EXPONENT: {b"0123456789": _EXPONENT}}
-_NUMBER_STEPS = {state: {byte: following for group, following in steps.items() for byte in group}
-                 for state, steps in _NUMBER_STATES.items()}
+    _EXPONENT: {b"0123456789": _EXPONENT},
+    **{word[:n]: {word[n:n + 1].encode("ascii"): word[:n + 1] if n + 1 < len(word) else _AFTER_VALUE}
+       for word in ("true", "false", "null") for n in range(1, len(word))}}
+"""Within a token, by state: which bytes may come, and the state after them. A literal's state is what has come."""
+_TOKEN_STEPS = {state: {byte: following for group, following in steps.items() for byte in group}
+                for state, steps in _TOKEN_STATES.items()}
+_TOKEN_STARTS = {**_TOKEN_STEPS[_MINUS], ord("-"): _MINUS, ord("t"): "t", ord("f"): "f", ord("n"): "n"}
 _NUMBER_ENDS = frozenset((_ZERO, _INTEGER, _FRACTION, _EXPONENT))
+_IN_STRING = frozenset((_STRING, _ESCAPE) + _HEX)
 
 
 def _whole_object(data: bytes, text: str, start: int) -> Tuple[Optional[JsonObject], int]:
