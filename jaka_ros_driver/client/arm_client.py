@@ -236,17 +236,14 @@ class ArmClient:
     def set_servo_mode(self, active: bool) -> None:
         """Enter servo mode and hold the arm there, or leave it; returns when the controller confirms.
 
-        Raises:
-            As ``move``; MotionInterrupted when the controller does not follow within 2 s.
+        Raises as ``move``, and MotionInterrupted when the controller does not follow within 2 s.
         """
         self._call(lambda call, now: self._core.servo_mode(call, active, now))
 
     def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> None:
         """Add one target to the servo stream.
 
-        Raises:
-            InvalidCommand: Not in servo mode, or the target is outside the limits or too far from the last one; nothing
-                moves.
+        Raises InvalidCommand, and nothing moves, outside servo mode, outside the limits, too far from the last one.
         """
         with self._lock:
             self._core.set_servo_target(command, time.monotonic())

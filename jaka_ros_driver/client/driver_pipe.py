@@ -33,14 +33,7 @@ class DriverPipe:
     """
 
     def __init__(self, words: int, answers: int, driver: int, is_moving: bool) -> None:
-        """Listen.
-
-        Args:
-            words: File descriptor from which the words come.
-            answers: File descriptor for the answers.
-            driver: The driver's process id.
-            is_moving: The driver moves the arm already.
-        """
+        """words, answers: file descriptors. driver: its process id. is_moving: it moves the arm already."""
         self._words = words
         self._answers = answers
         self._driver = driver

@@ -50,12 +50,9 @@ class GuardPost:
         os.set_blocking(self._answers.fileno(), False)
 
     def launch(self, command: List[str]) -> None:
-        """Start the process.
+        """Start the process; raises OSError where that is not possible.
 
-        It runs in a session of its own, so that a signal to the driver's process group does not end it first.
-
-        Raises:
-            OSError: It could not be started.
+        It has a session of its own, so that a signal to the driver's process group does not end it first.
         """
         try:
             process = subprocess.Popen(command, stdin=self._its_words, stdout=self._its_answers,

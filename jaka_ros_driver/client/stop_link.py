@@ -24,11 +24,7 @@ class TurnedAway(ConnectionLost):
 
 
 def addresses_of(host: str, port: int) -> List[Address]:
-    """The addresses to connect to; more than one for a name with several addresses.
-
-    Raises:
-        ConnectionLost: The name cannot be resolved.
-    """
+    """The addresses of a host name, for a connection; raises ConnectionLost where it cannot be resolved."""
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     except OSError as error:
@@ -66,11 +62,7 @@ class Line:
         return self._socket.fileno()
 
     def finish_connecting(self) -> None:
-        """Find out how connecting ended; call it when a connecting line has become writable.
-
-        Raises:
-            ConnectionLost: It is not connected.
-        """
+        """Call it when a connecting line is writable; raises ConnectionLost where it is not connected."""
         code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if code:
             raise self._lost(OSError(code, os.strerror(code)))
@@ -114,11 +106,7 @@ class StopLink(Line):
         self._stream = ObjectStream()
 
     def replies(self) -> List[Item]:
-        """The replies that have arrived, with an error in place of what cannot be read.
-
-        Raises:
-            ConnectionLost: The connection has ended.
-        """
+        """The replies that have arrived, with an error for what cannot be read; raises as ``receive``."""
         return self._stream.feed(self.receive())
 
 
@@ -135,11 +123,7 @@ class FeedLink(Line):
         self.trouble = "status port: no frame has come"
 
     def states(self, now: float) -> List[RobotState]:
-        """The states that have arrived, without frames that cannot be read.
-
-        Raises:
-            ConnectionLost: The connection has ended.
-        """
+        """The states that have arrived, without frames that cannot be read; raises as ``receive``."""
         states: List[RobotState] = []
         for item in self._stream.feed(self.receive()):
             try:

@@ -148,13 +148,7 @@ class Stopping:
         self._link = _Link.UP
 
     def failed(self, reason: str, is_turned_away: bool, now: float) -> None:
-        """The command port could not be connected, or the connection has ended.
-
-        Args:
-            reason: In words.
-            is_turned_away: The controller is reachable but refused or ended the connection.
-            now: s.
-        """
+        """The command port was not connected, or it was lost. is_turned_away: by the controller, which is reachable."""
         if not is_turned_away or self._has_replied:
             self._locked_out_since = None
         elif self._locked_out_since is None:

@@ -65,13 +65,7 @@ class Transport:
     """
 
     def __init__(self, host: str, ports: Dict[Port, int], connect_timeout: float) -> None:
-        """Prepare.
-
-        Args:
-            host: Name or address of the controller.
-            ports: TCP port numbers.
-            connect_timeout: Longest wait for a connection, s.
-        """
+        """host: name or address of the controller. ports: TCP. connect_timeout: longest wait to connect, s."""
         self._host = host
         self._ports = ports
         self._connect_timeout = connect_timeout

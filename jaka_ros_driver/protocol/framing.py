@@ -49,11 +49,9 @@ def parse_object(text: bytes) -> JsonObject:
 
 
 def encode_object(value: JsonObject) -> bytes:
-    """The object as the controller writes it: ``", "`` and ``": "`` between the tokens (docs/controller-protocol.md
-    section 3.2).
+    """The object as the controller writes it, with ``", "`` and ``": "`` (docs/controller-protocol.md section 3.2).
 
-    Raises:
-        FramingError: A number in it is not finite.
+    Raises FramingError where a number in it is not finite.
     """
     try:
         return json.dumps(value, allow_nan=False).encode("utf-8")

@@ -22,12 +22,9 @@ _ANALOG_OUTPUTS = ((IoBank.CABINET, "aout"),)
 
 
 def encode_frame(fields: Mapping[str, Any]) -> bytes:
-    """The text of a status frame: ``len`` first, the exact size of the whole text in bytes, then the fields.
+    """A status frame's text: ``len``, its size in bytes, and the fields (docs/controller-protocol.md section 3.3).
 
-    Source: docs/controller-protocol.md section 3.3.
-
-    Raises:
-        FramingError: A number in it is not finite.
+    Raises FramingError where a number in it is not finite.
     """
     body = encode_object({key: value for key, value in fields.items() if key != "len"})[1:]
     rest = b", " + body if body != b"}" else body

@@ -46,11 +46,7 @@ class Driver:
     """Everything that runs in the node."""
 
     def __init__(self, config: DriverConfig, model: ArmModel) -> None:
-        """Take the controller for this driver, and offer services and topics.
-
-        Raises:
-            AlreadyDriven: Another driver has it.
-        """
+        """Take the controller, and offer services and topics; raises AlreadyDriven where another driver has it."""
         self._config = config
         self._model = model
         self._lock = DriverLock(config.ip, config.command_port, "node " + rospy.get_name())

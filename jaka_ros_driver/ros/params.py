@@ -193,11 +193,7 @@ class DriverConfig:
                if hasattr(self, f.name)})
 
     def arm_model(self) -> ArmModel:
-        """The arm, from ``dh_file`` or by its name.
-
-        Raises:
-            InvalidCommand: The file changed since it was checked, and is wrong now.
-        """
+        """The arm, from ``dh_file`` or by its name; raises InvalidCommand where the file is wrong by now."""
         return load_model_file(self.dh_file) if self.dh_file else load_model(self.model)
 
 
@@ -207,11 +203,9 @@ def table() -> List[Tuple[str, Any, Parameter]]:
 
 
 def config_from(values: Mapping[str, Any]) -> DriverConfig:
-    """Make the configuration from private parameters; those that are not set have their defaults.
+    """The configuration from private parameters; those that are not set have their defaults.
 
-    Raises:
-        WrongParameter: Names every unknown parameter with the nearest known one, and every wrong value with what
-            is valid.
+    Raises WrongParameter, which names unknown parameters with the nearest known, wrong values with what is valid.
     """
     known = {name: parameter for name, _, parameter in table()}
     wrong: List[str] = []

@@ -19,16 +19,7 @@ class Listeners:
         self._listeners: Dict[str, Tuple[str, socket.socket]] = {}
 
     def add(self, port: str, host: str, number: int) -> None:
-        """Listen.
-
-        Args:
-            port: Name.
-            host: Address.
-            number: TCP port number, 0 for a free one.
-
-        Raises:
-            OSError: It cannot be had.
-        """
+        """Listen at host on TCP port ``number``, 0 for a free one; raises OSError where it cannot be had."""
         listener = _bound(host, number)
         self._listeners[port] = (host, listener)
         self.numbers[port] = listener.getsockname()[1]

@@ -131,11 +131,7 @@ class WireLog:
             self.lost += 1
 
     def close(self) -> None:
-        """Write what is left and end the file. Its metadata tell how many messages were lost.
-
-        Raises:
-            WireLogError: The file could not be written to its end.
-        """
+        """End the file; its metadata tell how many messages were lost. Raises WireLogError where it is not complete."""
         self._queue.put(None)
         self._thread.join()
         try:
@@ -183,12 +179,7 @@ def _text(time_ns: int, content: Any) -> bytes:
 
 
 def clock_offset_ns(path: str) -> int:
-    """What must be added to the times of a log to get the host's real time, ns since the epoch; 0 where the log does
-    not tell.
-
-    Raises:
-        WireLogError: The package mcap is missing, or the file cannot be read.
-    """
+    """Real time minus the times of a log, ns since the epoch; 0 where it does not tell; raises as ``read_log``."""
     kinds = _mcap().records
     with _reading(path) as records:
         for record in records:
@@ -202,8 +193,7 @@ def clock_offset_ns(path: str) -> int:
 def read_log(path: str) -> List[Union[WireEvent, TrueJoints]]:
     """The messages of a wire log as they were written; a log that was not ended is read as far as it goes.
 
-    Raises:
-        WireLogError: The package mcap is missing, or the file cannot be read or is no wire log.
+    Raises WireLogError where the package mcap is missing, or the file cannot be read or is no wire log.
     """
     kinds = _mcap().records
     topics: Dict[int, str] = {}

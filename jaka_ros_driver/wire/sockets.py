@@ -10,11 +10,7 @@ _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 
 
 def accept(listener: Any) -> Optional[Tuple[socket.socket, str]]:
-    """Accept one connection.
-
-    Returns:
-        The socket, and the client's address as "host:port"; None where the client has gone already.
-    """
+    """The socket of the next client, and its address as "host:port"; None where it has gone already."""
     try:
         link, address = listener.accept()
     except OSError:
@@ -40,14 +36,7 @@ def receive(link: socket.socket, most: int = _RECEIVE_BYTES) -> Optional[bytes]:
 
 
 def send(link: socket.socket, data: bytes) -> bytes:
-    """Send as much as the network takes now.
-
-    Returns:
-        What is left of the data.
-
-    Raises:
-        OSError: The connection is broken.
-    """
+    """Send what the network takes now; returns what is left. Raises OSError where the connection is broken."""
     try:
         while data:
             data = data[link.send(data):]

@@ -82,12 +82,9 @@ class ArmFrames:
         return compose(self.base_t_user, checked_transform(pose))
 
     def displaced(self, base_t_tool: Transform, increment: Pose) -> Transform:
-        """The pose ``start``, moved along and turned about the axes of the active user frame by an increment.
+        """The pose, moved along and turned about the axes of the active user frame; raises as ``in_base``.
 
         docs/controller-protocol.md section 5.4.1: increments add along the axes in which the pose is reported.
-
-        Raises:
-            TargetRejected: Not six finite numbers.
         """
         finite_six("increment", tuple(increment.position) + tuple(increment.rpy))
         turn = compose(self.base_t_user, transform(matrix_from_rpy(increment.rpy), (0.0, 0.0, 0.0)))
@@ -105,12 +102,9 @@ class ArmFrames:
         return nearest_joints(self.model, compose(base_t_tool, self.tool_t_flange), reference)
 
     def reachable_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Vector:
-        """Joints within their limits, rad (6,), that bring the active tool there: the solution nearest to the
-        reference.
+        """Joints within their limits, rad (6,), nearest to the reference, that bring the active tool there.
 
-        Raises:
-            TargetRejected: The pose is out of reach (0x0F0017), or reachable only with a joint outside its limits
-                (0x0F0011).
+        Raises TargetRejected where it is out of reach (0x0F0017), or a joint would leave its limits (0x0F0011).
         """
         try:
             return inverse(self.model, compose(base_t_tool, self.tool_t_flange), reference)

@@ -172,20 +172,11 @@ class Plant:
         self._pose = None
 
     def forward(self, joint_position: Sequence[float]) -> Pose:
-        """Pose of the active tool in the active user frame at these joints, rad (6,).
-
-        Raises:
-            TargetRejected: Not six finite numbers.
-        """
+        """Pose of the active tool in the active user frame at these joints, rad (6,); raises as ``finite_six``."""
         return self._frames.pose_at(finite_six("joint_position", joint_position))
 
     def inverse_nearest(self, pose: Pose, reference: Sequence[float]) -> Vector:
-        """Joints within their limits, rad (6,), that bring the active tool to a pose in the active user frame: the
-        solution nearest to the reference.
-
-        Raises:
-            TargetRejected: The pose is out of reach, reachable only with a joint outside its limits, or not finite.
-        """
+        """As ``ArmFrames.reachable_joints``, for a pose in the active user frame."""
         return self._frames.reachable_joints(self._frames.in_base(pose), finite_six("reference", reference))
 
     # --- queued moves -----------------------------------------------------------------------------------------------
@@ -289,11 +280,7 @@ class Plant:
         self._servo = self._guiding = None
 
     def set_rapid_rate(self, rate: float) -> None:
-        """Set the speed override of queued moves and jogs, 0 to 1; it takes effect during a motion, too.
-
-        Raises:
-            TargetRejected: Not within 0 to 1.
-        """
+        """Set the speed override, 0 to 1, also during a motion; raises TargetRejected for other values."""
         if not 0.0 <= rate <= 1.0:
             raise TargetRejected(events.BAD_SPEED, "rapid rate must be within 0 to 1")
         self._rapid_rate = rate
@@ -349,14 +336,10 @@ class Plant:
             self._servo = None
 
     def servo_joint(self, target: Sequence[float], relative: bool = False, cycles: int = 1) -> bool:
-        """Append one joint point, rad (6,), that is to be reached in ``cycles`` times 8 ms.
+        """Append a joint point, rad (6,), to be reached in ``cycles`` times 8 ms.
 
-        Returns:
-            False when ignored: over 180 deg/s on a joint (docs/controller-protocol.md section 5.6.5), or the buffer is
-            full.
-
-        Raises:
-            TargetRejected: Bad numbers, beyond a soft limit, or not in servo mode.
+        False when ignored: over 180 deg/s (docs/controller-protocol.md section 5.6.5), or the buffer is full. Raises
+        TargetRejected for bad numbers, beyond a soft limit and outside servo mode.
         """
         return self._streaming().add_joints(tuple(target), relative, cycles)
 
@@ -365,11 +348,9 @@ class Plant:
         return self._streaming().add_pose(target, relative, cycles)
 
     def set_servo_filter(self, kind: ServoFilter, **parameters: float) -> None:
-        """Choose the filter of the servo stream. Parameters have their names on the wire and SI units, e.g.
-        ``lpf_cf=0.5``.
+        """Choose the servo stream's filter; parameters have their names on the wire, SI units (``lpf_cf=0.5``).
 
-        Raises:
-            TargetRejected: In servo mode, or parameters that are missing, surplus or out of range.
+        Raises TargetRejected in servo mode, and where parameters are missing, surplus or out of range.
         """
         if self._servo is not None:
             raise TargetRejected(events.NOT_ALLOWED_IN_MODE, "the filter can't be changed in servo mode")
@@ -379,11 +360,7 @@ class Plant:
     # --- hand guiding -----------------------------------------------------------------------------------------------
 
     def start_hand_guiding(self) -> None:
-        """Let the arm be pushed by hand.
-
-        Raises:
-            TargetRejected: Moving or in servo mode (0x0F0044), or on a soft limit (0x0F0040).
-        """
+        """Let the arm be pushed; raises TargetRejected in motion, in servo mode and on a soft limit."""
         if self._guiding is not None:
             return
         if self._servo is not None or self._coast is not None or not self.queue.is_empty:

@@ -52,11 +52,7 @@ PARAMETERS: Dict[ServoFilter, Tuple[str, ...]] = {
 
 
 def checked_parameters(kind: ServoFilter, parameters: Dict[str, float]) -> Dict[str, float]:
-    """Check the parameters of a filter; returns a copy of them.
-
-    Raises:
-        TargetRejected: One is missing, surplus, not finite or out of range.
-    """
+    """A copy of a filter's parameters; raises TargetRejected where one is missing, surplus or out of range."""
     names = PARAMETERS[kind]
     if set(parameters) != set(names):
         raise TargetRejected(events.BAD_SPEED, "filter %d takes %s" % (kind, ", ".join(names) or "no parameters"))

@@ -17,7 +17,7 @@ MAX_NUMBER = 1e9
 
 
 class Arguments:
-    """One request's parameters, in wire units (mm, deg)."""
+    """One request's parameters, in wire units (mm, deg); one that is missing and has no default raises BadParameter."""
 
     def __init__(self, request: JsonObject) -> None:
         self._request = request
@@ -27,22 +27,13 @@ class Arguments:
         return key in self._request
 
     def number(self, key: str, default: Optional[float] = None) -> float:
-        """A finite number.
-
-        Raises:
-            BadParameter: It is missing without a default, or no finite number.
-            Refused: It is beyond ``MAX_NUMBER``.
-        """
+        """A finite number; raises BadParameter for anything else, Refused beyond ``MAX_NUMBER``."""
         if key not in self._request and default is not None:
             return default
         return _finite(key, self._request.get(key))
 
     def integer(self, key: str, default: Optional[int] = None) -> int:
-        """A whole number; ``2.0`` and ``true`` count as such.
-
-        Raises:
-            BadParameter: It is missing without a default, or no whole number.
-        """
+        """A whole number, ``2.0`` and ``true`` among them; raises as ``number``."""
         value = self.number(key, None if default is None else float(default))
         if not value.is_integer():
             raise BadParameter("%s is not a whole number" % key)
@@ -56,24 +47,14 @@ class Arguments:
         return bool(value)
 
     def text(self, key: str, default: Optional[str] = None) -> str:
-        """A text of at most ``MAX_TEXT`` characters.
-
-        Raises:
-            BadParameter: It is missing without a default, longer, or no text.
-        """
+        """A text of at most ``MAX_TEXT`` characters; raises BadParameter for anything else."""
         value = self._request.get(key, default)
         if not isinstance(value, str) or len(value) > MAX_TEXT:
             raise BadParameter("%s is not a text of at most %d characters" % (key, MAX_TEXT))
         return value
 
     def vector(self, key: str, count: int) -> Vector:
-        """An array of ``count`` finite numbers.
-
-        Raises:
-            BadParameter: It is missing, no array, or holds something else than finite numbers.
-            Refused: It has another length, or a number is beyond ``MAX_NUMBER`` (docs/controller-protocol.md section
-                4.3, code 2).
-        """
+        """``count`` numbers; Refused for another length (docs/controller-protocol.md section 4.3, code 2)."""
         values = self._request.get(key)
         if not isinstance(values, list):
             raise BadParameter("%s is not an array" % key)

@@ -32,12 +32,7 @@ class _Key(NamedTuple):
     high: Optional[int] = None
 
     def read(self, arguments: Arguments) -> Any:
-        """Its value in a request.
-
-        Raises:
-            BadParameter: It is missing or mistyped.
-            Refused: It is out of range, or the array has another length.
-        """
+        """Its value in a request; raises as ``Arguments``, and Refused where it is out of range."""
         if isinstance(self.default, tuple):
             return list(arguments.vector(self.name, len(self.default)))
         if isinstance(self.default, str):

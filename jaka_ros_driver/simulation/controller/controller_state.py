@@ -161,11 +161,7 @@ class ControllerState:
     # --- power and drives (docs/controller-protocol.md section 5.1) ---------------------------------------------------
 
     def power_on(self) -> None:
-        """Begin to energise the drives; no effect where that has begun already.
-
-        Raises:
-            Refused: The emergency stop is pressed.
-        """
+        """Begin to energise the drives, unless that has begun; raises Refused while the emergency stop is pressed."""
         if self.emergency_stop:
             raise Refused()
         if not self.is_powered and self._power_at is None:
@@ -179,11 +175,7 @@ class ControllerState:
         self._power_at = None
 
     def enable(self) -> None:
-        """Begin to enable; no effect before the drives have power (docs/controller-protocol.md section 5.1).
-
-        Raises:
-            Refused: A stop stands.
-        """
+        """Begin to enable, with power only (docs/controller-protocol.md section 5.1); raises Refused during a stop."""
         if self.emergency_stop or self.protective_stop:
             raise Refused()
         if self._disable_at is not None:
@@ -193,11 +185,9 @@ class ControllerState:
             self._enable_at = self.now + self.options.enable_delay
 
     def disable(self) -> None:
-        """Engage the brakes; the feed's event code tells it before its flags change (docs/controller-protocol.md
-        section 4.4).
+        """Engage the brakes; the event code precedes the flags (docs/controller-protocol.md section 4.4).
 
-        Raises:
-            Refused: The arm moves (0x0F003A) or a program runs (0x0F0027).
+        Raises Refused while the arm moves (0x0F003A) or a program runs (0x0F0027).
         """
         if self.is_enabled:
             self.require_standstill()
@@ -237,15 +227,7 @@ class ControllerState:
         self.emergency_stop = False
 
     def hit(self, force: float, joint: Optional[int] = None) -> bool:
-        """Hit the arm.
-
-        Args:
-            force: N; the arm stops where this is at least the force of the collision level.
-            joint: 0..5 where the event is to name a joint.
-
-        Returns:
-            True when the arm noticed it.
-        """
+        """Hit the arm with ``force``, N; True where it notices, and stops. joint: 0..5, for the event to name."""
         level = self.memory.collision_level
         if not self.is_enabled or level == 0 or force < level * FORCE_PER_LEVEL_N:
             return False
@@ -264,11 +246,9 @@ class ControllerState:
     # --- motion -----------------------------------------------------------------------------------------------------
 
     def require_drives(self) -> None:
-        """Raise unless the drives are ready for motion.
+        """Raise Refused unless the drives are ready (docs/controller-protocol.md section 4.3, code 2).
 
-        Raises:
-            Refused: Not powered, not enabled or being disabled, a stop stands, hand guiding is on, a program runs
-                (docs/controller-protocol.md section 4.3, code 2).
+        Not ready: unpowered, not enabled or being disabled, a stop, hand guiding, a program that runs.
         """
         ready = self.is_powered and self.is_enabled and self._disable_at is None
         if not ready or self.emergency_stop or self.protective_stop:
@@ -277,11 +257,7 @@ class ControllerState:
             raise Refused()
 
     def require_motion(self, command: str) -> None:
-        """Raise unless the arm can take a planned motion.
-
-        Raises:
-            Refused: As ``require_drives``; or servo mode is on (code -1).
-        """
+        """Raise Refused as ``require_drives``, and in servo mode (code -1)."""
         self.require_drives()
         if self.plant.is_servo_active:
             raise Refused("-1", "%s command can not be excuted in servo move mode" % command)
@@ -336,8 +312,7 @@ class ControllerState:
     def set_hand_guiding(self, active: bool) -> None:
         """Switch hand guiding (docs/controller-protocol.md section 5.8).
 
-        Raises:
-            Refused: The drives are not ready, the arm moves or stands on a soft limit.
+        Raises Refused where the drives are not ready, the arm moves or stands on a soft limit.
         """
         if not active:
             self.plant.stop_hand_guiding()
@@ -349,16 +324,7 @@ class ControllerState:
                 raise Refused() from error
 
     def push(self, joint: int, velocity: float, duration: float) -> bool:
-        """Push a joint by hand for a while.
-
-        Args:
-            joint: 0..5.
-            velocity: rad/s.
-            duration: s of simulated time.
-
-        Returns:
-            False, and nothing moves, unless hand guiding is on.
-        """
+        """Push joint 0..5 by hand, rad/s, for ``duration`` s of simulated time; False without hand guiding."""
         pushed = self.plant.push_joint(joint, velocity)
         if pushed:
             self.after(duration, lambda: self._let_go(joint))
@@ -370,10 +336,9 @@ class ControllerState:
     # --- frames and feed --------------------------------------------------------------------------------------------
 
     def select_frame(self, table: FrameTable, frame_id: int) -> None:
-        """Make a stored tool or user frame the active one, after ``FRAME_SWITCH_DELAY_S``.
+        """Make a stored tool or user frame active, after ``FRAME_SWITCH_DELAY_S``.
 
-        Raises:
-            Refused: There is no such id, or the arm moves.
+        Raises Refused where there is no such id, or the arm moves.
         """
         if not 0 <= frame_id < FRAME_COUNT:
             raise Refused()

@@ -53,10 +53,9 @@ class IoBanks:
         return self._values[self._key(signal, output, bank, index)][index]
 
     def set(self, signal: str, output: bool, bank: int, index: int, value: float) -> None:
-        """Set one terminal; parameters as ``get``. Any digital value but 0 is 1.
+        """Set a terminal, parameters as ``get``; any digital value but 0 is 1.
 
-        Raises:
-            InvalidCommand: There is no such terminal, or the analog value is out of range.
+        Raises InvalidCommand where there is no such terminal, or the analog value is out of range.
         """
         key = self._key(signal, output, bank, index)
         if abs(value) > MAX_ANALOG:

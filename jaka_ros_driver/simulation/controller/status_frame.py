@@ -143,12 +143,7 @@ class StatusFrame:
     """
 
     def __init__(self, state: ControllerState, polled: bool = False) -> None:
-        """Begin with no field dropped or added.
-
-        Args:
-            state: Where the values come from.
-            polled: True for the frame of the polled port.
-        """
+        """The frames of ``state``; ``polled``: those of the polled port."""
         self._state = state
         fields = _FEED[state.firmware.is_modern]
         if polled:

@@ -68,12 +68,7 @@ class Connection:
         return bool(self._unsent)
 
     def pump(self, now: float, send: Callable[[bytes], int]) -> None:
-        """Send what is due.
-
-        Args:
-            now: s on the clock of the deliveries.
-            send: Takes bytes, returns how many the network took.
-        """
+        """Send what is due at ``now``, s; ``send`` takes bytes and returns how many the network took."""
         while self._send(send) and self._waiting and self._waiting[0].at <= now:
             self._make_due(now)
 

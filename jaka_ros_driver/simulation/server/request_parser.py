@@ -203,12 +203,7 @@ class RequestParser:
         return items
 
     def feed(self, data: bytes, now: float) -> List[Item]:
-        """Take the next bytes; return the requests they complete and the errors they make, in order.
-
-        Args:
-            data: Bytes as received.
-            now: Monotonic time of their arrival, s.
-        """
+        """Take the next bytes, arrived at ``now``, s; return the requests they complete and the errors they make."""
         items = self.expire(now)
         self._last_byte_at = now
         text = data.decode("latin-1")

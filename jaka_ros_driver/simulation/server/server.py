@@ -91,14 +91,7 @@ class Server:
     # --- life -------------------------------------------------------------------------------------------------------
 
     def open(self, panel_handler: Optional[PanelHandler] = None) -> None:
-        """Listen.
-
-        Args:
-            panel_handler: Answers the panel's requests.
-
-        Raises:
-            OSError: A port cannot be had.
-        """
+        """Listen; ``panel_handler`` answers the panel's requests. Raises OSError where a port cannot be had."""
         self._panel_handler = panel_handler
         try:
             for port, number in self._ports.items():
@@ -126,11 +119,7 @@ class Server:
         self._is_running = False
 
     def call(self, action: Callable[[], Any], timeout: float = 30.0) -> Any:
-        """Call ``action`` in the server's thread; returns its result and raises its exceptions.
-
-        Raises:
-            ConnectionLost: The server does not run.
-        """
+        """Call ``action`` in the server's thread; raises what it raises, and ConnectionLost where that does not run."""
         done = threading.Event()
         outcome: List[Any] = [None, None]
 
@@ -472,11 +461,7 @@ class Server:
 
 
 def ask_panel(port: int, request: Dict[str, Any], timeout: float = 10.0) -> Dict[str, Any]:
-    """Send one request to the panel of a simulated controller on this machine and return its answer.
-
-    Raises:
-        ConnectionLost: Nobody answers there.
-    """
+    """The answer of a simulated controller's panel on this machine; raises ConnectionLost where nobody answers."""
     try:
         with socket.create_connection((LOOPBACK, port), timeout) as link:
             link.sendall(json.dumps(request).encode("utf-8") + b"\n")
