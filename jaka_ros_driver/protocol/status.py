@@ -27,13 +27,14 @@ def encode_frame(fields: Mapping[str, Any]) -> bytes:
     Raises FramingError where a number in it is not finite.
     """
     body = encode_object({key: value for key, value in fields.items() if key != "len"})[1:]
-    rest = b", " + body if body != b"}" else body
-    length = len(rest)
-    while True:
-        frame = b'{"len": %d' % length + rest
-        if len(frame) == length:
-            return frame
-        length = len(frame)
+    return with_len(b", " + body if body != b"}" else body)
+
+
+def with_len(rest: bytes) -> bytes:
+    """A frame from all that follows its ``len``, from the comma to the closing brace; ``len`` counts every byte."""
+    size = len(rest) + len(b'{"len": ')
+    total = size + len(str(size))
+    return b'{"len": %d' % (size + len(str(total))) + rest
 
 
 def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:

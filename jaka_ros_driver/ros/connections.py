@@ -75,7 +75,7 @@ class ConnectionPool:
         """``what`` names the connections in the log."""
         self.most = most
         self._what = what
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._connections: Dict[PooledConnection, None] = {}
         self._told_at = -_BUSY
 
@@ -85,7 +85,7 @@ class ConnectionPool:
         with self._lock:
             too_many = len(self._connections) + 1 - self.most
             for _ in range(too_many):
-                self._close_oldest()
+                self.close_oldest()
             self._connections[connection] = None
         return connection
 
@@ -94,18 +94,16 @@ class ConnectionPool:
         with self._lock:
             self._connections.pop(connection, None)
 
-    def close_oldest(self, least_idle: float) -> bool:
+    def close_oldest(self, least_idle: float = 0.0) -> bool:
         """End the connection that has been idle longest; False where none has been idle for ``least_idle`` s."""
-        with self._lock:
-            return self._close_oldest(least_idle)
-
-    def _close_oldest(self, least_idle: float = 0.0) -> bool:
         now = time.monotonic()
-        oldest = min(self._connections, key=lambda connection: connection.idle_since, default=None)
-        if oldest is None or now - oldest.idle_since < least_idle:
-            return False
-        del self._connections[oldest]
-        _shut_down(oldest.sock)
+        with self._lock:
+            oldest = min(self._connections, key=lambda connection: connection.idle_since, default=None)
+            if oldest is None or now - oldest.idle_since < least_idle:
+                return False
+            del self._connections[oldest]
+        with contextlib.suppress(OSError):  # it has been closed meanwhile
+            oldest.sock.shutdown(socket.SHUT_RDWR)
         if now - self._told_at > _LOG_PERIOD_S:
             self._told_at = now
             _LOG.warning("too many %s: those that have been idle longest are closed", self._what)
@@ -314,10 +312,3 @@ def _prepare_xmlrpc() -> None:
         close(self, request)
 
     server.get_request, server.process_request, server.shutdown_request = get_request, process_request, shutdown_request
-
-
-def _shut_down(sock: Any) -> None:
-    try:
-        sock.shutdown(socket.SHUT_RDWR)
-    except OSError:
-        return  # it has been closed meanwhile

@@ -12,7 +12,7 @@ import rospy
 from rospy.impl import registration, tcpros_base, tcpros_service
 
 from jaka_ros_driver.protocol.texts import printable
-from jaka_ros_driver.ros.connections import SERVICE_CONNECTIONS, keep_serving
+from jaka_ros_driver.ros.connections import SERVICE_CONNECTIONS
 
 _LOG = logging.getLogger(__name__)
 
@@ -95,16 +95,8 @@ class ServiceServer(rospy.Service):
         super()._write_service_error(transport, printable(err_msg))
 
 
-def prepare_connections() -> None:
-    """Change how this process takes connections; call once, after init_node.
-
-    Services see a connection before rospy compares its md5, and no number of connections keeps out a client that wants
-    to stop the arm.
-    """
-    keep_serving(_service_connection)
-
-
-def _service_connection(sock: Any, client_addr: Any, header: Dict[str, str]) -> Optional[str]:
+def take_connection(sock: Any, client_addr: Any, header: Dict[str, str]) -> Optional[str]:
+    """Take a service client's connection, before rospy compares its md5; returns why it is refused, or None."""
     service = registration.get_service_manager().get_service(header.get("service", ""))
     if isinstance(service, ServiceServer) and "callerid" in header and service.accept(sock, header):
         return None

@@ -8,6 +8,7 @@ of a field is made anew only when its value changed: most of a frame are I/O arr
 import json
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
+from jaka_ros_driver.protocol.status import with_len
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.wire_units import FEED_DECIMALS, joints_to_wire, pose_to_wire
@@ -167,11 +168,15 @@ class StatusFrame:
     def text(self) -> bytes:
         """The whole frame. From a polled frame, fields are dropped at its end until the SDK can take its length."""
         parts = [self._part(name, value) for name, value in self.fields().items()]
-        frame = _with_len(parts)
+        frame = self._frame(parts)
         while self._max_bytes is not None and len(frame) > self._max_bytes:
             parts.pop()
-            frame = _with_len(parts)
+            frame = self._frame(parts)
         return frame
+
+    @staticmethod
+    def _frame(parts: List[str]) -> bytes:
+        return with_len(("".join(", " + part for part in parts) + "}").encode("ascii"))
 
     def _part(self, name: str, value: Any) -> str:
         known = self._texts.get(name)
@@ -180,12 +185,3 @@ class StatusFrame:
         text = '"%s": %s' % (name, json.dumps(value))
         self._texts[name] = (value, text)
         return text
-
-
-def _with_len(parts: List[str]) -> bytes:
-    """Join the fields behind ``len``, the size of the whole in bytes (docs/controller-protocol.md section 3.3)."""
-    rest = "".join(", " + part for part in parts) + "}"
-    size = len(rest) + len('{"len": ')
-    total = size + len(str(size))
-    total = size + len(str(total))
-    return ('{"len": %d%s' % (total, rest)).encode("ascii")
