@@ -74,7 +74,7 @@ class DriverPipe:
             self._say_answer(now)
 
     def answer(self, answer: bytes) -> None:
-        """Answer this from now on, and send it once at once, so that a driver that was frozen learns what was done."""
+        """Answer this from now on, first at once, so that a driver that was frozen learns what was done."""
         self._answer = answer
         self._say_answer(time.monotonic())
 
@@ -114,7 +114,7 @@ class DriverPipe:
         return Driver.BACK if time.monotonic() - self._heard_at < SILENCE_TIMEOUT_S else Driver.SILENT
 
     def end_driver(self, say: Say) -> None:
-        """Kill the driver if it is still silent and still the parent, so that its process id is its own."""
+        """Kill the driver if it is still silent. It must still be the parent, or its id may be another process's."""
         if self.wait(0.0):
             return
         if os.getppid() != self._driver:

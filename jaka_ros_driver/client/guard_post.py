@@ -71,7 +71,7 @@ class GuardPost:
             self._words.write(word)
 
     def listen(self, now: float) -> bool:
-        """Read the answers that have come, never waits; True where the guard has begun to stop the arm since."""
+        """Read the answers that have come; never waits. True where the guard has just begun to stop the arm."""
         answers = self._answers.read(_READ_BYTES)
         if answers is None:
             return False

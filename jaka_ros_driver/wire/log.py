@@ -179,7 +179,7 @@ def _text(time_ns: int, content: Any) -> bytes:
 
 
 def clock_offset_ns(path: str) -> int:
-    """Real time minus the times of a log, ns since the epoch; 0 where it does not tell; raises as ``read_log``."""
+    """What to add to a log's times to get real time, ns; 0 where it does not tell. Raises as ``read_log``."""
     kinds = _mcap().records
     with _reading(path) as records:
         for record in records:
@@ -218,7 +218,7 @@ def _mcap() -> Any:
 
 @contextlib.contextmanager
 def _reading(path: str) -> Iterator[Iterator[Any]]:
-    """A context with the records of a log; the end of a log that was not ended leaves it, errors are WireLogErrors."""
+    """A context with a log's records; it ends where an unfinished log ends. Errors become WireLogErrors."""
     mcap = _mcap()
     try:
         with open(path, "rb") as file:

@@ -98,7 +98,7 @@ class ArmFrames:
         return rotated(self.base_t_user, vector)
 
     def nearest_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Optional[Vector]:
-        """The joints, rad (6,), nearest to the reference that bring the tool there, limits unchecked; None for none."""
+        """Joints for a tool pose, rad (6,), nearest to the reference, limits not checked; None where out of reach."""
         return nearest_joints(self.model, compose(base_t_tool, self.tool_t_flange), reference)
 
     def reachable_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Vector:
@@ -146,7 +146,7 @@ def turned(matrix: Sequence[float], rotation_vector: Sequence[float], position: 
 
 
 def nearest_joints(model: ArmModel, base_t_flange: Transform, reference: Sequence[float]) -> Optional[Vector]:
-    """The joints nearest to the reference, rad (6,), that bring the flange there, limits unchecked; None for none."""
+    """Joints for a flange pose, rad (6,), nearest to the reference, limits not checked; None where out of reach."""
     if not model.has_closed_form:
         followed = refine(model, base_t_flange, reference)
         if followed is not None and all(abs(a - b) < _FOLLOWED for a, b in zip(followed, reference)):

@@ -145,7 +145,7 @@ class MotionQueue:
         self._running = self._running_jog = self._rest = self.fault = None
 
     def step(self, dt: float, rate: float) -> Tuple[Optional[Vector], List[PlantEvent]]:
-        """Run one cycle of ``dt`` s at ``rate`` (0 to 1): the joints, rad (6,), None if nothing runs; its events."""
+        """Run one cycle of ``dt`` s at ``rate`` (0 to 1): the joints, rad (6,), None at rest, and the events."""
         if self._running is None:
             if not self._waiting:
                 return None, []

@@ -175,7 +175,7 @@ class ControllerState:
         self._power_at = None
 
     def enable(self) -> None:
-        """Begin to enable, with power only (docs/controller-protocol.md section 5.1); raises Refused during a stop."""
+        """Begin to enable, given power (docs/controller-protocol.md section 5.1); raises Refused during a stop."""
         if self.emergency_stop or self.protective_stop:
             raise Refused()
         if self._disable_at is not None:
@@ -227,7 +227,7 @@ class ControllerState:
         self.emergency_stop = False
 
     def hit(self, force: float, joint: Optional[int] = None) -> bool:
-        """Hit the arm with ``force``, N; True where it notices, and stops. joint: 0..5, for the event to name."""
+        """Hit the arm with ``force``, N; True where it notices and stops. The event names ``joint``, 0..5, or none."""
         level = self.memory.collision_level
         if not self.is_enabled or level == 0 or force < level * FORCE_PER_LEVEL_N:
             return False

@@ -99,7 +99,7 @@ def _split(rule: FaultRule, _chance: random.Random, messages: List[Delivery], _n
 
 
 def _hold(rule: FaultRule, messages: List[Delivery], now: float) -> List[Delivery]:
-    """Hold the messages until the time of the first one that the rule holds has come."""
+    """Hold the messages until ``hold_ms`` after the first of them."""
     if rule.release_at is None or now >= rule.release_at:
         rule.release_at = now + ms_to_s(rule.params["hold_ms"])
     return [message._replace(at=rule.release_at) for message in messages]
