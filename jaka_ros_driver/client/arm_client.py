@@ -145,11 +145,7 @@ class ArmClient:
         return self._core.state
 
     def fresh_state(self) -> RobotState:
-        """The newest state.
-
-        Raises:
-            ConnectionLost: It is stale, or there is none.
-        """
+        """The newest state; raises ConnectionLost where it is stale, or there is none."""
         return self._core.fresh_state(time.monotonic())
 
     @property
@@ -234,25 +230,20 @@ class ArmClient:
         self._call(lambda call, now: self._core.move(call, command, wait, now))
 
     def jog(self, command: c.Jog) -> None:
-        """Begin a jog, or keep the same jog going. It ends ``jog_timeout`` after the last call. Raises what ``move``
-        raises.
-        """
+        """Begin a jog, or keep it going for another ``jog_timeout``. Raises what ``move`` raises."""
         self._call(lambda call, now: self._core.jog(call, command, now))
 
     def set_servo_mode(self, active: bool) -> None:
         """Enter servo mode and hold the arm there, or leave it; returns when the controller confirms.
 
-        Raises:
-            As ``move``; MotionInterrupted when the controller does not follow within 2 s.
+        Raises as ``move``, and MotionInterrupted when the controller does not follow within 2 s.
         """
         self._call(lambda call, now: self._core.servo_mode(call, active, now))
 
     def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> None:
         """Add one target to the servo stream.
 
-        Raises:
-            InvalidCommand: Not in servo mode, or the target is outside the limits or too far from the last one; nothing
-                moves.
+        Raises InvalidCommand, and nothing moves, outside servo mode, outside the limits, too far from the last one.
         """
         with self._lock:
             self._core.set_servo_target(command, time.monotonic())

@@ -1,6 +1,4 @@
-"""The part of the guard that stops the arm: carries out on real connections what stopping.py decides, and answers the
-driver meanwhile.
-"""
+"""The guard's part that stops the arm: carries out what stopping.py decides, and answers the driver meanwhile."""
 import select
 import time
 from typing import List, Optional, Union

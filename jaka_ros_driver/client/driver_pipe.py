@@ -33,14 +33,7 @@ class DriverPipe:
     """
 
     def __init__(self, words: int, answers: int, driver: int, is_moving: bool) -> None:
-        """Listen.
-
-        Args:
-            words: File descriptor from which the words come.
-            answers: File descriptor for the answers.
-            driver: The driver's process id.
-            is_moving: The driver moves the arm already.
-        """
+        """words, answers: file descriptors. driver: its process id. is_moving: it moves the arm already."""
         self._words = words
         self._answers = answers
         self._driver = driver
@@ -81,7 +74,7 @@ class DriverPipe:
             self._say_answer(now)
 
     def answer(self, answer: bytes) -> None:
-        """Answer this from now on, and send it once at once, so that a driver that was frozen learns what was done."""
+        """Answer this from now on, first at once, so that a driver that was frozen learns what was done."""
         self._answer = answer
         self._say_answer(time.monotonic())
 
@@ -121,9 +114,7 @@ class DriverPipe:
         return Driver.BACK if time.monotonic() - self._heard_at < SILENCE_TIMEOUT_S else Driver.SILENT
 
     def end_driver(self, say: Say) -> None:
-        """Kill the driver, if it is still silent and still the parent of this process, so that its process id is still
-        its own.
-        """
+        """Kill the driver if it is still silent. It must still be the parent, or its id may be another process's."""
         if self.wait(0.0):
             return
         if os.getppid() != self._driver:

@@ -100,9 +100,7 @@ class Guard:
             return GuardHealth(post is not None and post.has_answered, self._replacements, self._trouble)
 
     def close(self) -> None:
-        """End the guard in good order. Where the arm is left moving, no farewell is sent, and the guard stops the arm
-        by itself.
-        """
+        """End the guard; where the arm is left moving, no farewell is sent, so that the guard stops it."""
         with self._lock:
             self._is_closing = True
             post, self._post = self._post, None
@@ -169,9 +167,7 @@ class Guard:
         return []
 
     def _told_now(self) -> List[str]:
-        """The guard's command line. It tells whether the arm moves now, because the driver may die before its first
-        word.
-        """
+        """The guard's command line. It tells whether the arm moves: the driver may die before its first word."""
         return self._command + (["--moving"] if self._word == MOVING else [])
 
     @staticmethod

@@ -31,11 +31,7 @@ class GuardPost:
     """
 
     def __init__(self, now: float) -> None:
-        """Make the pipes.
-
-        Raises:
-            OSError: The pipes cannot be made.
-        """
+        """Make the pipes; raises OSError where that is not possible."""
         self.has_answered = False
         self.has_ended = False
         self.is_stopping = False
@@ -54,12 +50,9 @@ class GuardPost:
         os.set_blocking(self._answers.fileno(), False)
 
     def launch(self, command: List[str]) -> None:
-        """Start the process.
+        """Start the process; raises OSError where that is not possible.
 
-        It runs in a session of its own, so that a signal to the driver's process group does not end it first.
-
-        Raises:
-            OSError: It could not be started.
+        It has a session of its own, so that a signal to the driver's process group does not end it first.
         """
         try:
             process = subprocess.Popen(command, stdin=self._its_words, stdout=self._its_answers,
@@ -78,9 +71,7 @@ class GuardPost:
             self._words.write(word)
 
     def listen(self, now: float) -> bool:
-        """Read the answers that have come; never waits. True where the guard has begun to stop the arm since the last
-        call.
-        """
+        """Read the answers that have come; never waits. True where the guard has just begun to stop the arm."""
         answers = self._answers.read(_READ_BYTES)
         if answers is None:
             return False
@@ -101,9 +92,7 @@ class GuardPost:
         return STARVED_ANSWER_TIMEOUT_S if process and waits_for_processor(process.pid) else ANSWER_TIMEOUT_S
 
     def answers_now(self) -> bool:
-        """Ask the guard and wait for its answer, ``ANSWER_TIMEOUT_S`` at most. True also where the process is still
-        starting.
-        """
+        """Ask the guard and wait for its answer, ``ANSWER_TIMEOUT_S`` at most. True also while the process starts."""
         self.listen(self.heard_at)
         if not self.has_answered:
             return not self.has_ended

@@ -24,11 +24,7 @@ class TurnedAway(ConnectionLost):
 
 
 def addresses_of(host: str, port: int) -> List[Address]:
-    """The addresses to connect to; more than one for a name with several addresses.
-
-    Raises:
-        ConnectionLost: The name cannot be resolved.
-    """
+    """The addresses of a host name, for a connection; raises ConnectionLost where it cannot be resolved."""
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     except OSError as error:
@@ -44,11 +40,7 @@ class Line:
     """
 
     def __init__(self, address: Address, name: str) -> None:
-        """Begin to connect.
-
-        Raises:
-            ConnectionLost: The connection cannot be begun.
-        """
+        """Begin to connect; raises ConnectionLost where that is not possible."""
         self._name = name
         self.is_connecting = True
         try:
@@ -70,22 +62,14 @@ class Line:
         return self._socket.fileno()
 
     def finish_connecting(self) -> None:
-        """Find out how connecting ended; call it when a connecting line has become writable.
-
-        Raises:
-            ConnectionLost: It is not connected.
-        """
+        """Call it when a connecting line is writable; raises ConnectionLost where it is not connected."""
         code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if code:
             raise self._lost(OSError(code, os.strerror(code)))
         self.is_connecting = False
 
     def send(self, data: bytes) -> None:
-        """Send a few bytes.
-
-        Raises:
-            ConnectionLost: The network does not take them.
-        """
+        """Send a few bytes; raises ConnectionLost where the network does not take them."""
         try:
             taken = self._socket.send(data)
         except OSError as error:
@@ -94,11 +78,7 @@ class Line:
             raise ConnectionLost("%s: the network takes no bytes" % self._name)
 
     def receive(self) -> bytes:
-        """The bytes that have arrived; empty for none.
-
-        Raises:
-            ConnectionLost: The connection has ended.
-        """
+        """The bytes that have arrived, empty for none; raises ConnectionLost where the connection has ended."""
         try:
             data = self._socket.recv(_RECEIVE_BYTES)
         except BlockingIOError:
@@ -122,20 +102,11 @@ class StopLink(Line):
     """A connection to the command port."""
 
     def __init__(self, address: Address) -> None:
-        """Begin to connect.
-
-        Raises:
-            ConnectionLost: That is not possible.
-        """
         super().__init__(address, "command port")
         self._stream = ObjectStream()
 
     def replies(self) -> List[Item]:
-        """The replies that have arrived, with an error in place of what cannot be read.
-
-        Raises:
-            ConnectionLost: The connection has ended.
-        """
+        """The replies that have arrived, with an error for what cannot be read; raises as ``receive``."""
         return self._stream.feed(self.receive())
 
 
@@ -147,21 +118,12 @@ class FeedLink(Line):
     """
 
     def __init__(self, address: Address) -> None:
-        """Begin to connect.
-
-        Raises:
-            ConnectionLost: That is not possible.
-        """
         super().__init__(address, "status port")
         self._stream = FrameStream()
         self.trouble = "status port: no frame has come"
 
     def states(self, now: float) -> List[RobotState]:
-        """The states that have arrived, without frames that cannot be read.
-
-        Raises:
-            ConnectionLost: The connection has ended.
-        """
+        """The states that have arrived, without frames that cannot be read; raises as ``receive``."""
         states: List[RobotState] = []
         for item in self._stream.feed(self.receive()):
             try:

@@ -17,9 +17,7 @@ from jaka_ros_driver.state import RobotState
 
 GIVE_UP_AFTER_S = 60.0
 LOCKED_OUT_AFTER_S = 0.25
-"""s; when the controller has turned the guard away for this time, the frozen driver's connection is assumed to be the
-reason.
-"""
+"""s; when the guard was turned away for this time, the frozen driver's connection is taken for the reason."""
 CONFIRM_AFTER_S = 0.5
 """s; when the arm is not seen at rest this time after an accepted stop, the stop is sent again."""
 BLIND_STOPS = 3
@@ -150,13 +148,7 @@ class Stopping:
         self._link = _Link.UP
 
     def failed(self, reason: str, is_turned_away: bool, now: float) -> None:
-        """The command port could not be connected, or the connection has ended.
-
-        Args:
-            reason: In words.
-            is_turned_away: The controller is reachable but refused or ended the connection.
-            now: s.
-        """
+        """The command port was not connected, or it was lost. is_turned_away: by the controller, which is reachable."""
         if not is_turned_away or self._has_replied:
             self._locked_out_since = None
         elif self._locked_out_since is None:

@@ -47,7 +47,7 @@ class Received(NamedTuple):
 Event = Union[Opened, Failed, Closed, Received]
 
 
-class _Connection:
+class _PortSocket:
     def __init__(self, port: Port, sock: socket.socket, deadline: float) -> None:
         self.port = port
         self.socket = sock
@@ -65,13 +65,7 @@ class Transport:
     """
 
     def __init__(self, host: str, ports: Dict[Port, int], connect_timeout: float) -> None:
-        """Prepare.
-
-        Args:
-            host: Name or address of the controller.
-            ports: TCP port numbers.
-            connect_timeout: Longest wait for a connection, s.
-        """
+        """host: name or address of the controller. ports: TCP. connect_timeout: longest wait to connect, s."""
         self._host = host
         self._ports = ports
         self._connect_timeout = connect_timeout
@@ -80,8 +74,8 @@ class Transport:
         self._wake_receive.setblocking(False)
         self._wake_send.setblocking(False)
         self._epoll.register(self._wake_receive.fileno(), select.EPOLLIN)
-        self._connections: Dict[Port, _Connection] = {}
-        self._by_descriptor: Dict[int, _Connection] = {}
+        self._connections: Dict[Port, _PortSocket] = {}
+        self._by_descriptor: Dict[int, _PortSocket] = {}
         self._events: Deque[Event] = deque()
         self._resolved: Deque[Tuple[Port, int, Union[str, OSError]]] = deque()
         self._tries: Dict[Port, int] = {}
@@ -122,9 +116,7 @@ class Transport:
             self._wake_send.send(b"\0")
 
     def wait(self, seconds: float) -> None:
-        """Wait until something happens, at most ``timeout`` s. epoll counts in whole ms; select on its descriptor is
-        exact.
-        """
+        """Wait until something happens. epoll counts in whole ms; select on its descriptor is exact."""
         select.select([self._epoll], [], [], max(0.0, seconds))
 
     def read(self) -> List[Event]:
@@ -187,7 +179,7 @@ class Transport:
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        connection = _Connection(port, sock, time.monotonic() + self._connect_timeout)
+        connection = _PortSocket(port, sock, time.monotonic() + self._connect_timeout)
         self._connections[port] = connection
         self._by_descriptor[sock.fileno()] = connection
         code = sock.connect_ex((address, self._ports[port]))
@@ -196,7 +188,7 @@ class Transport:
             return
         self._epoll.register(sock.fileno(), select.EPOLLOUT)
 
-    def _connected(self, connection: _Connection) -> None:
+    def _connected(self, connection: _PortSocket) -> None:
         code = connection.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if code:
             self._fail(connection.port, os.strerror(code))
@@ -205,10 +197,8 @@ class Transport:
         self._epoll.modify(connection.socket.fileno(), select.EPOLLIN)
         self._events.append(Opened(connection.port))
 
-    def _receive(self, connection: _Connection) -> None:
-        """Receive all bytes that are there as one piece, because only the last of several waiting status frames is
-        current.
-        """
+    def _receive(self, connection: _PortSocket) -> None:
+        """Receive all bytes in one piece: only the last of several waiting status frames is current."""
         pieces: List[bytes] = []
         reason = ""
         for _ in range(_READS_A_TURN):
@@ -230,7 +220,7 @@ class Transport:
         if reason:
             self._end(connection, reason)
 
-    def _flush(self, connection: _Connection) -> None:
+    def _flush(self, connection: _PortSocket) -> None:
         try:
             while connection.unsent:
                 del connection.unsent[:connection.socket.send(connection.unsent)]
@@ -251,7 +241,7 @@ class Transport:
         self._tell(Failed(port, "cannot connect to the %s of %s:%d: %s" % (
             port.value, self._host, self._ports[port], why)))
 
-    def _end(self, connection: _Connection, reason: str) -> None:
+    def _end(self, connection: _PortSocket, reason: str) -> None:
         if self._connections.get(connection.port) is connection:
             del self._connections[connection.port]
             self._forget(connection)
@@ -261,7 +251,7 @@ class Transport:
         self._events.append(event)
         self.wake()
 
-    def _forget(self, connection: _Connection) -> None:
+    def _forget(self, connection: _PortSocket) -> None:
         descriptor = connection.socket.fileno()
         self._by_descriptor.pop(descriptor, None)
         with contextlib.suppress(OSError):

@@ -37,11 +37,9 @@ SPHERICAL_WRIST = "spherical_wrist_shoulder_offset"
 TWO_PARALLEL = "two_parallel_three_intersecting_pairs"
 
 DEFAULT_JOINT_ACCELERATION = 4.0 * math.pi
-"""rad/s2 (720 deg/s2). No vendor value; libjaka's generic bound and the ceiling advised in
-docs/controller-protocol.md section 5.2."""
+"""rad/s2 (720 deg/s2): libjaka's bound and the ceiling advised in docs/controller-protocol.md section 5.2."""
 DEFAULT_TCP_ACCELERATION = 8.0
-"""m/s2. No vendor value; libjaka's generic bound and the ceiling advised in docs/controller-protocol.md section
-5.4.1."""
+"""m/s2: libjaka's bound and the ceiling advised in docs/controller-protocol.md section 5.4.1."""
 
 STRUCTURE_TOLERANCE_M = 0.01
 STRUCTURE_TOLERANCE_RAD = units.deg_to_rad(2.0)
@@ -116,11 +114,7 @@ class ArmModel:
     link_terms: Tuple[Tuple[float, float, float, float, float], ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Check the table against its family.
-
-        Raises:
-            InvalidCommand: The family is unknown, the DH table does not have its structure, or a link has no length.
-        """
+        """Check the table; raises InvalidCommand for an unknown family, another structure or a link without length."""
         if self.family not in _STRUCTURES:
             raise InvalidCommand("model %s: family %r is unknown; known: %s"
                                  % (self.name, self.family, ", ".join(sorted(_STRUCTURES))))
@@ -168,8 +162,7 @@ def model_names() -> Tuple[str, ...]:
 def load_model(name: str) -> ArmModel:
     """The model of this name; case, spaces, ``-`` and ``_`` do not count (``Zu 7`` is ``zu7``).
 
-    Raises:
-        InvalidCommand: No model has this name; the message names the nearest one and lists all.
+    Raises InvalidCommand, with the nearest name and all names, where no model has this name.
     """
     key = str(name).lower().replace(" ", "").replace("-", "").replace("_", "")
     if key.startswith("jaka"):
@@ -184,9 +177,7 @@ def load_model(name: str) -> ArmModel:
 def load_model_file(path: str) -> ArmModel:
     """The model in a file of the user's; the format stands at the top of this module.
 
-    Raises:
-        InvalidCommand: The file cannot be read, is no YAML, lacks a key, or holds a value of the wrong
-            type, length or range; the message names the file, the key and the value.
+    Raises InvalidCommand, with file, key and value, where it cannot be read or a value is wrong.
     """
     name = os.path.splitext(os.path.basename(path))[0]
     try:

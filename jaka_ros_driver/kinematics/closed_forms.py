@@ -120,9 +120,7 @@ def spherical_wrist(dh: Sequence[DhRow], base_t_flange: Transform, free_q6: floa
 
 
 def _shoulder_angles(x: float, y: float, offset: float) -> Tuple[List[float], bool]:
-    """The values of q1 that put (x, y) at ``offset`` along the axis z1 = (sin q1, -cos q1); and True where one was
-    rounded to the limit.
-    """
+    """The q1 that put (x, y) at ``offset`` along z1 = (sin q1, -cos q1); True where one was rounded to the limit."""
     radius = math.hypot(x, y)
     direction = math.atan2(y, x)
     beyond = abs(offset) - radius

@@ -32,14 +32,9 @@ _NEAR_SINGULAR = 0.02
 
 
 def inverse_all(model: ArmModel, base_t_flange: Transform, reference: Optional[Sequence[float]] = None) -> List[Vector]:
-    """Every branch that reaches the pose, each joint in (-pi, pi], rad; joint limits are not checked. Empty if none
-    does.
+    """Every branch that reaches the pose, each joint in (-pi, pi], rad; joint limits are not checked.
 
-    Args:
-        model: The arm.
-        base_t_flange: The target; its rotation must be orthonormal.
-        reference: Joint angles, rad, shape (6,), whose q6 is used where the pose leaves it free (sin q5 = 0); None for
-            0.
+    Where the pose leaves q6 free (sin q5 = 0), that of ``reference``, rad (6,), is used; 0 without one.
     """
     return _branches(model, base_t_flange, reference)[0]
 
@@ -119,9 +114,7 @@ def _reaches(model: ArmModel, joint_position: Sequence[float], target: Transform
 
 
 def _turned_into(angle: float, low: float, high: float) -> float:
-    """The angle, rad, with the fewest whole turns added after which it is between low and high; infinite if there are
-    none.
-    """
+    """The angle, rad, turned by the fewest whole turns into low..high; infinite where there are none."""
     if angle < low:
         angle += math.tau * math.ceil((low - LIMIT_TOLERANCE - angle) / math.tau)
     else:

@@ -18,8 +18,7 @@ FLOAT32_SLACK = 2e-7
 POSITION_LIMIT = 10.0
 """m, for each axis of a target or a frame: the longest arm reaches 2 m, and frames of its cell are not farther away."""
 ANGLE_LIMIT = 4.0 * math.pi
-"""rad, for each angle of an orientation, and for joints in a query: two turns, more than any joint has to either side.
-"""
+"""rad, for each angle of an orientation, and for joints in a query: two turns, more than any joint has."""
 MASSES = (0.0, 100.0)
 """kg; three times the payload of the strongest arm of the series."""
 CENTROID_LIMIT = 2.0
@@ -35,8 +34,7 @@ SERVO_CYCLES = (1, 1000)
 JOINT_SPEED_CEILING = math.pi
 """rad/s (180 deg/s); upper bound of joint speeds for all models (docs/controller-protocol.md sections 5.2, 5.6.5)."""
 JOINT_ACCELERATION_CEILING = 4.0 * math.pi
-"""rad/s2 (720 deg/s2), the maker's advice (docs/controller-protocol.md section 5.2); no model has a value of its
-own."""
+"""rad/s2 (720 deg/s2), the maker's advice (docs/controller-protocol.md section 5.2)."""
 TCP_ACCELERATION_CEILING = 8.0
 """m/s2 (8000 mm/s2), the maker's advice (docs/controller-protocol.md section 5.4.1)."""
 UNKNOWN_TCP_SPEED_CEILING = 1.5
@@ -146,9 +144,7 @@ def _member(name: str, value: Any, kind: Any) -> None:
 
 
 def _vector(name: str, values: Any, length: int, bound: float, unit: str) -> None:
-    """Raise unless ``value`` has ``length`` numbers, each between -bound and bound. An infinite bound requires finite
-    numbers only.
-    """
+    """Raise unless these are ``length`` finite numbers, each between -bound and bound."""
     if not isinstance(values, (tuple, list)) or len(values) != length:
         raise InvalidCommand("%s is %.200r; it must be %d numbers in %s" % (name, values, length, unit))
     for n, value in enumerate(values):
@@ -207,11 +203,6 @@ def _jog(command: commands.Jog, model: ArmModel, state: Optional[RobotState]) ->
     _enabled("jog", state)
 
 
-def _jog_axis(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
-    _member("frame", command.frame, JogFrame)
-    _integer("axis", command.axis, 0, 5)
-
-
 def _servo_joint(command: commands.ServoJoint, model: ArmModel, state: Optional[RobotState]) -> None:
     _vector("joint_position", command.joint_position, JOINT_COUNT, math.inf, "rad")
     _flag("relative", command.relative)
@@ -236,61 +227,33 @@ def _servo_pose(command: commands.ServoPose, model: ArmModel, state: Optional[Ro
     _enabled("servo target", state)
 
 
-def _set_tool_frame(command: commands.SetToolFrame, model: ArmModel, state: Optional[RobotState]) -> None:
-    _integer("tool_id", command.tool_id, *TOOL_IDS)
-    _pose("pose", command.pose)
-    _text("name", command.name)
+def _jog_axis(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
+    _member("frame", command.frame, JogFrame)
+    _integer("axis", command.axis, 0, 5)
 
 
-def _set_user_frame(command: commands.SetUserFrame, model: ArmModel, state: Optional[RobotState]) -> None:
-    _integer("user_frame_id", command.user_frame_id, *USER_FRAME_IDS)
-    _pose("pose", command.pose)
-    _text("name", command.name)
+def _fields(**checks: Callable[[str, Any], None]) -> Checker:
+    """A checker of a command whose fields do not depend on model and state: each is checked by its function."""
+    def check_all(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
+        for name, check_one in checks.items():
+            check_one(name, getattr(command, name))
+    return check_all
 
 
-def _set_payload(command: commands.SetPayload, model: ArmModel, state: Optional[RobotState]) -> None:
-    _number("mass", command.mass, *MASSES, "kg")
-    _vector("centroid", command.centroid, 3, CENTROID_LIMIT, "m")
+def _whole(low: int, high: int) -> Callable[[str, Any], None]:
+    return lambda name, value: _integer(name, value, low, high)
 
 
-def _set_digital_output(command: commands.SetDigitalOutput, model: ArmModel, state: Optional[RobotState]) -> None:
-    _terminal(command, model, state)
-    _flag("value", command.value)
+def _within(bounds: Tuple[float, float], unit: str) -> Callable[[str, Any], None]:
+    return lambda name, value: _number(name, value, bounds[0], bounds[1], unit)
 
 
-def _set_analog_output(command: commands.SetAnalogOutput, model: ArmModel, state: Optional[RobotState]) -> None:
-    _terminal(command, model, state)
-    _number("value", command.value, -ANALOG_LIMIT, ANALOG_LIMIT, "V or mA")
+def _numbers(length: int, bound: float, unit: str) -> Callable[[str, Any], None]:
+    return lambda name, values: _vector(name, values, length, bound, unit)
 
 
-def _terminal(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
-    _member("bank", command.bank, IoBank)
-    _integer("index", command.index, *IO_INDICES)
-
-
-def _forward_kinematics(command: commands.ForwardKinematics, model: ArmModel, state: Optional[RobotState]) -> None:
-    _vector("joint_position", command.joint_position, JOINT_COUNT, ANGLE_LIMIT, "rad")
-
-
-def _inverse_kinematics(command: commands.InverseKinematics, model: ArmModel, state: Optional[RobotState]) -> None:
-    _pose("target", command.target)
-    _vector("reference", command.reference, JOINT_COUNT, ANGLE_LIMIT, "rad")
-
-
-def _nothing(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
-    """Check a command without fields: there is nothing to check."""
-
-
-def _switch(field: str) -> Checker:
-    return lambda command, model, state: _flag(field, getattr(command, field))
-
-
-def _whole(field: str, low: int, high: int) -> Checker:
-    return lambda command, model, state: _integer(field, getattr(command, field), low, high)
-
-
-def _within(field: str, bounds: Tuple[float, float], unit: str) -> Checker:
-    return lambda command, model, state: _number(field, getattr(command, field), bounds[0], bounds[1], unit)
+def _bank(name: str, value: Any) -> None:
+    _member(name, value, IoBank)
 
 
 _CHECKERS: Dict[type, Checker] = {
@@ -298,28 +261,29 @@ _CHECKERS: Dict[type, Checker] = {
     commands.LinearMove: _linear_move,
     commands.Jog: _jog,
     commands.JogStop: _jog_axis,
-    commands.Stop: _nothing,
-    commands.SetServoMode: _switch("active"),
+    commands.Stop: _fields(),
+    commands.SetServoMode: _fields(active=_flag),
     commands.ServoJoint: _servo_joint,
     commands.ServoPose: _servo_pose,
-    commands.SetPower: _switch("on"),
-    commands.SetEnabled: _switch("on"),
-    commands.ClearError: _nothing,
-    commands.SetToolFrame: _set_tool_frame,
-    commands.SelectTool: _whole("tool_id", 0, TOOL_IDS[1]),
-    commands.SetUserFrame: _set_user_frame,
-    commands.SelectUserFrame: _whole("user_frame_id", 0, USER_FRAME_IDS[1]),
-    commands.SetPayload: _set_payload,
-    commands.SetHandGuiding: _switch("active"),
-    commands.SetCollisionLevel: _whole("level", 0, 5),
-    commands.SetDigitalOutput: _set_digital_output,
-    commands.SetAnalogOutput: _set_analog_output,
-    commands.SetRapidRate: _within("rate", (0.0, 1.0), ""),
-    commands.SetFeedPeriod: _within("period", FEED_PERIODS_S, "s"),
-    commands.SetLinkLoss: _within("seconds", LINK_LOSS_TIMES_S, "s"),
-    commands.ForwardKinematics: _forward_kinematics,
-    commands.InverseKinematics: _inverse_kinematics,
-    commands.Query: _nothing,
-    commands.GetDigitalOutput: _terminal,
-    commands.GetAnalogOutput: _terminal,
+    commands.SetPower: _fields(on=_flag),
+    commands.SetEnabled: _fields(on=_flag),
+    commands.ClearError: _fields(),
+    commands.SetToolFrame: _fields(tool_id=_whole(*TOOL_IDS), pose=_pose, name=_text),
+    commands.SelectTool: _fields(tool_id=_whole(0, TOOL_IDS[1])),
+    commands.SetUserFrame: _fields(user_frame_id=_whole(*USER_FRAME_IDS), pose=_pose, name=_text),
+    commands.SelectUserFrame: _fields(user_frame_id=_whole(0, USER_FRAME_IDS[1])),
+    commands.SetPayload: _fields(mass=_within(MASSES, "kg"), centroid=_numbers(3, CENTROID_LIMIT, "m")),
+    commands.SetHandGuiding: _fields(active=_flag),
+    commands.SetCollisionLevel: _fields(level=_whole(0, 5)),
+    commands.SetDigitalOutput: _fields(bank=_bank, index=_whole(*IO_INDICES), value=_flag),
+    commands.SetAnalogOutput: _fields(bank=_bank, index=_whole(*IO_INDICES),
+                                      value=_within((-ANALOG_LIMIT, ANALOG_LIMIT), "V or mA")),
+    commands.SetRapidRate: _fields(rate=_within((0.0, 1.0), "")),
+    commands.SetFeedPeriod: _fields(period=_within(FEED_PERIODS_S, "s")),
+    commands.SetLinkLoss: _fields(seconds=_within(LINK_LOSS_TIMES_S, "s")),
+    commands.ForwardKinematics: _fields(joint_position=_numbers(JOINT_COUNT, ANGLE_LIMIT, "rad")),
+    commands.InverseKinematics: _fields(target=_pose, reference=_numbers(JOINT_COUNT, ANGLE_LIMIT, "rad")),
+    commands.Query: _fields(),
+    commands.GetDigitalOutput: _fields(bank=_bank, index=_whole(*IO_INDICES)),
+    commands.GetAnalogOutput: _fields(bank=_bank, index=_whole(*IO_INDICES)),
 }

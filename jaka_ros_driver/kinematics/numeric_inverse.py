@@ -131,9 +131,7 @@ class _JointSixSearch:
         return math.nan if state is None else math.hypot(state[2], state[3]) - self._upper
 
     def _state(self, q6: float, choice: int) -> Optional[Tuple[float, ...]]:
-        """c1 and s1; o3 and z3, each along and above the shoulder; z4, shape (3,). None where joint 1 cannot reach the
-        point.
-        """
+        """c1, s1; o3 and z3, each along and above the shoulder; z4 (3,). None where joint 1 cannot reach the point."""
         shoulder, wrist = (1.0, 1.0, -1.0, -1.0)[choice], (1.0, -1.0, 1.0, -1.0)[choice]
         xx, yx, _, xy, yy, _, xz, yz, _ = self._target[:9]
         c6, s6 = math.cos(q6), math.sin(q6)

@@ -60,11 +60,7 @@ ERROR_MEANINGS: Dict[int, str] = {
 
 
 def encode(command: c.Command) -> JsonObject:
-    """The request object of a command, mm and deg.
-
-    Raises:
-        InvalidCommand: A number in it is not finite.
-    """
+    """The request object of a command, mm and deg; raises InvalidCommand where a number in it is not finite."""
     name = command_name(command)
     params = _QUERIES[command][1] if isinstance(command, c.Query) else _ENCODERS[type(command)][1](command)
     _require_finite(name, params)
@@ -82,9 +78,7 @@ def command_name(command: c.Command) -> str:
 def decode(command: c.Command, reply: Mapping[str, Any]) -> Any:
     """The result of a command that the controller accepted; None where it has none.
 
-    Raises:
-        CommandRejected: The controller refused it.
-        ProtocolError: The reply lacks what the command asks for.
+    Raises CommandRejected where it refused, ProtocolError where the reply lacks the result.
     """
     name = command_name(command)
     raise_if_rejected(name, reply)
@@ -101,12 +95,7 @@ def decode(command: c.Command, reply: Mapping[str, Any]) -> Any:
 
 
 def raise_if_rejected(name: str, reply: Mapping[str, Any]) -> None:
-    """Raise unless a reply's ``errorCode``, a number or its text, is 0.
-
-    Raises:
-        CommandRejected: It is not 0.
-        ProtocolError: There is none.
-    """
+    """Raise CommandRejected unless a reply's ``errorCode`` is 0, as number or text; ProtocolError without one."""
     if "errorCode" not in reply:
         raise ProtocolError("reply to %s has no errorCode: %s" % (name, shown(reply)))
     code = _error_code(text_of(reply["errorCode"]))

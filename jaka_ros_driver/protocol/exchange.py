@@ -29,14 +29,10 @@ class Exchange(Generic[T]):
 
     A reply answers the oldest outstanding request of its ``cmdName``. A reply without a name, as with error code 1,
     answers the oldest request of all. A reply that answers no request is stale and is dropped.
-
-    Attributes:
-        stale_replies: How many were dropped.
     """
 
     def __init__(self) -> None:
         self._outstanding: Deque[Request[T]] = deque()
-        self.stale_replies = 0
 
     def __len__(self) -> int:
         return len(self._outstanding)
@@ -56,7 +52,6 @@ class Exchange(Generic[T]):
             if request.name == name:
                 self._outstanding.remove(request)
                 return request
-        self.stale_replies += 1
         return None
 
     def overdue(self, now: float) -> Optional[Request[T]]:

@@ -38,11 +38,7 @@ STRICT_DECODER = json.JSONDecoder(parse_constant=_refuse_constant)
 
 
 def parse_object(text: bytes) -> JsonObject:
-    """Parse one JSON object strictly: UTF-8, no NaN or Infinity.
-
-    Raises:
-        FramingError: The text is anything else.
-    """
+    """Parse one JSON object; raises FramingError for all else, also for text that is not UTF-8, NaN and Infinity."""
     try:
         value = STRICT_DECODER.decode(text.decode("utf-8"))
     except (ValueError, RecursionError) as error:
@@ -53,11 +49,9 @@ def parse_object(text: bytes) -> JsonObject:
 
 
 def encode_object(value: JsonObject) -> bytes:
-    """The object as the controller writes it: ``", "`` and ``": "`` between the tokens (docs/controller-protocol.md
-    section 3.2).
+    """The object as the controller writes it, with ``", "`` and ``": "`` (docs/controller-protocol.md section 3.2).
 
-    Raises:
-        FramingError: A number in it is not finite.
+    Raises FramingError where a number in it is not finite.
     """
     try:
         return json.dumps(value, allow_nan=False).encode("utf-8")
@@ -105,10 +99,6 @@ class ObjectStream:
             else:
                 break
         return items
-
-    def clear(self) -> None:
-        """Forget an object that has begun and not ended."""
-        self._restart(len(self._buffer))
 
     def _restart(self, consumed: int) -> None:
         del self._buffer[:consumed]
@@ -173,11 +163,6 @@ class FrameStream:
         while self._take(items):
             pass
         return items
-
-    def clear(self) -> None:
-        """Forget a frame that has begun and not ended."""
-        self._drop(len(self._buffer))
-        self._in_damage = False
 
     def _take(self, items: List[Item]) -> bool:
         """Consume some of the buffer; False when more bytes are needed."""

@@ -22,21 +22,19 @@ _ANALOG_OUTPUTS = ((IoBank.CABINET, "aout"),)
 
 
 def encode_frame(fields: Mapping[str, Any]) -> bytes:
-    """The text of a status frame: ``len`` first, the exact size of the whole text in bytes, then the fields.
+    """A status frame's text: ``len``, its size in bytes, and the fields (docs/controller-protocol.md section 3.3).
 
-    Source: docs/controller-protocol.md section 3.3.
-
-    Raises:
-        FramingError: A number in it is not finite.
+    Raises FramingError where a number in it is not finite.
     """
     body = encode_object({key: value for key, value in fields.items() if key != "len"})[1:]
-    rest = b", " + body if body != b"}" else body
-    length = len(rest)
-    while True:
-        frame = b'{"len": %d' % length + rest
-        if len(frame) == length:
-            return frame
-        length = len(frame)
+    return with_len(b", " + body if body != b"}" else body)
+
+
+def with_len(rest: bytes) -> bytes:
+    """A frame from all that follows its ``len``, from the comma to the closing brace; ``len`` counts every byte."""
+    size = len(rest) + len(b'{"len": ')
+    total = size + len(str(size))
+    return b'{"len": %d' % (size + len(str(total))) + rest
 
 
 def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
@@ -99,9 +97,7 @@ def _is_finite_number(value: Any) -> bool:
 
 
 def _are_numbers(values: List[Any]) -> bool:
-    """True where all are numbers and their root sum square is within ``_MAX_NUMBER``; this check takes 2 us for a
-    hundred.
-    """
+    """True where all are numbers whose root sum square is within ``_MAX_NUMBER``; fast: 2 us for a hundred."""
     try:
         return math.hypot(*values) <= _MAX_NUMBER
     except (TypeError, OverflowError):
@@ -109,9 +105,7 @@ def _are_numbers(values: List[Any]) -> bool:
 
 
 def _numbers(fields: Mapping[str, Any], key: str, count: int, limit: float) -> Optional[List[float]]:
-    """The first ``count`` numbers of an array; older firmware sends 9 for the joints (docs/controller-protocol.md
-    section 4.2).
-    """
+    """The first ``count`` numbers; older firmware has 9 joints (docs/controller-protocol.md section 4.2)."""
     values = fields.get(key)
     if values is None:
         return None

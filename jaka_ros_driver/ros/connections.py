@@ -4,6 +4,7 @@ The number of file descriptors of a process is limited. rospy gives one, and a t
 the peer then sends nothing. When none is left, its accepting thread ends for good, and nobody could stop the arm any
 more.
 """
+import contextlib
 import errno
 import logging
 import resource
@@ -11,7 +12,7 @@ import socket
 import struct
 import threading
 import time
-from typing import Any, Callable, Dict, List, Optional, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 import rosgraph
 import rosgraph.network
@@ -24,9 +25,7 @@ from jaka_ros_driver.protocol.texts import printable
 _LOG = logging.getLogger(__name__)
 
 MOST_DESCRIPTORS = 65536
-"""The soft limit of file descriptors is raised to this where the hard limit allows it; threads and memory run out
-earlier.
-"""
+"""The soft limit of file descriptors is raised to this where the hard limit allows it."""
 HANDSHAKE_TIMEOUT_S = 5.0
 """s; a ROS client sends its whole handshake at once."""
 MOST_HANDSHAKES = 64
@@ -58,12 +57,11 @@ class PooledConnection:
         self.sock = sock
         self.idle_since = now
 
-    def is_busy_now(self) -> None:
-        """A call has begun."""
+    @contextlib.contextmanager
+    def busy(self) -> Iterator[None]:
+        """A context that lasts from a call's request to its reply."""
         self.idle_since = _BUSY
-
-    def is_idle_now(self) -> None:
-        """The call has ended."""
+        yield
         self.idle_since = time.monotonic()
 
 
@@ -77,7 +75,7 @@ class ConnectionPool:
         """``what`` names the connections in the log."""
         self.most = most
         self._what = what
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._connections: Dict[PooledConnection, None] = {}
         self._told_at = -_BUSY
 
@@ -87,7 +85,7 @@ class ConnectionPool:
         with self._lock:
             too_many = len(self._connections) + 1 - self.most
             for _ in range(too_many):
-                self._close_oldest()
+                self.close_oldest()
             self._connections[connection] = None
         return connection
 
@@ -96,18 +94,16 @@ class ConnectionPool:
         with self._lock:
             self._connections.pop(connection, None)
 
-    def close_oldest(self, least_idle: float) -> bool:
+    def close_oldest(self, least_idle: float = 0.0) -> bool:
         """End the connection that has been idle longest; False where none has been idle for ``least_idle`` s."""
-        with self._lock:
-            return self._close_oldest(least_idle)
-
-    def _close_oldest(self, least_idle: float = 0.0) -> bool:
         now = time.monotonic()
-        oldest = min(self._connections, key=lambda connection: connection.idle_since, default=None)
-        if oldest is None or now - oldest.idle_since < least_idle:
-            return False
-        del self._connections[oldest]
-        _shut_down(oldest.sock)
+        with self._lock:
+            oldest = min(self._connections, key=lambda connection: connection.idle_since, default=None)
+            if oldest is None or now - oldest.idle_since < least_idle:
+                return False
+            del self._connections[oldest]
+        with contextlib.suppress(OSError):  # it has been closed meanwhile
+            oldest.sock.shutdown(socket.SHUT_RDWR)
         if now - self._told_at > _LOG_PERIOD_S:
             self._told_at = now
             _LOG.warning("too many %s: those that have been idle longest are closed", self._what)
@@ -120,9 +116,7 @@ _XMLRPC_CONNECTIONS = ConnectionPool("XML-RPC connections", MOST_CONNECTIONS)
 
 
 class _TopicConnections:
-    """Connections of topics. How long they have been idle is not known, so a new one is refused when there are too
-    many.
-    """
+    """Connections of topics; how long they are idle is not known, so a new one is refused when there are too many."""
 
     def __init__(self, most: int) -> None:
         self.most = most
@@ -318,10 +312,3 @@ def _prepare_xmlrpc() -> None:
         close(self, request)
 
     server.get_request, server.process_request, server.shutdown_request = get_request, process_request, shutdown_request
-
-
-def _shut_down(sock: Any) -> None:
-    try:
-        sock.shutdown(socket.SHUT_RDWR)
-    except OSError:
-        return  # it has been closed meanwhile

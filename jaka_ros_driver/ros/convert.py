@@ -95,9 +95,7 @@ class RequestDecoder:
                        angular_acceleration=move.turn_acceleration)
 
     def jog(self, request: Any) -> c.Jog:
-        """Decode a Move: the speed is ``mvvelo``, or ``mvacc`` where ``mvvelo`` is 0; rad/s for joints and rotations,
-        mm/s along x, y, z.
-        """
+        """Decode a Move: speed ``mvvelo``, or ``mvacc`` where that is 0; rad/s, along x, y, z mm/s."""
         frame = _member("coord_mode", request.coord_mode, c.JogFrame)
         _whole("index", request.index, 0, 11)
         name = "mvacc" if request.mvvelo == 0.0 and request.mvacc != 0.0 else "mvvelo"
@@ -123,9 +121,7 @@ class RequestDecoder:
         return c.ServoJoint(self._joint_target("pose", request.pose))
 
     def servo_pose(self, request: Any) -> c.ServoPose:
-        """Decode a ServoMove: ``pose`` is x, y, z, m, and rpy, rad; in the vendor's interface an increment, x, y, z in
-        mm.
-        """
+        """Decode a ServoMove: x, y, z, m, and rpy, rad; in the vendor's interface increments, mm and rad."""
         pose = _numbers("pose", request.pose, "x y z, %s, and roll pitch yaw, rad" % ("mm" if self.is_vendor else "m"))
         position = all_mm_to_m(pose[:3]) if self.is_vendor else pose[:3]
         return c.ServoPose(c.Pose(position, pose[3:]), relative=self.is_vendor)
@@ -175,9 +171,7 @@ class RequestDecoder:
         return c.SetUserFrame(request.user_num, _frame_pose(request.pose), "user_%d" % request.user_num)
 
     def payload(self, request: Any) -> Payload:
-        """Decode a SetPayload: mass, kg, and centre of mass, mm. The load is checked here, because the tool is selected
-        before the load is sent.
-        """
+        """Decode a SetPayload: mass, kg, centre of mass, mm. It is checked here, because the tool is selected first."""
         _whole("tool_num", request.tool_num, 0, limits.TOOL_IDS[1])
         mass = _finite("mass", request.mass)
         centroid = tuple(_finite(name, getattr(request, name)) for name in ("xc", "yc", "zc"))
@@ -190,9 +184,7 @@ class RequestDecoder:
         return bool(request.data)
 
     def collision_level(self, request: Any) -> int:
-        """Decode a SetCollision: ``value``, 10 to 100, to the controller's levels 1 to 4; 0 where it is to be off
-        (docs/interface.md section 2).
-        """
+        """Decode a SetCollision: 10 to 100 to the levels 1 to 4, 0 where off (docs/interface.md section 2)."""
         if not request.is_enable:
             return 0
         _whole("value", request.value, COLLISION_LOWEST, COLLISION_STEPS[-1])
@@ -263,9 +255,7 @@ def joint_position(state: RobotState, stamp: Any, names: Sequence[str],
 
 
 def robot_states(state: RobotState, is_servo_active: bool, is_vendor: bool) -> RobotMsg:
-    """The message of ``~robot_states``. ``servo_state`` tells servo mode; in the vendor's interface whether the arm is
-    enabled.
-    """
+    """``~robot_states``; ``servo_state`` tells servo mode, in the vendor's interface whether the arm is enabled."""
     return RobotMsg(
         motion_state=int(state.motion_state), power_state=int(state.is_powered),
         servo_state=int(state.is_enabled if is_vendor else is_servo_active),

@@ -1,6 +1,4 @@
-"""Passes the log records of the package, which uses Python's ``logging``, to rosout, the screen and the node's log
-file.
-"""
+"""Passes the package's log records (Python's ``logging``) to rosout, the screen and the node's log file."""
 import logging
 from typing import Callable
 
@@ -28,12 +26,9 @@ class RosLogHandler(logging.Handler):
 
 
 def log_to_ros() -> Callable[[float], bool]:
-    """Begin to pass records on; call it after ``rospy.init_node``. Screen and rosout each get theirs in a thread of
-    their own.
+    """Begin to pass records on, after ``rospy.init_node``; screen and rosout each get theirs in a thread.
 
-    Returns:
-        A function that waits until all records are written, at most the given time, s; it returns False when some are
-            left.
+    Returns a function that waits for all records to be written, at most the given s; False when some are left.
     """
     rospy_logger = logging.getLogger(_ROSPY_LOGGER)
     backgrounds = [Background(handler) for handler in rospy_logger.handlers]

@@ -1,6 +1,4 @@
-"""Checks whether the configured model is that of the arm: compares the controller's pose with ours, from the same
-joints.
-"""
+"""Checks the configured model: compares the controller's pose with the model's, from the same joints."""
 import logging
 from typing import NamedTuple, Optional
 
@@ -47,9 +45,7 @@ class ModelCheck:
         self._has_warned = False
 
     def check(self, state: RobotState) -> Optional[Deviation]:
-        """The deviation; None where it is not known (the arm moves; frames or pose are unknown). Logs it once when it
-        counts.
-        """
+        """The deviation; None where it is not known (motion, frames, pose). Logs it once when it counts."""
         found = self._deviation(state)
         if found is None:
             return None

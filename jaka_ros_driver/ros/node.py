@@ -16,6 +16,7 @@ from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.urdf import urdf_from_model
+from jaka_ros_driver.ros.connections import keep_serving
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.driver_lock import DriverLock
 from jaka_ros_driver.ros.frame_table import FrameTable
@@ -25,7 +26,7 @@ from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig, config_from
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher
 from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
-from jaka_ros_driver.ros.services.service_server import prepare_connections
+from jaka_ros_driver.ros.services.service_server import take_connection
 from jaka_ros_driver.ros.services.service_table import Services
 from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
 from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
@@ -46,11 +47,7 @@ class Driver:
     """Everything that runs in the node."""
 
     def __init__(self, config: DriverConfig, model: ArmModel) -> None:
-        """Take the controller for this driver, and offer services and topics.
-
-        Raises:
-            AlreadyDriven: Another driver has it.
-        """
+        """Take the controller, and offer services and topics; raises AlreadyDriven where another driver has it."""
         self._config = config
         self._model = model
         self._lock = DriverLock(config.ip, config.command_port, "node " + rospy.get_name())
@@ -74,7 +71,7 @@ class Driver:
     def start(self) -> None:
         """Begin; returns at once. The controller need not be reachable yet."""
         self._set_description()
-        prepare_connections()
+        keep_serving(take_connection)
         self._publishers.start()
         self._services.offer()
         self._topics.start()

@@ -48,44 +48,35 @@ def _parameter(default: Any, kind: str, unit: str, valid: str, doc: str, check: 
     return dataclasses.field(default=default, metadata={"parameter": Parameter(kind, unit, valid, doc, check)})
 
 
-def _number(default: float, low: float, high: float, unit: str, doc: str) -> Any:
-    def check(value: Any) -> float:
-        if type(value) not in (int, float) or not math.isfinite(value) or not low <= value <= high:
+def _valid(is_valid: Callable[[Any], bool]) -> Callable[[Any], Any]:
+    def check(value: Any) -> Any:
+        if not is_valid(value):
             raise ValueError
-        return float(value)
-    return _parameter(default, "number", unit, "%g to %g" % (low, high), doc, check)
+        return value
+    return check
+
+
+def _number(default: float, low: float, high: float, unit: str, doc: str) -> Any:
+    check = _valid(lambda value: type(value) in (int, float) and math.isfinite(value) and low <= value <= high)
+    return _parameter(default, "number", unit, "%g to %g" % (low, high), doc, lambda value: float(check(value)))
 
 
 def _integer(default: int, low: int, high: int, doc: str) -> Any:
-    def check(value: Any) -> int:
-        if type(value) is not int or not low <= value <= high:
-            raise ValueError
-        return value
-    return _parameter(default, "whole number", "", "%d to %d" % (low, high), doc, check)
+    return _parameter(default, "whole number", "", "%d to %d" % (low, high), doc,
+                      _valid(lambda value: type(value) is int and low <= value <= high))
 
 
 def _flag(default: Optional[bool], doc: str) -> Any:
-    def check(value: Any) -> bool:
-        if type(value) is not bool:
-            raise ValueError
-        return value
-    return _parameter(default, "bool", "", "true or false", doc, check)
+    return _parameter(default, "bool", "", "true or false", doc, _valid(lambda value: type(value) is bool))
 
 
 def _choice(default: str, choices: Tuple[str, ...], doc: str) -> Any:
-    def check(value: Any) -> str:
-        if value not in choices:
-            raise ValueError
-        return str(value)
-    return _parameter(default, "text", "", ", ".join(choices), doc, check)
+    return _parameter(default, "text", "", ", ".join(choices), doc, _valid(lambda value: value in choices))
 
 
 def _text(default: str, pattern: "re.Pattern[str]", valid: str, doc: str) -> Any:
-    def check(value: Any) -> str:
-        if type(value) is not str or not pattern.match(value):
-            raise ValueError
-        return value
-    return _parameter(default, "text", "", valid, doc, check)
+    return _parameter(default, "text", "", valid, doc,
+                      _valid(lambda value: type(value) is str and bool(pattern.match(value))))
 
 
 def _host(value: Any) -> str:
@@ -202,11 +193,7 @@ class DriverConfig:
                if hasattr(self, f.name)})
 
     def arm_model(self) -> ArmModel:
-        """The arm, from ``dh_file`` or by its name.
-
-        Raises:
-            InvalidCommand: The file changed since it was checked, and is wrong now.
-        """
+        """The arm, from ``dh_file`` or by its name; raises InvalidCommand where the file is wrong by now."""
         return load_model_file(self.dh_file) if self.dh_file else load_model(self.model)
 
 
@@ -216,11 +203,9 @@ def table() -> List[Tuple[str, Any, Parameter]]:
 
 
 def config_from(values: Mapping[str, Any]) -> DriverConfig:
-    """Make the configuration from private parameters; those that are not set have their defaults.
+    """The configuration from private parameters; those that are not set have their defaults.
 
-    Raises:
-        WrongParameter: Names every unknown parameter with the nearest known one, and every wrong value with what
-            is valid.
+    Raises WrongParameter, which names unknown parameters with the nearest known, wrong values with what is valid.
     """
     known = {name: parameter for name, _, parameter in table()}
     wrong: List[str] = []

@@ -33,14 +33,9 @@ def resolved_node_name(default: str, argv: Sequence[str]) -> str:
 
 
 def refuse_second_node(name: str) -> None:
-    """Raise where a node of this name runs. Call it before ``rospy.init_node``. Without a master, or where the node is
-    dead, it does nothing.
+    """Raise AlreadyDriven where a node of this resolved name lives. Call it before ``rospy.init_node``.
 
-    Args:
-        name: The resolved name of the node that is to start.
-
-    Raises:
-        AlreadyDriven: A node of this name lives.
+    Without a master, or where the node is dead, it does nothing.
     """
     try:
         uri = _ask(rosgraph.get_master_uri(), "lookupNode", name, name)
@@ -58,11 +53,7 @@ def refuse_second_node(name: str) -> None:
 
 
 def _ask(uri: str, method: str, *arguments: str) -> Any:
-    """The answer of a master or node; None where it reports an error or does not answer in time.
-
-    Raises:
-        _NobodyThere: Nothing listens at its address.
-    """
+    """A master's or node's answer; None for an error or no answer. Raises _NobodyThere where nothing listens."""
     try:
         with ServerProxy(uri, transport=_ShortTransport()) as proxy:
             code, _, value = getattr(proxy, method)(*arguments)

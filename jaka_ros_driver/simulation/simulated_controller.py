@@ -19,7 +19,7 @@ from jaka_ros_driver.simulation.controller.controller_state import Options, Star
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.server import panel
 from jaka_ros_driver.simulation.server.cycle_clock import MIN_FEED_PERIOD_S
-from jaka_ros_driver.simulation.server.server import Addresses, Server
+from jaka_ros_driver.simulation.server.server import PANEL, Server
 from jaka_ros_driver.wire.log import WireLog
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
@@ -82,8 +82,11 @@ class SimulatedController:
         refuse = _one_of("single client", single_client, {"replace": False, "refuse": True})
         controller = Controller(arm, _one_of("firmware", firmware, FIRMWARES), options)
         self._log = WireLog(log) if log else None
-        self.server = Server(controller, Addresses(host, command_port, status_port, poll_port, panel_port),
-                             time_scale=time_scale, refuse_second_client=refuse, seed=seed, log=self._log)
+        ports = {"command": command_port, "status": status_port, "poll": poll_port}
+        if panel_port is not None:
+            ports[PANEL] = panel_port
+        self.server = Server(controller, host, ports, time_scale=time_scale, refuse_second_client=refuse, seed=seed,
+                             log=self._log)
         self._thread: Optional[threading.Thread] = None
         try:
             self.server.open(lambda request: panel.handle(self.server, request))

@@ -19,16 +19,7 @@ class Listeners:
         self._listeners: Dict[str, Tuple[str, socket.socket]] = {}
 
     def add(self, port: str, host: str, number: int) -> None:
-        """Listen.
-
-        Args:
-            port: Name.
-            host: Address.
-            number: TCP port number, 0 for a free one.
-
-        Raises:
-            OSError: It cannot be had.
-        """
+        """Listen at host on TCP port ``number``, 0 for a free one; raises OSError where it cannot be had."""
         listener = _bound(host, number)
         self._listeners[port] = (host, listener)
         self.numbers[port] = listener.getsockname()[1]
@@ -42,9 +33,7 @@ class Listeners:
             self._selector.register(listener, selectors.EVENT_READ, port)
 
     def shut(self, port: str) -> None:
-        """Stop listening and keep the number. The socket stays bound, so that connections are refused and nobody else
-        gets the number.
-        """
+        """Stop listening; the socket stays bound, so that connections are refused and nobody else gets the number."""
         host, listener = self._listeners[port]
         if listener in self._selector.get_map():
             self._selector.unregister(listener)

@@ -8,12 +8,13 @@ holds the true joints of a simulated arm. Times are those of the host's monotoni
 A thread of its own writes the log, and flushes it at least once a second and when it is closed. The package ``mcap`` is
 imported only when a log is written or read.
 """
+import contextlib
 import json
 import queue
 import struct
 import threading
 import time
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.protocol.ports import PORTS
@@ -78,20 +79,14 @@ class WireLog:
     """Writes a wire log; no method but ``close`` waits for the disk."""
 
     def __init__(self, path: str) -> None:
-        """Begin the file.
-
-        Raises:
-            WireLogError: The package mcap is missing, the file exists or cannot be written.
-        """
-        try:
-            from mcap.writer import CompressionType, Writer
-        except ImportError as error:
-            raise WireLogError("a wire log needs the Python package mcap: %s" % error) from error
+        """Begin the file; raises WireLogError where mcap is missing, or the file exists or cannot be written."""
+        writer = _mcap().writer
         try:
             self._file = open(path, "xb")
         except OSError as error:
             raise WireLogError("cannot write %s: %s" % (path, error)) from error
-        self._writer: Any = Writer(self._file, chunk_size=256 * 1024, compression=CompressionType.LZ4)
+        self._writer: Any = writer.Writer(self._file, chunk_size=256 * 1024,
+                                            compression=writer.CompressionType.LZ4)
         self._writer.start(profile="", library="jaka_ros_driver simulated controller")
         self._writer.add_metadata(_CLOCK, {_OFFSET: str(time.time_ns() - time.monotonic_ns())})
         self._channels = self._register()
@@ -136,11 +131,7 @@ class WireLog:
             self.lost += 1
 
     def close(self) -> None:
-        """Write what is left and end the file. Its metadata tell how many messages were lost.
-
-        Raises:
-            WireLogError: The file could not be written to its end.
-        """
+        """End the file; its metadata tell how many messages were lost. Raises WireLogError where it is not complete."""
         self._queue.put(None)
         self._thread.join()
         try:
@@ -188,58 +179,54 @@ def _text(time_ns: int, content: Any) -> bytes:
 
 
 def clock_offset_ns(path: str) -> int:
-    """What must be added to the times of a log to get the host's real time, ns since the epoch; 0 where the log does
-    not tell.
-
-    Raises:
-        WireLogError: The package mcap is missing, or the file cannot be read.
-    """
-    try:
-        from mcap.exceptions import EndOfFile, McapError
-        from mcap.records import Message, Metadata
-        from mcap.stream_reader import StreamReader
-    except ImportError as error:
-        raise WireLogError("a wire log needs the Python package mcap: %s" % error) from error
-    try:
-        with open(path, "rb") as file:
-            for record in StreamReader(file).records:
-                if isinstance(record, Metadata) and record.name == _CLOCK:
-                    return int(record.metadata[_OFFSET])
-                if isinstance(record, Message):
-                    return 0
-    except EndOfFile:
-        return 0
-    except (OSError, McapError, ValueError, KeyError, struct.error) as error:
-        raise WireLogError("cannot read %s as a wire log: %s" % (path, error)) from error
+    """What to add to a log's times to get real time, ns; 0 where it does not tell. Raises as ``read_log``."""
+    kinds = _mcap().records
+    with _reading(path) as records:
+        for record in records:
+            if isinstance(record, kinds.Metadata) and record.name == _CLOCK:
+                return int(record.metadata[_OFFSET])
+            if isinstance(record, kinds.Message):
+                break
     return 0
 
 
 def read_log(path: str) -> List[Union[WireEvent, TrueJoints]]:
     """The messages of a wire log as they were written; a log that was not ended is read as far as it goes.
 
-    Raises:
-        WireLogError: The package mcap is missing, or the file cannot be read or is no wire log.
+    Raises WireLogError where the package mcap is missing, or the file cannot be read or is no wire log.
     """
-    try:
-        from mcap.exceptions import EndOfFile, McapError
-        from mcap.records import Channel, Message
-        from mcap.stream_reader import StreamReader
-    except ImportError as error:
-        raise WireLogError("a wire log needs the Python package mcap: %s" % error) from error
+    kinds = _mcap().records
     topics: Dict[int, str] = {}
     found: List[Union[WireEvent, TrueJoints]] = []
+    with _reading(path) as records:
+        for record in records:
+            if isinstance(record, kinds.Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, kinds.Message):
+                found.append(_parsed(topics[record.channel_id], json.loads(record.data)))
+    return found
+
+
+def _mcap() -> Any:
+    try:
+        import mcap.stream_reader  # and with it exceptions and records
+        import mcap.writer
+    except ImportError as error:
+        raise WireLogError("a wire log needs the Python package mcap: %s" % error) from error
+    return mcap
+
+
+@contextlib.contextmanager
+def _reading(path: str) -> Iterator[Iterator[Any]]:
+    """A context with a log's records; it ends where an unfinished log ends. Errors become WireLogErrors."""
+    mcap = _mcap()
     try:
         with open(path, "rb") as file:
-            for record in StreamReader(file).records:
-                if isinstance(record, Channel):
-                    topics[record.id] = record.topic
-                elif isinstance(record, Message):
-                    found.append(_parsed(topics[record.channel_id], json.loads(record.data)))
-    except EndOfFile:
-        return found
-    except (OSError, McapError, ValueError, KeyError, struct.error) as error:
+            yield mcap.stream_reader.StreamReader(file).records
+    except mcap.exceptions.EndOfFile:
+        return
+    except (OSError, mcap.exceptions.McapError, ValueError, KeyError, struct.error) as error:
         raise WireLogError("cannot read %s as a wire log: %s" % (path, error)) from error
-    return found
 
 
 def _parsed(topic: str, fields: Dict[str, Any]) -> Union[WireEvent, TrueJoints]:

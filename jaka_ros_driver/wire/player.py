@@ -136,9 +136,7 @@ class WirePlayer(PortServer):
 
     @staticmethod
     def _shift(client: _Client) -> float:
-        """What is to be added to the times of a client's pieces, s: nothing for replies, which are timed from the live
-        request.
-        """
+        """What to add to the times of a client's pieces, s: nothing for replies, timed from the live request."""
         return 0.0 if client.recorded.port == "command" else client.shift
 
     def _accept(self, link: socket.socket, peer: str, port: str) -> None:
@@ -215,15 +213,12 @@ class WirePlayer(PortServer):
         if client.link not in self._clients:
             return
         if how == "half open":
-            self._selector.unregister(client.link)
+            sockets.watch(self._selector, client.link, 0)
             client.due.clear()
             client.recorded = client.recorded._replace(ended=None)
             return
         del self._clients[client.link]
-        try:
-            self._selector.unregister(client.link)
-        except KeyError:  # a half open connection is not registered any more
-            pass
+        sockets.watch(self._selector, client.link, 0)
         sockets.close(client.link, is_reset=how == "reset")
 
 

@@ -18,15 +18,7 @@ class PortServer:
     """
 
     def __init__(self, host: str, ports: Mapping[str, int]) -> None:
-        """Listen.
-
-        Args:
-            host: Address to listen on.
-            ports: TCP port number by name, 0 for a free one.
-
-        Raises:
-            OSError: A port cannot be had.
-        """
+        """Listen at host on the ports by name, 0 for a free one; raises OSError where a port cannot be had."""
         self._selector = selectors.DefaultSelector()
         self._listeners = Listeners(self._selector)
         self._is_running = True

@@ -129,13 +129,7 @@ class Proxy(PortServer):
     def _watch(self, side: _Side) -> None:
         """Wait for bytes of a side until it has ended, and for room while something is unsent to it."""
         events = (0 if side.is_finished else selectors.EVENT_READ) | (selectors.EVENT_WRITE if side.unsent else 0)
-        known = side.link in self._selector.get_map()
-        if events and known:
-            self._selector.modify(side.link, events, side)
-        elif events:
-            self._selector.register(side.link, events, side)
-        elif known:
-            self._selector.unregister(side.link)
+        sockets.watch(self._selector, side.link, events, side)
 
     def _finish(self, side: _Side) -> None:
         """A side has ended; the other one gets what is left before its connection is ended."""
@@ -150,10 +144,7 @@ class Proxy(PortServer):
             return
         for one in (side, side.peer):
             self._sides.remove(one)
-            try:
-                self._selector.unregister(one.link)
-            except KeyError:  # a finished side is not read any more
-                pass
+            sockets.watch(self._selector, one.link, 0)
             one.link.close()
         self._log.event(time.monotonic_ns(), side.port, side.number, "close",
                         "client" if side.is_client else "controller")

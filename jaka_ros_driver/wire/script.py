@@ -155,11 +155,7 @@ class WireScript(NamedTuple):
 
 
 def wire_script(log: Sequence[Union[WireEvent, TrueJoints]]) -> WireScript:
-    """The script of a wire log.
-
-    Raises:
-        WireScriptError: The log has no connection.
-    """
+    """The script of a wire log; raises WireScriptError where the log has no connection."""
     events = [event for event in log if isinstance(event, WireEvent) and event.port in PORTS]
     opened = [event for event in events if event.what == "open"]
     if not opened:

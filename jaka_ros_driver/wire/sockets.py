@@ -1,4 +1,5 @@
 """What every program that serves a controller's ports does with a socket; all of them are non-blocking."""
+import selectors
 import socket
 import struct
 from typing import Any, Optional, Tuple
@@ -9,11 +10,7 @@ _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 
 
 def accept(listener: Any) -> Optional[Tuple[socket.socket, str]]:
-    """Accept one connection.
-
-    Returns:
-        The socket, and the client's address as "host:port"; None where the client has gone already.
-    """
+    """The socket of the next client, and its address as "host:port"; None where it has gone already."""
     try:
         link, address = listener.accept()
     except OSError:
@@ -39,20 +36,25 @@ def receive(link: socket.socket, most: int = _RECEIVE_BYTES) -> Optional[bytes]:
 
 
 def send(link: socket.socket, data: bytes) -> bytes:
-    """Send as much as the network takes now.
-
-    Returns:
-        What is left of the data.
-
-    Raises:
-        OSError: The connection is broken.
-    """
+    """Send what the network takes now; returns what is left. Raises OSError where the connection is broken."""
     try:
         while data:
             data = data[link.send(data):]
     except BlockingIOError:
         pass
     return data
+
+
+def watch(selector: selectors.BaseSelector, link: socket.socket, events: int, data: Any = None) -> None:
+    """Have the selector wait for these events of the socket, and for none where ``events`` is 0."""
+    key = selector.get_map().get(link)
+    if key is None:
+        if events:
+            selector.register(link, events, data)
+    elif not events:
+        selector.unregister(link)
+    elif key.events != events:
+        selector.modify(link, events, data)
 
 
 def close(link: socket.socket, is_reset: bool) -> None:

@@ -136,7 +136,7 @@ class ControllerRoom:
         """Nothing moves, waits to move, or can be streamed to."""
         plant = self.controller.state.plant
         return (plant.is_in_position and not plant.is_servo_active and not plant.is_hand_guided
-                and not plant.is_jogging and not self._held)
+                and not plant.queue.is_jogging and not self._held)
 
     def heal(self) -> None:
         """Nothing is wrong any more, and no button is pressed."""

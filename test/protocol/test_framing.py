@@ -95,13 +95,6 @@ def test_a_frame_with_another_len_than_its_text_is_damage():
         assert shape(items) == ["damage", json.loads(FRAME)]
 
 
-def test_clear_forgets_what_has_begun():
-    for stream in (ObjectStream(), FrameStream()):
-        stream.feed(FRAME[:50])
-        stream.clear()
-        assert stream.feed(FRAME) == [json.loads(FRAME)]
-
-
 def test_objects_are_written_as_the_controller_writes_them():
     assert encode_object({"a": [1.5, 2], "b": "x"}) == b'{"a": [1.5, 2], "b": "x"}'
 

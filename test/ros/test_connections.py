@@ -27,8 +27,9 @@ import time
 import rospy
 from std_srvs.srv import Empty, EmptyResponse, SetBool, SetBoolResponse, Trigger, TriggerResponse
 from jaka_msgs.srv import GetIO, GetIOResponse
+from jaka_ros_driver.ros.connections import keep_serving
 from jaka_ros_driver.ros.log_bridge import log_to_ros
-from jaka_ros_driver.ros.services.service_server import CallCount, ServiceServer, prepare_connections
+from jaka_ros_driver.ros.services.service_server import CallCount, ServiceServer, take_connection
 
 def hold_all_descriptors(request):
     held, until = [], time.monotonic() + 1.5
@@ -43,7 +44,7 @@ def hold_all_descriptors(request):
 
 rospy.init_node("doorkeeper", disable_signals=True)
 log_to_ros()
-prepare_connections()
+keep_serving(take_connection)
 calls = CallCount()
 ServiceServer("~stop", Empty, lambda request: EmptyResponse(), calls)
 ServiceServer("~hold", Trigger, hold_all_descriptors, calls)

@@ -8,14 +8,11 @@ from types import SimpleNamespace
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from ros_bench import HOME, Arm, DriverProcess, SimulatorProcess, collecting, eventually, on
+from ros_bench import HOME, PROGRAM, Arm, DriverProcess, SimulatorProcess, collecting, eventually, on
 from sensor_msgs.msg import JointState
 
-from jaka_regression import programs
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.services import service_table as services
-
-PROGRAM = [sys.executable, *programs.DRIVER]
 
 
 @pytest.mark.parametrize("parameters, words", [

@@ -8,6 +8,7 @@ import sys
 import threading
 
 import arm_bench
+import roslib.packages
 import rospy
 import rostopic
 import yaml
@@ -20,6 +21,7 @@ from jaka_ros_driver.simulation.server.server import ask_panel
 WAIT = 60.0
 """s; many programs are started here, which a busy host may delay. Never a measure of speed."""
 TYPES = {spec.name: spec.srv_type for spec in SERVICES}
+PROGRAM = [sys.executable, *programs.DRIVER]
 HOME = [0.0, 1.5, -1.5, 1.5, 1.5, 0.0]
 
 
@@ -162,8 +164,8 @@ class DriverProcess:
         words = ["__name:=" + name] + ["_%s:=%s" % (key, yaml.safe_dump(value).split("\n")[0])
                                        for key, value in parameters.items()]
         self.process = subprocess.Popen(
-            [sys.executable, *programs.DRIVER, *words], stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, text=True, env=dict(os.environ, **(environment or {})))
+            [*PROGRAM, *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            env=dict(os.environ, **(environment or {})))
 
     def end(self, how=signal.SIGINT):
         """Its exit code, and all it said."""

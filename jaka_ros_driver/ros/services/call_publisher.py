@@ -1,12 +1,15 @@
 """Publishes a record of every service call: request, caller, response and duration."""
 import io
+import logging
 import time
 from typing import Any, NamedTuple
 
 import rospy
 
-from jaka_msgs.msg import ServiceCall
+from jaka_msgs import msg as messages
 from jaka_ros_driver.ros.services.service_handlers import Outcome
+
+_LOG = logging.getLogger(__name__)
 
 _QUEUE = 200
 
@@ -22,42 +25,44 @@ class Call(NamedTuple):
 
 
 class CallPublisher:
-    """Publishes ``~service_calls``. While nobody subscribes, no message is made."""
+    """Publishes ``~service_calls``. While nobody subscribes, no message is made.
+
+    A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack ``ServiceCall``, as the maker's does; then a
+    warning is logged, and nothing is published.
+    """
 
     def __init__(self) -> None:
-        self._publisher = rospy.Publisher("~service_calls", ServiceCall, queue_size=_QUEUE, tcp_nodelay=True)
+        self._publisher = None
+        if hasattr(messages, "ServiceCall"):
+            self._publisher = rospy.Publisher("~service_calls", messages.ServiceCall, queue_size=_QUEUE,
+                                              tcp_nodelay=True)
+        else:
+            _LOG.warning("jaka_msgs in %s has no ServiceCall: the record of service calls, ~service_calls, is not "
+                         "published; everything else is served", messages.__path__[0])
 
     def answered(self, call: Call, response: Any, outcome: Outcome) -> None:
         """Publish a call that got this response."""
-        if self._publisher.get_num_connections():
-            message = _message(call)
-            message.response = _serialised(response)
-            message.response_text = str(response)
-            message.success = outcome.is_success
-            message.error = "" if outcome.is_success else outcome.message
-            self._publisher.publish(message)
+        self._publish(call, response=response, success=outcome.is_success,
+                      error="" if outcome.is_success else outcome.message)
 
     def failed(self, call: Call, error: str) -> None:
         """Publish a call that got a ROS service error instead of a response."""
-        if self._publisher.get_num_connections():
-            message = _message(call)
-            message.error = error
-            self._publisher.publish(message)
+        self._publish(call, error=error)
 
-
-def _message(call: Call) -> ServiceCall:
-    header = call.request._connection_header
-    md5sum = header["md5sum"]
-    message = ServiceCall()
-    message.header.stamp = call.stamp
-    message.service = call.service
-    message.service_type = call.srv_type._type
-    message.md5sum = call.srv_type._md5sum if md5sum == rospy.names.SERVICE_ANYTYPE else md5sum
-    message.caller = header["callerid"]
-    message.request = _serialised(call.request)
-    message.request_text = str(call.request)
-    message.duration = time.monotonic() - call.received_at
-    return message
+    def _publish(self, call: Call, error: str, response: Any = None, success: bool = False) -> None:
+        if self._publisher is None or not self._publisher.get_num_connections():
+            return
+        header = call.request._connection_header
+        md5sum = header["md5sum"]
+        message = messages.ServiceCall(
+            service=call.service, service_type=call.srv_type._type, caller=header["callerid"],
+            md5sum=call.srv_type._md5sum if md5sum == rospy.names.SERVICE_ANYTYPE else md5sum,
+            request=_serialised(call.request), request_text=str(call.request), success=success, error=error,
+            duration=time.monotonic() - call.received_at)
+        message.header.stamp = call.stamp
+        if response is not None:
+            message.response, message.response_text = _serialised(response), str(response)
+        self._publisher.publish(message)
 
 
 def _serialised(message: Any) -> bytes:

@@ -40,9 +40,7 @@ class ServiceHandlers:
         self._outputs = threading.Lock()
 
     def move(self, command: c.Motion) -> Outcome:
-        """linear_move and joint_move: returns when the arm is there or, unless ``~blocking``, when the move is
-        accepted.
-        """
+        """linear_move, joint_move: answer when the arm is there or, unless ``~blocking``, when the move is accepted."""
         self._arm.move(command, wait=self._config.blocking)
         return Outcome("completed: the arm is at the target" if self._config.blocking else "accepted")
 
@@ -112,9 +110,7 @@ class ServiceHandlers:
         return Outcome(str(terminal), float(self._arm.execute(query(terminal.bank, terminal.index))))
 
     def clear_error(self, _: None) -> Outcome:
-        """clear_err: clear what can be cleared, and tell what is still missing before the arm can move; nothing of that
-        is done.
-        """
+        """clear_err: clear what can be cleared, and tell what is still missing before the arm can move."""
         missing = self._arm.run(power.clear_error)
         if not missing:
             return Outcome("alarms cleared; the arm is ready")

@@ -12,7 +12,7 @@ import rospy
 from rospy.impl import registration, tcpros_base, tcpros_service
 
 from jaka_ros_driver.protocol.texts import printable
-from jaka_ros_driver.ros.connections import SERVICE_CONNECTIONS, keep_serving
+from jaka_ros_driver.ros.connections import SERVICE_CONNECTIONS
 
 _LOG = logging.getLogger(__name__)
 
@@ -84,31 +84,19 @@ class ServiceServer(rospy.Service):
             SERVICE_CONNECTIONS.remove(transport.connection)
 
     def _handle_request(self, transport: Any, request: Any) -> None:
-        transport.connection.is_busy_now()
-        with self._calls.one():
+        with transport.connection.busy(), self._calls.one():
             super()._handle_request(transport, request)
-        transport.connection.is_idle_now()
 
     def _write_service_error(self, transport: Any, err_msg: str) -> None:
-        """Send an error. A response that could be serialised only in part is discarded first; it would precede the next
-        one.
-        """
+        """Send an error in place of a response that was serialised in part."""
         if transport.write_buff is not None:
             transport.write_buff.seek(0)
             transport.write_buff.truncate(0)
         super()._write_service_error(transport, printable(err_msg))
 
 
-def prepare_connections() -> None:
-    """Change how this process takes connections; call once, after init_node.
-
-    Services see a connection before rospy compares its md5, and no number of connections keeps out a client that wants
-    to stop the arm.
-    """
-    keep_serving(_service_connection)
-
-
-def _service_connection(sock: Any, client_addr: Any, header: Dict[str, str]) -> Optional[str]:
+def take_connection(sock: Any, client_addr: Any, header: Dict[str, str]) -> Optional[str]:
+    """Take a service client's connection, before rospy compares its md5; returns why it is refused, or None."""
     service = registration.get_service_manager().get_service(header.get("service", ""))
     if isinstance(service, ServiceServer) and "callerid" in header and service.accept(sock, header):
         return None

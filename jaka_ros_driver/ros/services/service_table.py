@@ -50,19 +50,13 @@ def as_success(response: Any, outcome: Outcome, is_vendor: bool) -> None:
 
 
 def as_exception(response: Any, outcome: Outcome, is_vendor: bool) -> None:
-    """Raise on failure: std_srvs/Empty has no field to tell it.
-
-    Raises:
-        rospy.ServiceException: The call failed.
-    """
+    """Raise rospy.ServiceException on failure: std_srvs/Empty has no field to tell it."""
     if not outcome.is_success:
         raise rospy.ServiceException(outcome.message)
 
 
 def as_value(response: Any, outcome: Outcome, is_vendor: bool) -> None:
-    """Set the fields of get_io, which has no ``ret``: a failure is NaN and a message that begins with ``error:``
-    (docs/interface.md section 4.1).
-    """
+    """Set the fields of get_io, without ``ret``: failure is NaN and ``error:`` (docs/interface.md section 4.1)."""
     response.message = outcome.message if outcome.is_success else "error: " + outcome.message
     response.value = outcome.value if outcome.is_success else VENDOR_IO_FAILURE if is_vendor else float("nan")
 
@@ -80,11 +74,7 @@ def as_joints(response: Any, outcome: Outcome, is_vendor: bool) -> None:
 
 
 def require_float32(value: Any) -> None:
-    """Raise where the response's float32 cannot hold a result: serialising it would end the call without telling why.
-
-    Raises:
-        ProtocolError: It holds such a number, or something else than numbers.
-    """
+    """Raise ProtocolError where float32 cannot hold a result: serialising it would end the call without a reason."""
     numbers = wire_pose(value) if isinstance(value, Pose) else value if isinstance(value, (tuple, list)) else (value,)
     if not all(isinstance(number, (int, float)) and -FLOAT32_MAX <= number <= FLOAT32_MAX for number in numbers):
         raise ProtocolError("the result %.200r holds what is no number of float32" % (value,))

@@ -15,7 +15,7 @@ from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.state import RobotState
-from jaka_ros_driver.units import s_to_ms
+from jaka_ros_driver.units import m_to_mm, s_to_ms
 
 _LOG = logging.getLogger(__name__)
 
@@ -25,11 +25,10 @@ _SLOW_FEED = 0.95
 """Share of the wanted rate below which the feed is reported as slow."""
 _MAX_JITTER_S = 0.004
 _WARM, _HOT = 70.0, 80.0
-"""deg C of a joint or the cabinet, above which a warning or an error is reported. No source gives limits; the
-controller itself protects the arm.
-"""
+"""deg C above which a warning or an error is reported; no source gives limits, the controller protects the arm."""
 
 Task = Callable[[DiagnosticStatusWrapper], None]
+StateTask = Callable[[DiagnosticStatusWrapper, RobotState], None]
 
 
 class Diagnostics:
@@ -76,10 +75,23 @@ class Diagnostics:
     def _tasks(self) -> Tuple[Tuple[str, Task], ...]:
         return (
             ("controller link", self._link), ("arm", self._arm_kind), ("guard", self._guard),
-            ("status feed", self._feed), ("controller state", self._state),
-            ("emergency stop", self._emergency_stop), ("protective stop", self._protective_stop),
-            ("soft limit", self._soft_limit), ("temperature", self._temperature), ("servo stream", self._servo),
-            ("kinematic model", self._model), ("versions", self._versions))
+            ("status feed", self._feed), ("controller state", self._of_state(self._state)),
+            ("emergency stop", self._of_state(_flag("emergency_stop", ERROR, "pressed", "released"))),
+            ("protective stop", self._of_state(_flag("protective_stop", ERROR, "stands: clear_err", "none"))),
+            ("soft limit", self._of_state(_flag("on_soft_limit", WARN, "a joint stands at its soft limit", "none"))),
+            ("temperature", self._of_state(_temperature)), ("servo stream", self._servo),
+            ("kinematic model", self._of_state(self._model)), ("versions", self._versions))
+
+    def _of_state(self, task: StateTask) -> Task:
+        """A task that needs a fresh state."""
+        def run(status: DiagnosticStatusWrapper) -> None:
+            try:
+                state = self._arm.fresh_state()
+            except ConnectionLost:
+                status.summary(STALE, "no fresh state")
+            else:
+                task(status, state)
+        return run
 
     def _link(self, status: DiagnosticStatusWrapper) -> None:
         health = self._arm.link_health
@@ -145,10 +157,7 @@ class Diagnostics:
         status.add("damaged frames", str(health.damaged))
         status.add("last damage", health.last_damage)
 
-    def _state(self, status: DiagnosticStatusWrapper) -> None:
-        state = self._fresh(status)
-        if state is None:
-            return
+    def _state(self, status: DiagnosticStatusWrapper, state: RobotState) -> None:
         missing = missing_for_motion(state)
         if state.has_fault:
             status.summary(ERROR, "event 0x%X %s" % (state.error_code, state.error_message))
@@ -168,38 +177,6 @@ class Diagnostics:
         status.add("speed override", str(state.rapid_rate))
         status.add("event", "0x%X %s" % (state.error_code, state.error_message))
 
-    def _emergency_stop(self, status: DiagnosticStatusWrapper) -> None:
-        state = self._fresh(status)
-        if state is not None:
-            status.summary(*((ERROR, "pressed") if state.emergency_stop else (OK, "released")))
-
-    def _protective_stop(self, status: DiagnosticStatusWrapper) -> None:
-        state = self._fresh(status)
-        if state is not None:
-            status.summary(*((ERROR, "stands: clear_err") if state.protective_stop else (OK, "none")))
-
-    def _soft_limit(self, status: DiagnosticStatusWrapper) -> None:
-        state = self._fresh(status)
-        if state is not None:
-            status.summary(*((WARN, "a joint stands at its soft limit") if state.on_soft_limit else (OK, "none")))
-
-    def _temperature(self, status: DiagnosticStatusWrapper) -> None:
-        state = self._fresh(status)
-        if state is None:
-            return
-        joints = state.joint_temperature or ()
-        cabinet = () if state.cabinet_temperature is None else (state.cabinet_temperature,)
-        if not joints and not cabinet:
-            status.summary(OK, "not reported by the controller")
-            return
-        hottest = max(joints + cabinet)
-        level = ERROR if hottest > _HOT else WARN if hottest > _WARM else OK
-        status.summary(level, "hottest %.1f deg C" % hottest)
-        for value in cabinet:
-            status.add("cabinet, deg C", "%.1f" % value)
-        for n, value in enumerate(joints):
-            status.add("joint %d, deg C" % (n + 1), "%.1f" % value)
-
     def _servo(self, status: DiagnosticStatusWrapper) -> None:
         late = self._arm.late_servo_cycles
         late_now, self._late_cycles = max(0, late - self._late_cycles), late
@@ -211,10 +188,7 @@ class Diagnostics:
             status.summary(OK, "on time")
         status.add("late cycles of this stream", str(late))
 
-    def _model(self, status: DiagnosticStatusWrapper) -> None:
-        state = self._fresh(status)
-        if state is None:
-            return
+    def _model(self, status: DiagnosticStatusWrapper, state: RobotState) -> None:
         deviation = self._model_check.check(state)
         if deviation is None:
             status.summary(OK, "not compared now: in motion, or the controller does not tell its frames")
@@ -224,8 +198,8 @@ class Diagnostics:
         else:
             status.summary(OK, "%s agrees with the controller" % self._arm.model.name)
         if deviation is not None:
-            status.add("distance, mm", "%.4f" % s_to_ms(deviation.distance))
-            status.add("angle, mrad", "%.4f" % s_to_ms(deviation.angle))
+            status.add("distance, mm", "%.4f" % m_to_mm(deviation.distance))
+            status.add("angle, mrad", "%.4f" % (1000.0 * deviation.angle))
 
     def _versions(self, status: DiagnosticStatusWrapper) -> None:
         health = self._arm.link_health
@@ -237,12 +211,23 @@ class Diagnostics:
         status.add("status period, ms", "unknown" if health.feed_period is None else "%g" % s_to_ms(health.feed_period))
         status.add("python", platform.python_version())
 
-    def _fresh(self, status: DiagnosticStatusWrapper) -> Optional[RobotState]:
-        try:
-            return self._arm.fresh_state()
-        except ConnectionLost:
-            status.summary(STALE, "no fresh state")
-            return None
+
+def _flag(field: str, level: int, bad: str, good: str) -> StateTask:
+    return lambda status, state: status.summary(*((level, bad) if getattr(state, field) else (OK, good)))
+
+
+def _temperature(status: DiagnosticStatusWrapper, state: RobotState) -> None:
+    joints = state.joint_temperature or ()
+    cabinet = () if state.cabinet_temperature is None else (state.cabinet_temperature,)
+    if not joints and not cabinet:
+        status.summary(OK, "not reported by the controller")
+        return
+    hottest = max(joints + cabinet)
+    status.summary(ERROR if hottest > _HOT else WARN if hottest > _WARM else OK, "hottest %.1f deg C" % hottest)
+    for value in cabinet:
+        status.add("cabinet, deg C", "%.1f" % value)
+    for n, value in enumerate(joints):
+        status.add("joint %d, deg C" % (n + 1), "%.1f" % value)
 
 
 def _guarded(name: str, task: Task) -> Callable[[DiagnosticStatusWrapper], DiagnosticStatusWrapper]:

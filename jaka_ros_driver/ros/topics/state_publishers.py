@@ -51,9 +51,7 @@ class FrameNames:
 
 
 class StatePublishers(LoopTask):
-    """Publishes what the status feed tells, from ``start`` on. As a task of the client's thread it repeats samples of a
-    slow feed.
-    """
+    """Publishes what the status feed tells; as a task of the client's thread it repeats samples of a slow feed."""
 
     def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameTable) -> None:
         self._arm = arm

@@ -33,22 +33,14 @@ _FOLLOWED = 0.3  # rad; an iterative solution that is no farther than this from 
 
 
 def finite_six(what: str, values: Sequence[float]) -> Vector:
-    """The values as a tuple.
-
-    Raises:
-        TargetRejected: Not six finite numbers.
-    """
+    """The values as a tuple; raises TargetRejected unless they are six finite numbers."""
     if len(values) != 6 or not all(math.isfinite(v) for v in values):
         raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "%s must be six finite numbers" % what)
     return tuple(values)
 
 
 def checked_transform(pose: Pose) -> Transform:
-    """The pose as a Transform.
-
-    Raises:
-        TargetRejected: Not six finite numbers.
-    """
+    """The pose as a Transform; raises TargetRejected unless it has six finite numbers."""
     finite_six("pose", tuple(pose.position) + tuple(pose.rpy))
     return transform_from_pose(pose)
 
@@ -86,20 +78,13 @@ class ArmFrames:
         return pose_from_transform(compose(self.user_t_base, self.tool_at(joint_position)))
 
     def in_base(self, pose: Pose) -> Transform:
-        """``base_t_tool`` of a pose in the active user frame.
-
-        Raises:
-            TargetRejected: Not six finite numbers.
-        """
+        """``base_t_tool`` of a pose in the active user frame; raises as ``checked_transform``."""
         return compose(self.base_t_user, checked_transform(pose))
 
     def displaced(self, base_t_tool: Transform, increment: Pose) -> Transform:
-        """The pose ``start``, moved along and turned about the axes of the active user frame by an increment.
+        """The pose, moved along and turned about the axes of the active user frame; raises as ``in_base``.
 
         docs/controller-protocol.md section 5.4.1: increments add along the axes in which the pose is reported.
-
-        Raises:
-            TargetRejected: Not six finite numbers.
         """
         finite_six("increment", tuple(increment.position) + tuple(increment.rpy))
         turn = compose(self.base_t_user, transform(matrix_from_rpy(increment.rpy), (0.0, 0.0, 0.0)))
@@ -113,18 +98,13 @@ class ArmFrames:
         return rotated(self.base_t_user, vector)
 
     def nearest_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Optional[Vector]:
-        """Joints, rad (6,), that bring the active tool there: the solution nearest to the reference. Joint limits are
-        not checked. None if the pose is out of reach.
-        """
+        """Joints for a tool pose, rad (6,), nearest to the reference, limits not checked; None where out of reach."""
         return nearest_joints(self.model, compose(base_t_tool, self.tool_t_flange), reference)
 
     def reachable_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Vector:
-        """Joints within their limits, rad (6,), that bring the active tool there: the solution nearest to the
-        reference.
+        """Joints within their limits, rad (6,), nearest to the reference, that bring the active tool there.
 
-        Raises:
-            TargetRejected: The pose is out of reach (0x0F0017), or reachable only with a joint outside its limits
-                (0x0F0011).
+        Raises TargetRejected where it is out of reach (0x0F0017), or a joint would leave its limits (0x0F0011).
         """
         try:
             return inverse(self.model, compose(base_t_tool, self.tool_t_flange), reference)
@@ -133,23 +113,18 @@ class ArmFrames:
         except UnreachablePose as error:
             raise TargetRejected(events.TARGET_UNREACHABLE, str(error)) from error
 
-    def joint_outside(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
-        """The first joint outside its limits, and True where it is above the upper one; None if all are within."""
+    def joint_outside(self, joint_position: Sequence[float], margin: float = 1e-9) -> Optional[Tuple[int, bool]]:
+        """The first joint more than ``margin``, rad, outside its limits, and True where it is above the upper one."""
         for joint, (value, (low, high)) in enumerate(zip(joint_position, self.model.joint_limits)):
-            if value > high + 1e-9:
+            if value > high + margin:
                 return joint, True
-            if value < low - 1e-9:
+            if value < low - margin:
                 return joint, False
         return None
 
     def joint_on_limit(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
         """The first joint on a soft limit, and True where that is the upper one; None if there is none."""
-        for joint, (value, (low, high)) in enumerate(zip(joint_position, self.model.joint_limits)):
-            if value > high - LIMIT_TOLERANCE:
-                return joint, True
-            if value < low + LIMIT_TOLERANCE:
-                return joint, False
-        return None
+        return self.joint_outside(joint_position, -LIMIT_TOLERANCE)
 
 
 def rotated(frame: Transform, vector: Sequence[float]) -> Tuple[float, float, float]:
@@ -171,9 +146,7 @@ def turned(matrix: Sequence[float], rotation_vector: Sequence[float], position: 
 
 
 def nearest_joints(model: ArmModel, base_t_flange: Transform, reference: Sequence[float]) -> Optional[Vector]:
-    """Joints, rad (6,), that bring the flange there: the solution nearest to the reference. Joint limits are not
-    checked. None if the pose is out of reach.
-    """
+    """Joints for a flange pose, rad (6,), nearest to the reference, limits not checked; None where out of reach."""
     if not model.has_closed_form:
         followed = refine(model, base_t_flange, reference)
         if followed is not None and all(abs(a - b) < _FOLLOWED for a, b in zip(followed, reference)):

@@ -1,6 +1,4 @@
-"""What the arm can report while it moves: entries of the controller's event list (docs/controller-protocol.md
-section 4.4).
-"""
+"""What the arm reports while it moves: entries of the event list (docs/controller-protocol.md section 4.4)."""
 from typing import NamedTuple, Optional
 
 from jaka_ros_driver.errors import JakaError

@@ -53,9 +53,7 @@ class Follower:
         return self.way >= self.route.length
 
     def take_limits_of(self, route: Route) -> bool:
-        """Continue with the limits of ``route``. False, and no change, where its geometry differs or it ends before the
-        arm can stop.
-        """
+        """Continue with the limits of ``route``; False where it is another path or ends before the arm can stop."""
         needed = stopping_way(self.speed, route.stopping_acceleration(self.way, 0.0), self._profile.jerk_time)
         here = route.joints_at(self.way, self.joints)
         if route.length <= self.way + needed or here is None or not same_joints(here, self.joints):

@@ -3,6 +3,7 @@ import math
 from typing import List, Optional, Tuple
 
 from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.simulation.arm.profiles import stoppable_speed
 from jaka_ros_driver.state import Vector
 
 MAX_SPEED = math.pi / 2.0
@@ -39,7 +40,7 @@ class HandGuiding:
             change = min(max(wanted - velocity, -ACCELERATION * dt), ACCELERATION * dt)
             upwards = velocity + change > 0.0
             room = high - joints[n] if upwards else joints[n] - low
-            stoppable = _stoppable(abs(velocity), room, ACCELERATION, dt)
+            stoppable = stoppable_speed(abs(velocity), room, ACCELERATION, dt)
             if stoppable <= 0.0 and velocity + change != 0.0:
                 joints[n], velocities[n] = (high if upwards else low), 0.0
                 self.hit_limit = (n, upwards)
@@ -49,12 +50,3 @@ class HandGuiding:
             velocities[n] = after
         self.joints, self.velocity = tuple(joints), tuple(velocities)
         return self.joints
-
-
-def _stoppable(speed: float, room: float, acceleration: float, dt: float) -> float:
-    """The highest speed after this cycle, rad/s, from which the joint can still stop within ``room``; below 0 if there
-    is none.
-    """
-    limit = acceleration * dt
-    root = limit * limit - 4.0 * (limit * speed - 2.0 * acceleration * room)
-    return 0.5 * (math.sqrt(root) - limit) if root > 0.0 else -1.0

@@ -23,9 +23,7 @@ _TURNS = 4.0 * math.pi  # rad; a jog about a Cartesian axis ends after two turns
 
 
 class JogMode(enum.IntEnum):
-    """How a jog ends; the numbers of the wire (docs/controller-protocol.md section 5.5; 0, stop, is
-    ``Plant.jog_stop``).
-    """
+    """How a jog ends; the numbers of the wire (docs/controller-protocol.md section 5.5), where 0 is stop."""
 
     CONTINUOUS = 1
     STEP = 2
@@ -105,9 +103,7 @@ def _cartesian_route(frames: ArmFrames, start: Vector, mode: JogMode, frame: Jog
 
 def _displacement(frames: ArmFrames, tool: Transform, frame: JogFrame, axis: int, extent: float
                   ) -> Tuple[Vector3, Vector3]:
-    """Translation, m (3,), and rotation vector, rad (3,), in the axes of the base, for an extent along or about one
-    axis of the frame.
-    """
+    """Shift, m (3,), and rotation vector, rad (3,), in base axes, for an extent along or about an axis of the frame."""
     unit = [0.0, 0.0, 0.0]
     unit[axis % 3] = extent
     way = rotated(tool, unit) if frame == JogFrame.TOOL else frames.in_base_axes(unit)
@@ -115,9 +111,7 @@ def _displacement(frames: ArmFrames, tool: Transform, frame: JogFrame, axis: int
 
 
 def _to_coordinate(frames: ArmFrames, tool: Transform, axis: int, value: float) -> Tuple[Vector3, Vector3]:
-    """Translation, m (3,), and rotation vector, rad (3,), in the axes of the base, after which one coordinate in the
-    user frame has this value.
-    """
+    """Shift, m (3,), and rotation vector, rad (3,), in base axes, that bring one user frame coordinate to a value."""
     user = compose(frames.user_t_base, tool)
     if axis < 3:
         unit = [0.0, 0.0, 0.0]

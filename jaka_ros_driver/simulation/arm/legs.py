@@ -98,9 +98,7 @@ class Arc(Leg):
 
     def __init__(self, start: Transform, end: Transform, centre: Vector3, normal: Vector3, sweep: float,
                  turn: Vector3, pace: Pace, line_id: int = 0) -> None:
-        """sweep: angle about ``normal``, rad. turn: rotation of the tool from start to end, a rotation vector of any
-        length, rad (3,).
-        """
+        """sweep: angle about ``normal``, rad. turn: the tool's rotation vector from start to end, rad (3,)."""
         arm = difference(start[9:], centre)
         radius = norm(arm)
         # Tangential and radial acceleration are at right angles: a / sqrt(2) each makes a.
@@ -161,9 +159,7 @@ class Corner:
 
 
 def corner_half(before: Leg, after: Leg) -> float:
-    """Length of each line that a corner within ``before.tolerance`` replaces, in their parameter, m; 0 where the corner
-    cannot be rounded.
-    """
+    """How much of each line a corner within ``before.tolerance`` replaces, in their parameter, m; 0 for no corner."""
     if not isinstance(before, Line) or not isinstance(after, Line) or before.tolerance <= 0.0:
         return 0.0
     if before.way < _TINY or after.way < _TINY:

@@ -73,11 +73,7 @@ class MotionQueue:
         return self._rest if self._rest is not None else self._running.route.end_joints
 
     def add_joint_route(self, route: JointRoute) -> None:
-        """Queue a joint motion.
-
-        Raises:
-            TargetRejected: A jog runs, or the queue is full.
-        """
+        """Queue a joint motion; raises TargetRejected while a jog runs, or where the queue is full."""
         self._check_room()
         self._enter(_Entry(route))
 
@@ -149,9 +145,7 @@ class MotionQueue:
         self._running = self._running_jog = self._rest = self.fault = None
 
     def step(self, dt: float, rate: float) -> Tuple[Optional[Vector], List[PlantEvent]]:
-        """Run one cycle of ``dt`` s at ``rate`` (0 to 1) of the speed. Returns the joints, rad (6,), None where nothing
-        runs; and the events of this cycle.
-        """
+        """Run one cycle of ``dt`` s at ``rate`` (0 to 1): the joints, rad (6,), None at rest, and the events."""
         if self._running is None:
             if not self._waiting:
                 return None, []

@@ -17,8 +17,7 @@ FASTEST = 100.0
 STRONGEST = 1e4
 """rad/s2; the same for rotation accelerations."""
 DEFAULT_JOINT_ACCELERATION = math.pi
-"""rad/s2, where a joint move names none (the SDK's short form, docs/controller-protocol.md section 2). No vendor
-value exists."""
+"""rad/s2, where a joint move names none (docs/controller-protocol.md section 2). No vendor value exists."""
 DEFAULT_TCP_ACCELERATION = 0.5
 """m/s2, where a linear move names none. No vendor value exists."""
 DEFAULT_ROTATION_SPEED = 3.14
@@ -34,11 +33,7 @@ _TOOL_RATE_MARGIN = 1.02  # between two samples the tool can be slightly faster 
 
 
 def positive(what: str, value: Optional[float], default: float) -> float:
-    """The value, or the default where there is none.
-
-    Raises:
-        TargetRejected: Not finite, or not at least SLOWEST (0x0F0010).
-    """
+    """The value, or the default for None; raises TargetRejected unless it is finite and at least SLOWEST (0x0F0010)."""
     if value is None:
         return default
     if not math.isfinite(value) or value < SLOWEST:
@@ -48,11 +43,7 @@ def positive(what: str, value: Optional[float], default: float) -> float:
 
 def tool_pace(model: ArmModel, speed: float, acceleration: Optional[float], rotation_speed: Optional[float],
               rotation_acceleration: Optional[float]) -> Pace:
-    """The pace of a Cartesian move, cut to what the model's tool can do; m/s, m/s2, rad/s, rad/s2.
-
-    Raises:
-        TargetRejected: A number that is not finite or not above 0.
-    """
+    """A move's pace, cut to what the model's tool can do; m/s, m/s2, rad/s, rad/s2; raises as ``positive``."""
     top = FASTEST if model.tcp_max_speed is None else model.tcp_max_speed
     strongest = model.tcp_max_acceleration
     return Pace(

@@ -1,6 +1,6 @@
 """The simulated arm: where its joints are over time. No sockets, threads, clock or wire units; SI throughout.
 
-The drives are ideal: the measured joints are the commanded ones. Which module does what:
+Which module does what:
 
 moves, legs, routes, path_scan   a move's numbers, its geometry, its limits along the way
 profiles, follower               progress along a route over time
@@ -42,6 +42,9 @@ class Plant:
 
     It knows nothing of power, latched stops and sockets: its owner decides which commands reach it. A command that the
     arm cannot carry out raises TargetRejected and changes nothing.
+
+    Attributes:
+        queue: The accepted moves and the jog; pauses, resumes and ends them along their paths.
     """
 
     def __init__(self, model: ArmModel, joint_position: Sequence[float] = HOME, *,
@@ -64,7 +67,7 @@ class Plant:
         self._before = self._joints
         self._dt = CYCLE_TIME_S
         self._velocity = _STILL
-        self._queue = MotionQueue(self._frames, jerk_limited)
+        self.queue = MotionQueue(self._frames, jerk_limited)
         self._servo: Optional[ServoStream] = None
         self._guiding: Optional[HandGuiding] = None
         self._coast: Optional[Coast] = None
@@ -81,7 +84,7 @@ class Plant:
 
     @property
     def joint_position(self) -> Vector:
-        """Measured joint angles, rad (6,)."""
+        """Measured joint angles, rad (6,); the commanded ones, too, because the drives are ideal."""
         return self._joints
 
     @property
@@ -89,20 +92,11 @@ class Plant:
         """Mean joint velocity over the last cycle, rad/s (6,)."""
         return self._velocity
 
-    @property
-    def joint_position_commanded(self) -> Vector:
-        """Commanded joint angles, rad (6,)."""
-        return self._joints
-
     def tcp_pose(self) -> Pose:
         """Measured pose of the active tool in the active user frame, m and rpy rad."""
         if self._pose is None:
             self._pose = self._frames.pose_at(self._joints)
         return self._pose
-
-    def tcp_pose_commanded(self) -> Pose:
-        """Commanded pose of the active tool in the active user frame, m and rpy rad."""
-        return self.tcp_pose()
 
     @property
     def tcp_speed(self) -> float:
@@ -114,7 +108,7 @@ class Plant:
     @property
     def is_in_position(self) -> bool:
         """True when nothing is queued, running or coasting and settle_time has passed since the last acceptance."""
-        if self._unsettled > 0.0 or self._coast is not None or not self._queue.is_empty:
+        if self._unsettled > 0.0 or self._coast is not None or not self.queue.is_empty:
             return False
         if self._guiding is None and self._velocity is not _STILL:
             return False
@@ -124,21 +118,6 @@ class Plant:
     def is_moving(self) -> bool:
         """True while any joint moves, for whatever reason."""
         return self._velocity is not _STILL
-
-    @property
-    def is_jogging(self) -> bool:
-        """True from the acceptance of a jog until it has come to rest."""
-        return self._queue.is_jogging
-
-    @property
-    def queue_length(self) -> int:
-        """Accepted moves not yet completed, the running one included."""
-        return self._queue.length
-
-    @property
-    def is_paused(self) -> bool:
-        """True from ``pause`` until ``resume`` or ``stop``."""
-        return self._queue.is_paused
 
     @property
     def is_servo_active(self) -> bool:
@@ -167,11 +146,6 @@ class Plant:
         return self._rapid_rate
 
     @property
-    def motion_line(self) -> int:
-        """``executing_line_id`` of the move running or last run; 0 before the first and for a move without one."""
-        return self._queue.motion_line
-
-    @property
     def add_error_line(self) -> int:
         """``executing_line_id`` of the last move not queued because its target is the end of the queue; 0 for none.
 
@@ -193,27 +167,16 @@ class Plant:
         self._pose = None
 
     def set_user_frame(self, base_t_user: Pose) -> None:
-        """Make this the active user frame. Moves that are queued already keep the frame that was active when they were
-        added.
-        """
+        """Make this the active user frame. Moves that are queued already keep theirs."""
         self._frames.set_user_frame(checked_transform(base_t_user))
         self._pose = None
 
     def forward(self, joint_position: Sequence[float]) -> Pose:
-        """Pose of the active tool in the active user frame at these joints, rad (6,).
-
-        Raises:
-            TargetRejected: Not six finite numbers.
-        """
+        """Pose of the active tool in the active user frame at these joints, rad (6,); raises as ``finite_six``."""
         return self._frames.pose_at(finite_six("joint_position", joint_position))
 
     def inverse_nearest(self, pose: Pose, reference: Sequence[float]) -> Vector:
-        """Joints within their limits, rad (6,), that bring the active tool to a pose in the active user frame: the
-        solution nearest to the reference.
-
-        Raises:
-            TargetRejected: The pose is out of reach, reachable only with a joint outside its limits, or not finite.
-        """
+        """As ``ArmFrames.reachable_joints``, for a pose in the active user frame."""
         return self._frames.reachable_joints(self._frames.in_base(pose), finite_six("reference", reference))
 
     # --- queued moves -----------------------------------------------------------------------------------------------
@@ -240,9 +203,7 @@ class Plant:
 
     def add_end_move(self, target: Pose, speed: float, acceleration: Optional[float] = None,
                      line_id: Optional[int] = None) -> bool:
-        """Queue a joint motion to a tool pose in the active user frame (docs/controller-protocol.md section 5.3); speed
-        rad/s.
-        """
+        """Queue a joint motion to a pose in the user frame (docs/controller-protocol.md section 5.3); speed rad/s."""
         self._check_planned_mode()
         start = self._queue_end()
         end = self._frames.reachable_joints(self._frames.in_base(target), start)
@@ -299,45 +260,27 @@ class Plant:
         self._queue_leg(arc, joints)
         return True
 
-    def pause(self) -> None:
-        """Slow down along the path to a standstill and hold the queue."""
-        self._queue.pause()
-
-    def resume(self) -> None:
-        """Continue after ``pause``."""
-        self._queue.resume()
-
     def stop(self) -> None:
         """Slow down along the path, empty the queue and end a jog; in servo mode drop the points and stop."""
-        self._queue.stop()
+        self.queue.stop()
         if self._servo is not None:
             self._come_to_rest()
             self._servo = self._new_stream()
 
     def halt_protective(self) -> None:
         """Stop everything: queue and jog slow down along their path, servo mode and hand guiding end."""
-        self._queue.stop()
+        self.queue.stop()
         self.leave_servo()
         self.stop_hand_guiding()
 
     def halt_emergency(self) -> None:
         """Stop everything with the highest deceleration of the joints; the path is left."""
         self._come_to_rest()
-        self._queue.clear()
+        self.queue.clear()
         self._servo = self._guiding = None
 
-    def set_jerk_limited(self, jerk_limited: bool) -> None:
-        """Choose the speed profile of moves and jogs that are added from now on: S-curve (with ruckig) or trapezoid
-        (``set_motion_planner``).
-        """
-        self._queue.jerk_limited = jerk_limited
-
     def set_rapid_rate(self, rate: float) -> None:
-        """Set the speed override of queued moves and jogs, 0 to 1; it takes effect during a motion, too.
-
-        Raises:
-            TargetRejected: Not within 0 to 1.
-        """
+        """Set the speed override, 0 to 1, also during a motion; raises TargetRejected for other values."""
         if not 0.0 <= rate <= 1.0:
             raise TargetRejected(events.BAD_SPEED, "rapid rate must be within 0 to 1")
         self._rapid_rate = rate
@@ -364,27 +307,23 @@ class Plant:
         """
         self._check_planned_mode()
         key = (frame, axis, velocity > 0.0)
-        running_start = self._queue.running_jog_start(key) if mode == JogMode.CONTINUOUS else None
+        running_start = self.queue.running_jog_start(key) if mode == JogMode.CONTINUOUS else None
         if running_start is not None:
             again = jog_route(self._frames, running_start, mode, frame, axis, velocity, position)
-            return again is not None and self._queue.change_jog(again)
-        if not self._queue.takes_jog:
+            return again is not None and self.queue.change_jog(again)
+        if not self.queue.takes_jog:
             return False
         route = jog_route(self._frames, self._queue_end(), mode, frame, axis, velocity, position)
         if route is not None:
-            self._queue.start_jog(key, route)
+            self.queue.start_jog(key, route)
             self._unsettled = self.settle_time
         return True
-
-    def jog_stop(self, frame: JogFrame, axis: int) -> None:
-        """End the jog of this frame and axis smoothly; no effect on any other motion."""
-        self._queue.end_jog(frame, axis)
 
     # --- servo mode -------------------------------------------------------------------------------------------------
 
     def enter_servo(self) -> bool:
         """Enter servo mode; False, and no change, where the arm moves or the queue is not empty."""
-        if self._guiding is not None or self._coast is not None or not self._queue.is_empty:
+        if self._guiding is not None or self._coast is not None or not self.queue.is_empty:
             return False
         if self._servo is None:
             self._servo = self._new_stream()
@@ -397,14 +336,10 @@ class Plant:
             self._servo = None
 
     def servo_joint(self, target: Sequence[float], relative: bool = False, cycles: int = 1) -> bool:
-        """Append one joint point, rad (6,), that is to be reached in ``cycles`` times 8 ms.
+        """Append a joint point, rad (6,), to be reached in ``cycles`` times 8 ms.
 
-        Returns:
-            False when ignored: over 180 deg/s on a joint (docs/controller-protocol.md section 5.6.5), or the buffer is
-            full.
-
-        Raises:
-            TargetRejected: Bad numbers, beyond a soft limit, or not in servo mode.
+        False when ignored: over 180 deg/s (docs/controller-protocol.md section 5.6.5), or the buffer is full. Raises
+        TargetRejected for bad numbers, beyond a soft limit and outside servo mode.
         """
         return self._streaming().add_joints(tuple(target), relative, cycles)
 
@@ -413,11 +348,9 @@ class Plant:
         return self._streaming().add_pose(target, relative, cycles)
 
     def set_servo_filter(self, kind: ServoFilter, **parameters: float) -> None:
-        """Choose the filter of the servo stream. Parameters have their names on the wire and SI units, e.g.
-        ``lpf_cf=0.5``.
+        """Choose the servo stream's filter; parameters have their names on the wire, SI units (``lpf_cf=0.5``).
 
-        Raises:
-            TargetRejected: In servo mode, or parameters that are missing, surplus or out of range.
+        Raises TargetRejected in servo mode, and where parameters are missing, surplus or out of range.
         """
         if self._servo is not None:
             raise TargetRejected(events.NOT_ALLOWED_IN_MODE, "the filter can't be changed in servo mode")
@@ -427,14 +360,10 @@ class Plant:
     # --- hand guiding -----------------------------------------------------------------------------------------------
 
     def start_hand_guiding(self) -> None:
-        """Let the arm be pushed by hand.
-
-        Raises:
-            TargetRejected: Moving or in servo mode (0x0F0044), or on a soft limit (0x0F0040).
-        """
+        """Let the arm be pushed; raises TargetRejected in motion, in servo mode and on a soft limit."""
         if self._guiding is not None:
             return
-        if self._servo is not None or self._coast is not None or not self._queue.is_empty:
+        if self._servo is not None or self._coast is not None or not self.queue.is_empty:
             raise TargetRejected(events.HAND_GUIDING_REFUSED_MOVING, "the arm moves or is in servo mode")
         if self.on_soft_limit:
             raise TargetRejected(events.HAND_GUIDING_ON_SOFT_LIMIT, "a joint is on its soft limit")
@@ -447,9 +376,7 @@ class Plant:
             self._guiding = None
 
     def push_joint(self, joint: int, velocity: float) -> bool:
-        """Push joint 0..5 by hand at a velocity, rad/s, until the next call; 0 lets go. False, and no effect, unless
-        hand guiding is on.
-        """
+        """Push joint 0..5 at a velocity, rad/s, until the next call; False, and no effect, without hand guiding."""
         if self._guiding is None:
             return False
         self._guiding.push(joint, velocity)
@@ -467,7 +394,7 @@ class Plant:
             return
         self._before, self._joints, self._dt, self._pose = self._joints, joints, dt, None
         self._velocity = tuple([(b - a) / dt for a, b in zip(self._before, joints)])
-        if self._servo is not None or self._guiding is not None or self._queue.is_jogging:
+        if self._servo is not None or self._guiding is not None or self.queue.is_jogging:
             self._events += self._watch.look(self._joints)
 
     def _next_joints(self, dt: float) -> Optional[Vector]:
@@ -481,11 +408,11 @@ class Plant:
             return self._guided(self._guiding, dt)
         if self._servo is not None:
             return self._streamed(self._servo, dt)
-        queued, happened = self._queue.step(dt, self._rapid_rate)
+        queued, happened = self.queue.step(dt, self._rapid_rate)
         self._events += happened
-        if self._queue.fault is not None:
+        if self.queue.fault is not None:
             self._come_to_rest()
-            self._queue.clear()
+            self.queue.clear()
             return self._next_joints(dt) if self._coast is not None else None
         return queued
 
@@ -515,7 +442,7 @@ class Plant:
 
     def _queue_end(self) -> Vector:
         standing_at = self._joints if self._coast is None else self._coast.end_joints
-        return self._queue.end_joints(standing_at)
+        return self.queue.end_joints(standing_at)
 
     def _new_stream(self) -> ServoStream:
         joints = self._queue_end()
@@ -544,12 +471,12 @@ class Plant:
         tool_top = self._frames.model.tcp_max_speed
         if tool_top is not None:
             top = min(top, tool_top / max(tool_rate(self._frames, start, end), 1e-9))
-        self._queue.add_joint_route(JointRoute(self._frames.model, start, end, top, strongest, line_id or 0))
+        self.queue.add_joint_route(JointRoute(self._frames.model, start, end, top, strongest, line_id or 0))
         self._accepted()
         return True
 
     def _queue_leg(self, leg: Leg, joints: Vector) -> None:
-        self._queue.add_leg(leg, joints)
+        self.queue.add_leg(leg, joints)
         self._accepted()
 
     def _accepted(self) -> None:

@@ -117,13 +117,10 @@ class Profile:
         self.velocity -= self._max_acceleration * dt
 
     def _trapezoid(self, dt: float, target: float) -> None:
-        """One cycle at the constant acceleration after which the remaining distance still suffices to stop at the
-        target.
-        """
+        """One cycle at the constant acceleration after which it is still possible to stop at the target."""
         remaining = target - self.position
         limit = self._max_acceleration * dt
-        root = limit * limit - 4.0 * (limit * self.velocity - 2.0 * self._max_acceleration * remaining)
-        stoppable = 0.5 * (math.sqrt(root) - limit) if root > 0.0 else -1.0
+        stoppable = stoppable_speed(self.velocity, remaining, self._max_acceleration, dt)
         if remaining <= 0.0 or stoppable <= 0.0:
             self._rest_at(max(target, self.position))
             return
@@ -188,13 +185,18 @@ def ruckig_solves(solver: Any, plan: Any, trajectory: Any) -> bool:
 
 
 def speed_for_way(way: float, final_speed: float, acceleration: float, jerk_time: float) -> float:
-    """The highest speed from which ``final_speed`` can be reached within the distance ``way`` at this deceleration,
-    which builds up over jerk_time, s.
-    """
+    """The highest speed from which ``way`` suffices to slow to ``final_speed``; braking builds up over jerk_time, s."""
     half = 0.5 * jerk_time
     budget = way - half * final_speed + 0.5 * final_speed * final_speed / acceleration
     root = half * half + 2.0 * budget / acceleration
     return max(final_speed, acceleration * (math.sqrt(root) - half)) if root > 0.0 else final_speed
+
+
+def stoppable_speed(speed: float, room: float, acceleration: float, dt: float) -> float:
+    """The highest speed after a cycle of ``dt`` s from which ``room`` still suffices to stop; below 0 for none."""
+    limit = acceleration * dt
+    root = limit * limit - 4.0 * (limit * speed - 2.0 * acceleration * room)
+    return 0.5 * (math.sqrt(root) - limit) if root > 0.0 else -1.0
 
 
 def stopping_way(speed: float, acceleration: float, jerk_time: float) -> float:

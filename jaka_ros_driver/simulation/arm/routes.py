@@ -44,9 +44,7 @@ class Route:
         self._index = 0
 
     def joints_at(self, way: float, reference: Sequence[float]) -> Optional[Vector]:
-        """Joints at this parameter, rad (6,): the solution nearest to the reference; None where inverse kinematics has
-        none.
-        """
+        """The joints at this parameter nearest to the reference, rad (6,); None where inverse kinematics has none."""
         raise NotImplementedError
 
     def stopping_acceleration(self, way: float, ahead: float) -> float:
@@ -110,9 +108,7 @@ class JointRoute(Route):
 
     def __init__(self, model: ArmModel, start: Vector, end: Vector, speed: float, acceleration: float,
                  line_id: int = 0) -> None:
-        """speed, rad/s, and acceleration, rad/s2, are those of the joint with the longest way, lowered to what every
-        joint can do.
-        """
+        """speed, rad/s, and acceleration, rad/s2: of the joint with the longest way, at most what all joints can do."""
         super().__init__()
         self.start_joints, self.end_joints, self._line_id = start, end, line_id
         ways = [b - a for a, b in zip(start, end)]
@@ -164,9 +160,7 @@ class CartesianRoute(Route):
         self._set_stretches(scan.stretches)
 
     def append(self, leg: Leg, way: float, speed: float, jerk_time: float) -> bool:
-        """Add a leg after a rounded corner while the arm is at ``way`` with ``speed``; False where that is not
-        possible.
-        """
+        """Add a leg after a rounded corner while the arm is at ``way`` with ``speed``; False where that cannot be."""
         last = self._pieces[-1].leg
         if self._tool_t_flange != self._frames.tool_t_flange:
             return False

@@ -1,6 +1,4 @@
-"""Servo (streaming) mode: points of 8 ms and their multiples, interpolated, filtered (docs/controller-protocol.md
-section 5.6).
-"""
+"""Servo mode: points of 8 ms and multiples, interpolated, filtered (docs/controller-protocol.md section 5.6)."""
 import enum
 import math
 from collections import deque
@@ -67,21 +65,14 @@ class ServoStream:
     def add_joints(self, target: Vector, relative: bool, cycles: int) -> bool:
         """Append a joint point, rad (6,), to be reached in ``cycles`` cycles; False where it is ignored.
 
-        Raises:
-            TargetRejected: A number is not finite, the point is beyond a soft limit, or ``cycles`` is out of range.
+        Raises TargetRejected for bad numbers, a point beyond a soft limit, ``cycles`` out of range.
         """
         finite_six("servo point", target)
         end = tuple(a + b for a, b in zip(self._end, target)) if relative else tuple(target)
         return self._add(end, None, cycles)
 
     def add_pose(self, target: Pose, relative: bool, cycles: int) -> bool:
-        """Append a Cartesian point in the active user frame, to be reached in ``cycles`` cycles; False where it is
-        ignored.
-
-        Raises:
-            TargetRejected: A number is not finite, the point is out of reach or beyond a soft limit, or ``cycles`` is
-                out of range.
-        """
+        """As ``add_joints``, for a pose in the active user frame; one out of reach is rejected, too."""
         start = self._frames.tool_at(self._end)
         goal = self._frames.displaced(start, target) if relative else self._frames.in_base(target)
         end = self._frames.nearest_joints(goal, self._end)

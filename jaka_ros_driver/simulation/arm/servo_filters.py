@@ -39,23 +39,21 @@ class ServoFilter(enum.IntEnum):
     FORESIGHT = 5
 
 
-_PARAMETERS: Dict[ServoFilter, Tuple[str, ...]] = {
+_LIMITS = ("nlf_max_vr", "nlf_max_ar", "nlf_max_jr")
+PARAMETERS: Dict[ServoFilter, Tuple[str, ...]] = {
     ServoFilter.NONE: (),
     ServoFilter.JOINT_LOW_PASS: ("lpf_cf",),
-    ServoFilter.JOINT_LIMITS: ("nlf_max_vr", "nlf_max_ar", "nlf_max_jr"),
+    ServoFilter.JOINT_LIMITS: _LIMITS,
     ServoFilter.JOINT_MEAN: ("mmf_max_buf", "mmf_kp", "mmf_kv", "mmf_ka"),
-    ServoFilter.CARTESIAN_LIMITS: ("nlf_max_vp", "nlf_max_ap", "nlf_max_jp", "nlf_max_vr", "nlf_max_ar", "nlf_max_jr"),
+    ServoFilter.CARTESIAN_LIMITS: _LIMITS + ("nlf_max_vp", "nlf_max_ap", "nlf_max_jp"),
     ServoFilter.FORESIGHT: ("mmf_max_buf", "mmf_kp"),
 }
+"""Names on the wire: docs/controller-protocol.md section 5.6.6, docs/sdk-client.md section 8."""
 
 
 def checked_parameters(kind: ServoFilter, parameters: Dict[str, float]) -> Dict[str, float]:
-    """Check the parameters of a filter; returns a copy of them.
-
-    Raises:
-        TargetRejected: One is missing, surplus, not finite or out of range.
-    """
-    names = _PARAMETERS[kind]
+    """A copy of a filter's parameters; raises TargetRejected where one is missing, surplus or out of range."""
+    names = PARAMETERS[kind]
     if set(parameters) != set(names):
         raise TargetRejected(events.BAD_SPEED, "filter %d takes %s" % (kind, ", ".join(names) or "no parameters"))
     for name, value in parameters.items():

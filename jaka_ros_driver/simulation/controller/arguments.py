@@ -13,13 +13,11 @@ from jaka_ros_driver.state import Vector
 MAX_TEXT = 256
 """Longest name stored, characters."""
 MAX_NUMBER = 1e9
-"""Largest absolute value taken; no quantity of an arm is larger. Others are refused before anything is computed with
-them.
-"""
+"""Largest absolute value taken; no quantity of an arm is larger."""
 
 
 class Arguments:
-    """One request's parameters, in wire units (mm, deg)."""
+    """One request's parameters, in wire units (mm, deg); one that is missing and has no default raises BadParameter."""
 
     def __init__(self, request: JsonObject) -> None:
         self._request = request
@@ -29,57 +27,34 @@ class Arguments:
         return key in self._request
 
     def number(self, key: str, default: Optional[float] = None) -> float:
-        """A finite number.
-
-        Raises:
-            BadParameter: It is missing without a default, or no finite number.
-            Refused: It is beyond ``MAX_NUMBER``.
-        """
+        """A finite number; raises BadParameter for anything else, Refused beyond ``MAX_NUMBER``."""
         if key not in self._request and default is not None:
             return default
         return _finite(key, self._request.get(key))
 
     def integer(self, key: str, default: Optional[int] = None) -> int:
-        """A whole number; ``2.0`` and ``true`` count as such.
-
-        Raises:
-            BadParameter: It is missing without a default, or no whole number.
-        """
+        """A whole number, ``2.0`` and ``true`` among them; raises as ``number``."""
         value = self.number(key, None if default is None else float(default))
         if not value.is_integer():
             raise BadParameter("%s is not a whole number" % key)
         return int(value)
 
     def flag(self, key: str, default: Optional[bool] = None) -> bool:
-        """0, 1, false or true.
-
-        Raises:
-            BadParameter: It is missing without a default, or anything else.
-        """
+        """0, 1, false or true; raises BadParameter where it is missing without a default, or anything else."""
         value = self.integer(key, None if default is None else int(default))
         if value not in (0, 1):
             raise BadParameter("%s is neither 0 nor 1" % key)
         return bool(value)
 
     def text(self, key: str, default: Optional[str] = None) -> str:
-        """A text of at most ``MAX_TEXT`` characters.
-
-        Raises:
-            BadParameter: It is missing without a default, longer, or no text.
-        """
+        """A text of at most ``MAX_TEXT`` characters; raises BadParameter for anything else."""
         value = self._request.get(key, default)
         if not isinstance(value, str) or len(value) > MAX_TEXT:
             raise BadParameter("%s is not a text of at most %d characters" % (key, MAX_TEXT))
         return value
 
     def vector(self, key: str, count: int) -> Vector:
-        """An array of ``count`` finite numbers.
-
-        Raises:
-            BadParameter: It is missing, no array, or holds something else than finite numbers.
-            Refused: It has another length, or a number is beyond ``MAX_NUMBER`` (docs/controller-protocol.md section
-                4.3, code 2).
-        """
+        """``count`` numbers; Refused for another length (docs/controller-protocol.md section 4.3, code 2)."""
         values = self._request.get(key)
         if not isinstance(values, list):
             raise BadParameter("%s is not an array" % key)
@@ -93,11 +68,7 @@ class Arguments:
         return next((key for key in keys if key in self._request), keys[0])
 
     def raw(self, key: str) -> Any:
-        """The value as it came.
-
-        Raises:
-            BadParameter: It is missing.
-        """
+        """The value as it came; raises BadParameter where it is missing."""
         if key not in self._request:
             raise BadParameter("%s is missing" % key)
         return self._request[key]

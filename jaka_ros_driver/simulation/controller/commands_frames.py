@@ -1,12 +1,10 @@
-"""Commands about tools, user frames, payload and collision sensitivity (docs/controller-protocol.md sections 5.7,
-5.9).
-"""
-from typing import List, Optional, Tuple
+"""Tools, user frames, payload, collision sensitivity (docs/controller-protocol.md sections 5.7, 5.9)."""
+from typing import Callable, List, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, query
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Frame, Payload
+from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Frame, FrameTable, Memory, Payload
 from jaka_ros_driver.simulation.controller.replies import Refused, Reply
 from jaka_ros_driver.simulation.controller.wire_units import QUERY_DECIMALS, pose_from_wire, pose_to_wire, rounded
 from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m
@@ -16,60 +14,35 @@ MAX_MASS_KG = 100.0
 """More than the heaviest arm of the line carries (models data)."""
 
 
-def _store(frames: List[Frame], arguments: Arguments, key: str) -> int:
-    """Store a frame. Id 0, which is fixed, and ids beyond the table are refused."""
-    frame_id = arguments.integer("id")
-    pose, name = pose_from_wire(arguments.vector(key, 6)), arguments.text("name", "")
-    if not 1 <= frame_id < FRAME_COUNT:
-        raise Refused()
-    frames[frame_id] = Frame(pose, name)
-    return frame_id
+def _set_offsets(table_of: Callable[[Memory], FrameTable], *keys: str) -> Handler:
+    """Make the handler that stores a frame; the values of the active one hold at once, and are refused during a motion.
 
-
-def _set_tool_offsets(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    """Store a tool; ``set_tool_id`` activates it. Where the tool is active, the new values hold at once, except during
-    a motion.
+    Id 0, which is fixed, and ids beyond the table are refused.
     """
-    if arguments.integer("id") == state.memory.tool_id:
-        state.require_standstill()
-    if _store(state.memory.tools, arguments, "tooloffset") == state.memory.tool_id:
-        state.plant.set_tool(state.memory.tools[state.memory.tool_id].pose)
-    return None
+    def handle(state: ControllerState, arguments: Arguments) -> None:
+        table, frame_id = table_of(state.memory), arguments.integer("id")
+        if frame_id == table.active:
+            state.require_standstill()
+        pose = pose_from_wire(arguments.vector(arguments.first_of(*keys), 6))
+        name = arguments.text("name", "")
+        if not 1 <= frame_id < FRAME_COUNT:
+            raise Refused()
+        table.frames[frame_id] = Frame(pose, name)
+        if frame_id == table.active:
+            state.apply_frames()
+    return handle
 
 
-def _set_user_offsets(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    """Store a user frame, as ``_set_tool_offsets``. The vendor's key is misspelt ``userffset``; some clients send
-    ``useroffset`` (docs/controller-protocol.md section 5.7).
-    """
-    if arguments.integer("id") == state.memory.user_frame_id:
-        state.require_standstill()
-    key = arguments.first_of("userffset", "useroffset")
-    if _store(state.memory.user_frames, arguments, key) == state.memory.user_frame_id:
-        state.plant.set_user_frame(state.memory.user_frames[state.memory.user_frame_id].pose)
-    return None
-
-
-def _set_tool_id(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    state.select_tool(arguments.integer("tool_id"))
-    return None
-
-
-def _set_user_id(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    state.select_user_frame(arguments.integer("user_frame_id"))
-    return None
-
-
-def _table(frames: List[Frame]) -> List[List[float]]:
-    return [pose_to_wire(frame.pose, QUERY_DECIMALS) for frame in frames]
+def _offsets(table: FrameTable) -> List[List[float]]:
+    return [pose_to_wire(frame.pose, QUERY_DECIMALS) for frame in table.frames]
 
 
 def _set_load(payload_of: str) -> Handler:
-    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    def handle(state: ControllerState, arguments: Arguments) -> None:
         mass, centroid = arguments.number("mass"), arguments.vector("centroid", 3)
         if not 0.0 <= mass <= MAX_MASS_KG:
             raise Refused()
         setattr(state.memory, payload_of, Payload(mass, all_mm_to_m(centroid)))
-        return None
     return handle
 
 
@@ -77,13 +50,12 @@ def _load(payload: Payload) -> Reply:
     return {"mass": payload.mass, "centroid": rounded(all_m_to_mm(payload.centroid), QUERY_DECIMALS)}
 
 
-def _set_sensitivity(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _set_sensitivity(state: ControllerState, arguments: Arguments) -> None:
     """Set the collision sensitivity; refused while hand guiding is on (event 0x0F0055)."""
     level = arguments.integer("sensitivityVal")
     if not 0 <= level <= MAX_COLLISION_LEVEL or state.plant.is_hand_guided:
         raise Refused()
     state.memory.collision_level = level
-    return None
 
 
 def _sensitivity(state: ControllerState) -> Reply:
@@ -93,16 +65,20 @@ def _sensitivity(state: ControllerState) -> Reply:
 
 
 FRAME_COMMANDS: Tuple[CommandSpec, ...] = (
-    CommandSpec("set_tool_offsets", "5.7", _set_tool_offsets),
+    CommandSpec("set_tool_offsets", "5.7", _set_offsets(lambda memory: memory.tools, "tooloffset")),
     CommandSpec("get_tool_offsets", "sdk-client.md 6", query(
-        lambda state: {"tool_offsets": _table(state.memory.tools)})),
-    CommandSpec("set_tool_id", "5.7", _set_tool_id),
-    CommandSpec("get_curr_tool_id", "5.7", query(lambda state: {"id": state.memory.tool_id})),
-    CommandSpec("set_user_offsets", "5.7", _set_user_offsets),
+        lambda state: {"tool_offsets": _offsets(state.memory.tools)})),
+    CommandSpec("set_tool_id", "5.7", lambda state, arguments: state.select_frame(
+        state.memory.tools, arguments.integer("tool_id"))),
+    CommandSpec("get_curr_tool_id", "5.7", query(lambda state: {"id": state.memory.tools.active})),
+    # The maker's key is misspelt userffset; some clients send useroffset (docs/controller-protocol.md section 5.7).
+    CommandSpec("set_user_offsets", "5.7", _set_offsets(
+        lambda memory: memory.user_frames, "userffset", "useroffset")),
     CommandSpec("get_user_offsets", "sdk-client.md 6", query(
-        lambda state: {"user_offsets": _table(state.memory.user_frames)})),
-    CommandSpec("set_user_id", "5.7", _set_user_id),
-    CommandSpec("get_curr_user_id", "5.7", query(lambda state: {"id": state.memory.user_frame_id})),
+        lambda state: {"user_offsets": _offsets(state.memory.user_frames)})),
+    CommandSpec("set_user_id", "5.7", lambda state, arguments: state.select_frame(
+        state.memory.user_frames, arguments.integer("user_frame_id"))),
+    CommandSpec("get_curr_user_id", "5.7", query(lambda state: {"id": state.memory.user_frames.active})),
     CommandSpec("set_payload", "5.7", _set_load("payload")),
     CommandSpec("get_payload", "5.7", query(lambda state: _load(state.memory.payload))),
     CommandSpec("set_tool_payload", "5.7", _set_load("sensor_payload")),

@@ -1,11 +1,9 @@
-"""Commands that move the arm: queued moves, jog, servo mode, hand guiding (docs/controller-protocol.md sections 5.2
-to 5.8).
-"""
-from typing import Callable, Dict, Optional, Tuple
+"""Commands that move the arm: moves, jog, servo, hand guiding (docs/controller-protocol.md sections 5.2 to 5.8)."""
+from typing import Callable, Optional, Tuple
 
 from jaka_ros_driver.commands import JogFrame
-from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.arm.plant import JogMode, ServoFilter
+from jaka_ros_driver.simulation.arm.servo_filters import PARAMETERS
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain, query
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
@@ -21,17 +19,11 @@ _RAPID_RATE_DECIMALS = 4
 
 
 def _move(command: str, queue: Callable[[ControllerState, Arguments], bool]) -> Handler:
-    """Make the handler of a queued move. It refuses the move where the arm takes none, and a bad target with "call
-    <cmd> failed"; neither latches an error.
-    """
-    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    """Make the handler of a queued move; one that is refused latches no error."""
+    def handle(state: ControllerState, arguments: Arguments) -> None:
         state.require_motion(command)
-        try:
-            queue(state, arguments)
-        except TargetRejected as error:
-            raise Refused() from error
+        queue(state, arguments)
         state.moved()
-        return None
     return handle
 
 
@@ -85,12 +77,12 @@ def _arc_move(state: ControllerState, arguments: Arguments) -> bool:
         _line(arguments))
 
 
-def _jog(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _jog(state: ControllerState, arguments: Arguments) -> None:
     mode = arguments.integer("jog_mode")
     coord_map, axis = arguments.integer("coord_map", 1), arguments.integer("jnum", 0)
     if mode == _JOG_STOP:
         state.stop_jog()
-        return None
+        return
     velocity = _rate(arguments, "jogvel")
     position = arguments.number("poscmd") if mode in (JogMode.STEP, JogMode.ABSOLUTE) else None
     if mode not in tuple(JogMode) or coord_map not in _JOG_FRAMES or not 0 <= axis < 6:
@@ -98,40 +90,27 @@ def _jog(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
     frame = _JOG_FRAMES[coord_map]
     to_si = mm_to_m if frame is not JogFrame.JOINT and axis < 3 else deg_to_rad
     state.require_motion("jog")
-    try:
-        taken = state.plant.jog(JogMode(mode), frame, axis, to_si(velocity),
-                                  None if position is None else to_si(position))
-    except TargetRejected as error:
-        raise Refused() from error
-    if taken:
+    if state.plant.jog(JogMode(mode), frame, axis, to_si(velocity), None if position is None else to_si(position)):
         state.jogged(frame, axis)
-    return None
 
 
-def _servo_move(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _servo_move(state: ControllerState, arguments: Arguments) -> None:
     if not arguments.flag("relFlag"):
         state.plant.leave_servo()
-        return None
+        return
     state.require_drives()
     if not state.plant.is_servo_active:
         state.plant.enter_servo()
-    return None
 
 
 def _servo_point(vendor_name: str, append: Callable[[ControllerState, Arguments, bool, int], bool]) -> Handler:
-    """Make the handler of a servo point. Outside servo mode a point is refused with the vendor's text; a point that
-    needs more than 180 deg/s is ignored.
-    """
-    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    """Make the handler of a servo point, refused outside servo mode; one over 180 deg/s is ignored."""
+    def handle(state: ControllerState, arguments: Arguments) -> None:
         relative, cycles = arguments.flag("relFlag", False), arguments.integer("stepNum", 1)
         if not state.plant.is_servo_active:
             raise Refused("-1", SERVO_ONLY % vendor_name)
         state.require_drives()
-        try:
-            append(state, arguments, relative, cycles)
-        except TargetRejected as error:
-            raise Refused() from error
-        return None
+        append(state, arguments, relative, cycles)
     return handle
 
 
@@ -143,82 +122,47 @@ def _servo_pose(state: ControllerState, arguments: Arguments, relative: bool, cy
     return state.plant.servo_pose(pose_from_wire(arguments.vector("catPosition", 6)), relative, cycles)
 
 
-def _same(value: float) -> float:
-    return value
+def _filter_parameter(arguments: Arguments, key: str) -> float:
+    """One parameter of a servo filter in SI units; on the wire ``nlf_max_?r`` are in deg, ``nlf_max_?p`` in mm."""
+    rate = _rate(arguments, key)
+    if not key.startswith("nlf"):
+        return rate
+    return deg_to_rad(rate) if key.endswith("r") else mm_to_m(rate)
 
 
-_FILTER_PARAMETERS: Dict[ServoFilter, Tuple[Tuple[str, Callable[[float], float]], ...]] = {
-    ServoFilter.NONE: (),
-    ServoFilter.JOINT_LOW_PASS: (("lpf_cf", _same),),
-    ServoFilter.JOINT_LIMITS: (("nlf_max_vr", deg_to_rad), ("nlf_max_ar", deg_to_rad), ("nlf_max_jr", deg_to_rad)),
-    ServoFilter.JOINT_MEAN: (("mmf_max_buf", _same), ("mmf_kp", _same), ("mmf_kv", _same), ("mmf_ka", _same)),
-    ServoFilter.CARTESIAN_LIMITS: (
-        ("nlf_max_vr", deg_to_rad), ("nlf_max_ar", deg_to_rad), ("nlf_max_jr", deg_to_rad),
-        ("nlf_max_vp", mm_to_m), ("nlf_max_ap", mm_to_m), ("nlf_max_jp", mm_to_m)),
-    ServoFilter.FORESIGHT: (("mmf_max_buf", _same), ("mmf_kp", _same)),
-}
-"""Keys and units of each filter: docs/controller-protocol.md section 5.6.6, docs/sdk-client.md section 8."""
-
-
-def _set_servo_filter(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _set_servo_filter(state: ControllerState, arguments: Arguments) -> None:
     number = arguments.integer("filter_type")
     if number not in tuple(ServoFilter):
         raise Refused()
     kind = ServoFilter(number)
-    parameters = {key: to_si(_rate(arguments, key)) for key, to_si in _FILTER_PARAMETERS[kind]}
+    parameters = {key: _filter_parameter(arguments, key) for key in PARAMETERS[kind]}
     if state.plant.is_servo_active:
         raise Refused("-1", "set_servo_move_filter command can not be excuted in servo move mode")
-    try:
-        state.plant.set_servo_filter(kind, **parameters)
-    except TargetRejected as error:
-        raise Refused() from error
-    return None
+    state.plant.set_servo_filter(kind, **parameters)
 
 
-def _rapid_rate(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    rate = round(arguments.number("rate_value"), _RAPID_RATE_DECIMALS)
-    try:
-        state.plant.set_rapid_rate(rate)
-    except TargetRejected as error:
-        raise Refused() from error
-    return None
-
-
-def _wait_complete(state: ControllerState, _arguments: Arguments) -> Held:
-    return Held(lambda: state.plant.is_in_position)
-
-
-def _motion_planner(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    """Choose the profile of moves and jogs that come later: 0 trapezoid; -1 (off) and 1 S-curve, where ruckig is
-    installed.
-    """
+def _motion_planner(state: ControllerState, arguments: Arguments) -> None:
+    """The profile of later moves and jogs: 0 trapezoid; -1 (off) and 1 S-curve, where ruckig is installed."""
     kind = arguments.integer("type")
     if kind not in (-1, 0, 1):
         raise Refused()
     state.memory.settings["set_motion_planner", 0] = {"type": kind}
-    state.plant.set_jerk_limited(kind != 0)
-    return None
+    state.plant.queue.jerk_limited = kind != 0
 
 
 def _motion_state(state: ControllerState) -> Reply:
     plant = state.plant
     motion_line, add_error_line = state.executing_lines()
-    return {"inpos": plant.is_in_position, "paused": state.is_paused, "queue": plant.queue_length,
-            "active_queue": min(1, plant.queue_length), "motion_line": motion_line, "err_add_line": add_error_line,
+    return {"inpos": plant.is_in_position, "paused": state.is_paused, "queue": plant.queue.length,
+            "active_queue": min(1, plant.queue.length), "motion_line": motion_line, "err_add_line": add_error_line,
             "queue_full": False, "isOnLimit": plant.on_soft_limit, "isInEstop": state.emergency_stop,
             "isInCollision": state.protective_stop}
 
 
-def _hand_guiding(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    state.set_hand_guiding(arguments.flag("enable_flag"))
-    return None
-
-
-def _torque_feedforward(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _torque_feedforward(state: ControllerState, arguments: Arguments) -> None:
     """Stored only: the simulated arm has no dynamics."""
     state.memory.settings["torque_feedforward", 0] = {
         "grvCurrent": list(arguments.vector("grvCurrent", 6)), "includeGrvFlag": arguments.integer("includeGrvFlag", 0)}
-    return None
 
 
 def _drag_status(state: ControllerState) -> Reply:
@@ -234,7 +178,7 @@ MOTION_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("stop_program", "5.4.4", plain(ControllerState.stop)),
     CommandSpec("pause_program", "5.4.5", plain(ControllerState.pause)),
     CommandSpec("resume_program", "5.4.5", plain(ControllerState.resume)),
-    CommandSpec("wait_complete", "5.4.6", _wait_complete),
+    CommandSpec("wait_complete", "5.4.6", lambda state, arguments: Held(lambda: state.plant.is_in_position)),
     CommandSpec("get_motion_state", "5.4.7", query(_motion_state)),
     CommandSpec("jog", "5.5", _jog),
     CommandSpec("servo_move", "5.6.1", _servo_move),
@@ -242,11 +186,13 @@ MOTION_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("servo_j", "5.6.3", _servo_point("servoj", _servo_joint)),
     CommandSpec("servo_p", "5.6.4", _servo_point("servop", _servo_pose)),
     CommandSpec("set_servo_move_filter", "5.6.6", _set_servo_filter),
-    CommandSpec("torque_control_enable", "5.8", _hand_guiding),
+    CommandSpec("torque_control_enable", "5.8", lambda state, arguments: state.set_hand_guiding(
+        arguments.flag("enable_flag"))),
     CommandSpec("torque_feedforward", "5.8", _torque_feedforward),
     CommandSpec("drag_status", "5.8", query(_drag_status)),
     CommandSpec("get_drag_status", "5.8", query(_drag_status)),
-    CommandSpec("rapid_rate", "5.10", _rapid_rate),
+    CommandSpec("rapid_rate", "5.10", lambda state, arguments: state.plant.set_rapid_rate(
+        round(arguments.number("rate_value"), _RAPID_RATE_DECIMALS))),
     CommandSpec("get_rapid_rate", "5.10", query(lambda state: {
         "rapid_rate": state.plant.rapid_rate, "rate_value": state.plant.rapid_rate})),
 )

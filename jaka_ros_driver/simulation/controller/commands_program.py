@@ -1,7 +1,5 @@
-"""Commands about the state of programs and about the status feed (docs/controller-protocol.md sections 5.13, 5.14,
-6.1).
-"""
-from typing import Optional, Tuple
+"""Commands about programs and the status feed (docs/controller-protocol.md sections 5.13, 5.14, 6.1)."""
+from typing import Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, query
@@ -15,29 +13,23 @@ _MAX_VARIABLES = 256
 _PORTS, _FIELDS, _DELAY = "PORTCONFIG", "ATTROPTIONALDATA", "port10000_delay_ms"
 
 
-def _load(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _load(state: ControllerState, arguments: Arguments) -> None:
     name = arguments.text("programName")
     if not name or state.program_state is not ProgramState.IDLE:
         raise Refused()
     state.memory.program_name = name
-    return None
 
 
-def _play(state: ControllerState, _arguments: Arguments) -> Optional[Reply]:
+def _play(state: ControllerState, _arguments: Arguments) -> None:
     """Start the program; it runs until it is stopped, because programs have a state here but no content."""
     if not state.memory.program_name:
         raise Refused()
     state.require_motion("play_program")
     state.require_standstill()
     state.program_state = ProgramState.RUNNING
-    return None
 
 
-def _program_state(state: ControllerState) -> Reply:
-    return {"programState": state.program_state.name.lower()}
-
-
-def _modify_variable(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _modify_variable(state: ControllerState, arguments: Arguments) -> None:
     number, alias, value = arguments.integer("id_new"), arguments.text("alias_new", ""), arguments.raw("value_new")
     if not isinstance(value, (int, float, str)):
         raise BadParameter("value_new is neither number nor text")
@@ -45,7 +37,6 @@ def _modify_variable(state: ControllerState, arguments: Arguments) -> Optional[R
     if not 0 <= number or (number not in variables and len(variables) >= _MAX_VARIABLES):
         raise Refused()
     variables[number] = (alias, arguments.text("value_new") if isinstance(value, str) else value)
-    return None
 
 
 def _variables(state: ControllerState) -> Reply:
@@ -59,19 +50,8 @@ def _set_delay(state: ControllerState, milliseconds: int) -> None:
     state.set_feed_period(ms_to_s(milliseconds))
 
 
-def _set_feed_delay(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
-    _set_delay(state, arguments.integer("port10000_delay_ms"))
-    return None
-
-
-def _feed_delay_ms(state: ControllerState) -> int:
-    return int(round(s_to_ms(state.asked_feed_period)))
-
-
 def _whole_number(value: object) -> int:
-    """The value of an optional-info setting: a number, or its text as clients send it (docs/controller-protocol.md
-    section 6.1).
-    """
+    """An optional-info value: a number, or its text as clients send it (docs/controller-protocol.md section 6.1)."""
     try:
         if isinstance(value, (str, int)) and len(str(value)) < 10:
             return int(value)
@@ -80,7 +60,7 @@ def _whole_number(value: object) -> int:
     raise BadParameter("value is no whole number")
 
 
-def _set_optional_info(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _set_optional_info(state: ControllerState, arguments: Arguments) -> None:
     """Set an optional-info setting: it holds at once and survives a restart."""
     section, key, value = arguments.text("section"), arguments.text("key"), _whole_number(arguments.raw("value"))
     if (section, key) == (_PORTS, _DELAY):
@@ -90,7 +70,6 @@ def _set_optional_info(state: ControllerState, arguments: Arguments) -> Optional
         state.memory.field_switches[key] = bool(value)
     else:
         raise Refused()
-    return None
 
 
 def _get_optional_info(state: ControllerState, arguments: Arguments) -> Reply:
@@ -102,24 +81,21 @@ def _get_optional_info(state: ControllerState, arguments: Arguments) -> Reply:
     raise Refused()
 
 
-def _data(state: ControllerState) -> Reply:
-    """The whole status frame; ``len`` becomes the size of the reply."""
-    return {"len": 0, **StatusFrame(state).fields()}
-
-
 PROGRAM_COMMANDS: Tuple[CommandSpec, ...] = (
-    CommandSpec("get_data", "5.13", query(_data)),
+    # The whole status frame; len becomes the size of the reply.
+    CommandSpec("get_data", "5.13", query(lambda state: {"len": 0, **StatusFrame(state).fields()})),
     CommandSpec("load_program", "5.14", _load),
     CommandSpec("get_loaded_program", "5.14", query(lambda state: {"programName": state.memory.program_name})),
     CommandSpec("play_program", "5.14", _play),
-    CommandSpec("get_program_state", "5.14", query(_program_state)),
+    CommandSpec("get_program_state", "5.14", query(
+        lambda state: {"programState": state.program_state.name.lower()})),
     CommandSpec("get_current_line", "sdk-client.md 6", query(
         lambda state: {"current_line": int(state.program_state is not ProgramState.IDLE)})),
     CommandSpec("query_user_defined_variable", "5.14", query(_variables)),
     CommandSpec("modify_user_defined_variable", "5.14", _modify_variable),
-    CommandSpec("set_port10000_delay_ms", "6.1", _set_feed_delay),
+    CommandSpec("set_port10000_delay_ms", "6.1", lambda state, arguments: _set_delay(state, arguments.integer(_DELAY))),
     CommandSpec("get_port10000_delay_ms", "6.1", query(
-        lambda state: {"port10000_delay_ms": _feed_delay_ms(state)})),
+        lambda state: {_DELAY: int(round(s_to_ms(state.asked_feed_period)))})),
     CommandSpec("setOptionalInfoConfig", "6.1", _set_optional_info),
     CommandSpec("getOptionalInfoConfig", "6.1", _get_optional_info),
 )

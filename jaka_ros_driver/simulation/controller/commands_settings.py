@@ -32,12 +32,7 @@ class _Key(NamedTuple):
     high: Optional[int] = None
 
     def read(self, arguments: Arguments) -> Any:
-        """Its value in a request.
-
-        Raises:
-            BadParameter: It is missing or mistyped.
-            Refused: It is out of range, or the array has another length.
-        """
+        """Its value in a request; raises as ``Arguments``, and Refused where it is out of range."""
         if isinstance(self.default, tuple):
             return list(arguments.vector(self.name, len(self.default)))
         if isinstance(self.default, str):
@@ -105,10 +100,9 @@ def _place(arguments: Arguments, selector: str) -> int:
 
 
 def _setter(setting: _Setting) -> Handler:
-    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    def handle(state: ControllerState, arguments: Arguments) -> None:
         place = _place(arguments, setting.selector)
         state.memory.settings[setting.setter, place] = {key.name: key.read(arguments) for key in setting.keys}
-        return None
     return handle
 
 
@@ -135,13 +129,12 @@ _SOFT_LIMIT_KEYS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 _ADMITTANCE_KEYS = ("opt", "ftUser", "ftConstant", "ftNnormalTrack", "ftReboundFK")
 
 
-def _set_soft_limit(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _set_soft_limit(state: ControllerState, arguments: Arguments) -> None:
     limits = arguments.raw("torqueSensorSoftLimit")
     if not isinstance(limits, dict):
         raise BadParameter("torqueSensorSoftLimit is no object")
     numbers = Arguments(limits)
     state.memory.settings["set_torque_sensor_soft_limit", 0] = {key: numbers.number(key) for key in _SOFT_LIMIT_KEYS}
-    return None
 
 
 def _soft_limit(state: ControllerState) -> Reply:
@@ -149,13 +142,12 @@ def _soft_limit(state: ControllerState) -> Reply:
     return {"torqueSensorSoftLimit": state.memory.settings.get(("set_torque_sensor_soft_limit", 0), zeros)}
 
 
-def _set_admittance(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _set_admittance(state: ControllerState, arguments: Arguments) -> None:
     axis = arguments.integer("axis")
     if not 0 <= axis < 6:
         raise Refused()
     values = {key: arguments.number(key) for key in _ADMITTANCE_KEYS}
     state.memory.settings["set_admit_ctrl_config", axis] = values
-    return None
 
 
 def _admittance(state: ControllerState) -> Reply:
@@ -168,29 +160,26 @@ def _names(state: ControllerState, what: str) -> Dict[str, Any]:
     return state.memory.settings.setdefault((what, 0), {})
 
 
-def _add_signal(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _add_signal(state: ControllerState, arguments: Arguments) -> None:
     signals, name = _names(state, "signals"), arguments.text("tio_signal_name")
     values = {key: arguments.integer(arguments.first_of("tio_signal_" + key, "_" + key, key))
-              for key in ("chnId", "sigType", "sigAddr", "frequency")
-              if key != "frequency"}
+              for key in ("chnId", "sigType", "sigAddr")}
     values["frequency"] = arguments.integer("frequency", 1)
     if name not in signals and len(signals) >= _MAX_SIGNALS:
         raise Refused()
     signals[name] = values
-    return None
 
 
-def _delete_signal(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _delete_signal(state: ControllerState, arguments: Arguments) -> None:
     if _names(state, "signals").pop(arguments.text("tio_signal_name"), None) is None:
         raise Refused()
-    return None
 
 
 def _signals(state: ControllerState) -> Reply:
     return {"signals": [dict(values, tio_signal_name=name) for name, values in _names(state, "signals").items()]}
 
 
-def _sample_mode(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _sample_mode(state: ControllerState, arguments: Arguments) -> None:
     mode, name = arguments.flag("mode"), arguments.text("filename")
     files = _names(state, "trajectories")
     if mode and name not in files:
@@ -198,30 +187,26 @@ def _sample_mode(state: ControllerState, arguments: Arguments) -> Optional[Reply
             raise Refused()
         files[name] = True
     state.memory.settings["set_traj_sample_mode", 0] = {"mode": int(mode)}
-    return None
 
 
-def _rename_trajectory(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _rename_trajectory(state: ControllerState, arguments: Arguments) -> None:
     files, source, target = _names(state, "trajectories"), arguments.text("src"), arguments.text("dest")
     files.pop(source, None)
     if target not in files and len(files) >= _MAX_TRAJECTORIES:
         raise Refused()
     files[target] = True
-    return None
 
 
 def _with_file(act: Callable[[Dict[str, Any], str], object]) -> Handler:
-    def handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+    def handle(state: ControllerState, arguments: Arguments) -> None:
         act(_names(state, "trajectories"), arguments.text("fileName"))
-        return None
     return handle
 
 
-def _identify_payload(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _identify_payload(state: ControllerState, arguments: Arguments) -> None:
     """Accept the identification, which ends at once: the simulated sensor measures no load."""
     arguments.vector("jointPosition", 6)
     state.require_motion("start_torq_sensor_payload_identify")
-    return None
 
 
 SETTING_COMMANDS: Tuple[CommandSpec, ...] = (

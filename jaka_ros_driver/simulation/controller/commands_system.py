@@ -1,10 +1,10 @@
 """Commands about power, states, errors and positions (docs/controller-protocol.md sections 5.1, 5.10, 5.12, 5.13)."""
 import math
-from typing import List, Optional, Tuple
+from typing import Tuple
 
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import SIMULATED_ONLY, CommandSpec, Then, plain, query
+from jaka_ros_driver.simulation.controller.command_spec import SIMULATED_ONLY, CommandSpec, Handler, Then, plain, query
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState, LinkLoss
 from jaka_ros_driver.simulation.controller.replies import Refused, Reply
 from jaka_ros_driver.simulation.controller.status_frame import errcode_text
@@ -26,18 +26,16 @@ def _robot_state(state: ControllerState) -> Reply:
     return {"enable": state.is_enabled, "power": int(state.is_powered), "errcode": errcode_text(code), "msg": text}
 
 
-def _shutdown(state: ControllerState, _arguments: Arguments) -> Optional[Reply]:
+def _shutdown(state: ControllerState, _arguments: Arguments) -> None:
     if state.is_powered or state.is_enabled:
         raise Refused()
-    return None
 
 
-def _set_installation_angle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _set_installation_angle(state: ControllerState, arguments: Arguments) -> None:
     about_x, about_z = arguments.number("angleX"), arguments.number("angleZ")
     if not 0.0 <= about_x <= 180.0 or not 0.0 <= about_z < 360.0:
         raise Refused()
     state.memory.installation_angles = (about_x, about_z)
-    return None
 
 
 def _installation_angle(state: ControllerState) -> Reply:
@@ -49,12 +47,11 @@ def _installation_angle(state: ControllerState) -> Reply:
     return {"installation_angle": [quaternion, [about_x, 0.0, about_z]]}
 
 
-def _set_network_exception_handle(state: ControllerState, arguments: Arguments) -> Optional[Reply]:
+def _set_network_exception_handle(state: ControllerState, arguments: Arguments) -> None:
     delay, reaction = arguments.number("timeLimit"), arguments.integer("motType")
     if delay < 0.0 or reaction not in tuple(LinkLoss):
         raise Refused()
     state.link_loss, state.link_loss_delay = LinkLoss(reaction), ms_to_s(delay)
-    return None
 
 
 def _kine_forward(state: ControllerState, arguments: Arguments) -> Reply:
@@ -73,9 +70,7 @@ def _kine_inverse(state: ControllerState, arguments: Arguments) -> Reply:
 
 
 def _dh_param(state: ControllerState) -> Reply:
-    """The modified DH table, deg and mm, as the SDK shows it: alpha and a are those of the link before
-    (docs/sdk-client.md section 6).
-    """
+    """The modified DH table, deg and mm; alpha and a are those of the link before (docs/sdk-client.md section 6)."""
     rows = state.model.dh
     alphas = [0.0] + [rad_to_deg(row.alpha) for row in rows[:-1]]
     lengths = [0.0] + [m_to_mm(row.a) for row in rows[:-1]]
@@ -83,12 +78,12 @@ def _dh_param(state: ControllerState) -> Reply:
         alphas, lengths, [m_to_mm(row.d) for row in rows], [rad_to_deg(row.theta_offset) for row in rows])]}
 
 
-def _joint_pos(state: ControllerState) -> List[float]:
-    return joints_to_wire(state.plant.joint_position, QUERY_DECIMALS)
+def _joints(key: str) -> Handler:
+    return query(lambda state: {key: joints_to_wire(state.plant.joint_position, QUERY_DECIMALS)})
 
 
-def _tcp_pos(state: ControllerState) -> List[float]:
-    return pose_to_wire(state.plant.tcp_pose(), QUERY_DECIMALS)
+def _tool(key: str) -> Handler:
+    return query(lambda state: {key: pose_to_wire(state.plant.tcp_pose(), QUERY_DECIMALS)})
 
 
 SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
@@ -113,8 +108,8 @@ SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("kine_forward", "5.12", _kine_forward),
     CommandSpec("kine_inverse", "5.12", _kine_inverse),
     CommandSpec("get_dh_param", "sdk-client.md 6", query(_dh_param)),
-    CommandSpec("get_joint_pos", "5.13", query(lambda state: {"joint_pos": _joint_pos(state)})),
-    CommandSpec("get_tcp_pos", "5.13", query(lambda state: {"tcp_pos": _tcp_pos(state)})),
-    CommandSpec("get_actual_joint_pos", "5.13", query(lambda state: {"position": _joint_pos(state)})),
-    CommandSpec("get_actual_tcp_pos", "5.13", query(lambda state: {"position": _tcp_pos(state)})),
+    CommandSpec("get_joint_pos", "5.13", _joints("joint_pos")),
+    CommandSpec("get_tcp_pos", "5.13", _tool("tcp_pos")),
+    CommandSpec("get_actual_joint_pos", "5.13", _joints("position")),
+    CommandSpec("get_actual_tcp_pos", "5.13", _tool("position")),
 )

@@ -1,6 +1,4 @@
-"""The controller without sockets, threads and clock: it takes a request and returns the reply; ``step`` tells it the
-time.
-"""
+"""The controller without sockets, threads and clock: takes a request, returns the reply; ``step`` tells the time."""
 import dataclasses
 import sys
 import traceback
@@ -10,6 +8,7 @@ from jaka_ros_driver.errors import FramingError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.protocol.framing import JsonObject, encode_object
 from jaka_ros_driver.protocol.status import encode_frame
+from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import Held, Then
@@ -43,6 +42,10 @@ class RequestResult(NamedTuple):
     reply: bytes
     until: Optional[Callable[[], bool]] = None
     then: Then = Then.NOTHING
+
+    def is_due(self) -> bool:
+        """True where the reply is to be sent now."""
+        return self.until is None or self.until()
 
 
 class Controller:
@@ -99,7 +102,8 @@ class Controller:
             fields = spec.handler(self.state, Arguments(request))  # type: ignore[arg-type]
         except BadParameter:
             return RequestResult(spec.name, encode_object(not_understood()))
-        except Refused as refusal:
+        except (Refused, TargetRejected) as error:
+            refusal = error if isinstance(error, Refused) else Refused()
             return RequestResult(spec.name, encode_object(refused(spec.name, refusal)))
         except Exception:
             self.failures += 1

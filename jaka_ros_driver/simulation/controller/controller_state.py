@@ -16,7 +16,7 @@ from jaka_ros_driver.simulation.arm.plant import HOME, Plant, Starvation
 from jaka_ros_driver.simulation.controller import alarms
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.io_banks import IoBanks
-from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Memory
+from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, FrameTable, Memory
 from jaka_ros_driver.simulation.controller.replies import Refused
 from jaka_ros_driver.state import Vector
 from jaka_ros_driver.units import ms_to_s
@@ -24,9 +24,7 @@ from jaka_ros_driver.units import ms_to_s
 FORCE_PER_LEVEL_N = 25.0
 """Collision levels 1 to 5 stop at 25 N to 125 N (docs/controller-protocol.md section 5.9)."""
 FRAME_SWITCH_DELAY_S = 0.04
-"""How long a tool or user frame takes to become active. The switch is asynchronous; its real duration is not known
-(docs/controller-protocol.md section 5.7).
-"""
+"""How long a tool or user frame takes to become active; a guess (docs/controller-protocol.md section 5.7)."""
 DISABLE_DELAY_S = 0.3
 """How long the event code precedes the flags when the drives are disabled (docs/controller-protocol.md section 4.4)."""
 
@@ -123,8 +121,7 @@ class ControllerState:
         self._lines_are_stale = False
         self._timers: List[Tuple[float, int, Callable[[], None]]] = []
         self._timer_ids = itertools.count()
-        self.plant.set_tool(memory.tools[memory.tool_id].pose)
-        self.plant.set_user_frame(memory.user_frames[memory.user_frame_id].pose)
+        self.apply_frames()
         self.set_feed_period(ms_to_s(memory.feed_period_ms))
 
     # --- time -------------------------------------------------------------------------------------------------------
@@ -148,7 +145,7 @@ class ControllerState:
             self._take_event(event)
         if not self.plant.on_soft_limit:
             self.alarms.left_soft_limit()
-        if self._jogged and not self.plant.is_jogging:
+        if self._jogged and not self.plant.queue.is_jogging:
             self._jogged = None
 
     def after(self, delay: float, action: Callable[[], None]) -> None:
@@ -164,33 +161,21 @@ class ControllerState:
     # --- power and drives (docs/controller-protocol.md section 5.1) ---------------------------------------------------
 
     def power_on(self) -> None:
-        """Begin to energise the drives; no effect where that has begun already.
-
-        Raises:
-            Refused: The emergency stop is pressed.
-        """
+        """Begin to energise the drives, unless that has begun; raises Refused while the emergency stop is pressed."""
         if self.emergency_stop:
             raise Refused()
         if not self.is_powered and self._power_at is None:
             self._power_at = self.now + self.options.power_delay
 
     def power_off(self) -> None:
-        """Cut the drives.
-
-        Raises:
-            Refused: They are enabled (event 0x0F0026).
-        """
+        """Cut the drives; raises Refused while they are enabled (event 0x0F0026)."""
         if self.is_enabled or self._enable_at is not None:
             raise Refused()
         self.is_powered = self._was_enabled = False
         self._power_at = None
 
     def enable(self) -> None:
-        """Begin to enable; no effect before the drives have power (docs/controller-protocol.md section 5.1).
-
-        Raises:
-            Refused: A stop stands.
-        """
+        """Begin to enable, given power (docs/controller-protocol.md section 5.1); raises Refused during a stop."""
         if self.emergency_stop or self.protective_stop:
             raise Refused()
         if self._disable_at is not None:
@@ -200,11 +185,9 @@ class ControllerState:
             self._enable_at = self.now + self.options.enable_delay
 
     def disable(self) -> None:
-        """Engage the brakes; the feed's event code tells it before its flags change (docs/controller-protocol.md
-        section 4.4).
+        """Engage the brakes; the event code precedes the flags (docs/controller-protocol.md section 4.4).
 
-        Raises:
-            Refused: The arm moves (0x0F003A) or a program runs (0x0F0027).
+        Raises Refused while the arm moves (0x0F003A) or a program runs (0x0F0027).
         """
         if self.is_enabled:
             self.require_standstill()
@@ -244,15 +227,7 @@ class ControllerState:
         self.emergency_stop = False
 
     def hit(self, force: float, joint: Optional[int] = None) -> bool:
-        """Hit the arm.
-
-        Args:
-            force: N; the arm stops where this is at least the force of the collision level.
-            joint: 0..5 where the event is to name a joint.
-
-        Returns:
-            True when the arm noticed it.
-        """
+        """Hit the arm with ``force``, N; True where it notices and stops. The event names ``joint``, 0..5, or none."""
         level = self.memory.collision_level
         if not self.is_enabled or level == 0 or force < level * FORCE_PER_LEVEL_N:
             return False
@@ -264,20 +239,16 @@ class ControllerState:
         return True
 
     def clear_error(self) -> None:
-        """Clear errors and recover from a protective stop (docs/controller-protocol.md section 5.10); moves and
-        energises nothing.
-        """
+        """Clear errors and protective stop; energises nothing (docs/controller-protocol.md section 5.10)."""
         self.alarms.clear(self.emergency_stop)
         self.protective_stop = False
 
     # --- motion -----------------------------------------------------------------------------------------------------
 
     def require_drives(self) -> None:
-        """Raise unless the drives are ready for motion.
+        """Raise Refused unless the drives are ready (docs/controller-protocol.md section 4.3, code 2).
 
-        Raises:
-            Refused: Not powered, not enabled or being disabled, a stop stands, hand guiding is on, a program runs
-                (docs/controller-protocol.md section 4.3, code 2).
+        Not ready: unpowered, not enabled or being disabled, a stop, hand guiding, a program that runs.
         """
         ready = self.is_powered and self.is_enabled and self._disable_at is None
         if not ready or self.emergency_stop or self.protective_stop:
@@ -286,11 +257,7 @@ class ControllerState:
             raise Refused()
 
     def require_motion(self, command: str) -> None:
-        """Raise unless the arm can take a planned motion.
-
-        Raises:
-            Refused: As ``require_drives``; or servo mode is on (code -1).
-        """
+        """Raise Refused as ``require_drives``, and in servo mode (code -1)."""
         self.require_drives()
         if self.plant.is_servo_active:
             raise Refused("-1", "%s command can not be excuted in servo move mode" % command)
@@ -305,7 +272,7 @@ class ControllerState:
         Lines of an earlier client read 0. Ids restart at 2 in every client, and a client that finds its id in the feed
         together with ``inpos`` considers its move done (docs/sdk-client.md section 1, point 7).
         """
-        return (0, 0) if self._lines_are_stale else (self.plant.motion_line, self.plant.add_error_line)
+        return (0, 0) if self._lines_are_stale else (self.plant.queue.motion_line, self.plant.add_error_line)
 
     def stop(self) -> None:
         """End the program, every motion and every jog; never refused."""
@@ -316,26 +283,22 @@ class ControllerState:
         """Pause the program and the queued motion."""
         if self.program_state is ProgramState.RUNNING:
             self.program_state = ProgramState.PAUSED
-        if self.plant.queue_length:
-            self.plant.pause()
+        if self.plant.queue.length:
+            self.plant.queue.pause()
 
     def resume(self) -> None:
-        """Continue the program and the queued motion.
-
-        Raises:
-            Refused: The drives are not ready.
-        """
-        if self.program_state is ProgramState.PAUSED or self.plant.is_paused:
+        """Continue the program and the queued motion; raises Refused where the drives are not ready."""
+        if self.program_state is ProgramState.PAUSED or self.plant.queue.is_paused:
             self.require_drives()
         if self.program_state is ProgramState.PAUSED:
             self.program_state = ProgramState.RUNNING
-        if self.plant.is_paused:
-            self.plant.resume()
+        if self.plant.queue.is_paused:
+            self.plant.queue.resume()
 
     @property
     def is_paused(self) -> bool:
         """The value of the feed's field ``paused``."""
-        return self.plant.is_paused or self.program_state is ProgramState.PAUSED
+        return self.plant.queue.is_paused or self.program_state is ProgramState.PAUSED
 
     def jogged(self, frame: JogFrame, axis: int) -> None:
         """A jog was accepted."""
@@ -344,13 +307,12 @@ class ControllerState:
     def stop_jog(self) -> None:
         """End the running jog, also where the request names another axis."""
         if self._jogged:
-            self.plant.jog_stop(*self._jogged)
+            self.plant.queue.end_jog(*self._jogged)
 
     def set_hand_guiding(self, active: bool) -> None:
         """Switch hand guiding (docs/controller-protocol.md section 5.8).
 
-        Raises:
-            Refused: The drives are not ready, the arm moves or stands on a soft limit.
+        Raises Refused where the drives are not ready, the arm moves or stands on a soft limit.
         """
         if not active:
             self.plant.stop_hand_guiding()
@@ -362,16 +324,7 @@ class ControllerState:
                 raise Refused() from error
 
     def push(self, joint: int, velocity: float, duration: float) -> bool:
-        """Push a joint by hand for a while.
-
-        Args:
-            joint: 0..5.
-            velocity: rad/s.
-            duration: s of simulated time.
-
-        Returns:
-            False, and nothing moves, unless hand guiding is on.
-        """
+        """Push joint 0..5 by hand, rad/s, for ``duration`` s of simulated time; False without hand guiding."""
         pushed = self.plant.push_joint(joint, velocity)
         if pushed:
             self.after(duration, lambda: self._let_go(joint))
@@ -382,45 +335,30 @@ class ControllerState:
 
     # --- frames and feed --------------------------------------------------------------------------------------------
 
-    def select_tool(self, tool_id: int) -> None:
-        """Make a stored tool the active one, after ``FRAME_SWITCH_DELAY_S``.
+    def select_frame(self, table: FrameTable, frame_id: int) -> None:
+        """Make a stored tool or user frame active, after ``FRAME_SWITCH_DELAY_S``.
 
-        Raises:
-            Refused: There is no such id, or the arm moves.
+        Raises Refused where there is no such id, or the arm moves.
         """
-        self._require_frame_change(tool_id, self.memory.tool_id)
-
-        def switch() -> None:
-            self.memory.tool_id = tool_id
-            self.plant.set_tool(self.memory.tools[tool_id].pose)
-        self.after(FRAME_SWITCH_DELAY_S, switch)
-
-    def select_user_frame(self, frame_id: int) -> None:
-        """Make a stored user frame the active one, after ``FRAME_SWITCH_DELAY_S``.
-
-        Raises:
-            Refused: There is no such id, or the arm moves.
-        """
-        self._require_frame_change(frame_id, self.memory.user_frame_id)
-
-        def switch() -> None:
-            self.memory.user_frame_id = frame_id
-            self.plant.set_user_frame(self.memory.user_frames[frame_id].pose)
-        self.after(FRAME_SWITCH_DELAY_S, switch)
-
-    def _require_frame_change(self, wanted: int, active: int) -> None:
-        if not 0 <= wanted < FRAME_COUNT:
+        if not 0 <= frame_id < FRAME_COUNT:
             raise Refused()
-        if wanted != active:
+        if frame_id != table.active:
             self.require_standstill()
 
-    def require_standstill(self) -> None:
-        """Raise unless nothing moves and nothing is queued.
+        def switch() -> None:
+            table.active = frame_id
+            self.apply_frames()
+        self.after(FRAME_SWITCH_DELAY_S, switch)
 
-        Raises:
-            Refused: Something does.
-        """
-        if self.plant.is_moving or self.plant.queue_length or self.plant.is_jogging:
+    def apply_frames(self) -> None:
+        """Have the arm use the active tool and user frame as they are stored."""
+        tools, user_frames = self.memory.tools, self.memory.user_frames
+        self.plant.set_tool(tools.frames[tools.active].pose)
+        self.plant.set_user_frame(user_frames.frames[user_frames.active].pose)
+
+    def require_standstill(self) -> None:
+        """Raise Refused unless nothing moves and nothing is queued."""
+        if self.plant.is_moving or self.plant.queue.length or self.plant.queue.is_jogging:
             raise Refused()
 
     def set_feed_period(self, period: float) -> None:
@@ -431,9 +369,7 @@ class ControllerState:
         self.plant.settle_time = self.feed_period
 
     def slow_feed(self, period: Optional[float]) -> None:
-        """Use this period of the feed, s of simulated time, instead of the one that the client asked for; None ends
-        that.
-        """
+        """Use this period of the feed, s of simulated time, instead of the client's; None for the client's again."""
         self._forced_feed_period = period
         self.plant.settle_time = self.feed_period
 
@@ -446,7 +382,7 @@ class ControllerState:
 
     def client_connected(self) -> None:
         """A new client has the command port; settings of the one before, and the reaction to its loss, end."""
-        self._lines_are_stale = not self.plant.queue_length
+        self._lines_are_stale = not self.plant.queue.length
         self.link_loss, self.link_loss_delay = LinkLoss.KEEP, 0.0
         self._link_loss_at = None
 

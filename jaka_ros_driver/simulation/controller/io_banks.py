@@ -1,6 +1,4 @@
-"""The cabinet's terminals: inputs and outputs of every bank, by the wire's ``type`` (docs/controller-protocol.md
-section 5.11).
-"""
+"""The cabinet's terminals, by the wire's ``type`` and index (docs/controller-protocol.md section 5.11)."""
 from typing import Dict, Tuple, Union
 
 from jaka_ros_driver.errors import InvalidCommand
@@ -55,10 +53,9 @@ class IoBanks:
         return self._values[self._key(signal, output, bank, index)][index]
 
     def set(self, signal: str, output: bool, bank: int, index: int, value: float) -> None:
-        """Set one terminal; parameters as ``get``. Any digital value but 0 is 1.
+        """Set a terminal, parameters as ``get``; any digital value but 0 is 1.
 
-        Raises:
-            InvalidCommand: There is no such terminal, or the analog value is out of range.
+        Raises InvalidCommand where there is no such terminal, or the analog value is out of range.
         """
         key = self._key(signal, output, bank, index)
         if abs(value) > MAX_ANALOG:

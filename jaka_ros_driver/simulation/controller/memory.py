@@ -1,6 +1,4 @@
-"""What the controller keeps over a restart: frames, payload, settings (docs/controller-protocol.md sections 5.7,
-5.9, 6.1).
-"""
+"""What the controller keeps over a restart (docs/controller-protocol.md sections 5.7, 5.9, 6.1)."""
 from dataclasses import dataclass, field
 from typing import Any, Dict, List, Tuple
 
@@ -8,9 +6,7 @@ from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.state import Vector
 
 FRAME_COUNT = 16
-"""Ids 0 to 15. The maker's manual names 1 to 10; newer firmware takes up to 15 (docs/controller-protocol.md section
-5.7).
-"""
+"""Ids 0 to 15; the maker's manual names 1 to 10, newer firmware has 15 (docs/controller-protocol.md section 5.7)."""
 DEFAULT_FEED_PERIOD_MS = 30
 """Measured on 1.5.14 (docs/controller-protocol.md section 6.1)."""
 
@@ -25,8 +21,12 @@ class Frame:
     name: str = ""
 
 
-def _frames() -> List[Frame]:
-    return [Frame() for _ in range(FRAME_COUNT)]
+@dataclass
+class FrameTable:
+    """Stored tools or user frames by id, and the id of the active one. Id 0, the bare flange or the base, stays."""
+
+    frames: List[Frame] = field(default_factory=lambda: [Frame() for _ in range(FRAME_COUNT)])
+    active: int = 0
 
 
 @dataclass
@@ -42,10 +42,8 @@ class Memory:
     """Everything that survives a restart.
 
     Attributes:
-        tools: By id; 0 is the bare flange and stays.
-        user_frames: By id; 0 is the base and stays.
-        tool_id: Active tool.
-        user_frame_id: Active user frame.
+        tools: In the flange.
+        user_frames: In the base.
         payload: Load at the flange.
         sensor_payload: Load behind the torque sensor.
         collision_level: 0 off, 1 to 5.
@@ -57,10 +55,8 @@ class Memory:
         settings: Values of the settings of ``commands_settings``, by setter and index.
     """
 
-    tools: List[Frame] = field(default_factory=_frames)
-    user_frames: List[Frame] = field(default_factory=_frames)
-    tool_id: int = 0
-    user_frame_id: int = 0
+    tools: FrameTable = field(default_factory=FrameTable)
+    user_frames: FrameTable = field(default_factory=FrameTable)
     payload: Payload = field(default_factory=Payload)
     sensor_payload: Payload = field(default_factory=Payload)
     collision_level: int = 3

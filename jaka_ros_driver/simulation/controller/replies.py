@@ -39,7 +39,5 @@ def refused(command: str, refusal: Refused) -> Reply:
 
 
 def not_understood() -> Reply:
-    """The reply to an unknown command, a wrong parameter type, and anything that is not JSON. It does not name the
-    command.
-    """
+    """The reply to an unknown command, a wrong parameter type, and what is no JSON; it does not name the command."""
     return {"errorCode": "1", "errorMsg": "Exception:function call failed"}

@@ -8,6 +8,7 @@ of a field is made anew only when its value changed: most of a frame are I/O arr
 import json
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
+from jaka_ros_driver.protocol.status import with_len
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.wire_units import FEED_DECIMALS, joints_to_wire, pose_to_wire
@@ -31,9 +32,7 @@ _NO_SIGNALS = (0,) * 8
 
 
 def errcode_text(code: int) -> str:
-    """An event as the feed writes it: lower-case hexadecimal text, "0x0" for none (docs/controller-protocol.md
-    section 4.4).
-    """
+    """An event in the feed: lower-case hexadecimal, "0x0" for none (docs/controller-protocol.md section 4.4)."""
     return "0x%x" % code
 
 
@@ -64,8 +63,8 @@ def _task_mode(state: ControllerState) -> int:
 
 
 _COMMANDED_JOINTS: _Field = ("joint_position", lambda state: joints_to_wire(
-    state.plant.joint_position_commanded, FEED_DECIMALS))
-_COMMANDED_POSE: _Field = ("position", lambda state: pose_to_wire(state.plant.tcp_pose_commanded(), FEED_DECIMALS))
+    state.plant.joint_position, FEED_DECIMALS))
+_COMMANDED_POSE: _Field = ("position", lambda state: pose_to_wire(state.plant.tcp_pose(), FEED_DECIMALS))
 _KEYS: _Field = ("tio_key", lambda state: _NO_KEYS)
 _EXTENSION_OFF: Dict[str, Any] = {"status": 0, "setup": (), "num": (0, 0, 0, 0), "pinmap": (), "mode": 0}
 _EXTENSION: _Field = ("extio", lambda state: _EXTENSION_OFF)
@@ -102,8 +101,8 @@ def _feed_fields(modern: bool) -> Tuple[_Field, ...]:
         ("enabled", lambda state: state.is_enabled),
         ("paused", lambda state: state.is_paused),
         ("rapidrate", lambda state: float(state.plant.rapid_rate)),
-        ("current_tool_id", lambda state: state.memory.tool_id),
-        ("current_user_id", lambda state: state.memory.user_frame_id),
+        ("current_tool_id", lambda state: state.memory.tools.active),
+        ("current_user_id", lambda state: state.memory.user_frames.active),
         ("on_soft_limit", _flag(lambda state: state.plant.on_soft_limit)),
         ("emergency_stop", _flag(lambda state: state.emergency_stop)),
         ("drag_near_limit", lambda state: [int(near) for near in state.plant.near_limit]),
@@ -145,12 +144,7 @@ class StatusFrame:
     """
 
     def __init__(self, state: ControllerState, polled: bool = False) -> None:
-        """Begin with no field dropped or added.
-
-        Args:
-            state: Where the values come from.
-            polled: True for the frame of the polled port.
-        """
+        """The frames of ``state``; ``polled``: those of the polled port."""
         self._state = state
         fields = _FEED[state.firmware.is_modern]
         if polled:
@@ -174,11 +168,15 @@ class StatusFrame:
     def text(self) -> bytes:
         """The whole frame. From a polled frame, fields are dropped at its end until the SDK can take its length."""
         parts = [self._part(name, value) for name, value in self.fields().items()]
-        frame = _with_len(parts)
+        frame = self._frame(parts)
         while self._max_bytes is not None and len(frame) > self._max_bytes:
             parts.pop()
-            frame = _with_len(parts)
+            frame = self._frame(parts)
         return frame
+
+    @staticmethod
+    def _frame(parts: List[str]) -> bytes:
+        return with_len(("".join(", " + part for part in parts) + "}").encode("ascii"))
 
     def _part(self, name: str, value: Any) -> str:
         known = self._texts.get(name)
@@ -187,14 +185,3 @@ class StatusFrame:
         text = '"%s": %s' % (name, json.dumps(value))
         self._texts[name] = (value, text)
         return text
-
-
-def _with_len(parts: List[str]) -> bytes:
-    """Join the fields behind a ``len`` that counts every byte, its own digits included (docs/controller-protocol.md
-    section 3.3).
-    """
-    rest = "".join(", " + part for part in parts) + "}"
-    size = len(rest) + len('{"len": ')
-    total = size + len(str(size))
-    total = size + len(str(total))
-    return ('{"len": %d%s' % (total, rest)).encode("ascii")

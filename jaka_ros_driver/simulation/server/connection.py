@@ -1,11 +1,9 @@
-"""One client of one port, without its socket and without a clock: its requests not yet answered, and what it is to be
-sent, when.
-"""
+"""One client of one port, without socket and clock: its requests not yet answered, and what it is to be sent, when."""
 from collections import deque
-from typing import Callable, Deque, List, NamedTuple, Optional
+from typing import Callable, Deque, List, Optional
 
 from jaka_ros_driver.protocol.framing import Item
-from jaka_ros_driver.simulation.controller.command_spec import Then
+from jaka_ros_driver.simulation.controller.controller import RequestResult
 from jaka_ros_driver.simulation.server.faults import Delivery, Effect
 from jaka_ros_driver.simulation.server.request_parser import RequestParser
 
@@ -13,17 +11,6 @@ MAX_UNSENT_BYTES = 1 << 20
 """A command client with more unsent bytes than this is dropped."""
 FRAME_BACKLOG_BYTES = 1 << 16
 """A status client with more unsent bytes than this gets no new frames until it has read some."""
-
-
-class HeldReply(NamedTuple):
-    """A reply that is held back until ``until()`` is true; all later requests of the client wait for it
-    (docs/controller-protocol.md section 5.4.6).
-    """
-
-    until: Callable[[], bool]
-    command: Optional[str]
-    reply: bytes
-    then: Then
 
 
 class Connection:
@@ -35,7 +22,8 @@ class Connection:
         peer: Address of the client.
         parser: Cuts requests out of what it sends.
         inbox: Requests not yet carried out.
-        held: The reply for which the inbox waits; None for none.
+        held: The reply that waits until its ``until()`` is true, and the inbox with it (docs/controller-protocol.md
+            section 5.4.6); None for none.
         is_half_open: True where a wire fault says that nothing is read or sent any more.
         is_closing: True where it is to be closed once everything is sent.
         resets: True where it is to end with a reset (RST) instead of a close.
@@ -47,7 +35,7 @@ class Connection:
         self.peer = peer
         self.parser = RequestParser()
         self.inbox: Deque[Item] = deque()
-        self.held: Optional[HeldReply] = None
+        self.held: Optional[RequestResult] = None
         self.is_half_open = False
         self.is_closing = False
         self.resets = False
@@ -80,12 +68,7 @@ class Connection:
         return bool(self._unsent)
 
     def pump(self, now: float, send: Callable[[bytes], int]) -> None:
-        """Send what is due.
-
-        Args:
-            now: s on the clock of the deliveries.
-            send: Takes bytes, returns how many the network took.
-        """
+        """Send what is due at ``now``, s; ``send`` takes bytes and returns how many the network took."""
         while self._send(send) and self._waiting and self._waiting[0].at <= now:
             self._make_due(now)
 

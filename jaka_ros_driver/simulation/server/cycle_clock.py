@@ -15,9 +15,7 @@ _SAME_MOMENT_S = 1e-6
 
 
 class Lateness(NamedTuple):
-    """How late the cycles of the last minute began, s; ``lags``: how often the clock was started anew because the host
-    stood still.
-    """
+    """How late the cycles of the last minute began, s; ``lags``: restarts of the clock after the host stood still."""
 
     cycles: int
     median: float
@@ -61,12 +59,7 @@ class CycleClock:
         return cycles
 
     def frame_is_due(self, now: float, period: float) -> bool:
-        """Whether a frame is to be sent now: True once in each period.
-
-        Args:
-            now: Wall clock, s.
-            period: Of the feed, s of simulated time.
-        """
+        """True once in each period of the feed, s of simulated time; ``now``: wall clock, s."""
         wall_period = max(period / self._scale, MIN_FEED_PERIOD_S)
         if wall_period != self._feed_period:
             self._feed_period = wall_period

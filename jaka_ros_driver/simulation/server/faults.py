@@ -67,18 +67,22 @@ class FaultRule:
         return shown
 
 
+_Strike = Callable[[FaultRule, random.Random, List[Delivery], float], List[Delivery]]
+"""Changes one message, now; an earlier rule may have cut it into several deliveries."""
+
+
 class _Kind(NamedTuple):
     """What a kind of rule does.
 
     Attributes:
         defaults: Its parameters.
-        strike: Changes one message; an earlier rule may have cut it into several deliveries.
+        strike: What it does to a message.
         meaning: In words.
         usual_count: How many messages it changes where no count is given.
     """
 
     defaults: Mapping[str, float]
-    strike: Callable[[FaultRule, random.Random, List[Delivery], float], List[Delivery]]
+    strike: _Strike
     meaning: str
     usual_count: int = 1
 
@@ -94,28 +98,16 @@ def _split(rule: FaultRule, _chance: random.Random, messages: List[Delivery], _n
     return pieces
 
 
-def _merge(rule: FaultRule, _chance: random.Random, messages: List[Delivery], now: float) -> List[Delivery]:
+def _hold(rule: FaultRule, messages: List[Delivery], now: float) -> List[Delivery]:
+    """Hold the messages until ``hold_ms`` after the first of them."""
     if rule.release_at is None or now >= rule.release_at:
         rule.release_at = now + ms_to_s(rule.params["hold_ms"])
     return [message._replace(at=rule.release_at) for message in messages]
 
 
-def _delay(rule: FaultRule, _chance: random.Random, messages: List[Delivery], _now: float) -> List[Delivery]:
-    return [message._replace(at=message.at + ms_to_s(rule.params["delay_ms"])) for message in messages]
-
-
-def _drop(_rule: FaultRule, _chance: random.Random, _messages: List[Delivery], _now: float) -> List[Delivery]:
-    return []
-
-
-def _duplicate(_rule: FaultRule, _chance: random.Random, messages: List[Delivery], _now: float) -> List[Delivery]:
-    return messages + messages
-
-
 def _reorder(rule: FaultRule, _chance: random.Random, messages: List[Delivery], now: float) -> List[Delivery]:
     if rule.release_at is None or now >= rule.release_at:
-        rule.release_at = now + ms_to_s(rule.params["hold_ms"])
-        return [message._replace(at=rule.release_at) for message in messages]
+        return _hold(rule, messages, now)
     rule.release_at = None
     return [message._replace(overtakes=True) for message in messages]
 
@@ -125,41 +117,34 @@ def _noise(rule: FaultRule, chance: random.Random) -> bytes:
     return bytes(chance.randrange(0x80, 0x100) for _ in range(int(rule.params["bytes"])))
 
 
-def _garbage(rule: FaultRule, chance: random.Random, messages: List[Delivery], _now: float) -> List[Delivery]:
-    return [message._replace(data=_noise(rule, chance) + message.data) for message in messages]
+def _each(change: Callable[[FaultRule, random.Random, Delivery], Delivery]) -> _Strike:
+    """Change each delivery by itself."""
+    return lambda rule, chance, messages, now: [change(rule, chance, message) for message in messages]
 
 
-def _only_noise(rule: FaultRule, chance: random.Random, messages: List[Delivery], _now: float) -> List[Delivery]:
-    return [message._replace(data=_noise(rule, chance)) for message in messages]
-
-
-def _cut(rule: FaultRule, _chance: random.Random, messages: List[Delivery], _now: float) -> List[Delivery]:
-    return [message._replace(data=message.data[:int(rule.params["bytes"])], effect=Effect.CLOSE)
-            for message in messages]
-
-
-def _end_by(effect: Effect) -> Callable[[FaultRule, random.Random, List[Delivery], float], List[Delivery]]:
-    def strike(_rule: FaultRule, _chance: random.Random, _messages: List[Delivery], now: float) -> List[Delivery]:
-        return [Delivery(b"", now, effect)]
-    return strike
-
-
-def _unchanged(_rule: FaultRule, _chance: random.Random, messages: List[Delivery], _now: float) -> List[Delivery]:
-    return messages
+def _end_by(effect: Effect) -> _Strike:
+    return lambda rule, chance, messages, now: [Delivery(b"", now, effect)]
 
 
 KINDS: Dict[str, _Kind] = {
     "split": _Kind({"bytes": 64, "gap_ms": 2}, _split, "in pieces of `bytes`, `gap_ms` apart"),
-    "merge": _Kind({"hold_ms": 50}, _merge, "`count` messages held for `hold_ms` and written as one", 2),
-    "delay": _Kind({"delay_ms": 200}, _delay, "later by `delay_ms`; what follows waits too"),
-    "drop": _Kind({}, _drop, "never sent"),
-    "duplicate": _Kind({}, _duplicate, "sent twice"),
+    "merge": _Kind({"hold_ms": 50}, lambda rule, chance, messages, now: _hold(rule, messages, now),
+                   "`count` messages held for `hold_ms` and written as one", 2),
+    "delay": _Kind({"delay_ms": 200}, _each(lambda rule, _, message: message._replace(
+        at=message.at + ms_to_s(rule.params["delay_ms"]))), "later by `delay_ms`; what follows waits too"),
+    "drop": _Kind({}, lambda rule, chance, messages, now: [], "never sent"),
+    "duplicate": _Kind({}, lambda rule, chance, messages, now: messages + messages, "sent twice"),
     "reorder": _Kind({"hold_ms": 200}, _reorder,
                      "held until the next message has gone out, `hold_ms` at most; `count` 2 swaps one pair", 2),
-    "garbage": _Kind({"bytes": 16}, _garbage, "`bytes` random bytes go in front of it"),
-    "noise": _Kind({"bytes": 16}, _only_noise, "`bytes` random bytes go in its place"),
-    "wrong_len": _Kind({"offset": 7}, _unchanged, "`len` of a status frame is wrong by `offset`"),
-    "cut": _Kind({"bytes": 10}, _cut, "ends after `bytes`, and the connection is closed"),
+    "garbage": _Kind({"bytes": 16}, _each(lambda rule, chance, message: message._replace(
+        data=_noise(rule, chance) + message.data)), "`bytes` random bytes go in front of it"),
+    "noise": _Kind({"bytes": 16}, _each(lambda rule, chance, message: message._replace(
+        data=_noise(rule, chance))), "`bytes` random bytes go in its place"),
+    "wrong_len": _Kind({"offset": 7}, lambda rule, chance, messages, now: messages,
+                       "`len` of a status frame is wrong by `offset`"),
+    "cut": _Kind({"bytes": 10}, _each(lambda rule, _, message: message._replace(
+        data=message.data[:int(rule.params["bytes"])], effect=Effect.CLOSE)),
+                 "ends after `bytes`, and the connection is closed"),
     "close": _Kind({}, _end_by(Effect.CLOSE), "the connection is closed in its place"),
     "reset": _Kind({}, _end_by(Effect.RESET), "the connection is reset (RST) in its place"),
     "half_open": _Kind({}, _end_by(Effect.HALF_OPEN),

@@ -49,14 +49,6 @@ def handle(server: Server, request: Dict[str, Any]) -> Answer:
     return {"ok": True, **(answer or {})}
 
 
-def _press(server: Server, _request: Dict[str, Any]) -> None:
-    server.controller.state.press_emergency_stop()
-
-
-def _release(server: Server, _request: Dict[str, Any]) -> None:
-    server.controller.state.release_emergency_stop()
-
-
 def _joint(arguments: Arguments) -> int:
     joint = arguments.integer("joint")
     if not 1 <= joint <= 6:
@@ -111,20 +103,12 @@ def _end(effect: Effect) -> Callable[[Server, Dict[str, Any]], Answer]:
     return lambda server, request: {"connections": server.end_connections(_ports(request), effect)}
 
 
-def _stall(server: Server, request: Dict[str, Any]) -> None:
-    server.stall(_ports(request), ms_to_s(_not_negative(request, "duration_ms", 1000.0)))
-
-
-def _refuse(server: Server, request: Dict[str, Any]) -> None:
-    server.refuse(_ports(request), ms_to_s(_not_negative(request, "duration_ms", 1000.0)))
+def _for_a_while(act: Callable[[Server, Tuple[str, ...], float], None]) -> Callable[[Server, Dict[str, Any]], None]:
+    return lambda server, request: act(server, _ports(request), ms_to_s(_not_negative(request, "duration_ms", 1000.0)))
 
 
 def _reboot(server: Server, request: Dict[str, Any]) -> None:
     server.shut_down(_not_negative(request, "down", 10.0), Arguments(request).flag("silent", False))
-
-
-def _boot(server: Server, _request: Dict[str, Any]) -> None:
-    server.boot()
 
 
 def _not_negative(request: Dict[str, Any], key: str, default: float) -> float:
@@ -160,31 +144,21 @@ def _state(server: Server, _request: Dict[str, Any]) -> Answer:
         "tcp_pose": pose_to_wire(state.plant.tcp_pose(), QUERY_DECIMALS),
         "tcp_speed": round(m_to_mm(state.plant.tcp_speed), QUERY_DECIMALS),
         "is_moving": state.plant.is_moving, "is_in_position": state.plant.is_in_position,
-        "queue_length": state.plant.queue_length, "is_servo_active": state.plant.is_servo_active,
+        "queue_length": state.plant.queue.length, "is_servo_active": state.plant.is_servo_active,
         "is_hand_guided": state.plant.is_hand_guided, "collision_level": state.memory.collision_level,
-        "payload": {"mass": state.memory.payload.mass}, "tool_id": state.memory.tool_id,
-        "user_frame_id": state.memory.user_frame_id,
+        "payload": {"mass": state.memory.payload.mass}, "tool_id": state.memory.tools.active,
+        "user_frame_id": state.memory.user_frames.active,
         "digital_outputs": list(state.io.array("dout")), "analog_outputs": list(state.io.array("aout"))}}
 
 
-def _events(server: Server, _request: Dict[str, Any]) -> Answer:
-    return {"events": [{"simulated_s": round(past.at, 6), "code": errcode_text(past.event.code),
-                        "text": past.event.text} for past in server.controller.state.alarms.past]}
-
-
-def _wire(server: Server, _request: Dict[str, Any]) -> Answer:
-    return {"wire": server.described()}
-
-
-def _help(_server: Server, _request: Dict[str, Any]) -> Answer:
-    return {"actions": {name: [action.parameters, action.meaning] for name, action in ACTIONS.items()}}
-
-
 _PORT = "port: command, status, poll or all (default)"
+_FOR_A_WHILE = _PORT + "; duration_ms wall time (1000)"
 
 ACTIONS: Dict[str, Action] = {
-    "press_emergency_stop": Action(_press, "", "press the emergency stop button"),
-    "release_emergency_stop": Action(_release, "", "release it; clear_error, power_on, enable_robot remain to be done"),
+    "press_emergency_stop": Action(lambda server, request: server.controller.state.press_emergency_stop(), "",
+                                   "press the emergency stop button"),
+    "release_emergency_stop": Action(lambda server, request: server.controller.state.release_emergency_stop(), "",
+                                     "release it; clear_error, power_on, enable_robot remain to be done"),
     "hit": Action(_hit, "force N (150), joint 1..6 (none)",
                   "hit the arm; it stops when the force reaches 25 N times the collision level; answers noticed"),
     "push": Action(_push, "joint 1..6, velocity deg/s, duration simulated s (1)",
@@ -197,17 +171,23 @@ ACTIONS: Dict[str, Action] = {
     "close": Action(_end(Effect.CLOSE), _PORT, "close the connections"),
     "reset": Action(_end(Effect.RESET), _PORT, "reset the connections (RST)"),
     "half_open": Action(_end(Effect.HALF_OPEN), _PORT, "leave the connections open, and read and send nothing more"),
-    "stall": Action(_stall, _PORT + "; duration_ms wall time (1000)", "neither read nor send for a while"),
-    "refuse": Action(_refuse, _PORT + "; duration_ms wall time (1000)", "refuse new connections for a while"),
+    "stall": Action(_for_a_while(Server.stall), _FOR_A_WHILE, "neither read nor send for a while"),
+    "refuse": Action(_for_a_while(Server.refuse), _FOR_A_WHILE, "refuse new connections for a while"),
     "reboot": Action(_reboot, "down wall s (10), silent 0 or 1 (0)",
                      "turn the cabinet off for a while; silent: without closing connections, as in a power failure"),
-    "boot": Action(_boot, "", "turn the cabinet on again, after shutdown or in the middle of a reboot"),
+    "boot": Action(lambda server, request: server.boot(), "",
+                   "turn the cabinet on again, after shutdown or in the middle of a reboot"),
     "slow_feed": Action(_slow_feed, "rate Hz of simulated time",
                         "send the status feed at this rate, whatever the client asked for"),
     "fields": Action(_fields, "drop: names, add: object", "leave fields out of every frame and put others in"),
     "state": Action(_state, "", "what is true of the arm: joints, speeds, stops, outputs"),
-    "events": Action(_events, "", "the last events, also those that errcode does not show"),
-    "wire": Action(_wire, "", "connections, rules in force, lateness of the cycle"),
-    "help": Action(_help, "", "this table"),
+    "events": Action(lambda server, request: {"events": [
+        {"simulated_s": round(past.at, 6), "code": errcode_text(past.event.code), "text": past.event.text}
+        for past in server.controller.state.alarms.past]}, "",
+                     "the last events, also those that errcode does not show"),
+    "wire": Action(lambda server, request: {"wire": server.described()}, "",
+                   "connections, rules in force, lateness of the cycle"),
+    "help": Action(lambda server, request: {"actions": {
+        name: [action.parameters, action.meaning] for name, action in ACTIONS.items()}}, "", "this table"),
 }
 """Every action: its parameters with defaults, and what it does."""

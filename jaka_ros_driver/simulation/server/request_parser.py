@@ -25,32 +25,36 @@ SKIP_LIMIT_S = 0.1
 """After this time without a byte, s, the rest of a bad document is no longer waited for."""
 
 _BLANK = frozenset(b" \t\r\n")
-_DIGITS = frozenset(b"0123456789")
-_HEX = frozenset(b"0123456789abcdefABCDEF")
-_ESCAPES = frozenset(b'"\\/bfnrt')
 _OPENERS, _CLOSERS = frozenset(b"{["), frozenset(b"}]")
 _BEFORE_NESTED = frozenset(b":[,")
 _AFTER_STRING = frozenset(b",:]} \t\r\n")
 _MATTERS = re.compile(rb'["\\{}\[\]\n]')
 _MATTERS_IN_STRING = re.compile(rb'["\\\x00-\x1f]')
-_LITERALS = {ord("t"): b"true", ord("f"): b"false", ord("n"): b"null"}
 _QUOTE, _BACKSLASH, _COMMA, _COLON = b'"\\,:'
 _BRACE_OPEN, _BRACE_CLOSE, _BRACKET_OPEN, _BRACKET_CLOSE = b"{}[]"
 
 # What may come next.
 _FIRST_KEY, _KEY, _AFTER_KEY, _VALUE, _FIRST_ITEM, _AFTER_VALUE = "first key", "key", ":", "value", "item", ", or end"
-_STRING, _ESCAPE, _UNICODE, _LITERAL = "string", "escape", "unicode", "literal"
+_STRING, _ESCAPE = "string", "escape"
+_HEX = tuple("hex digit %d" % n for n in (1, 2, 3, 4))
 _MINUS, _ZERO, _INTEGER, _POINT, _FRACTION, _E, _E_SIGN, _EXPONENT = (
     "minus", "zero", "integer", "point", "fraction", "e", "e sign", "exponent")
-_NUMBER_STATES = {
+_TOKEN_STATES = {
+    _ESCAPE: {b'"\\/bfnrt': _STRING, b"u": _HEX[0]},
+    **{state: {b"0123456789abcdefABCDEF": following} for state, following in zip(_HEX, _HEX[1:] + (_STRING,))},
     _MINUS: {b"0": _ZERO, b"123456789": _INTEGER},
     _ZERO: {b".": _POINT, b"eE": _E}, _INTEGER: {b"0123456789": _INTEGER, b".": _POINT, b"eE": _E},
     _POINT: {b"0123456789": _FRACTION}, _FRACTION: {b"0123456789": _FRACTION, b"eE": _E},
     _E: {b"+-": _E_SIGN, b"0123456789": _EXPONENT}, _E_SIGN: {b"0123456789": _EXPONENT},
-    _EXPONENT: {b"0123456789": _EXPONENT}}
-_NUMBER_STEPS = {state: {byte: following for group, following in steps.items() for byte in group}
-                 for state, steps in _NUMBER_STATES.items()}
+    _EXPONENT: {b"0123456789": _EXPONENT},
+    **{word[:n]: {word[n:n + 1].encode("ascii"): word[:n + 1] if n + 1 < len(word) else _AFTER_VALUE}
+       for word in ("true", "false", "null") for n in range(1, len(word))}}
+"""Within a token, by state: which bytes may come, and the state after them. A literal's state is what has come."""
+_TOKEN_STEPS = {state: {byte: following for group, following in steps.items() for byte in group}
+                for state, steps in _TOKEN_STATES.items()}
+_TOKEN_STARTS = {**_TOKEN_STEPS[_MINUS], ord("-"): _MINUS, ord("t"): "t", ord("f"): "f", ord("n"): "n"}
 _NUMBER_ENDS = frozenset((_ZERO, _INTEGER, _FRACTION, _EXPONENT))
+_IN_STRING = frozenset((_STRING, _ESCAPE) + _HEX)
 
 
 def _whole_object(data: bytes, text: str, start: int) -> Tuple[Optional[JsonObject], int]:
@@ -79,8 +83,6 @@ class _ObjectGrammar:
         self._nesting = bytearray()
         self._state = _FIRST_KEY
         self._string_is_key = False
-        self._rest = b""
-        self._hex_left = 0
         self.is_complete = False
 
     def restart(self) -> None:
@@ -97,14 +99,14 @@ class _ObjectGrammar:
     @property
     def in_string(self) -> bool:
         """True between the quotes of a string."""
-        return self._state in (_STRING, _ESCAPE, _UNICODE)
+        return self._state in _IN_STRING
 
     def accepts(self, byte: int) -> bool:
         """Take the next byte; False when it cannot belong to a JSON object within the depth limit."""
         state = self._state
         if state is _STRING:
             return self._in_string(byte)
-        steps = _NUMBER_STEPS.get(state)
+        steps = _TOKEN_STEPS.get(state)
         if steps is not None:
             following = steps.get(byte)
             if following is not None:
@@ -113,8 +115,6 @@ class _ObjectGrammar:
             if state not in _NUMBER_ENDS:
                 return False
             self._state = state = _AFTER_VALUE
-        if state in (_ESCAPE, _UNICODE, _LITERAL):
-            return self._in_token(state, byte)
         return byte in _BLANK or self._structure(state, byte)
 
     def _in_string(self, byte: int) -> bool:
@@ -123,21 +123,6 @@ class _ObjectGrammar:
         elif byte == _BACKSLASH:
             self._state = _ESCAPE
         return byte >= 0x20
-
-    def _in_token(self, state: str, byte: int) -> bool:
-        if state is _ESCAPE:
-            self._state, self._hex_left = (_UNICODE, 4) if byte == ord("u") else (_STRING, 0)
-            return byte in _ESCAPES or byte == ord("u")
-        if state is _UNICODE:
-            self._hex_left -= 1
-            if not self._hex_left:
-                self._state = _STRING
-            return byte in _HEX
-        fits = byte == self._rest[0]
-        self._rest = self._rest[1:]
-        if not self._rest:
-            self._state = _AFTER_VALUE
-        return fits
 
     def _structure(self, state: str, byte: int) -> bool:
         if state is _AFTER_KEY:
@@ -164,12 +149,8 @@ class _ObjectGrammar:
             self._nesting.append(byte)
             self._state = _FIRST_KEY if byte == _BRACE_OPEN else _FIRST_ITEM
             return len(self._nesting) <= MAX_DEPTH
-        elif byte in _LITERALS:
-            self._state, self._rest = _LITERAL, _LITERALS[byte][1:]
-        elif byte in _DIGITS:
-            self._state = _INTEGER if byte != ord("0") else _ZERO
-        elif byte == ord("-"):
-            self._state = _MINUS
+        elif byte in _TOKEN_STARTS:
+            self._state = _TOKEN_STARTS[byte]
         else:
             return False
         return True
@@ -222,12 +203,7 @@ class RequestParser:
         return items
 
     def feed(self, data: bytes, now: float) -> List[Item]:
-        """Take the next bytes; return the requests they complete and the errors they make, in order.
-
-        Args:
-            data: Bytes as received.
-            now: Monotonic time of their arrival, s.
-        """
+        """Take the next bytes, arrived at ``now``, s; return the requests they complete and the errors they make."""
         items = self.expire(now)
         self._last_byte_at = now
         text = data.decode("latin-1")

@@ -12,14 +12,14 @@ import socket
 import threading
 import time
 import zlib
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 from jaka_ros_driver.errors import ConnectionLost, FramingError
-from jaka_ros_driver.protocol.ports import PORT_NUMBERS, PORTS
+from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.command_spec import Then
-from jaka_ros_driver.simulation.controller.controller import Controller
-from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, Connection, HeldReply
+from jaka_ros_driver.simulation.controller.controller import Controller, RequestResult
+from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, Connection
 from jaka_ros_driver.simulation.server.cycle_clock import CycleClock
 from jaka_ros_driver.simulation.server.faults import Delivery, Effect, FaultScript
 from jaka_ros_driver.wire import sockets
@@ -38,24 +38,6 @@ _LONGEST_ANSWER = 1 << 18
 PanelHandler = Callable[[Dict[str, Any]], Dict[str, Any]]
 
 
-class Addresses(NamedTuple):
-    """Where to listen.
-
-    Attributes:
-        host: Address for the three ports; the panel always listens on loopback.
-        command: TCP port, 0 for a free one.
-        status: As command.
-        poll: As command.
-        panel: As command; None for no panel.
-    """
-
-    host: str = LOOPBACK
-    command: int = PORT_NUMBERS["command"]
-    status: int = PORT_NUMBERS["status"]
-    poll: int = PORT_NUMBERS["poll"]
-    panel: Optional[int] = None
-
-
 class Server:
     """Serves one controller.
 
@@ -65,12 +47,24 @@ class Server:
         is_off: True while the controller is turned off: no port but the panel listens, and simulated time stands still.
     """
 
-    def __init__(self, controller: Controller, addresses: Addresses, *, time_scale: float = 1.0,
+    def __init__(self, controller: Controller, host: str, ports: Mapping[str, int], *, time_scale: float = 1.0,
                  refuse_second_client: bool = False, seed: int = 0, log: Optional[WireLog] = None) -> None:
+        """Prepare; ``open`` listens.
+
+        Args:
+            controller: What is served.
+            host: Address for the ports; the panel always listens on loopback.
+            ports: TCP port by name, 0 for a free one: those of ``PORTS`` and, where there is to be a panel, ``PANEL``.
+            time_scale: Simulated seconds a wall second.
+            refuse_second_client: Close a second command client; otherwise it replaces the first.
+            seed: Of the random generator of the wire faults.
+            log: Gets every byte.
+        """
         self.controller = controller
         self.faults = FaultScript(seed)
         self.is_off = False
-        self._addresses = addresses
+        self._host = host
+        self._ports = ports
         self._refuse_second = refuse_second_client
         self._log = log
         self._panel_handler: Optional[PanelHandler] = None
@@ -97,22 +91,11 @@ class Server:
     # --- life -------------------------------------------------------------------------------------------------------
 
     def open(self, panel_handler: Optional[PanelHandler] = None) -> None:
-        """Listen.
-
-        Args:
-            panel_handler: Answers the panel's requests.
-
-        Raises:
-            OSError: A port cannot be had.
-        """
+        """Listen; ``panel_handler`` answers the panel's requests. Raises OSError where a port cannot be had."""
         self._panel_handler = panel_handler
-        host = self._addresses.host
         try:
-            for port, number in (("command", self._addresses.command), ("status", self._addresses.status),
-                                 ("poll", self._addresses.poll)):
-                self._listeners.add(port, host, number)
-            if self._addresses.panel is not None:
-                self._listeners.add(PANEL, LOOPBACK, self._addresses.panel)
+            for port, number in self._ports.items():
+                self._listeners.add(port, LOOPBACK if port == PANEL else self._host, number)
         except OSError:
             self.close()
             raise
@@ -136,11 +119,7 @@ class Server:
         self._is_running = False
 
     def call(self, action: Callable[[], Any], timeout: float = 30.0) -> Any:
-        """Call ``action`` in the server's thread; returns its result and raises its exceptions.
-
-        Raises:
-            ConnectionLost: The server does not run.
-        """
+        """Call ``action`` in the server's thread; raises what it raises, and ConnectionLost where that does not run."""
         done = threading.Event()
         outcome: List[Any] = [None, None]
 
@@ -318,7 +297,7 @@ class Server:
 
     def _carry_out(self, connection: Connection, now: float) -> None:
         held = connection.held
-        if held is not None and held.until():
+        if held is not None and held.is_due():
             connection.held = None
             self._reply(connection, held, now)
         for _ in range(_REQUESTS_A_TURN):
@@ -331,18 +310,17 @@ class Server:
             elif connection.port == PANEL:
                 self._answer_panel(connection, request, now)
             else:
-                outcome = self.controller.execute(request)
-                reply = HeldReply(outcome.until or _at_once, outcome.command, outcome.reply, outcome.then)
-                if reply.until():
-                    self._reply(connection, reply, now)
+                result = self.controller.execute(request)
+                if result.is_due():
+                    self._reply(connection, result, now)
                 else:
-                    connection.held = reply
+                    connection.held = result
 
-    def _reply(self, connection: Connection, reply: HeldReply, now: float) -> None:
-        connection.post(self.faults.deliveries("command", reply.reply, reply.command, now))
-        if reply.then is not Then.NOTHING:
+    def _reply(self, connection: Connection, result: RequestResult, now: float) -> None:
+        connection.post(self.faults.deliveries("command", result.reply, result.command, now))
+        if result.then is not Then.NOTHING:
             connection.post([Delivery(b"", now, Effect.CLOSE)])
-        if reply.then is Then.SHUT_DOWN:
+        if result.then is Then.SHUT_DOWN:
             self._calls.put(lambda: self.shut_down(None) if PANEL in self._listeners.numbers else self._end())
             self._wake()
 
@@ -388,18 +366,10 @@ class Server:
         """Wait for bytes only while no request waits, and for room only while something is unsent."""
         events = 0 if connection.inbox or connection.is_closing else selectors.EVENT_READ
         events |= selectors.EVENT_WRITE if connection.has_unsent() else 0
-        client = self._sockets[connection]
-        key = self._selector.get_map().get(client)
-        if key is None and events:
-            self._selector.register(client, events, connection)
-        elif not events:
-            self._unwatch(client)
-        elif key is not None and key.events != events:
-            self._selector.modify(client, events, connection)
+        sockets.watch(self._selector, self._sockets[connection], events, connection)
 
     def _unwatch(self, client: socket.socket) -> None:
-        if client in self._selector.get_map():
-            self._selector.unregister(client)
+        sockets.watch(self._selector, client, 0)
 
     def _send(self, connection: Connection, data: bytes) -> int:
         try:
@@ -416,9 +386,7 @@ class Server:
         return now < self._stalled_until.get(port, now)
 
     def stall(self, ports: Tuple[str, ...], duration: float) -> None:
-        """Neither read nor send on these ports for ``duration`` s of wall time; the command client counts as lost
-        meanwhile.
-        """
+        """Neither read nor send on these ports for ``duration`` s; the command client counts as lost meanwhile."""
         until = time.monotonic() + duration
         self._stalled_until.update((port, until) for port in ports)
         if "command" in ports and duration > 0.0 and not self.is_off and self._has_client():
@@ -492,16 +460,8 @@ class Server:
                                "max_s": lateness.maximum, "lags": lateness.lags}}
 
 
-def _at_once() -> bool:
-    return True
-
-
 def ask_panel(port: int, request: Dict[str, Any], timeout: float = 10.0) -> Dict[str, Any]:
-    """Send one request to the panel of a simulated controller on this machine and return its answer.
-
-    Raises:
-        ConnectionLost: Nobody answers there.
-    """
+    """The answer of a simulated controller's panel on this machine; raises ConnectionLost where nobody answers."""
     try:
         with socket.create_connection((LOOPBACK, port), timeout) as link:
             link.sendall(json.dumps(request).encode("utf-8") + b"\n")

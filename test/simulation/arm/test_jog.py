@@ -19,21 +19,21 @@ def watch(request):
 
 def test_a_continuous_joint_jog_runs_until_it_is_stopped(watch):
     assert watch.plant.jog(CONTINUOUS, JOINT, 2, -0.3)
-    assert watch.plant.is_jogging
+    assert watch.plant.queue.is_jogging
     assert not watch.plant.is_in_position
     watch.step(100)
     assert watch.plant.joint_velocity == pytest.approx((0, 0, -0.3, 0, 0, 0))
-    watch.plant.jog_stop(JOINT, 2)
+    watch.plant.queue.end_jog(JOINT, 2)
     watch.run(1.0)
-    assert not watch.plant.is_jogging
+    assert not watch.plant.queue.is_jogging
     assert watch.plant.joint_position[2] < HOME[2] - 0.1
 
 
 def test_stopping_another_axis_or_frame_changes_nothing(watch):
     watch.plant.jog(CONTINUOUS, JOINT, 2, -0.3)
     watch.step(100)
-    watch.plant.jog_stop(JOINT, 1)
-    watch.plant.jog_stop(BASE, 2)
+    watch.plant.queue.end_jog(JOINT, 1)
+    watch.plant.queue.end_jog(BASE, 2)
     watch.step(50)
     assert watch.plant.joint_velocity[2] == pytest.approx(-0.3)
     watch.plant.stop()

@@ -25,11 +25,11 @@ class AnySequence(RuleBasedStateMachine):
         self.plant = self.watch.plant
 
     def _try(self, action, *arguments, **options):
-        before = self.plant.queue_length, self.plant.is_jogging
+        before = self.plant.queue.length, self.plant.queue.is_jogging
         try:
             action(*arguments, **options)
         except TargetRejected:
-            assert (self.plant.queue_length, self.plant.is_jogging) == before
+            assert (self.plant.queue.length, self.plant.queue.is_jogging) == before
 
     @rule(way=st.tuples(*[TURN] * 6), speed=SPEEDS, acceleration=ACCELERATIONS)
     def joint_move(self, way, speed, acceleration):
@@ -53,20 +53,20 @@ class AnySequence(RuleBasedStateMachine):
 
     @rule(frame=st.sampled_from(JogFrame), axis=st.integers(0, 5))
     def jog_stop(self, frame, axis):
-        self.plant.jog_stop(frame, axis)
+        self.plant.queue.end_jog(frame, axis)
 
     @rule()
     def stop(self):
         self.plant.stop()
-        assert self.plant.queue_length == 0
+        assert self.plant.queue.length == 0
 
     @rule()
     def pause(self):
-        self.plant.pause()
+        self.plant.queue.pause()
 
     @rule()
     def resume(self):
-        self.plant.resume()
+        self.plant.queue.resume()
 
     @rule()
     def halt_protective(self):
@@ -99,7 +99,7 @@ class AnySequence(RuleBasedStateMachine):
 
     @invariant()
     def a_pending_motion_is_never_in_position(self):
-        if self.plant.queue_length or self.plant.is_jogging:
+        if self.plant.queue.length or self.plant.queue.is_jogging:
             assert not self.plant.is_in_position
 
     def teardown(self):

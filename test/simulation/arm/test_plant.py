@@ -18,11 +18,11 @@ def watch(request):
 
 
 def test_stands_at_home_in_position(watch):
-    assert watch.plant.joint_position == HOME == watch.plant.joint_position_commanded
+    assert watch.plant.joint_position == HOME
     assert watch.plant.is_in_position
     assert not watch.plant.is_moving
     assert watch.plant.tcp_speed == 0.0
-    assert watch.plant.tcp_pose() == watch.plant.tcp_pose_commanded() == watch.plant.forward(HOME)
+    assert watch.plant.tcp_pose() == watch.plant.forward(HOME)
 
 
 def test_joint_move_arrives_exactly_and_together(watch):
@@ -65,14 +65,14 @@ def test_moves_queue_and_relative_ones_start_at_the_end_of_the_queue(watch):
     watch.plant.add_joint_move(AWAY, 1.0, line_id=2)
     watch.plant.add_joint_move((0.1, 0, 0, 0, 0, 0), 1.0, relative=True, line_id=3)
     watch.plant.add_linear_move(shift(z=0.05), 0.1, relative=True, line_id=4)
-    assert watch.plant.queue_length == 3
+    assert watch.plant.queue.length == 3
     seen = []
     while not watch.plant.is_in_position:
         watch.step()
-        if watch.plant.motion_line not in seen:
-            seen.append(watch.plant.motion_line)
+        if watch.plant.queue.motion_line not in seen:
+            seen.append(watch.plant.queue.motion_line)
     assert seen == [2, 3, 4]
-    assert watch.plant.queue_length == 0
+    assert watch.plant.queue.length == 0
     first = watch.plant.forward((AWAY[0] + 0.1, *AWAY[1:]))
     assert watch.plant.tcp_pose().position == pytest.approx(
         (first.position[0], first.position[1], first.position[2] + 0.05), abs=1e-9)
@@ -108,7 +108,7 @@ def test_a_move_to_where_the_queue_ends_is_not_queued_and_says_so(add):
     plant = Plant(ZU7)
     assert not add(plant)
     assert plant.add_error_line == 9
-    assert plant.motion_line == 0
+    assert plant.queue.motion_line == 0
     assert plant.is_in_position
     plant.add_joint_move(AWAY, 1.0, line_id=10)
     assert plant.add_error_line == 0
@@ -157,7 +157,7 @@ def test_bad_numbers_are_rejected_with_their_event_and_nothing_latches(add, code
     assert caught.value.event_code == code
     assert caught.value.reason
     assert plant.is_in_position
-    assert plant.queue_length == 0
+    assert plant.queue.length == 0
     assert plant.take_events() == []
     assert plant.add_joint_move(AWAY, 1.0)
 
@@ -185,7 +185,7 @@ def test_the_queue_is_bounded():
         for n in range(1000):
             plant.add_joint_move((0.1 if n % 2 else -0.1, 0, 0, 0, 0, 0), 1.0, relative=True)
     assert caught.value.event_code == events.JOINT_MOVE_NOT_ADDED
-    assert plant.queue_length == 500
+    assert plant.queue.length == 500
 
 
 def test_tool_and_user_frame_apply_to_poses_and_targets():
@@ -219,10 +219,10 @@ def test_stop_slows_down_on_the_path_and_forgets_the_queue(watch):
     watch.plant.add_joint_move(HOME, 1.0, 2.0, line_id=6)
     watch.step(40)
     watch.plant.stop()
-    assert watch.plant.queue_length == 0
+    assert watch.plant.queue.length == 0
     assert not watch.plant.is_in_position
     watch.run(1.0)
-    assert watch.plant.motion_line == 5
+    assert watch.plant.queue.motion_line == 5
     share = (watch.plant.joint_position[0] - HOME[0]) / (AWAY[0] - HOME[0])
     assert 0.0 < share < 1.0
     assert watch.plant.joint_position == pytest.approx([a + share * (b - a) for a, b in zip(HOME, AWAY)], abs=1e-9)
@@ -233,9 +233,9 @@ def test_a_move_sent_right_after_stop_runs_from_where_the_arm_comes_to_rest(watc
     watch.step(40)
     watch.plant.stop()
     watch.plant.add_joint_move((0.1, 0, 0, 0, 0, 0), 1.0, relative=True, line_id=8)
-    assert watch.plant.queue_length == 1
+    assert watch.plant.queue.length == 1
     watch.run()
-    assert watch.plant.motion_line == 8
+    assert watch.plant.queue.motion_line == 8
     rest = watch.plant.joint_position
     line = [(q - a) / (b - a) for q, a, b in zip(rest, HOME, AWAY)]
     assert max(line[1:]) - min(line[1:]) < 1e-9
@@ -245,23 +245,23 @@ def test_a_move_sent_right_after_stop_runs_from_where_the_arm_comes_to_rest(watc
 def test_pause_holds_on_the_path_and_resume_goes_on(watch):
     watch.plant.add_linear_move(shift(y=0.2), 0.2, 1.0, relative=True, line_id=3)
     watch.step(60)
-    watch.plant.pause()
+    watch.plant.queue.pause()
     watch.step(100)
-    assert watch.plant.is_paused
+    assert watch.plant.queue.is_paused
     assert not watch.plant.is_moving
     assert not watch.plant.is_in_position
-    assert watch.plant.queue_length == 1
-    watch.plant.resume()
+    assert watch.plant.queue.length == 1
+    watch.plant.queue.resume()
     watch.run()
     start, end = watch.tools()[0], watch.tools()[-1]
     assert (end[9] - start[9], end[10] - start[10], end[11] - start[11]) == pytest.approx((0.0, 0.2, 0.0), abs=1e-9)
-    assert not watch.plant.is_paused
+    assert not watch.plant.queue.is_paused
 
 
 def test_pause_without_a_move_does_not_hold_the_next_one():
     watch = PlantWatch()
-    watch.plant.pause()
-    assert not watch.plant.is_paused
+    watch.plant.queue.pause()
+    assert not watch.plant.queue.is_paused
     watch.plant.add_joint_move(AWAY, 1.0)
     watch.run()
     assert watch.plant.joint_position == AWAY
@@ -270,9 +270,9 @@ def test_pause_without_a_move_does_not_hold_the_next_one():
 def test_resume_while_still_slowing_down_goes_on_from_the_standstill(watch):
     watch.plant.add_joint_move((1.0, 0, 0, 0, 0, 0), 2.0, 1.0, relative=True)
     watch.step(80)
-    watch.plant.pause()
+    watch.plant.queue.pause()
     watch.step(3)
-    watch.plant.resume()
+    watch.plant.queue.resume()
     slowest = watch.plant.joint_velocity[0]
     for _ in range(40):
         watch.step()
@@ -285,9 +285,9 @@ def test_resume_while_still_slowing_down_goes_on_from_the_standstill(watch):
 def test_stop_ends_a_pause(watch):
     watch.plant.add_joint_move(AWAY, 1.0)
     watch.step(20)
-    watch.plant.pause()
+    watch.plant.queue.pause()
     watch.plant.stop()
-    assert not watch.plant.is_paused
+    assert not watch.plant.queue.is_paused
     watch.run(1.0)
     watch.plant.add_joint_move(HOME, 1.0)
     watch.run()
@@ -318,7 +318,7 @@ def test_halts_end_everything_within_the_joint_limits(halt, watch):
     watch.step(40)
     assert watch.plant.is_moving
     getattr(watch.plant, halt)()
-    assert watch.plant.queue_length == 0
+    assert watch.plant.queue.length == 0
     watch.run(1.0)
     assert not watch.plant.is_moving
     watch.plant.start_hand_guiding()
@@ -344,7 +344,7 @@ def test_emergency_halts_sooner_than_a_stop_on_the_path():
 
 def test_in_the_other_planner_no_jerk_limit_holds():
     watch = PlantWatch()
-    watch.plant.set_jerk_limited(False)
+    watch.plant.queue.jerk_limited = False
     watch.plant.add_joint_move((1.0, 0, 0, 0, 0, 0), 1.0, 2.0, relative=True)
     watch.step(1)
     assert watch.plant.joint_velocity[0] == pytest.approx(0.5 * 2.0 * CYCLE_TIME_S)

@@ -24,7 +24,7 @@ def attempt(watch, action, *arguments, **options):
         action(*arguments, **options)
     except TargetRejected as rejected:
         assert rejected.reason
-        assert watch.plant.queue_length == 0
+        assert watch.plant.queue.length == 0
     watch.step(30)
     watch.plant.stop()
     watch.plant.leave_servo()

@@ -82,7 +82,7 @@ def test_a_rounded_corner_stays_within_its_tolerance(jerk_limited, tolerance, tu
     watch = PlantWatch(jerk_limited=jerk_limited)
     watch.plant.add_linear_move(shift(y=0.15), speed, 1.0, relative=True, tolerance=tolerance)
     watch.plant.add_linear_move(shift(x=-0.12 * math.sin(turn), y=0.12 * math.cos(turn)), speed, 1.0, relative=True)
-    corner_seen = watch.plant.queue_length
+    corner_seen = watch.plant.queue.length
     watch.run()
     assert corner_seen == 2
     points = [point(tool) for tool in watch.tools()]
@@ -117,7 +117,7 @@ def test_a_line_added_in_mid_motion_is_blended_and_one_added_too_late_is_not():
         watch.step(cycles)
         watch.plant.add_linear_move(shift(x=-0.1), 0.2, 1.0, relative=True, line_id=2)
         watch.run()
-        assert watch.plant.motion_line == 2
+        assert watch.plant.queue.motion_line == 2
         points = [point(tool) for tool in watch.tools()]
         passed[cycles] = min(math.dist(p, (points[0][0], points[0][1] + 0.1, points[0][2])) for p in points)
     assert passed[20] == pytest.approx(0.01, abs=0.002)
@@ -129,13 +129,13 @@ def test_a_long_chain_of_blended_lines_runs_through_and_counts_down():
     for n in range(24):
         watch.plant.add_linear_move(shift(x=-0.01 if n % 2 else 0.0, y=0.0 if n % 2 else 0.01), 0.1, 1.0,
                                     relative=True, tolerance=0.002, line_id=n + 2)
-    lengths = [watch.plant.queue_length]
+    lengths = [watch.plant.queue.length]
     while not watch.plant.is_in_position:
         watch.step()
-        lengths.append(watch.plant.queue_length)
+        lengths.append(watch.plant.queue.length)
     assert lengths[0] == 24
     assert lengths == sorted(lengths, reverse=True)
-    assert watch.plant.motion_line == 25
+    assert watch.plant.queue.motion_line == 25
     points = [point(tool) for tool in watch.tools()]
     assert [b - a for a, b in zip(points[0], points[-1])] == pytest.approx([-0.12, 0.12, 0.0], abs=1e-9)
 
@@ -154,7 +154,7 @@ def test_an_arc_runs_through_both_points_on_one_circle(turns):
     way = sum(math.dist(a, b) for a, b in zip(points, points[1:]))
     assert way == pytest.approx(0.05 * (math.pi + 2.0 * math.pi * turns), rel=1e-3)
     assert tool_motion(watch)[1] <= 1.0 * 1.02
-    assert watch.plant.motion_line == 4
+    assert watch.plant.queue.motion_line == 4
 
 
 @pytest.mark.parametrize(("mode", "turned"), [(0, 0.6), (1, 2 * math.pi - 0.6), (3, math.pi)])
@@ -193,8 +193,8 @@ def test_into_the_stretched_arm_a_line_stops_before_the_singularity():
     watch.plant.add_joint_move((0.1,) * 6, 1.0, relative=True, line_id=3)
     watch.run()
     assert watch.codes == [events.SINGULARITY_PROTECTIVE_STOP]
-    assert watch.plant.queue_length == 0
-    assert watch.plant.motion_line == 2
+    assert watch.plant.queue.length == 0
+    assert watch.plant.queue.motion_line == 2
     assert 0.01 < abs(watch.plant.joint_position[2]) < 0.3
 
 

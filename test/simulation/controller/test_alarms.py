@@ -86,4 +86,4 @@ def test_line_that_leaves_the_reach_ends_with_an_event():
         if state.alarms.shown()[0]:
             break
     assert state.alarms.shown()[0] in (events.LINEAR_MOVE_FAILED, events.SINGULARITY_PROTECTIVE_STOP)
-    assert state.plant.queue_length == 0
+    assert state.plant.queue.length == 0

@@ -42,7 +42,7 @@ def pass_time(controller, seconds):
 
 def goes_on(controller):
     pass_time(controller, 3.0)
-    return controller.state.plant.queue_length == 1 and controller.state.plant.is_moving
+    return controller.state.plant.queue.length == 1 and controller.state.plant.is_moving
 
 
 def test_lost_client_ends_its_motion_after_its_delay_of_simulated_time(controller):
@@ -51,9 +51,9 @@ def test_lost_client_ends_its_motion_after_its_delay_of_simulated_time(controlle
     pass_time(controller, 1.0)
     controller.state.client_lost()
     pass_time(controller, 0.392)
-    assert controller.state.plant.queue_length == 1
+    assert controller.state.plant.queue.length == 1
     pass_time(controller, 0.016)
-    assert controller.state.plant.queue_length == 0
+    assert controller.state.plant.queue.length == 0
     pass_time(controller, 1.0)
     assert not controller.state.plant.is_moving
 
@@ -64,7 +64,7 @@ def test_lost_client_pauses_where_it_asked_for_that(controller):
     controller.state.client_lost()
     pass_time(controller, 1.0)
     assert controller.state.is_paused and not controller.state.plant.is_moving
-    assert controller.state.plant.queue_length == 1
+    assert controller.state.plant.queue.length == 1
 
 
 def test_without_a_wish_motion_survives_its_client(controller):
@@ -108,7 +108,7 @@ def test_client_that_is_back_in_time_is_not_lost_and_keeps_its_setting(controlle
     assert goes_on(controller)
     controller.state.client_lost()
     pass_time(controller, 0.32)
-    assert controller.state.plant.queue_length == 0
+    assert controller.state.plant.queue.length == 0
 
 
 def test_loss_told_again_does_not_begin_anew(controller):
@@ -118,7 +118,7 @@ def test_loss_told_again_does_not_begin_anew(controller):
     pass_time(controller, 0.2)
     controller.state.client_lost()
     pass_time(controller, 0.12)
-    assert controller.state.plant.queue_length == 0
+    assert controller.state.plant.queue.length == 0
 
 
 def test_client_that_was_back_too_late_can_be_lost_once_more(controller):
@@ -131,7 +131,7 @@ def test_client_that_was_back_too_late_can_be_lost_once_more(controller):
     assert goes_on(controller)
     controller.state.client_lost()
     pass_time(controller, 0.32)
-    assert controller.state.plant.queue_length == 0
+    assert controller.state.plant.queue.length == 0
 
 
 def test_restart_forgets_it(controller):

@@ -11,7 +11,9 @@ import pytest
 from raw_client import RawClient, RawFeed, poll, wait_for
 
 from jaka_ros_driver.errors import ConnectionLost
-from jaka_ros_driver.simulation.server.server import Addresses, Server
+from jaka_ros_driver.protocol.ports import PORTS
+from jaka_ros_driver.simulation.server.server import Server
+from jaka_ros_driver.wire.sockets import LOOPBACK
 
 REQUESTS_FILE = Path(__file__).parents[2] / "data" / "sdk" / "requests.txt"
 REQUESTS = (b'{"cmdName":"get_version"}', b'{"cmdName": "get_joint_pos"}', b'{"cmdName":"no_such"}',
@@ -168,7 +170,7 @@ def test_port_that_is_taken_is_an_error_and_leaves_nothing_open(arm, make_arm):
 
 
 def test_call_into_a_stopped_server_fails(arm):
-    server = Server(arm.server.controller, Addresses(command=0, status=0, poll=0))
+    server = Server(arm.server.controller, LOOPBACK, dict.fromkeys(PORTS, 0))
     server.open()
     server.close()
     with pytest.raises(ConnectionLost):

@@ -1,0 +1,54 @@
+"""The driver on the maker's own jaka_msgs (JAKA_MSGS_EXTERNAL=1), which has no ServiceCall."""
+import contextlib
+import os
+from pathlib import Path
+
+import pytest
+import roslib.packages
+import rospy
+import std_msgs
+from genpy.generate_initpy import write_modules
+from genpy.generator import MsgGenerator, SrvGenerator
+from import_graph import ROOT
+from ros_bench import Arm, DriverProcess, SimulatorProcess, on
+
+from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed
+
+NAME = "external_driver"
+
+
+@pytest.fixture
+def external_messages(tmp_path):
+    """A folder with the Python modules of the maker's jaka_msgs."""
+    source = ROOT / "test" / "packaging" / "other_jaka_msgs"
+    search = {"jaka_msgs": [str(source / "msg")],
+              "std_msgs": [str(Path(roslib.packages.get_pkg_dir(std_msgs.__name__), "msg"))]}
+    package = tmp_path / "jaka_msgs"
+    for kind, generator in (("msg", MsgGenerator()), ("srv", SrvGenerator())):
+        files = sorted(str(path) for path in (source / kind).iterdir())
+        assert generator.generate_messages("jaka_msgs", files, str(package / kind), search) == 0
+        write_modules(str(package / kind))
+    (package / "__init__.py").touch()
+    return tmp_path
+
+
+def test_everything_is_served_but_the_record_of_calls(ros_node, external_messages):
+    path = os.pathsep.join((str(external_messages), os.environ["PYTHONPATH"]))
+    with contextlib.closing(SimulatorProcess("--start", "enabled")) as simulator:
+        driver = DriverProcess(NAME, environment={"PYTHONPATH": path}, interface="vendor",
+                               **on(simulator, guard=False))
+        with driver:
+            arm = Arm(simulator, "/" + NAME)
+            arm.wait_until_seen()
+            arm.go_home()
+            assert arm.listen("robot_states", 1)[0].power_state == 1
+            assert arm.call("servo_move_enable", enable=True).ret == 1
+            with contextlib.closing(rospy.ServiceProxy("/%s/servo_j" % NAME, ServoMoveWithSpeed)) as makers_client:
+                assert makers_client(pose=[0.0] * 6, speed=[1.0]).ret == 1
+            arm.call("stop_move")
+            topics = [topic for topic, _ in rospy.get_published_topics("/" + NAME)]
+            code, said = driver.end()
+    assert "/%s/robot_states" % NAME in topics and "/%s/service_calls" % NAME not in topics
+    assert code == 0
+    warnings = [line for line in said.splitlines() if "ServiceCall" in line]
+    assert len(warnings) == 1 and "WARN" in warnings[0] and str(external_messages) in warnings[0], said
