@@ -81,7 +81,6 @@ def bench_record(graph: live_ros.Graph, topics: int, rate: float, seconds: float
         "rosbag record --lz4": graph.start(ROSBAG_RECORD, "--lz4", "-O", "peer_lz4.bag", *names),
         "jaka_bag record": graph.record("-O", "ours", "--force", "--report", "ours.json", *names),
         "jaka_bag record .bag": graph.record("-O", "ours.bag", "--force", *names),
-        "jaka_bag record rospy": graph.record("-O", "rospy", "--force", "--transport", "rospy", *names),
     }
     generator = start_generator(graph, topics, rate, seconds, len(recorders))
     generator.wait_for_line("go")
@@ -92,7 +91,7 @@ def bench_record(graph: live_ros.Graph, topics: int, rate: float, seconds: float
         process.stop()
     end(generator)
     total = topics * int(rate * seconds)
-    files = dict(zip(recorders, ("peer.bag", "peer_lz4.bag", "ours.mcap", "ours.bag", "rospy.mcap")))
+    files = dict(zip(recorders, ("peer.bag", "peer_lz4.bag", "ours.mcap", "ours.bag")))
     base = used["rosbag record"]
     print("\nrecord: %d topics x %g Hz, %g s, %d messages" % (topics, rate, seconds, total))
     print("  %-24s %12s %8s %8s %10s" % ("", "us CPU / msg", "ratio", "lost", "MB"))

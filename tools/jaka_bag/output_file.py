@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import BinaryIO, Optional, Type, Union
 
 from .errors import BagError, OutputExists
-from .paths import PathLike as PathLike
+from .paths import PathLike
 
 
 def check_output(path: PathLike, overwrite: bool = False) -> None:

@@ -26,7 +26,7 @@ from jaka_bag.containers.mcap import records as mcap_format
 from jaka_bag.containers.registry import open_log, read_index
 from jaka_bag.containers.time_order import messages_of
 from jaka_bag.errors import BagError, BagFormatError
-from jaka_bag.messages.definitions import Connection
+from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.selection import Selection, TimePoint, TimeSpan
 
 SAMPLES = state_log(2.0)

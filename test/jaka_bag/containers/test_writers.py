@@ -11,7 +11,7 @@ from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import create_log, open_log
 from jaka_bag.errors import BagError, OutputExists, WriteFailed
-from jaka_bag.messages.definitions import Connection
+from jaka_bag.messages.connection import Connection
 
 SAMPLES = state_log(2.0)
 
@@ -70,8 +70,9 @@ def test_publish_times_and_sequences_are_kept(tmp_path):
     with McapWriter(tmp_path / "log.mcap") as writer:
         channel = writer.add_channel(STATES)
         writer.add_message(channel, 50, bytes(8), publish_time=40, sequence=7)
-        writer.add_messages(channel, [60, 70], [bytes(8), bytes(8)], [55, 65], [8, 9])
-        writer.add_messages(channel, [80], [bytes(8)])
+        writer.add_message(channel, 60, bytes(8), 55, 8)
+        writer.add_message(channel, 70, bytes(8), 65, 9)
+        writer.add_message(channel, 80, bytes(8))
         assert writer.pending_messages == 4
     with (tmp_path / "log.mcap").open("rb") as stream:
         found = [(m.log_time, m.publish_time, m.sequence) for _, _, m in make_reader(stream).iter_messages()]

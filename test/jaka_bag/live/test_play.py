@@ -18,7 +18,7 @@ from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.subscriber import RawTransport
-from jaka_bag.messages.definitions import Connection
+from jaka_bag.messages.connection import Connection
 
 BASE = 1600000000 * 10**9
 MS = 10**6

@@ -32,7 +32,7 @@ from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import open_log
 from jaka_bag.errors import BagError, BagFormatError, DefinitionError, OutputExists
-from jaka_bag.messages.definitions import Connection
+from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.ros2_types import Ros2Type
 from jaka_bag.messages.selection import Selection, TimePoint, TimeSpan
 from jaka_bag.operations.convert import Job, convert_file, convert_many

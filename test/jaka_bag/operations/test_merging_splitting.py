@@ -9,7 +9,7 @@ from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import open_log
 from jaka_bag.errors import BagError, OutputExists
-from jaka_bag.messages.definitions import Connection
+from jaka_bag.messages.connection import Connection
 from jaka_bag.operations.merge import merge
 from jaka_bag.operations.split import Limits, split
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from jaka_bag.containers.registry import create_log
 from jaka_bag.messages.batch import Block, concatenate
-from jaka_bag.messages.definitions import Connection, definition_md5
+from jaka_bag.messages.connection import Connection
+from jaka_bag.messages.definitions import definition_md5
 
 SAMPLE_S = 0.008
 EPOCH_NS = 1_700_000_000_000_000_000

@@ -17,7 +17,8 @@ from ..live.names import NodeNames, anonymous_name, node_names, split_remappings
 from ..live.player import Pace, Player
 from ..live.publisher import Outlet, RawPublisher, frame_of
 from ..live.session import read_parameter
-from ..messages.definitions import Connection, definition_md5
+from ..messages.connection import Connection
+from ..messages.definitions import definition_md5
 from ..units import NS_PER_S
 from . import quantities
 

@@ -15,8 +15,7 @@ from ..errors import BagError, JakaBagError
 from ..live.graph import RemoteNode, master_uri
 from ..live.names import NodeNames, anonymous_name, node_names, split_remappings
 from ..live.rolling_files import Attachment, FileSettings, LogFiles
-from ..live.rospy_transport import RospyTransport
-from ..live.session import Recording, Transport, parameter_dump, read_parameter, wait_for_master
+from ..live.session import Recording, parameter_dump, read_parameter, wait_for_master
 from ..live.stream_account import TopicDrops, drops_by_topic
 from ..live.subscriber import RawTransport, accept_all
 from ..live.topic_selection import TopicSelection, compile_pattern, is_of_namespace, state_log_topics
@@ -94,8 +93,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--tcpnodelay", action="store_true", help="ask publishers to send each message at once")
     how.add_argument("--stamp", choices=("receive", "kernel"), default="kernel",
                      help="log time: when the kernel got the message (default), or when it was read")
-    how.add_argument("--transport", choices=("raw", "rospy"), default="raw",
-                     help="own subscriber (default) or rospy's (receive stamps only)")
     how.add_argument("--report", metavar="FILE", help="write the account of the recording as JSON")
     how.add_argument("-q", "--quiet", action="store_true", help="say only what went wrong or was lost")
 
@@ -257,7 +254,7 @@ def run(args: argparse.Namespace) -> int:
 def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelection, settings: FileSettings,
             console: _Console) -> int:
     facts = {"program": "jaka_bag record", "host": platform.node(), "node": names.node, "master": master_uri(),
-             "transport": args.transport, "arguments": json.dumps(sys.argv[1:]),
+             "arguments": json.dumps(sys.argv[1:]),
              "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
     attachments: List[Attachment] = []
 
@@ -267,12 +264,9 @@ def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelectio
             chosen = dataclasses.replace(settings, stem=_snapshot_stem(settings))
         return LogFiles(chosen, facts, attachments, lambda: recorder.streams(), console.say)
 
-    def connect() -> Transport:
+    def connect() -> RawTransport:
         console.say("recording to %s, node %s" % (
             settings.path(0) if args.snapshot is None else "memory, the newest %g s" % args.snapshot, names.node))
-        if args.transport == "rospy":
-            return RospyTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
-                                  args.tcpnodelay)
         return RawTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
                             args.tcpnodelay, args.stamp == "kernel")
 
@@ -286,8 +280,7 @@ def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelectio
         if not wait_for_master(master, recording.stop, console.always):
             return 1
         recorder.is_simulated_time = bool(read_parameter(master, "/use_sim_time"))
-        receipt = args.stamp if args.transport == "raw" else "receive"
-        facts["log_time"] = "/clock" if recorder.is_simulated_time else receipt
+        facts["log_time"] = "/clock" if recorder.is_simulated_time else args.stamp
         attachments.append(Attachment("rosparam.yaml", parameter_dump(master), "application/yaml"))
         master.close()
         try:

@@ -188,10 +188,6 @@ def _call_lags(golden: Sequence[Call], candidate: Sequence[Call], lag: float) ->
     return np.array(times)[order], np.array(lags)[order]
 
 
-def _usable(track: Optional[Track]) -> bool:
-    return track is not None and int(np.isfinite(track.value).all(axis=1).sum()) >= 3
-
-
 class Arm(NamedTuple):
     """One arm in both logs; its joints, and its motions and calls in the golden log."""
 

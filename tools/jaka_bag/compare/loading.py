@@ -10,7 +10,7 @@ from ..messages.batch import Array, distinct
 from ..messages.columns import Columns
 from ..messages.selection import Selection
 from ..operations.columns import ColumnReader
-from ..output_file import PathLike
+from ..paths import PathLike
 from ..units import NS_PER_S
 from .run import Call, PoseTrack, Run, Stream, Track
 from .tolerances import Tolerances

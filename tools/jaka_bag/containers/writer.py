@@ -2,7 +2,7 @@
 import os
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, List, Optional, Sequence, Type, TypeVar, Union
+from typing import Any, BinaryIO, List, Optional, Type, TypeVar, Union
 
 import numpy as np
 
@@ -146,24 +146,6 @@ class ChunkWriter:
         self._publish_times.append(log_time if publish_time is None else publish_time)
         self._sequences.append(sequence)
         self.pending_bytes += len(payload)
-        if self.pending_bytes >= self.chunk_size:
-            self.flush()
-
-    def add_messages(self, channel_id: int, log_times: Sequence[int], payloads: Sequence[bytes],
-                     publish_times: Optional[Sequence[int]] = None,
-                     sequences: Optional[Sequence[int]] = None) -> None:
-        """Add several messages of one channel; see ``add_message``.
-
-        Raises:
-            WriteFailed: The system refused.
-        """
-        count = len(payloads)
-        self._payloads.extend(payloads)
-        self._channels_pending.extend([channel_id] * count)
-        self._log_times.extend(log_times)
-        self._publish_times.extend(log_times if publish_times is None else publish_times)
-        self._sequences.extend([0] * count if sequences is None else sequences)
-        self.pending_bytes += sum(map(len, payloads))
         if self.pending_bytes >= self.chunk_size:
             self.flush()
 

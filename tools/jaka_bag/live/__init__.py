@@ -8,7 +8,6 @@ stream_account    what each publisher's stream brought, and what it lacked
 bus_statistics    what publishers say they sent us
 topic_selection   which topics a recording takes
 subscriber        one loop over all publishers' links, with the kernel's times of receipt
-rospy_transport   the same through rospy
 rolling_files     the files that a recording writes: cut by age, split, finished when the disk is full
 writer_thread     a bounded buffer between the receiving thread and the writing one
 session           one recording from start to end

@@ -10,7 +10,7 @@ from ..containers.registry import open_log
 from ..containers.time_order import Source, in_time_order
 from ..errors import BagError
 from ..messages.batch import Array
-from ..messages.definitions import Connection
+from ..messages.connection import Connection
 from ..messages.selection import Picker, Selection
 from .publisher import frame_of
 

@@ -13,7 +13,7 @@ import time
 from typing import Any, Callable, Deque, Dict, List, Optional, Tuple, Union
 
 from ..errors import ConnectionLost, ProtocolError
-from ..messages.definitions import Connection
+from ..messages.connection import Connection
 from .graph import RemoteNode, SlaveServer, master_uri
 from .names import NodeNames, host_address
 from .tcpros import decode_header, encode_header

@@ -2,20 +2,17 @@
 import json
 import threading
 import time
-from typing import Any, Callable, Dict, List, Optional, Set, Union
+from typing import Any, Callable, Dict, List, Optional, Set
 
 from ..errors import ConnectionLost, JakaBagError, ProtocolError
-from ..messages.definitions import Connection
+from ..messages.connection import Connection
 from ..units import NS_PER_S
 from .bus_statistics import ask_publishers
 from .graph import RemoteNode
-from .rospy_transport import RospyTransport
 from .stream_account import Stream
 from .subscriber import RawTransport
 from .topic_selection import TopicSelection
 from .writer_thread import CLOCK_TOPIC, Recorder
-
-Transport = Union[RawTransport, RospyTransport]
 
 _WATCH_PERIOD_S = 0.2
 _STATISTICS_PERIOD_S = 5.0
@@ -51,7 +48,7 @@ class Recording:
         self._is_master_lost = False
         self._noticed: Dict[str, str] = {}
         self._watcher = threading.Thread(target=self._watch, name="graph-watch", daemon=True)
-        self._transport: Optional[Transport] = None
+        self._transport: Optional[RawTransport] = None
         self.stop = threading.Event()
         self.end_reason = ""
 
@@ -69,7 +66,7 @@ class Recording:
         if self._transport is not None:
             self._transport.wake()
 
-    def run(self, connect: Callable[[], Transport], use_clock: bool) -> None:
+    def run(self, connect: Callable[[], RawTransport], use_clock: bool) -> None:
         """Record until told to stop.
 
         Args:
@@ -87,7 +84,7 @@ class Recording:
             raise
         self._record(self._transport, use_clock)
 
-    def _record(self, transport: Transport, use_clock: bool) -> None:
+    def _record(self, transport: RawTransport, use_clock: bool) -> None:
         try:
             if use_clock:
                 self._subscribe(CLOCK_TOPIC)
@@ -111,7 +108,7 @@ class Recording:
             transport.close()
             self._recorder.finish()
 
-    def _drain(self, transport: Transport) -> None:
+    def _drain(self, transport: RawTransport) -> None:
         """Compare with the publishers' own counts, once what was under way has arrived."""
         if self._recorder.failure is not None:
             return
@@ -129,7 +126,7 @@ class Recording:
         for stream, count in late:
             stream.note_sent(count, is_final=True)
 
-    def _ask_publishers(self, transport: Transport) -> Dict[Any, int]:
+    def _ask_publishers(self, transport: RawTransport) -> Dict[Any, int]:
         return ask_publishers({uri for _, _, uri in transport.links()}, transport.names.node, _STATISTICS_WAIT_S)
 
     # The watching thread
@@ -164,7 +161,7 @@ class Recording:
             if self.stop.wait(_WATCH_PERIOD_S):
                 return
 
-    def _look_at_graph(self, transport: Transport) -> None:
+    def _look_at_graph(self, transport: RawTransport) -> None:
         master = transport.master
         if self._subscribed and not _knows(master, transport.names.node):
             transport.resubscribe()

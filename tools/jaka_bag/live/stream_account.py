@@ -3,7 +3,8 @@ import json
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from ..errors import DefinitionError
-from ..messages.definitions import Connection, parse_definition
+from ..messages.connection import Connection
+from ..messages.definitions import parse_definition
 
 _SEQUENCE_WRAP = 1 << 32
 

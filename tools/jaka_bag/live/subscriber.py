@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from ..errors import ConnectionLost, JakaBagError, ProtocolError
-from ..messages.definitions import Connection
+from ..messages.connection import Connection
 from .graph import RemoteNode, SlaveServer, master_uri
 from .names import NodeNames, host_address
 from .tcpros import Deliver, PublisherLink, resolve

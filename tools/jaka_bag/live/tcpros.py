@@ -10,7 +10,7 @@ import time
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 from ..errors import ConnectionLost, ProtocolError
-from ..messages.definitions import Connection
+from ..messages.connection import Connection
 from ..units import NS_PER_S
 
 _LENGTH = struct.Struct("<I")

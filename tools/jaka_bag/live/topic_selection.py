@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Callable, Optional, Pattern, Tuple
 
 from ..errors import BagError
-from ..messages.definitions import Connection
+from ..messages.connection import Connection
 from .names import NodeNames
 
 _DRIVER_TOPICS = ("tool_position", "joint_position", "robot_states", "service_calls")
@@ -41,11 +41,6 @@ class TopicSelection:
     patterns: Tuple[Pattern[str], ...] = ()
     exclude: Optional[Pattern[str]] = None
     node: Optional[str] = None
-
-    @property
-    def is_dynamic(self) -> bool:
-        """True where the wanted topics depend on what is published."""
-        return self.everything or bool(self.patterns) or self.node is not None
 
     def is_excluded(self, topic: str) -> bool:
         """True for a topic that is never wanted."""

@@ -6,7 +6,7 @@ import time
 from typing import Callable, Deque, Dict, List, Optional, Set, Tuple
 
 from ..errors import BagError, WriteFailed
-from ..messages.definitions import Connection
+from ..messages.connection import Connection
 from ..units import NS_PER_S
 from .rolling_files import LogFiles
 from .stream_account import Stream
