@@ -63,7 +63,7 @@ def test_attachments_and_metadata_are_kept(tmp_path):
     assert (metadata.name, metadata.metadata) == ("facts", {"host": "cell"})
     with open_log(tmp_path / "log.mcap") as reader:
         assert reader.read_attachment(reader.index.attachments[0]) == b"a: 1"
-        assert reader.read_metadata(reader.index.metadata[0]) == ("facts", {"host": "cell"})
+        assert reader.read_metadata(reader.index.metadata[0]) == {"host": "cell"}
 
 
 def test_publish_times_and_sequences_are_kept(tmp_path):

@@ -1,10 +1,8 @@
 """The program ``jaka_bag``.
 
-commands     the table of subcommands, and those that other packages bring
-main         finds the subcommand, runs it, turns errors into a line and an exit code
+main         the table of subcommands; runs one, turns errors into a line and an exit code
 quantities   durations and sizes as users write them
-progress     a progress bar with rate and time left
-options      options that several subcommands share
+options      options that several subcommands share, and how they say what they did
 notices      lines on standard error that nobody waits for
 record, play                              the ROS graph
 info, convert, filter, merge, split       logs

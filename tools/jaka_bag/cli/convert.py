@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import List
 
 from ..errors import BagError
-from ..operations.convert import Job, Outcome, convert_file, convert_many, convert_on_dask
+from ..operations.convert import Job, WriteResult, convert_file
 from ..pipeline import WORKERS
 from .options import (
     Report,
@@ -78,31 +78,33 @@ def _jobs(args: argparse.Namespace, folder: Path) -> List[Job]:
     return jobs
 
 
-def _line(outcome: Outcome) -> str:
+def _line(result: WriteResult) -> str:
     return "%s: %d messages, %s -> %s, %.2f s" % (
-        outcome.target, outcome.messages, human_bytes(outcome.bytes_read), human_bytes(outcome.bytes_written),
-        outcome.seconds)
+        result.target, result.messages, human_bytes(result.bytes_read), human_bytes(result.bytes_written),
+        result.seconds)
 
 
 def _run_folder(args: argparse.Namespace, folder: Path, report: Report) -> int:
     jobs = _jobs(args, folder)
-    outcomes: List[Outcome] = []
+    results: List[WriteResult] = []
 
-    def take(outcome: Outcome) -> None:
-        outcomes.append(outcome)
-        if outcome.error:
-            report.failed(outcome.error)
+    def take(result: WriteResult) -> None:
+        results.append(result)
+        if result.error:
+            report.failed(result.error)
         else:
-            report.done(_line(outcome), outcome.document())
-        for note in outcome.notes:
-            report.note("%s: %s" % (outcome.target, note))
+            report.done(_line(result), result.document())
+        for note in result.notes:
+            report.note("%s: %s" % (result.target, note))
+
+    from ..operations.many import convert_many, convert_on_dask
 
     if args.dask:
         convert_on_dask(jobs, args.dask, take)
     else:
         convert_many(jobs, max(args.jobs, 1), take)
-    failed = sum(1 for outcome in outcomes if outcome.error)
-    report.finish({"files": [outcome.document() for outcome in outcomes], "failed": failed})
+    failed = sum(1 for result in results if result.error)
+    report.finish({"files": [result.document() for result in results], "failed": failed})
     if failed:
         report.failed("%d of %d files failed" % (failed, len(jobs)))
     return 1 if failed else 0
@@ -125,9 +127,9 @@ def run(args: argparse.Namespace) -> int:
     target = Path(args.output) if args.output else _default_target(source, args.profile)
     job = _job(args, source, target, WORKERS)
     with report.progress(source.stat().st_size if source.is_file() else 0, source.name) as progress:
-        outcome = convert_file(job, progress)
-    report.done(_line(outcome), outcome.document())
-    for note in outcome.notes:
+        result = convert_file(job, progress)
+    report.done(_line(result), result.document())
+    for note in result.notes:
         report.note(note)
     report.finish()
     return 0

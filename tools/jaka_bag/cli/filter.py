@@ -49,10 +49,10 @@ def run(args: argparse.Namespace) -> int:
     job = Job(str(source), args.output, selection_of(args), span_of(args), args.compression, args.level,
               overwrite=args.force, keep_latched=args.keep_latched)
     with report.progress(source.stat().st_size if source.is_file() else 0, source.name) as progress:
-        outcome = convert_file(job, progress)
-    report.done("%s: %d messages, %s" % (outcome.target, outcome.messages, human_bytes(outcome.bytes_written)),
-                outcome.document())
-    for note in outcome.notes:
+        result = convert_file(job, progress)
+    report.done("%s: %d messages, %s" % (result.target, result.messages, human_bytes(result.bytes_written)),
+                result.document())
+    for note in result.notes:
         report.note(note)
     report.finish()
     return 0

@@ -1,11 +1,10 @@
 """``jaka_bag info``: what is in a log, from its index alone; imports no numpy unless --freq asks for it."""
-import os
 import sys
 import time
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence, Tuple
 
 from ..containers.index import LogIndex
-from ..containers.registry import read_index
+from ..containers.registry import read_codecs, read_index
 from ..errors import BagFormatError
 
 if TYPE_CHECKING:
@@ -134,21 +133,17 @@ def _add_recorder_account(index: LogIndex, document: Dict[str, Any]) -> None:
     """What the recorder knew to be lost, by topic."""
     import json
 
-    from ..containers.index import open_for_reading, read_at
-    from ..containers.mcap.records import parse_metadata
+    from ..containers.registry import read_metadata
 
-    descriptor = open_for_reading(index.path)
     try:
         for entry in index.metadata:
             if entry.name == _DROPS:
-                accounts = parse_metadata(read_at(descriptor, entry.position, entry.size))[1]
+                accounts = read_metadata(index, entry)
                 for topic in document["topics"]:
                     if topic["topic"] in accounts:
                         topic["recorder"] = json.loads(accounts[topic["topic"]])
     except ValueError as error:
         raise BagFormatError("%s: the recorder's account of losses is damaged: %s" % (index.path, error)) from error
-    finally:
-        os.close(descriptor)
 
 
 def _losses(account: Dict[str, Any]) -> str:
@@ -160,8 +155,7 @@ def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
     index = read_index(path)
     document = document_of(index)
     if index.format == "bag":
-        from ..containers.bag.index import read_codecs
-        document["compression"] = _codecs(read_codecs(path, index))
+        document["compression"] = _codecs(read_codecs(index))
     if _DROPS in (entry.name for entry in index.metadata):
         _add_recorder_account(index, document)
     if freq or seq:

@@ -23,10 +23,10 @@ def run(args: argparse.Namespace) -> int:
     """
     report = Report(args)
     with report.progress(0, args.output) as progress:
-        outcome = merge(args.sources, args.output, args.compression, args.level, args.force, progress)
-    report.done("%s: %d messages of %d files, %s" % (args.output, outcome.messages, len(args.sources),
-                                                    human_bytes(outcome.bytes_written)), outcome.document())
-    for note in outcome.notes:
+        result = merge(args.sources, args.output, args.compression, args.level, args.force, progress)
+    report.done("%s: %d messages of %d files, %s" % (args.output, result.messages, len(args.sources),
+                                                    human_bytes(result.bytes_written)), result.document())
+    for note in result.notes:
         report.note(note)
     report.finish()
     return 0

@@ -11,11 +11,11 @@ from typing import Any, Callable, Dict, Iterator, List, Optional
 
 from ..errors import BagError
 from ..live.keyboard import Keyboard
-from ..live.linux_timing import punctual
+from ..live.linux_timing import precise_wakeups
 from ..live.log_source import LogSource, Timed
 from ..live.names import NodeNames, anonymous_name, node_names, split_remappings
 from ..live.player import Pace, Player
-from ..live.publisher import Outlet, RawPublisher, frame_of
+from ..live.publisher import Publisher, TopicPublisher, frame_of
 from ..live.session import read_parameter
 from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
@@ -96,11 +96,11 @@ def _signals_stop() -> Iterator[None]:
 class _Stage:
     """What subscribers see of a log: an outlet for each topic and type, and /clock."""
 
-    def __init__(self, publisher: RawPublisher) -> None:
+    def __init__(self, publisher: Publisher) -> None:
         self._publisher = publisher
-        self.outlets: List[Outlet] = []
+        self.outlets: List[TopicPublisher] = []
         self._latches: List[Optional[int]] = []
-        self._clock: Optional[Outlet] = None
+        self._clock: Optional[TopicPublisher] = None
 
     def advertise(self, source: LogSource, prefix: str, has_clock: bool, notice: Callable[[str], None]) -> None:
         """Offer everything that the log holds.
@@ -114,7 +114,7 @@ class _Stage:
         for number, connection in enumerate(source.connections):
             topic = names.resolve(prefix + connection.topic)
             groups.setdefault((topic, connection.md5sum, connection.datatype), []).append(number)
-        by_number: Dict[int, Outlet] = {}
+        by_number: Dict[int, TopicPublisher] = {}
         offered: Dict[str, str] = {}
         for (topic, _, datatype), numbers in groups.items():
             if topic in offered:
@@ -143,7 +143,7 @@ class _Stage:
             self._publisher.publish(self._clock, frame_of(_TIME.pack(*divmod(log_time, NS_PER_S))))
 
 
-def _play_through(args: argparse.Namespace, source: LogSource, stage: _Stage, publisher: RawPublisher, player: Player,
+def _play_through(args: argparse.Namespace, source: LogSource, stage: _Stage, publisher: Publisher, player: Player,
                   say: Callable[[str], None]) -> None:
     begin = source.begin + int(args.start * NS_PER_S)
     ends = [source.end]
@@ -157,7 +157,7 @@ def _play_through(args: argparse.Namespace, source: LogSource, stage: _Stage, pu
         say("waiting for subscribers")
         while not publisher.has_subscribers():
             player.wait(0.02, begin)
-    with punctual():
+    with precise_wakeups():
         while True:
             if begin > source.begin:
                 for message in source.last_before(begin):
@@ -238,7 +238,7 @@ def _perform(args: argparse.Namespace, names: NodeNames, source: LogSource, noti
     pace = Pace(args.rate, args.immediate, args.pause, args.spin_us * 1e-6, args.skip_empty,
                 1.0 / args.hz if args.clock else None)
     end_reason = "end of the log"
-    publisher = RawPublisher(names, notice, lambda reason: os.kill(os.getpid(), signal.SIGTERM))
+    publisher = Publisher(names, notice, lambda reason: os.kill(os.getpid(), signal.SIGTERM))
     with Keyboard() as keyboard:
         stage = _Stage(publisher)
         player = Player(pace, stage.send, stage.send_clock, keyboard, publisher.admit, say)

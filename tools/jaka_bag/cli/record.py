@@ -14,12 +14,12 @@ from typing import Any, Callable, Dict, Iterator, List, Optional
 from ..errors import BagError, JakaBagError
 from ..live.graph import RemoteNode, master_uri
 from ..live.names import NodeNames, anonymous_name, node_names, split_remappings
-from ..live.rolling_files import Attachment, FileSettings, LogFiles
-from ..live.session import Recording, parameter_dump, read_parameter, wait_for_master
+from ..live.rolling_files import Attachment, FileSettings, RollingFiles
+from ..live.session import Session, parameter_dump, read_parameter, wait_for_master
 from ..live.stream_account import TopicDrops, drops_by_topic
-from ..live.subscriber import RawTransport, accept_all
+from ..live.subscriber import Subscriber, accept_all
 from ..live.topic_selection import TopicSelection, compile_pattern, is_of_namespace, state_log_topics
-from ..live.writer_thread import Recorder
+from ..live.writer_thread import WriterThread
 from . import quantities
 from .notices import Notices
 
@@ -163,9 +163,9 @@ def _take_zstd_level(args: argparse.Namespace) -> None:
 
 
 @contextlib.contextmanager
-def _signals(recording: Recording, recorder: Recorder, is_snapshot: bool) -> Iterator[None]:
+def _signals(session: Session, recorder: WriterThread, is_snapshot: bool) -> Iterator[None]:
     def on_end(number: int, frame: Any) -> None:
-        recording.end(signal.Signals(number).name)
+        session.end(signal.Signals(number).name)
 
     def on_trigger(number: int, frame: Any) -> None:
         recorder.trigger_snapshot()
@@ -182,9 +182,9 @@ def _signals(recording: Recording, recorder: Recorder, is_snapshot: bool) -> Ite
             signal.signal(number, handler)
 
 
-def _write_report(path: str, recorder: Recorder, recording: Recording, drops: Dict[str, TopicDrops],
+def _write_report(path: str, recorder: WriterThread, session: Session, drops: Dict[str, TopicDrops],
                   failure: Optional[Exception]) -> None:
-    report = {"files": recorder.finished_paths, "messages": recorder.messages, "end": recording.end_reason,
+    report = {"files": recorder.finished_paths, "messages": recorder.messages, "end": session.end_reason,
               "error": None if failure is None else str(failure), "untimed": recorder.untimed,
               "topics": {topic: dict(account._asdict(), lossy=account.is_lossy) for topic, account in drops.items()}}
     try:
@@ -213,10 +213,10 @@ class _Console:
     def always(self, line: str) -> None:
         self._notices.say(line)
 
-    def report(self, recorder: Recorder, recording: Recording, drops: Dict[str, TopicDrops]) -> None:
+    def report(self, recorder: WriterThread, session: Session, drops: Dict[str, TopicDrops]) -> None:
         """Files, counts, and all that was lost."""
-        if recording.end_reason:
-            self.say("ended: %s" % recording.end_reason)
+        if session.end_reason:
+            self.say("ended: %s" % session.end_reason)
         for path in recorder.finished_paths:
             self.say("wrote %s" % path)
         if recorder.untimed:
@@ -258,39 +258,39 @@ def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelectio
              "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
     attachments: List[Attachment] = []
 
-    def open_files() -> LogFiles:
+    def open_files() -> RollingFiles:
         chosen = settings
         if args.snapshot is not None:
             chosen = dataclasses.replace(settings, stem=_snapshot_stem(settings))
-        return LogFiles(chosen, facts, attachments, lambda: recorder.streams(), console.say)
+        return RollingFiles(chosen, facts, attachments, lambda: recorder.streams(), console.say)
 
-    def connect() -> RawTransport:
+    def connect() -> Subscriber:
         console.say("recording to %s, node %s" % (
             settings.path(0) if args.snapshot is None else "memory, the newest %g s" % args.snapshot, names.node))
-        return RawTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
+        return Subscriber(names, recorder.take, session.open_stream, console.always, session.end,
                             args.tcpnodelay, args.stamp == "kernel")
 
-    recorder = Recorder(open_files, args.buffsize, console.always, lambda reason: recording.end(reason), False,
+    recorder = WriterThread(open_files, args.buffsize, console.always, lambda reason: session.end(reason), False,
                         args.limit, args.snapshot)
-    recording = Recording(recorder, selection, is_of_namespace(names.namespace) if args.state_log else accept_all,
+    session = Session(recorder, selection, is_of_namespace(names.namespace) if args.state_log else accept_all,
                           console.always, None if args.split else args.duration)
     failure: Optional[Exception] = None
-    with _signals(recording, recorder, args.snapshot is not None):
+    with _signals(session, recorder, args.snapshot is not None):
         master = RemoteNode(master_uri(), names.node)
-        if not wait_for_master(master, recording.stop, console.always):
+        if not wait_for_master(master, session.stop, console.always):
             return 1
         recorder.is_simulated_time = bool(read_parameter(master, "/use_sim_time"))
         facts["log_time"] = "/clock" if recorder.is_simulated_time else args.stamp
         attachments.append(Attachment("rosparam.yaml", parameter_dump(master), "application/yaml"))
         master.close()
         try:
-            recording.run(connect, recorder.is_simulated_time)
+            session.run(connect, recorder.is_simulated_time)
         except JakaBagError as error:
             failure = error
     drops = drops_by_topic(recorder.streams())
-    console.report(recorder, recording, drops)
+    console.report(recorder, session, drops)
     if args.report:
-        _write_report(args.report, recorder, recording, drops, failure)
+        _write_report(args.report, recorder, session, drops, failure)
     if failure is not None:
         console.always("error: %s" % failure)
     return 0 if failure is None else 1

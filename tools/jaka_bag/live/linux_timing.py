@@ -28,7 +28,7 @@ def _ask_for_slice(libc: ctypes.CDLL, slice_ns: int) -> None:
 
 
 @contextlib.contextmanager
-def punctual() -> Iterator[None]:
+def precise_wakeups() -> Iterator[None]:
     """Make the calling thread wake within a microsecond of its timers, where the system lets it.
 
     Within it the thread goes before others of its priority, is not held up by garbage collection, and gets the

@@ -34,7 +34,7 @@ class _Link:
         self.sent = 0
 
 
-class Outlet:
+class TopicPublisher:
     """One topic with one type, as subscribers see it.
 
     Attributes:
@@ -59,7 +59,7 @@ def frame_of(payload: bytes) -> bytes:
     return _LENGTH.pack(len(payload)) + payload
 
 
-class RawPublisher:
+class Publisher:
     """The publishers of one node. One thread publishes; subscribers may come and go at any time.
 
     Args:
@@ -73,7 +73,7 @@ class RawPublisher:
 
     def __init__(self, names: NodeNames, notice: Callable[[str], None], on_shutdown: Callable[[str], None]) -> None:
         self.names = names
-        self.outlets: List[Outlet] = []
+        self.outlets: List[TopicPublisher] = []
         self._notice = notice
         self.master = RemoteNode(master_uri(), names.node)
         self._has_joining = threading.Event()
@@ -94,14 +94,14 @@ class RawPublisher:
              [[id(link) % 2147483647, link.sent_bytes, link.sent, True] for link in o.links]] for o in self.outlets]
         self._slave.topic_address = self._topic_address
 
-    def advertise(self, topic: str, connection: Connection, is_latching: bool) -> Outlet:
+    def advertise(self, topic: str, connection: Connection, is_latching: bool) -> TopicPublisher:
         """Offer a topic with a type; further types of one topic are served to those who ask for their md5.
 
         Raises:
             ConnectionLost: The master cannot be reached.
             ProtocolError: The master refuses.
         """
-        outlet = Outlet(topic, connection, is_latching)
+        outlet = TopicPublisher(topic, connection, is_latching)
         is_first = all(other.topic != topic for other in self.outlets)
         self.outlets.append(outlet)
         if is_first:
@@ -147,7 +147,7 @@ class RawPublisher:
         outlet.joining.append(_Link(link_socket, request.get("callerid", "")))
         self._has_joining.set()
 
-    def _outlet_for(self, request: Dict[str, str]) -> Union[Outlet, str]:
+    def _outlet_for(self, request: Dict[str, str]) -> Union[TopicPublisher, str]:
         topic, md5sum = request.get("topic", ""), request.get("md5sum", "*")
         of_topic = [outlet for outlet in self.outlets if outlet.topic == topic]
         if not of_topic:
@@ -169,7 +169,7 @@ class RawPublisher:
                 for frame in list(outlet.latched.values()):
                     self._send(outlet, link, frame)
 
-    def publish(self, outlet: Outlet, frame: bytes, latch_key: Any = None) -> None:
+    def publish(self, outlet: TopicPublisher, frame: bytes, latch_key: Any = None) -> None:
         """Send a message to all subscribers; returns when the system has taken it for each of them.
 
         Args:
@@ -193,7 +193,7 @@ class RawPublisher:
             else:
                 self._send(outlet, link, frame[done:])
 
-    def _send(self, outlet: Outlet, link: _Link, data: bytes) -> None:
+    def _send(self, outlet: TopicPublisher, link: _Link, data: bytes) -> None:
         """Send the rest of a message, however long the subscriber takes; drop one that has gone."""
         rest = memoryview(data)
         is_noticed = False

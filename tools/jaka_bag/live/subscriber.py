@@ -52,7 +52,7 @@ class _Topic(NamedTuple):
     publishers: Dict[str, _Publisher]
 
 
-class RawTransport:
+class Subscriber:
     """Subscriptions of one node, served by one loop.
 
     Args:

@@ -5,7 +5,7 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 import numpy as np
 
 from ..errors import DefinitionError
-from .batch import Array, Block, distinct, rows
+from .batch import Array, MessageBatch, distinct, rows
 from .connection import Connection
 from .definitions import PRIMITIVE_SIZES, MessageType, parse_definition
 
@@ -116,7 +116,7 @@ def layout_of(datatype: str, types: Dict[str, MessageType], raw: bytes) -> Layou
 
 
 class Group(NamedTuple):
-    """Messages of one layout: their positions in the block, and their bytes, uint8, shape (n, layout.length)."""
+    """Messages of one layout: their positions in the batch, and their bytes, uint8, shape (n, layout.length)."""
 
     layout: Layout
     which: Array
@@ -149,16 +149,16 @@ class LayoutFinder:
         except DefinitionError as error:
             raise DefinitionError("%s (%s): %s" % (self._topic, self._datatype, error)) from error
 
-    def groups(self, block: Block, which: Array) -> Iterator[Group]:
-        """The messages at positions ``which`` of a block, by layout.
+    def groups(self, batch: MessageBatch, which: Array) -> Iterator[Group]:
+        """The messages at positions ``which`` of a batch, by layout.
 
         Raises:
             DefinitionError: The definition does not describe a message.
         """
-        length = block.length[which]
+        length = batch.length[which]
         for size in distinct(length).tolist():
             rest = which[length == size]
-            matrix = rows(block, rest, size)
+            matrix = rows(batch, rest, size)
             known = self._known.setdefault(size, [])
             tried = 0
             while len(rest):

@@ -5,7 +5,7 @@ from typing import Collection, List, NamedTuple, Optional, Pattern, Sequence
 import numpy as np
 
 from ..errors import BagError
-from .batch import Array, Block
+from .batch import Array, MessageBatch
 from .connection import Connection
 
 
@@ -87,7 +87,7 @@ class TimeSpan(NamedTuple):
         return selection._replace(start_time=first, end_time=last)
 
 
-class Picker:
+class MessageFilter:
     """A selection applied to one log.
 
     Attributes:
@@ -124,13 +124,13 @@ class Picker:
         return ((start is None or end_time >= start) and (end is None or start_time <= end)
                 and (self._all or not numbers or any(self.wanted[n] for n in numbers)))
 
-    def pick(self, block: Block) -> Block:
-        """The wanted messages of a block."""
+    def apply(self, batch: MessageBatch) -> MessageBatch:
+        """The wanted messages of a batch."""
         if self.takes_all:
-            return block
-        mask = self.wanted[block.connection]
+            return batch
+        mask = self.wanted[batch.connection]
         if self._selection.start_time is not None:
-            mask &= block.log_time >= self._selection.start_time
+            mask &= batch.log_time >= self._selection.start_time
         if self._selection.end_time is not None:
-            mask &= block.log_time <= self._selection.end_time
-        return block if mask.all() else block.take(mask)
+            mask &= batch.log_time <= self._selection.end_time
+        return batch if mask.all() else batch.take(mask)

@@ -3,7 +3,7 @@ from typing import Any, Dict, List, Tuple
 
 import numpy as np
 
-from ..containers.reader import LogReader
+from ..containers.contract import LogReader
 from ..containers.registry import open_log
 from ..errors import DefinitionError
 from ..messages.batch import Array
@@ -26,10 +26,10 @@ def log_times(reader: LogReader) -> Dict[int, Array]:
         BagFormatError: A chunk's index is damaged.
     """
     parts: Dict[int, List[Array]] = {}
-    for block in in_order(reader.load_times, reader.chunks):
-        order = np.argsort(block.connection, kind="stable")
-        numbers, begins = np.unique(block.connection[order], return_index=True)
-        for number, times in zip(numbers.tolist(), np.split(block.log_time[order], begins[1:])):
+    for connection, log_time in in_order(reader.load_times, reader.chunks):
+        order = np.argsort(connection, kind="stable")
+        numbers, begins = np.unique(connection[order], return_index=True)
+        for number, times in zip(numbers.tolist(), np.split(log_time[order], begins[1:])):
             parts.setdefault(number, []).append(times)
     return {number: np.sort(np.concatenate(times), kind="stable") for number, times in parts.items()}
 
