@@ -17,7 +17,7 @@ from launching import end_server
 from live_samples import PATIENCE_S, wait_until
 
 from jaka_bag.live.names import NodeNames
-from jaka_bag.live.publisher import TopicPublisher, Publisher
+from jaka_bag.live.publisher import Publisher, TopicPublisher
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 

@@ -2,8 +2,7 @@
 import threading
 import time
 from dataclasses import dataclass
-from types import TracebackType
-from typing import List, Optional, Type
+from typing import List
 
 EVERY_S = 0.02
 NOTABLE_S = 0.1
@@ -35,8 +34,7 @@ class HostWatch:
         self._thread.start()
         return self
 
-    def __exit__(self, kind: Optional[Type[BaseException]], error: Optional[BaseException],
-                 trace: Optional[TracebackType]) -> None:
+    def __exit__(self, *error: object) -> None:
         self._is_over.set()
         self._thread.join()
 

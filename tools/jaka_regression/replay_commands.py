@@ -93,11 +93,7 @@ class _Teller:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make the calls; 0 all made, 1 stopped or refused.
-
-    Raises:
-        BagError: The log cannot be read or holds no calls, the driver is not there or not where the log began.
-    """
+    """Make the calls; 0 all made, 1 stopped or refused."""
     log = load_run(args.log)
     if not log.calls:
         raise BagError("%s holds no service calls: record the topic service_calls" % args.log)

@@ -1,4 +1,7 @@
-"""The programs of one replay: master, simulated controllers or recorded ones, recorder, drivers, calls, operator."""
+"""The programs of one replay: master, simulated controllers or recorded ones, recorder, drivers, calls, operator.
+
+``ProgramFailed`` is raised where one of them failed.
+"""
 import json
 import threading
 import time
@@ -62,11 +65,7 @@ class Stage:
         return self._programs.add(Program(name, arguments, self._folder, self._environment, **further))
 
     def run(self, candidate: Path, driver: Sequence[str]) -> None:
-        """Everything with simulated controllers, in order.
-
-        Raises:
-            ProgramFailed: One of the programs failed.
-        """
+        """Everything with simulated controllers, in order."""
         self._start_master()
         for number, arm in enumerate(self._scenario.arms):
             self._start_simulation(number, arm)
@@ -79,11 +78,7 @@ class Stage:
         self._end_recording(recorder)
 
     def run_wire(self, wire_log: str, candidate: Path, driver: Sequence[str]) -> Dict[str, Any]:
-        """Everything with a recorded controller, in order; what its player says at the end.
-
-        Raises:
-            ProgramFailed: One of the programs failed.
-        """
+        """Everything with a recorded controller, in order; what its player says at the end."""
         self._start_master()
         began, ended = threading.Event(), threading.Event()
         told: Dict[str, Any] = {}

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence,
 from ..containers.index import LogIndex
 from ..containers.registry import read_codecs, read_index
 from ..errors import BagFormatError
+from ..units import human_bytes
 
 if TYPE_CHECKING:
     import argparse
@@ -76,13 +77,6 @@ def _duration(seconds: float) -> str:
     return "%d:%02d:%02d h (%.0f s)" % (minutes // 60, minutes % 60, rest, seconds)
 
 
-def _bytes(count: int) -> str:
-    for unit, size in (("GB", 10**9), ("MB", 10**6), ("kB", 10**3)):
-        if count >= size:
-            return "%.1f %s" % (count / size, unit)
-    return "%d B" % count
-
-
 def _mean_rate(topic: Dict[str, Any], duration: Optional[float]) -> str:
     if not duration or topic["messages"] < 2:
         return ""
@@ -98,12 +92,11 @@ def _text(document: Dict[str, Any]) -> str:
     if document["duration"] is not None:
         rows += [("duration", _duration(document["duration"])), ("start", _moment(document["start_ns"])),
                  ("end", _moment(document["end_ns"]))]
-    rows += [("size", _bytes(document["size"])), ("messages", str(document["messages"]))]
+    rows += [("size", human_bytes(document["size"])), ("messages", str(document["messages"]))]
     for entry in document["compression"]:
-        ratio = " (%.1f %% of %s)" % (100.0 * entry["stored"] / entry["uncompressed"], _bytes(entry["uncompressed"])) \
-            if entry["uncompressed"] else ""
-        rows.append(("compression", "%s [%d/%d chunks]%s" % (entry["codec"], entry["chunks"], document["chunks"],
-                                                             ratio)))
+        full = entry["uncompressed"]
+        ratio = " (%.1f %% of %s)" % (100.0 * entry["stored"] / full, human_bytes(full)) if full else ""
+        rows.append(("compression", "%(codec)s [%(chunks)d/" % entry + "%d chunks]%s" % (document["chunks"], ratio)))
     rows += [("types", "%s [%s]" % (t["type"], t["md5sum"] or "no md5")) for t in document["types"]]
     width = max([len(t["topic"]) for t in document["topics"]] + [0])
     for topic in document["topics"]:
@@ -118,7 +111,7 @@ def _text(document: Dict[str, Any]) -> str:
             rows.append(("", "%-*s  %s" % (width, "", topic["freq"]["text"])))
         if "seq" in topic:
             rows.append(("", "%-*s  %s" % (width, "", topic["seq"]["text"])))
-    rows += [("attachments", "%s (%s, %s)" % (a["name"], a["media_type"], _bytes(a["size"])))
+    rows += [("attachments", "%s (%s, %s)" % (a["name"], a["media_type"], human_bytes(a["size"])))
              for a in document["attachments"]]
     rows += [("metadata", name) for name in document["metadata"]]
     lines = []
@@ -168,21 +161,13 @@ def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
 
 
 def run_files(files: Sequence[str], freq: bool = False, seq: bool = False) -> int:
-    """Print the facts for people; the exit code.
-
-    Raises:
-        BagError: A file cannot be read.
-    """
+    """Print the facts for people; the exit code."""
     print("\n---\n".join(_text(_document(path, freq, seq)) for path in files))
     return 0
 
 
 def run(args: "argparse.Namespace") -> int:
-    """Print the facts; the exit code.
-
-    Raises:
-        BagError: A file cannot be read.
-    """
+    """Print the facts; the exit code."""
     if not (args.key or args.json):
         return run_files(args.files, args.freq, args.seq)
     documents = [_document(path, args.freq, args.seq) for path in args.files]

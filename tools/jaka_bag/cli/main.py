@@ -18,8 +18,8 @@ class Command(NamedTuple):
     """One subcommand.
 
     Attributes:
-        module: Has ``add_arguments(parser)`` and ``run(args) -> int``; with ``run_files(names) -> int`` a call without
-            options starts faster, because argparse is not imported.
+        module: Has ``add_arguments(parser)`` and ``run(args) -> int``; what they raise of ``JakaBagError`` is printed.
+            With ``run_files(names) -> int`` a call without options starts faster: argparse is not imported.
         summary: One line for ``--help``.
     """
 

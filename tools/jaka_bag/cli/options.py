@@ -4,9 +4,11 @@ import json
 import sys
 import time
 from decimal import Decimal, InvalidOperation
-from typing import Any, Dict, List, Optional, TextIO
+from pathlib import Path
+from typing import Any, Dict, Iterable, List, Optional, TextIO, Union
 
 from ..messages.selection import Selection, TimePoint, TimeSpan
+from ..operations.convert import WriteResult
 from ..units import NS_PER_S
 
 _PROGRESS_S = 0.1
@@ -16,11 +18,7 @@ _ABSOLUTE_FROM = 100000000
 
 
 def time_point(text: str) -> TimePoint:
-    """A moment from ``12.5``, ``-3`` (before the end) or ``1700000000.5`` (since the epoch), s.
-
-    Raises:
-        argparse.ArgumentTypeError: It is none.
-    """
+    """A moment from ``12.5``, ``-3`` (before the end) or ``1700000000.5`` (since the epoch), s."""
     ns = _nanoseconds(text)
     return TimePoint(ns, ns >= _ABSOLUTE_FROM * NS_PER_S)
 
@@ -36,15 +34,23 @@ def _nanoseconds(text: str) -> int:
 
 
 def positive_ns(text: str) -> int:
-    """A duration in s, given as ns.
-
-    Raises:
-        argparse.ArgumentTypeError: It is none.
-    """
+    """A duration in s, given as ns."""
     ns = _nanoseconds(text)
     if ns <= 0:
         raise argparse.ArgumentTypeError("%r is not a time in seconds above 0" % text)
     return ns
+
+
+def add_source(parser: argparse.ArgumentParser, output: str, is_required: bool = True, metavar: str = "DST") -> None:
+    """Declare one input, its output and ``--force``; ``output`` is the help of the output."""
+    parser.add_argument("source", metavar="SRC", help=".bag or .mcap")
+    add_output(parser, output, is_required, metavar)
+
+
+def add_output(parser: argparse.ArgumentParser, output: str, is_required: bool = True, metavar: str = "DST") -> None:
+    """Declare an output and ``--force``; ``output`` is its help."""
+    parser.add_argument("-o", "--output", metavar=metavar, required=is_required, help=output)
+    parser.add_argument("--force", action="store_true", help="overwrite the output")
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
@@ -155,9 +161,10 @@ class Report:
         self._quiet: bool = args.quiet
         self._documents: List[Dict[str, Any]] = []
 
-    def progress(self, total: int, name: str) -> Progress:
-        """A progress bar over ``total`` bytes; silent without a terminal."""
-        return Progress(total, name, None if self._quiet or not sys.stderr.isatty() else sys.stderr)
+    def progress(self, *sources: Union[str, Path]) -> Progress:
+        """A progress bar over the bytes of some files; silent without a terminal."""
+        total = sum(path.stat().st_size for path in map(Path, sources) if path.is_file())
+        return Progress(total, Path(sources[0]).name, None if self._quiet or not sys.stderr.isatty() else sys.stderr)
 
     def done(self, line: str, document: Dict[str, Any]) -> None:
         """One result: the line for people, the same as data."""
@@ -165,28 +172,19 @@ class Report:
         if not self._json and not self._quiet:
             print(line)
 
-    def note(self, text: str) -> None:
-        """Something that the user should know of a result that is whole."""
-        print("jaka_bag: note: %s" % text, file=sys.stderr)
+    def tell(self, kind: str, texts: Iterable[str]) -> None:
+        """Lines about results: ``note`` what to know of a whole one, ``lost`` what is not kept, ``error`` a failure."""
+        for text in texts:
+            print("jaka_bag: %s: %s" % (kind, text), file=sys.stderr)
 
-    def lost(self, text: str) -> None:
-        """Something that could not be kept."""
-        print("jaka_bag: lost: %s" % text, file=sys.stderr)
-
-    def failed(self, text: str) -> None:
-        """Something that went wrong while the rest goes on."""
-        print("jaka_bag: error: %s" % text, file=sys.stderr)
+    def written(self, line: str, result: WriteResult) -> int:
+        """The one result; the exit code."""
+        self.done(line, result.document())
+        self.tell("note", result.notes)
+        self.finish()
+        return 0
 
     def finish(self, document: Optional[Dict[str, Any]] = None) -> None:
         """Print the JSON document: the given one, or the one result."""
         if self._json:
             print(json.dumps(document if document is not None else self._documents[0], indent=1))
-
-
-def human_bytes(count: float) -> str:
-    """A number of bytes for people."""
-    for unit in ("B", "kB", "MB", "GB"):
-        if abs(count) < 1000 or unit == "GB":
-            return "%.0f %s" % (count, unit) if unit == "B" else "%.1f %s" % (count, unit)
-        count /= 1000.0
-    return ""

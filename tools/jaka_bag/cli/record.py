@@ -233,11 +233,7 @@ class _Console:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Record until SIGINT, SIGTERM or a limit; 0 when all went well.
-
-    Raises:
-        BagError: The recording could not be started.
-    """
+    """Record until SIGINT, SIGTERM or a limit; 0 when all went well."""
     _take_zstd_level(args)
     args.topics, remappings = split_remappings(args.topics)
     try:

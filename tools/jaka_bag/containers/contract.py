@@ -4,7 +4,6 @@ A format subclasses both, and says in ``LogWriter.capabilities`` what its files 
 """
 import os
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Type, TypeVar, Union
 
 import numpy as np
@@ -264,6 +263,8 @@ def by_connection(number: Array, times: Array) -> Iterator[Tuple[int, Array]]:
 class LogWriter:
     """A log being written; nothing of the final name exists before ``close``.
 
+    What writes raises ``WriteFailed`` where the system refuses; the file is whole up to the record before.
+
     Args:
         target: Final path, or an open binary file that can seek (which is neither renamed nor closed).
         chunk_size: Single messages are collected up to this many bytes before a chunk is closed.
@@ -353,7 +354,6 @@ class LogWriter:
 
         Raises:
             BagError: The format cannot hold it.
-            WriteFailed: The system refused.
         """
         raise NotImplementedError
 
@@ -373,11 +373,7 @@ class LogWriter:
         raise NotImplementedError
 
     def append(self, chunk: Optional[EncodedChunk]) -> None:
-        """Write a chunk that ``encode`` made (None: nothing) after what was written so far.
-
-        Raises:
-            WriteFailed: The system refused.
-        """
+        """Write a chunk that ``encode`` made (None: nothing) after what was written so far."""
         raise NotImplementedError
 
     def add_attachment(self, name: str, data: bytes, media_type: str = "application/octet-stream",
@@ -386,7 +382,6 @@ class LogWriter:
 
         Raises:
             BagError: The format has no place for it.
-            WriteFailed: The system refused.
         """
         raise BagError("%s has no place for attachments" % self.format_name)
 
@@ -395,7 +390,6 @@ class LogWriter:
 
         Raises:
             BagError: The format has no place for them.
-            WriteFailed: The system refused.
         """
         raise BagError("%s has no place for metadata" % self.format_name)
 
@@ -409,9 +403,6 @@ class LogWriter:
             payload: The serialised message.
             publish_time: ns; None for ``log_time``. Kept where the format has a place for it.
             sequence: Message number, 0 where there is none. Kept where the format has a place for it.
-
-        Raises:
-            WriteFailed: The system refused.
         """
         self._payloads.append(payload)
         self._channels_pending.append(channel_id)
@@ -470,8 +461,7 @@ class LogWriter:
     def __enter__(self: Self) -> Self:
         return self
 
-    def __exit__(self, kind: Optional[Type[BaseException]], value: Optional[BaseException],
-                 trace: Optional[TracebackType]) -> None:
+    def __exit__(self, kind: Optional[Type[BaseException]], *error: object) -> None:
         if kind is None:
             self.close()
         else:

@@ -70,7 +70,6 @@ class Rosbag2Writer(McapWriter):
 
         Raises:
             DefinitionError: The type's definition is not understood.
-            WriteFailed: The system refused.
         """
         known = self._channel_of.get(connection)
         if known is not None:

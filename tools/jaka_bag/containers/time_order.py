@@ -1,4 +1,7 @@
-"""The messages of logs in the order of time, several logs as one."""
+"""The messages of logs in the order of time, several logs as one.
+
+``BagFormatError`` is raised where a chunk is damaged, ``BagError`` where a pattern is no regular expression.
+"""
 from typing import Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -68,11 +71,7 @@ def _emit(held: Iterable[_Held], before: Optional[int]) -> Iterator[MessageBatch
 
 
 def in_time_order(sources: Sequence[Source]) -> Iterator[MessageBatch]:
-    """All wanted messages of several logs by log time; equal times in the order of the logs and of each file.
-
-    Raises:
-        BagFormatError: A chunk is damaged.
-    """
+    """All wanted messages of several logs by log time; equal times in the order of the logs and of each file."""
     queue = sorted(((chunk.start_time, k, chunk.position, chunk) for k, source in enumerate(sources)
                     for chunk in source.reader.wanted_chunks(source.message_filter)), key=lambda entry: entry[:3])
     held: List[_Held] = []
@@ -86,22 +85,13 @@ def in_time_order(sources: Sequence[Source]) -> Iterator[MessageBatch]:
 
 
 def whole_source(reader: LogReader, selection: Optional[Selection] = None) -> Source:
-    """A log read on its own.
-
-    Raises:
-        BagError: A pattern of the selection is not a regular expression.
-    """
+    """A log read on its own."""
     connections = reader.connections
     return Source(reader, MessageFilter(selection or Selection(), connections), np.arange(len(connections)))
 
 
 def messages_of(reader: LogReader, selection: Optional[Selection] = None) -> Iterator[Message]:
-    """The wanted messages of a log, one by one, by log time.
-
-    Raises:
-        BagError: A pattern of the selection is not a regular expression.
-        BagFormatError: A chunk is damaged.
-    """
+    """The wanted messages of a log, one by one, by log time."""
     connections = reader.connections
     for batch in in_time_order([whole_source(reader, selection)]):
         base = int(batch.start.min())

@@ -138,10 +138,6 @@ class RollingFiles:
             log_time: ns.
             publish_time: ns.
             payload: The serialised message.
-
-        Raises:
-            WriteFailed: The system refused.
-            BagError: A further file cannot be created.
         """
         try:
             self._make_ready(log_time, len(payload))
@@ -246,11 +242,7 @@ class RollingFiles:
             raise WriteFailed(writer.name, error) from error
 
     def _check_space(self, writer: LogWriter, coming: int = 0) -> None:
-        """See to it that one more chunk with ``coming`` more bytes, and the end of the file, have room.
-
-        Raises:
-            DiskFull: They have not.
-        """
+        """See to it that one more chunk with ``coming`` more bytes, and the end of the file, have room."""
         reserve = _SUMMARY_RESERVE + writer.position // _SUMMARY_SHARE + self._largest_chunk + coming
         disk = os.fstatvfs(writer.fileno())
         free = disk.f_bavail * disk.f_frsize

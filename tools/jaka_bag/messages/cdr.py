@@ -1,4 +1,7 @@
-"""ROS 1 messages to CDR, many at once: for each layout, which byte goes where is learnt from rosbags."""
+"""ROS 1 messages to CDR, many at once: for each layout, which byte goes where is learnt from rosbags.
+
+``DefinitionError`` is raised where a definition is not understood or does not describe a message.
+"""
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
@@ -29,11 +32,7 @@ class ByteMap(NamedTuple):
 
 
 def learn_map(layout: Layout, kind: Ros2Type) -> ByteMap:
-    """The byte map of a layout, from how rosbags converts messages whose bytes tell their positions.
-
-    Raises:
-        DefinitionError: The definition does not describe messages of this layout.
-    """
+    """The byte map of a layout, from how rosbags converts messages whose bytes tell their positions."""
     position = np.arange(layout.length)
     probes = []
     for digits in (position & 255, position >> 8 & 255, ~position & 255):
@@ -63,7 +62,6 @@ class CdrConverter:
 
     Raises:
         MissingDependency: rosbags is not installed.
-        DefinitionError: The definition is not understood.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -86,11 +84,7 @@ class CdrConverter:
         return known
 
     def convert(self, batch: MessageBatch, which: Array) -> List[Tuple[Array, Array]]:
-        """(positions in the batch, CDR messages of one length, one a row) that cover ``which``.
-
-        Raises:
-            DefinitionError: The definition does not describe a message.
-        """
+        """(positions in the batch, CDR messages of one length, one a row) that cover ``which``."""
         result = []
         for group in self._finder.groups(batch, which):
             byte_map = self._map_of(group)
@@ -108,9 +102,6 @@ def cdr_batch(batch: MessageBatch, converters: Dict[int, CdrConverter]) -> Messa
     Args:
         batch: ROS 1 messages.
         converters: By number of the connection.
-
-    Raises:
-        DefinitionError: A definition does not describe a message.
     """
     length = np.zeros(len(batch), np.int64)
     parts = []

@@ -1,4 +1,7 @@
-"""Where the fields of serialised ROS 1 messages lie: messages of one layout are handled together."""
+"""Where the fields of serialised ROS 1 messages lie: messages of one layout are handled together.
+
+``DefinitionError`` is raised where the definition is not understood or does not describe a message.
+"""
 import struct
 from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 
@@ -100,11 +103,7 @@ class _Walker:
 
 
 def layout_of(datatype: str, types: Dict[str, MessageType], raw: bytes) -> Layout:
-    """The layout of one message.
-
-    Raises:
-        DefinitionError: The definition does not describe these bytes.
-    """
+    """The layout of one message."""
     walker = _Walker(types, raw)
     walker.walk(datatype, "", False)
     if walker.at != len(raw):
@@ -128,9 +127,6 @@ class LayoutFinder:
 
     Args:
         connection: Its definition is followed, whatever its md5.
-
-    Raises:
-        DefinitionError: The definition is not understood.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -150,11 +146,7 @@ class LayoutFinder:
             raise DefinitionError("%s (%s): %s" % (self._topic, self._datatype, error)) from error
 
     def groups(self, batch: MessageBatch, which: Array) -> Iterator[Group]:
-        """The messages at positions ``which`` of a batch, by layout.
-
-        Raises:
-            DefinitionError: The definition does not describe a message.
-        """
+        """The messages at positions ``which`` of a batch, by layout."""
         length = batch.length[which]
         for size in distinct(length).tolist():
             rest = which[length == size]

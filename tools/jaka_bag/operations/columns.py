@@ -1,4 +1,8 @@
-"""The messages of a log as numpy columns, by topic."""
+"""The messages of a log as numpy columns, by topic.
+
+Decoding raises ``DefinitionError`` where a definition is not understood or does not describe a message, and
+``BagFormatError`` where a chunk is damaged.
+"""
 from typing import Dict, Iterator, List, Optional, Sequence, Tuple
 
 import numpy as np
@@ -50,22 +54,13 @@ class ColumnReader:
             self._finders[number] = LayoutFinder(connection)
 
     def groups(self, batch: MessageBatch) -> Iterator[Tuple[str, Group]]:
-        """The messages of a batch by topic and layout.
-
-        Raises:
-            DefinitionError: A definition does not describe a message.
-        """
+        """The messages of a batch by topic and layout."""
         for number in distinct(batch.connection).tolist():
             for group in self._finders[number].groups(batch, np.flatnonzero(batch.connection == number)):
                 yield self._topics[number], group
 
     def read(self, workers: int = WORKERS) -> Dict[str, Columns]:
-        """All wanted messages, by topic; a topic without messages has no entry.
-
-        Raises:
-            BagFormatError: A chunk is damaged.
-            DefinitionError: A definition does not describe a message.
-        """
+        """All wanted messages, by topic; a topic without messages has no entry."""
         def work(chunk: ChunkRef) -> Dict[str, Part]:
             batch = self._filter.apply(self._reader.load(chunk))
             by_topic: Dict[str, List[Group]] = {}

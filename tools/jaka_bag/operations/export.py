@@ -35,12 +35,7 @@ class Table(NamedTuple):
 
 
 def tables(reader: LogReader, columns: ColumnReader, topic: str) -> Iterator[Table]:
-    """The messages of a topic in the order of time, in runs of one layout.
-
-    Raises:
-        BagFormatError: A chunk is damaged.
-        DefinitionError: A definition does not describe a message.
-    """
+    """The messages of a topic in the order of time, in runs of one layout."""
     for batch in in_time_order([whole_source(reader, Selection(topics=(topic,)))]):
         groups = [group for _, group in columns.groups(batch)]
         if len(groups) == 1:

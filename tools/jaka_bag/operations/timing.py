@@ -1,4 +1,7 @@
-"""How regularly messages came: rate, jitter, gaps, missing ones; from the times in the index alone."""
+"""How regularly messages came: rate, jitter, gaps, missing ones; from the times in the index alone.
+
+``BagFormatError`` is raised where a chunk or its index is damaged.
+"""
 from typing import Any, Dict, List, Tuple
 
 import numpy as np
@@ -20,11 +23,7 @@ _REGULAR = 0.5
 
 
 def log_times(reader: LogReader) -> Dict[int, Array]:
-    """Log times of each connection, by number, ns, ascending.
-
-    Raises:
-        BagFormatError: A chunk's index is damaged.
-    """
+    """Log times of each connection, by number, ns, ascending."""
     parts: Dict[int, List[Array]] = {}
     for connection, log_time in in_order(reader.load_times, reader.chunks):
         order = np.argsort(connection, kind="stable")
@@ -64,11 +63,7 @@ def timing_of(times: Array) -> Dict[str, Any]:
 
 
 def add_timing(path: PathLike, document: Dict[str, Any]) -> None:
-    """Put ``freq`` into each topic of an info document.
-
-    Raises:
-        BagFormatError: A chunk's index is damaged.
-    """
+    """Put ``freq`` into each topic of an info document."""
     with open_log(path) as reader:
         by_connection = log_times(reader)
         by_topic: Dict[str, List[Array]] = {}
@@ -95,11 +90,7 @@ def _sequence_gaps(reader: LogReader, topic: str) -> Tuple[int, int]:
 
 
 def add_sequence_gaps(path: PathLike, document: Dict[str, Any]) -> None:
-    """Put ``seq`` into each topic of an info document whose type begins with a header.
-
-    Raises:
-        BagFormatError: A chunk is damaged.
-    """
+    """Put ``seq`` into each topic of an info document whose type begins with a header."""
     with open_log(path) as reader:
         for topic in document["topics"]:
             try:

@@ -1,4 +1,7 @@
-"""Reads the chunks of an indexed .bag: many records at once where they are regular, else one by one and exact."""
+"""Reads the chunks of an indexed .bag: many records at once where they are regular, else one by one and exact.
+
+What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+"""
 import functools
 import struct
 from typing import Any, Dict, List, Optional, Tuple
@@ -95,20 +98,12 @@ def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> Parsed:
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array]) -> Parsed:
-    """The records of a bag chunk; see ``contract.parse_chunk``.
-
-    Raises:
-        BagFormatError: A record is damaged.
-    """
+    """The records of a bag chunk; see ``contract.parse_chunk``."""
     return contract.parse_chunk(raw, offset, _regular_bag, lambda begin, end: scan(raw, begin, end))
 
 
 def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
-    """(connection id, entries) of the index records that follow a chunk.
-
-    Raises:
-        BagFormatError: One is damaged or cut off.
-    """
+    """(connection id, entries) of the index records that follow a chunk."""
     result = []
     for record in fmt.whole_records(raw, begin, "the index of a chunk is cut off"):
         if record.kind == fmt.OP_INDEX:

@@ -1,4 +1,7 @@
-"""The records of ROS bag files, version 2.0 (ROS wiki, Bags/Format/2.0), and the index that they make; no numpy."""
+"""The records of ROS bag files, version 2.0 (ROS wiki, Bags/Format/2.0), and the index that they make; no numpy.
+
+What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+"""
 import os
 import struct
 from typing import Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
@@ -61,11 +64,7 @@ def pack_time(time_ns: int) -> bytes:
 
 
 def parse_header(raw: Buffer) -> Header:
-    """Header fields by name.
-
-    Raises:
-        BagFormatError: They are damaged.
-    """
+    """Header fields by name."""
     fields: Header = {}
     data = bytes(raw)
     at = 0
@@ -90,29 +89,17 @@ def _field(fields: Header, name: str, form: struct.Struct) -> Tuple[int, ...]:
 
 
 def u32(fields: Header, name: str) -> int:
-    """A 32-bit field.
-
-    Raises:
-        BagFormatError: It is absent or not 4 bytes.
-    """
+    """A 32-bit field."""
     return _field(fields, name, _U32)[0]
 
 
 def u64(fields: Header, name: str) -> int:
-    """A 64-bit field.
-
-    Raises:
-        BagFormatError: It is absent or not 8 bytes.
-    """
+    """A 64-bit field."""
     return _field(fields, name, _U64)[0]
 
 
 def time_ns(fields: Header, name: str) -> int:
-    """A time field, ns.
-
-    Raises:
-        BagFormatError: It is absent or not 8 bytes.
-    """
+    """A time field, ns."""
     seconds, nanoseconds = _field(fields, name, _TIME)
     return seconds * NS_PER_S + nanoseconds
 
@@ -121,9 +108,6 @@ def record_at(raw: Buffer, at: int = 0, stop: Optional[int] = None) -> Optional[
     """The record at a position of a buffer; None where its header does not end before ``stop`` (None: the end).
 
     Its data may be cut off: ``end`` then lies behind ``stop``.
-
-    Raises:
-        BagFormatError: Its header is damaged.
     """
     stop = len(raw) if stop is None else stop
     if at + 8 > stop:
@@ -140,11 +124,7 @@ def record_at(raw: Buffer, at: int = 0, stop: Optional[int] = None) -> Optional[
 
 
 def whole_records(raw: bytes, begin: int = 0, problem: str = _DAMAGED) -> Iterator[Record]:
-    """The records from a position to the end of a buffer.
-
-    Raises:
-        BagFormatError: One is damaged or cut off; the text is ``problem`` where it is cut off.
-    """
+    """The records from a position to the end of a buffer."""
     while begin < len(raw):
         record = record_at(raw, begin)
         if record is None or record.end > len(raw):
@@ -181,11 +161,7 @@ def _encode(value: str) -> bytes:
 
 
 def parse_connection(fields: Header, data: Buffer) -> Tuple[int, Connection]:
-    """Id and connection of a connection record.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """Id and connection of a connection record."""
     number = u32(fields, "conn")
     raw_topic = fields.get("topic")
     if raw_topic is None:
@@ -219,11 +195,7 @@ def chunk_info_record(info: ChunkInfo) -> bytes:
 
 
 def parse_chunk_info(fields: Header, data: Buffer) -> ChunkInfo:
-    """A chunk info record.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """A chunk info record."""
     if len(data) % 8:
         raise BagFormatError("the index is damaged")
     return ChunkInfo(u64(fields, "chunk_pos"), time_ns(fields, "start_time"), time_ns(fields, "end_time"),
@@ -238,11 +210,7 @@ def chunk_head(codec: str, uncompressed_size: int, stored: int) -> bytes:
 
 
 def parse_chunk_head(raw: bytes) -> ChunkHead:
-    """The head of a chunk record.
-
-    Raises:
-        BagFormatError: It is damaged or cut off.
-    """
+    """The head of a chunk record."""
     record = record_at(raw)
     if record is None:
         raise BagFormatError("a chunk record is cut off or damaged")
@@ -253,11 +221,7 @@ def parse_chunk_head(raw: bytes) -> ChunkHead:
 
 
 def read_file_header(descriptor: int) -> Tuple[Header, int]:
-    """Fields of the first record, and the position behind it.
-
-    Raises:
-        BagFormatError: It is cut off, damaged or says that the bag is encrypted.
-    """
+    """Fields of the first record, and the position behind it."""
     record = record_at(read_at(descriptor, len(MAGIC), 4 + FILE_HEADER_SIZE + 4))
     if record is None:
         raise BagFormatError("the first record is cut off or damaged")
@@ -270,11 +234,7 @@ def read_file_header(descriptor: int) -> Tuple[Header, int]:
 
 
 def read_index(path: PathLike, descriptor: int) -> LogIndex:
-    """The index of a bag.
-
-    Raises:
-        BagFormatError: It has none, or it is damaged.
-    """
+    """The index of a bag."""
     size = os.fstat(descriptor).st_size
     fields, first_chunk = read_file_header(descriptor)
     index_position = u64(fields, "index_pos")
@@ -312,11 +272,7 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
 
 
 def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
-    """The totals of each codec, from the heads of the chunks.
-
-    Raises:
-        BagFormatError: A chunk's head is damaged.
-    """
+    """The totals of each codec, from the heads of the chunks."""
     descriptor = open_for_reading(index.path)
     try:
         heads = [parse_chunk_head(read_at(descriptor, chunk.position, 256)) for chunk in index.chunks]

@@ -1,4 +1,7 @@
-"""Reads the chunks of an MCAP: many records at once where they are regular, else one by one and exact."""
+"""Reads the chunks of an MCAP: many records at once where they are regular, else one by one and exact.
+
+What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+"""
 import struct
 import zlib
 from typing import Dict, List, Optional, Tuple
@@ -70,20 +73,12 @@ def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = Non
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array], schemas: Schemas) -> Parsed:
-    """The records of an MCAP chunk; see ``contract.parse_chunk`` and, for ``schemas``, ``scan``.
-
-    Raises:
-        BagFormatError: A record is damaged.
-    """
+    """The records of an MCAP chunk; see ``contract.parse_chunk`` and, for ``schemas``, ``scan``."""
     return contract.parse_chunk(raw, offset, _regular_mcap, lambda begin, end: scan(raw, schemas, begin, end))
 
 
 def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
-    """(channel id, (time, offset) uint64 of shape (n, 2)) of the message indexes that follow a chunk.
-
-    Raises:
-        BagFormatError: One is damaged or cut off.
-    """
+    """(channel id, (time, offset) uint64 of shape (n, 2)) of the message indexes that follow a chunk."""
     result = []
     for opcode, start, end in fmt.whole_records(raw, begin):
         if opcode == fmt.MESSAGE_INDEX:

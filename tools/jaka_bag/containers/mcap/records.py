@@ -1,4 +1,7 @@
-"""Reads the records of MCAP files (MCAP specification, version 0), and the summary that they make; no numpy."""
+"""Reads the records of MCAP files (MCAP specification, version 0), and the summary that they make; no numpy.
+
+What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+"""
 import os
 import struct
 import zlib
@@ -63,11 +66,7 @@ class Statistics(NamedTuple):
 
 
 class Cursor:
-    """Reads the fields of one record's body in order.
-
-    Raises:
-        BagFormatError: From every method, where the body ends too early.
-    """
+    """Reads the fields of one record's body in order."""
 
     def __init__(self, body: Buffer, at: int = 0) -> None:
         self.body = body
@@ -124,11 +123,7 @@ class Schema(NamedTuple):
 
 
 def parse_schema(body: Buffer) -> Tuple[int, Schema]:
-    """Id and content of a schema record's body.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """Id and content of a schema record's body."""
     c = Cursor(body)
     schema_id = c.number("H")
     name, encoding = c.text(), c.text()
@@ -136,11 +131,7 @@ def parse_schema(body: Buffer) -> Tuple[int, Schema]:
 
 
 def parse_channel(body: Buffer, schemas: Dict[int, Schema]) -> Tuple[int, Connection]:
-    """Id and connection of a channel record's body.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """Id and connection of a channel record's body."""
     c = Cursor(body)
     channel_id, schema_id = c.unpack("HH")
     topic, encoding, metadata = c.text(), c.text(), c.text_map()
@@ -154,11 +145,7 @@ def parse_channel(body: Buffer, schemas: Dict[int, Schema]) -> Tuple[int, Connec
 
 
 def parse_chunk_index(body: Buffer) -> ChunkIndex:
-    """A chunk index record's body.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """A chunk index record's body."""
     c = Cursor(body)
     start, end, position, size = c.unpack("QQQQ")
     offsets = c.number_map()
@@ -169,21 +156,13 @@ def parse_chunk_index(body: Buffer) -> ChunkIndex:
 
 
 def parse_statistics(body: Buffer) -> Statistics:
-    """A statistics record's body.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """A statistics record's body."""
     c = Cursor(body)
     return Statistics(*c.unpack("QHIIIIQQ"), c.number_map())  # type: ignore[call-arg, arg-type]
 
 
 def parse_attachment_index(body: Buffer) -> AttachmentIndex:
-    """An attachment index record's body.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """An attachment index record's body."""
     c = Cursor(body)
     position, size, log_time, create_time, data_size = c.unpack("QQQQQ")
     name = c.text()
@@ -191,33 +170,21 @@ def parse_attachment_index(body: Buffer) -> AttachmentIndex:
 
 
 def parse_metadata_index(body: Buffer) -> MetadataIndex:
-    """A metadata index record's body.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """A metadata index record's body."""
     c = Cursor(body)
     position, size = c.unpack("QQ")
     return MetadataIndex(position, size, c.text())
 
 
 def read_metadata(descriptor: int, entry: MetadataIndex) -> Dict[str, str]:
-    """The content of a metadata record.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """The content of a metadata record."""
     c = Cursor(read_at(descriptor, entry.position, entry.size), RECORD_HEAD.size)
     c.text()
     return c.text_map()
 
 
 def read_attachment(descriptor: int, entry: AttachmentIndex) -> bytes:
-    """The content of an attachment record.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """The content of an attachment record."""
     raw = read_at(descriptor, entry.position, entry.size)
     crc = int.from_bytes(raw[-4:], "little")
     if RECORD_HEAD.size + entry.data_size + 4 > len(raw) or (crc and zlib.crc32(raw[RECORD_HEAD.size:-4]) != crc):
@@ -226,11 +193,7 @@ def read_attachment(descriptor: int, entry: AttachmentIndex) -> bytes:
 
 
 def parse_chunk_head(raw: bytes) -> ChunkHead:
-    """The head of a chunk record; the data may be cut off.
-
-    Raises:
-        BagFormatError: It is damaged or cut off.
-    """
+    """The head of a chunk record; the data may be cut off."""
     cursor = Cursor(raw)
     if cursor.number("B") != CHUNK:
         raise BagFormatError("there is no chunk record")
@@ -258,11 +221,7 @@ def records_in(data: Buffer, begin: int = 0, end: Optional[int] = None) -> Itera
 
 
 def whole_records(data: Buffer, begin: int = 0) -> List[Tuple[int, int, int]]:
-    """(opcode, start, end) of the body of each record in ``data``.
-
-    Raises:
-        BagFormatError: The last record is cut off.
-    """
+    """(opcode, start, end) of the body of each record in ``data``."""
     found = list(records_in(data, begin))
     if (found[-1][2] if found else begin) != len(data):
         raise BagFormatError("the last MCAP record is cut off")
@@ -281,11 +240,7 @@ class _Summary(NamedTuple):
 
 
 def parse_summary(data: bytes) -> _Summary:
-    """The records of a summary section.
-
-    Raises:
-        BagFormatError: One is damaged.
-    """
+    """The records of a summary section."""
     summary = _Summary({}, {}, [], None, [], [])
     bodies: Dict[int, List[bytes]] = {}
     for opcode, begin, end in whole_records(data):
@@ -305,11 +260,7 @@ def parse_summary(data: bytes) -> _Summary:
 
 
 def read_file_head(descriptor: int) -> Tuple[str, str, int]:
-    """Profile, library, and the position behind the first record.
-
-    Raises:
-        BagFormatError: It is cut off or damaged, or the format's version is not 0.
-    """
+    """Profile, library, and the position behind the first record."""
     raw = read_at(descriptor, 0, len(MAGIC) + RECORD_HEAD.size + 1024)
     if raw[:len(MAGIC)] != MAGIC:
         raise BagFormatError("the file is cut off in its first bytes, or of an MCAP version that is not supported")
@@ -325,11 +276,7 @@ def read_file_head(descriptor: int) -> Tuple[str, str, int]:
 
 
 def read_footer(descriptor: int, size: int) -> Tuple[int, int]:
-    """Start of the summary (0: the file has none) and its CRC (0: not given).
-
-    Raises:
-        BagFormatError: The file does not end as an MCAP does.
-    """
+    """Start of the summary (0: the file has none) and its CRC (0: not given)."""
     tail_size = FOOTER_SIZE + len(MAGIC)
     tail = read_at(descriptor, max(size - tail_size, 0), tail_size)
     if len(tail) < tail_size or not tail.endswith(MAGIC) or RECORD_HEAD.unpack_from(tail) != (FOOTER, 20):
@@ -339,11 +286,7 @@ def read_footer(descriptor: int, size: int) -> Tuple[int, int]:
 
 
 def read_summary(descriptor: int, size: int) -> Optional[_Summary]:
-    """The summary; None where the file was written without one.
-
-    Raises:
-        BagFormatError: The file is cut off or the summary is damaged.
-    """
+    """The summary; None where the file was written without one."""
     start, crc = read_footer(descriptor, size)
     if start == 0:
         return None
@@ -367,11 +310,7 @@ def _is_complete(summary: _Summary) -> bool:
 
 
 def read_index(path: PathLike, descriptor: int) -> Optional[LogIndex]:
-    """The index of an MCAP; None for a whole file without a usable summary.
-
-    Raises:
-        BagFormatError: The file is cut off or damaged.
-    """
+    """The index of an MCAP; None for a whole file without a usable summary."""
     size = os.fstat(descriptor).st_size
     profile, library, data_start = read_file_head(descriptor)
     summary = read_summary(descriptor, size)

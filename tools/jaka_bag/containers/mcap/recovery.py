@@ -1,5 +1,7 @@
 """The one walk over the records of an MCAP: reads a damaged one as far as that goes, and makes the index of a whole one
 that has no summary.
+
+What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import os
 import zlib
@@ -205,11 +207,7 @@ class _Whole(McapRecovery):
 
 
 def walk_index(path: PathLike, descriptor: int) -> LogIndex:
-    """The index of an MCAP without a usable summary.
-
-    Raises:
-        BagFormatError: The file is damaged.
-    """
+    """The index of an MCAP without a usable summary."""
     size = os.fstat(descriptor).st_size
     walk = _Whole(descriptor, size)
     found = []

@@ -132,7 +132,6 @@ class McapWriter(LogWriter):
 
         Raises:
             BagError: More channels or types than MCAP can number.
-            WriteFailed: The system refused.
         """
         known = self._channels.get(connection)
         if known is not None:
