@@ -173,6 +173,22 @@ def test_mcaps_of_others_are_read(tmp_path, options):
     assert read(bare) == in_order(SAMPLES)
 
 
+def test_names_that_are_not_utf8_are_read_where_the_library_mcap_gives_up(tmp_path):
+    from mcap.stream_reader import StreamReader
+    path = tmp_path / "latin.mcap"
+    topic = b"/caf\xe9"
+    channel = struct.pack("<HHI", 3, 1, len(topic)) + topic + mcap_records.text("ros1") + mcap_records.text_map({})
+    message = mcap_format.MESSAGE_HEAD.pack(mcap_format.MESSAGE, 30, 3, 0, 9, 9) + bytes(8)
+    path.write_bytes(b"".join([
+        mcap_format.MAGIC, mcap_records.header_record("ros1", ""), mcap_records.schema_record(1, STATES),
+        mcap_records.record(mcap_format.CHANNEL, channel), message, mcap_records.record(mcap_format.DATA_END, bytes(4)),
+        mcap_records.record(mcap_format.FOOTER, bytes(20)), mcap_format.MAGIC]))
+    with open_log(path) as reader:
+        assert [(m.connection.topic, m.log_time) for m in messages_of(reader)] == [("/caf\udce9", 9)]
+    with path.open("rb") as stream, pytest.raises(UnicodeDecodeError):
+        list(StreamReader(stream).records)
+
+
 def test_channel_0_is_a_channel(tmp_path):
     path = tmp_path / "zero.mcap"
     head = mcap_format.MAGIC + mcap_records.header_record("ros1", "")
