@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from log_samples import MODEL, STATES, message_record
+from log_samples import MODEL, STATES, message_record, payload
 
 from jaka_bag.containers.bag import reader as bag_chunk
 from jaka_bag.containers.bag import records as bag_format
@@ -24,7 +24,7 @@ BAG_ITEMS = st.lists(st.one_of(
 
 
 def content(block):
-    return [(int(block.connection[i]), int(block.log_time[i]), block.payload(i), int(block.publish_time[i]),
+    return [(int(block.connection[i]), int(block.log_time[i]), payload(block, i), int(block.publish_time[i]),
              int(block.sequence[i])) for i in range(len(block))]
 
 

@@ -14,6 +14,7 @@ from log_samples import (
     Sample,
     in_order,
     message_record,
+    payload,
     read,
     state_log,
     write,
@@ -281,9 +282,9 @@ def test_blocks_share_their_chunk_and_renumber():
     start, length = np.array([0, 10, 20]), np.array([10, 5, 20])
     block = MessageBatch(data, start, length, np.array([0, 1, 0], np.int32), np.array([5, 6, 7]))
     taken = block.take(np.array([2, 0]))
-    assert taken.data is data and taken.payload(0) == bytes(range(20, 40))
+    assert taken.data is data and payload(taken, 0) == bytes(range(20, 40))
     joined = concatenate([taken, block])
-    assert [joined.payload(i) for i in range(5)] == [taken.payload(0), taken.payload(1)] + [
-        block.payload(i) for i in range(3)]
+    assert [payload(joined, i) for i in range(5)] == [payload(taken, 0), payload(taken, 1)] + [
+        payload(block, i) for i in range(3)]
     assert [len(p) for p in pieces_of(joined, 30)] == [2, 2, 1]
     assert block.with_connections(np.array([7, 9])).connection.tolist() == [7, 9, 7]

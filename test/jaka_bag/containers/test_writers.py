@@ -1,5 +1,4 @@
 """What the writers write, seen by others: the mcap library, rosbags."""
-import io
 import os
 from pathlib import Path
 
@@ -88,19 +87,6 @@ def test_rosbags_reads_a_bag(tmp_path, codec):
         callers = {c.topic: (c.ext.callerid, c.ext.latching) for c in reader.connections}
     assert found == sorted(((s.connection.topic, s.time, s.data) for s in SAMPLES), key=lambda m: m[1])
     assert callers["/model"] == ("/launch", 1) and callers[JOINTS.topic] == ("/jaka_driver", 0)
-
-
-@pytest.mark.parametrize("suffix", [".bag", ".mcap"])
-def test_an_output_can_be_an_open_file(suffix, tmp_path):
-    stream = io.BytesIO()
-    writer = BagWriter(stream) if suffix == ".bag" else McapWriter(stream)
-    number = writer.add_channel(STATES)
-    writer.add_message(number, START_NS, bytes(8))
-    writer.close()
-    path = tmp_path / ("log" + suffix)
-    path.write_bytes(stream.getvalue())
-    with open_log(path) as reader:
-        assert reader.message_count == 1
 
 
 @pytest.mark.parametrize("suffix", [".bag", ".mcap"])

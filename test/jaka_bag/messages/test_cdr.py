@@ -75,7 +75,7 @@ def test_cdr_is_that_of_rosbags(tmp_path_factory, typed):
     oracle = Ros2Type(kind)
     with open_log(path) as reader:
         converters = {0: CdrConverter(kind)}
-        made = [block.payload(i) for block in (cdr_batch(b, converters) for b in map(reader.load, reader.chunks))
+        made = [payload(block, i) for block in (cdr_batch(b, converters) for b in map(reader.load, reader.chunks))
                 for i in range(len(block))]
     assert made == [oracle.to_cdr(raw) for raw in data]
 
@@ -90,7 +90,7 @@ def test_order_and_times_stay_over_several_connections(tmp_path):
             assert made.log_time.tolist() == block.log_time.tolist()
             for i in range(len(block)):
                 kind = converters[int(block.connection[i])].kind
-                assert made.payload(i) == kind.to_cdr(block.payload(i))
+                assert payload(made, i) == kind.to_cdr(payload(block, i))
 
 
 def test_a_map_is_few_stretches():
@@ -109,7 +109,7 @@ def test_large_messages_are_converted_too(tmp_path):
     with open_log(path) as reader:
         converters = {0: CdrConverter(image)}
         blocks = [cdr_batch(reader.load(chunk), converters) for chunk in reader.chunks]
-    made = [block.payload(i) for block in blocks for i in range(len(block))]
+    made = [payload(block, i) for block in blocks for i in range(len(block))]
     assert made == [Ros2Type(image).to_cdr(data)] * 12
 
 

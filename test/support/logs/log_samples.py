@@ -145,3 +145,8 @@ class RawBag:
         return (bag_format.MAGIC + bag_format.file_header(self.begin + len(self.body), self.connections,
                                                           len(self.infos))
                 + bytes(self.body) + self.tail + b"".join(map(bag_format.chunk_info_record, self.infos)))
+
+
+def payload(batch, i):
+    """The bytes of message ``i`` of a batch."""
+    return batch.data[batch.start[i]:batch.start[i] + batch.length[i]].tobytes()

@@ -3,7 +3,7 @@
 main         the table of subcommands; runs one, turns errors into a line and an exit code
 quantities   durations and sizes as users write them
 options      options that several subcommands share, and how they say what they did
-notices      lines on standard error that nobody waits for
+notices      what recorder and player say: lines that nobody waits for, an account as JSON
 record, play                              the ROS graph
 info, convert, filter, merge, split       logs
 recover, export, plot, compare            logs

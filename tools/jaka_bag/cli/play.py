@@ -1,12 +1,10 @@
 """``jaka_bag play``: the command line of the player."""
 import argparse
 import contextlib
-import json
 import os
 import signal
 import struct
 import sys
-from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, Optional
 
 from ..errors import BagError
@@ -21,6 +19,7 @@ from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
 from ..units import NS_PER_S
 from . import quantities
+from .notices import write_account
 
 _TIME = struct.Struct("<II")
 _CLOCK_DEFINITION = "time clock\n"
@@ -221,10 +220,7 @@ def run(args: argparse.Namespace) -> int:
     finally:
         source.close()
     if args.report:
-        try:
-            Path(args.report).write_text(json.dumps(report, indent=1, sort_keys=True) + "\n")
-        except OSError as error:
-            raise BagError("cannot write the report %s: %s" % (args.report, error.strerror)) from error
+        write_account(args.report, report)
     return 0
 
 

@@ -18,10 +18,11 @@ from ..live.rolling_files import Attachment, FileSettings, RollingFiles
 from ..live.session import Session, parameter_dump, read_parameter, wait_for_master
 from ..live.stream_account import TopicDrops, drops_by_topic
 from ..live.subscriber import Subscriber, accept_all
-from ..live.topic_selection import TopicSelection, compile_pattern, is_of_namespace, state_log_topics
+from ..live.topic_selection import TopicSelection, is_of_namespace, state_log_topics
 from ..live.writer_thread import WriterThread
+from ..messages.selection import compile_patterns
 from . import quantities
-from .notices import Notices
+from .notices import Notices, write_account
 
 SUMMARY = "record topics to .mcap (default) or .bag"
 
@@ -102,7 +103,7 @@ class _Usage(BagError):
 
 
 def _selection(args: argparse.Namespace, names: NodeNames) -> TopicSelection:
-    exclude = compile_pattern(args.exclude) if args.exclude is not None else None
+    exclude = compile_patterns([args.exclude])[0] if args.exclude is not None else None
     if args.state_log:
         if args.topics or args.all or args.regex or args.node:
             raise _Usage("--state-log chooses the topics itself")
@@ -113,7 +114,7 @@ def _selection(args: argparse.Namespace, names: NodeNames) -> TopicSelection:
     if not (args.topics or args.all or node):
         raise _Usage("nothing to record: give topics, -a, -e, --node or --state-log")
     if args.regex:
-        patterns = tuple(compile_pattern(topic) for topic in args.topics)
+        patterns = tuple(compile_patterns(args.topics))
         return TopicSelection((), args.all, patterns, exclude, node)
     return TopicSelection(tuple(names.resolve(topic) for topic in args.topics), args.all, (), exclude, node)
 
@@ -187,10 +188,7 @@ def _write_report(path: str, recorder: WriterThread, session: Session, drops: Di
     report = {"files": recorder.finished_paths, "messages": recorder.messages, "end": session.end_reason,
               "error": None if failure is None else str(failure), "untimed": recorder.untimed,
               "topics": {topic: dict(account._asdict(), lossy=account.is_lossy) for topic, account in drops.items()}}
-    try:
-        Path(path).write_text(json.dumps(report, indent=1, sort_keys=True) + "\n")
-    except OSError as error:
-        raise BagError("cannot write the report %s: %s" % (path, error.strerror)) from error
+    write_account(path, report)
 
 
 class _Console:

@@ -3,8 +3,7 @@
 A format subclasses both, and says in ``LogWriter.capabilities`` what its files have a place for.
 """
 import os
-from pathlib import Path
-from typing import BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Type, TypeVar, Union
+from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Type, TypeVar
 
 import numpy as np
 
@@ -266,7 +265,7 @@ class LogWriter:
     What writes raises ``WriteFailed`` where the system refuses; the file is whole up to the record before.
 
     Args:
-        target: Final path, or an open binary file that can seek (which is neither renamed nor closed).
+        target: Final path.
         chunk_size: Single messages are collected up to this many bytes before a chunk is closed.
         overwrite: Replace an existing file.
         suffix: What the working name has more than the final one.
@@ -287,16 +286,9 @@ class LogWriter:
     format_name = ""
     capabilities = Capabilities(False, False, False, False)
 
-    def __init__(self, target: Union[PathLike, BinaryIO], chunk_size: int, overwrite: bool, suffix: str,
-                 keep_leftover: bool) -> None:
-        self._output: Optional[OutputFile] = None
-        if isinstance(target, (str, os.PathLike)):
-            self._output = OutputFile(target, overwrite, suffix, keep_leftover)
-            self._file: BinaryIO = self._output.file
-            self.name = str(target)
-        else:
-            self._file = target
-            self.name = "the output"
+    def __init__(self, target: PathLike, chunk_size: int, overwrite: bool, suffix: str, keep_leftover: bool) -> None:
+        self._output = OutputFile(target, overwrite, suffix, keep_leftover)
+        self.name = str(target)
         self.chunk_size = chunk_size
         self.position = 0
         self.message_count = 0
@@ -312,40 +304,34 @@ class LogWriter:
         self.pending_bytes = 0
 
     @property
-    def working_path(self) -> Optional[Path]:
-        """The name of the file while it is written; None for an open file."""
-        return None if self._output is None else self._output.working_path
-
-    @property
     def pending_messages(self) -> int:
         """Messages collected for the chunk that is not closed yet."""
         return len(self._payloads)
 
     def fileno(self) -> int:
         """The descriptor, for ``fsync``."""
-        return self._file.fileno()
+        return self._output.file.fileno()
 
     def _write(self, *pieces: bytes) -> int:
         """Write records; give the position of the first. On failure the file is cut back to before them."""
         begin = self.position
         try:
             for piece in pieces:
-                (self._output or self._file).write(piece)
+                self._output.write(piece)
                 self.position += len(piece)
         except OSError as error:
             self.position = begin
-            if self._output is not None:
-                self._file.truncate(begin)
-                self._file.seek(begin)
+            self._output.file.truncate(begin)
+            self._output.file.seek(begin)
             raise WriteFailed(self.name, error) from error
         return begin
 
     def _rewrite(self, at: int, data: bytes) -> None:
         """Replace bytes at a position of the file."""
         try:
-            self._file.seek(at)
-            (self._output or self._file).write(data)
-            self._file.seek(self.position)
+            self._output.file.seek(at)
+            self._output.write(data)
+            self._output.file.seek(self.position)
         except OSError as error:
             raise WriteFailed(self.name, error) from error
 
@@ -446,17 +432,15 @@ class LogWriter:
         self.flush()
         self._finish()
         self._closed = True
-        if self._output is not None:
-            try:
-                self._output.commit()
-            except OSError as error:
-                raise WriteFailed(self.name, error) from error
+        try:
+            self._output.commit()
+        except OSError as error:
+            raise WriteFailed(self.name, error) from error
 
     def abort(self) -> None:
         """Give up: remove the working file."""
         self._closed = True
-        if self._output is not None:
-            self._output.abort()
+        self._output.abort()
 
     def __enter__(self: Self) -> Self:
         return self

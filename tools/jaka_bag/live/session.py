@@ -186,13 +186,10 @@ class Session:
     def _subscribe_as(self, node: str, master: RemoteNode) -> None:
         try:
             uri = str(master.call("lookupNode", node))
-            peer = RemoteNode(uri, node)
-            try:
+            with RemoteNode(uri, node) as peer:
                 for topic, _ in peer.call("getSubscriptions"):
                     if not self._selection.is_excluded(topic):
                         self._subscribe(topic)
-            finally:
-                peer.close()
         except (ConnectionLost, ProtocolError) as error:
             self._notice_once("node", "waiting for node %s: %s" % (node, error))
 

@@ -231,11 +231,8 @@ class Subscriber:
     def _ask(self, topic: str, uri: str) -> None:
         """Ask a publisher where its TCPROS port is; in a thread of the pool."""
         try:
-            node = RemoteNode(uri, self.names.node)
-            try:
+            with RemoteNode(uri, self.names.node) as node:
                 protocol = node.call("requestTopic", topic, [["TCPROS"]])
-            finally:
-                node.close()
             if not isinstance(protocol, (list, tuple)) or len(protocol) < 3 or protocol[0] != "TCPROS":
                 raise ProtocolError("%s offers no TCPROS for %s" % (uri, topic))
             self._command(self._connect, topic, uri, resolve(str(protocol[1]), int(protocol[2])))

@@ -1,27 +1,13 @@
 """Which topics a recording takes."""
-import re
 from dataclasses import dataclass
 from typing import Callable, Optional, Pattern, Tuple
 
-from ..errors import BagError
 from ..messages.connection import Connection
 from .names import NodeNames
 
 _DRIVER_TOPICS = ("tool_position", "joint_position", "robot_states", "service_calls")
 _NAMESPACE_TOPICS = ("joint_states", "tf", "tf_static", "diagnostics")
 _GLOBAL_TOPICS = ("/tf", "/tf_static", "/diagnostics")
-
-
-def compile_pattern(pattern: str) -> Pattern[str]:
-    """A topic pattern, to be matched against whole names.
-
-    Raises:
-        BagError: It is no regular expression.
-    """
-    try:
-        return re.compile(pattern)
-    except re.error as error:
-        raise BagError("%r is not a regular expression: %s" % (pattern, error)) from error
 
 
 @dataclass(frozen=True)

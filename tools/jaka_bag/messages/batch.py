@@ -43,11 +43,6 @@ class MessageBatch:
     def __len__(self) -> int:
         return len(self.start)
 
-    def payload(self, i: int) -> bytes:
-        """The bytes of message ``i``."""
-        begin = int(self.start[i])
-        return self.data[begin:begin + int(self.length[i])].tobytes()
-
     def take(self, which: Union[Array, slice]) -> "MessageBatch":
         """The messages that ``which`` (a mask, indices or a slice) picks; the buffer is shared."""
         return MessageBatch(self.data, self.start[which], self.length[which], self.connection[which],

@@ -34,7 +34,7 @@ class Selection(NamedTuple):
         Raises:
             BagError: A pattern is not a regular expression.
         """
-        patterns, exclude = _compile(self.patterns), _compile(self.exclude)
+        patterns, exclude = compile_patterns(self.patterns), compile_patterns(self.exclude)
         result = []
         for connection in connections:
             by_name = not (self.topics or patterns) or connection.topic in self.topics or any(
@@ -49,7 +49,12 @@ class Selection(NamedTuple):
         return self.start_time is not None or self.end_time is not None
 
 
-def _compile(patterns: Sequence[str]) -> List[Pattern[str]]:
+def compile_patterns(patterns: Sequence[str]) -> List[Pattern[str]]:
+    """Regular expressions, to be matched against whole names.
+
+    Raises:
+        BagError: One is none.
+    """
     try:
         return [re.compile(p) for p in patterns]
     except re.error as error:

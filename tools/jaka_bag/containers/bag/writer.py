@@ -1,5 +1,5 @@
 """Writes ROS bags, version 2.0, chunk by chunk with flat memory: single messages or batches."""
-from typing import BinaryIO, Dict, List, Optional, Tuple, Union
+from typing import Dict, List, Optional, Tuple
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class BagWriter(LogWriter):
 
     format_name = "a .bag"
 
-    def __init__(self, target: Union[PathLike, BinaryIO], compression: str = "none", level: Optional[int] = None,
+    def __init__(self, target: PathLike, compression: str = "none", level: Optional[int] = None,
                  chunk_size: int = 768 * 1024, overwrite: bool = False, suffix: str = ".part",
                  keep_leftover: bool = False, profile: str = "ros1") -> None:
         check_codec(compression, BAG_CODECS, "a .bag")

@@ -1,7 +1,7 @@
 """Writes MCAP files, chunk by chunk with flat memory: single messages (the recorder) or batches (conversion)."""
 import struct
 import zlib
-from typing import BinaryIO, Dict, List, Optional, Tuple, Union
+from typing import Dict, List, Optional, Tuple
 
 import numpy as np
 
@@ -101,7 +101,7 @@ class McapWriter(LogWriter):
     format_name = "MCAP"
     capabilities = Capabilities(True, True, True, True)
 
-    def __init__(self, target: Union[PathLike, BinaryIO], compression: str = "zstd", level: Optional[int] = None,
+    def __init__(self, target: PathLike, compression: str = "zstd", level: Optional[int] = None,
                  chunk_size: int = 1 << 20, overwrite: bool = False, suffix: str = ".part",
                  keep_leftover: bool = False, profile: str = "ros1") -> None:
         check_codec(compression, MCAP_CODECS, "MCAP")
