@@ -189,7 +189,7 @@ def with_subscribers(publisher: Publisher, *outlets: TopicPublisher, count: int 
 
 def all_read(publisher: Publisher) -> None:
     """Wait until the subscribers have read everything that was sent; they handle it in the order they read it."""
-    ports = {link.socket.getpeername()[1] for outlet in publisher.outlets for link in outlet.links}
+    ports = {link.socket.getpeername()[1] for outlet in publisher.offers for link in outlet.links}
 
     def unread() -> int:
         rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]

@@ -15,6 +15,7 @@ from log_samples import (
     connection,
     header,
     joints,
+    payload,
     state_log,
     text,
     write,
