@@ -1,4 +1,4 @@
-"""Notices when the computer lets programs wait: a difference that a busy host made is none of the arm."""
+"""Notices when a busy computer lets programs wait, which can look like a difference of the arm."""
 import threading
 import time
 from dataclasses import dataclass

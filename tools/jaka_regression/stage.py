@@ -193,7 +193,7 @@ class Stage:
             self._schedule(event["call"], event["monotonic_s"])
 
     def _schedule(self, call: Optional[int], moment: float) -> None:
-        """The operator does what follows this call, or the beginning."""
+        """Start what the operator does after the start of a call (None: after the beginning)."""
         events = sorted((event for event in self._scenario.events if event.after_call == call),
                         key=lambda event: event.delay_s)
         if events:
@@ -202,7 +202,7 @@ class Stage:
             operator.start()
 
     def _operate(self, events: Sequence[Event], moment: float) -> None:
-        """One after the other, also where the host is late with all of them."""
+        """Send the operator's requests one after the other, even where this computer is late with all of them."""
         try:
             for event in events:
                 time.sleep(max(0.0, moment + event.delay_s / self._time_scale - time.monotonic()))
@@ -211,7 +211,7 @@ class Stage:
             self._failure = str(error)
 
     def _let_pass(self, seconds: float) -> None:
-        """Record what happens by itself."""
+        """Wait so long, s, while everything is recorded."""
         end = time.monotonic() + seconds
         while time.monotonic() < end and self._failure is None:
             self._programs.check()

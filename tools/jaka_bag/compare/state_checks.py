@@ -127,7 +127,7 @@ def _weight(run: StateRun, limits: StateTolerance, at_edge: bool) -> float:
 
 
 def _may_miss(runs: List[StateRun], i: int, limits: StateTolerance) -> bool:
-    """True for a brief run, an edge run within the timing, and one that only joins its equal neighbours' values."""
+    """Whether the other log may lack a run: it is brief, short at an edge, or one of two equal ones around a brief."""
     run = runs[i]
     if _weight(run, limits, i in (0, len(runs) - 1)) < 1.0:
         return True

@@ -87,7 +87,7 @@ class Check:
 
 def judged(aspect: Aspect, topic: str, field: str, measured: float, limit: float, unit: str, detail: str,
            at: Optional[float] = None, golden: str = "", candidate: str = "") -> Check:
-    """A check that an amount is within its limit; NaN is not."""
+    """A check whether an amount is within its limit; NaN is not within it."""
     outcome = Outcome.SAME if measured <= limit else Outcome.DIFFERENT
     return Check(aspect, topic, field, outcome, detail, measured, limit, unit, at, golden, candidate)
 

@@ -1,7 +1,6 @@
 """The formats of logs: which one a file has, by content; which one an output gets, by name; who reads and writes it."""
 import importlib
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Dict, NamedTuple, Optional, Tuple
 
 from ..errors import BagError, BagFormatError
@@ -172,7 +171,7 @@ def create_log(path: PathLike, compression: Optional[str] = None, level: Optiona
         BagError: The suffix is neither, the compression is not the format's, or it cannot be created.
         OutputExists: The output exists and ``overwrite`` is False.
     """
-    suffix = Path(path).suffix
+    suffix = os.path.splitext(str(path))[1]
     writer: LogWriter
     if as_rosbag2:
         if suffix:

@@ -25,7 +25,7 @@ class Source(NamedTuple):
 
 
 class _Held:
-    """A chunk whose turn has not come, or not wholly."""
+    """A chunk of which some messages are still to be given."""
 
     def __init__(self, order: Tuple[int, int], source: Source, chunk: ChunkRef) -> None:
         self.order = order
@@ -43,12 +43,12 @@ class _Held:
         return len(self.rest.data)
 
     def drop(self) -> None:
-        """Forget the bytes, keep the times."""
+        """Forget the payloads, but not the times."""
         rest = self.rest
         self.rest = MessageBatch(rest.data[:0], rest.start, rest.length, rest.connection, rest.log_time)
 
     def take_before(self, time: Optional[int]) -> MessageBatch:
-        """Remove and give the messages before a time, ns (None: all)."""
+        """Remove and return the messages before a time, ns (None: all)."""
         mask = np.ones(len(self.rest), bool) if time is None else self.rest.log_time < time
         if not mask.any():
             return self.rest.take(mask)

@@ -46,7 +46,7 @@ class Keyboard:
         return self._before is not None
 
     def wait(self, timeout_s: float) -> str:
-        """Keys pressed; waits for the first no longer than the time, which it does precisely."""
+        """Keys pressed; waits at most so long, s, for the first."""
         if self._before is None or self._descriptor is None:
             select.select([], [], [], timeout_s)
             return ""

@@ -35,7 +35,7 @@ class Timed(NamedTuple):
 
 
 class LogSource:
-    """Several logs as one.
+    """The messages of several logs as if they were one log.
 
     Args:
         paths: The logs, .bag or .mcap with ROS 1 messages.

@@ -242,7 +242,7 @@ class RollingFiles:
             raise WriteFailed(writer.name, error) from error
 
     def _check_space(self, writer: LogWriter, coming: int = 0) -> None:
-        """See to it that one more chunk with ``coming`` more bytes, and the end of the file, have room."""
+        """Check that one more chunk with ``coming`` more bytes, and the end of the file, have room."""
         reserve = _SUMMARY_RESERVE + writer.position // _SUMMARY_SHARE + self._largest_chunk + coming
         disk = os.fstatvfs(writer.fileno())
         free = disk.f_bavail * disk.f_frsize
@@ -253,7 +253,7 @@ class RollingFiles:
             raise DiskFull("%s is at the largest size that this process may write" % self.settings.stem)
 
     def lose_chunk(self) -> None:
-        """Account for the messages of a chunk, where the writer has dropped it because the system refused it."""
+        """Count the messages of the last chunk as unwritten, where the system refused it."""
         if self._writer is not None and self._writer.pending_messages:
             return
         for stream, count in self._chunk_streams.items():

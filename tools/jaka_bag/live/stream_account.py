@@ -1,4 +1,4 @@
-"""What each publisher's stream brought, and what it lacked: the drop account of a recording."""
+"""How many messages of each publisher were received, written and lost: the account of a recording."""
 import json
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
