@@ -1,4 +1,5 @@
 """What the writers write, seen by others: the mcap library, rosbags."""
+import contextlib
 import os
 from pathlib import Path
 
@@ -8,7 +9,8 @@ from mcap.reader import make_reader
 
 from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
-from jaka_bag.containers.registry import create_log, open_log
+from jaka_bag.containers.registry import FORMATS, create_log, open_log
+from jaka_bag.containers.time_order import messages_of
 from jaka_bag.errors import BagError, OutputExists, WriteFailed
 from jaka_bag.messages.connection import Connection
 
@@ -194,3 +196,19 @@ def test_latin_1_in_a_definition_survives(tmp_path):
         with open_log(tmp_path / name) as reader:
             assert reader.connections == [odd]
             assert Path(reader.path).name == name
+
+
+@pytest.mark.parametrize("entry", FORMATS, ids=lambda entry: entry.name)
+def test_a_writer_keeps_what_it_declares_and_refuses_or_drops_the_rest(entry, tmp_path):
+    path = tmp_path / ("log" + entry.suffix)
+    with create_log(path) as writer:
+        can = writer.capabilities
+        writer.add_message(writer.add_channel(STATES), 50, bytes(8), publish_time=40, sequence=7)
+        for add, is_kept in ((lambda: writer.add_attachment("a", b"1"), can.attachments),
+                             (lambda: writer.add_metadata("m", {"k": "v"}), can.metadata)):
+            with contextlib.nullcontext() if is_kept else pytest.raises(BagError, match="has no place for"):
+                add()
+    with open_log(path) as reader:
+        (message,) = messages_of(reader)
+        assert (message.publish_time == 40) == can.publish_times and (message.sequence == 7) == can.sequences
+        assert (len(reader.index.attachments), len(reader.index.metadata)) == (can.attachments, can.metadata)
