@@ -24,8 +24,6 @@ from ..messages.selection import compile_patterns
 from . import quantities
 from .notices import Notices, write_account
 
-SUMMARY = "record topics to .mcap (default) or .bag"
-
 _EPILOG = """\
 Messages are stored as they come over the wire, whatever their type. While it is written the file is called
 NAME.mcap.active; SIGINT or SIGTERM finish it and give it its name. After a power cut or kill -9 it can be read as it

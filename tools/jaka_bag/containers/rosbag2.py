@@ -23,6 +23,18 @@ _LATCHED: List[Dict[str, Any]] = [{
 """Quality of service of a latched topic as ``metadata.yaml`` numbers it: reliable, transient local."""
 
 
+class _PlainDumper(yaml.SafeDumper):
+    """Writes a value that occurs twice twice: not every reader of metadata.yaml knows aliases."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _yaml(value: Any) -> str:
+    text: str = yaml.dump(value, Dumper=_PlainDumper, sort_keys=False)
+    return text
+
+
 class Rosbag2Writer(McapWriter):
     """A rosbag2 folder being written as ``NAME.part``; takes ROS 1 connections and messages.
 
@@ -75,7 +87,7 @@ class Rosbag2Writer(McapWriter):
         if known is not None:
             return known
         converter = CdrConverter(connection)
-        qos = yaml.safe_dump(_LATCHED, sort_keys=False).strip() if connection.latching else ""
+        qos = _yaml(_LATCHED).strip() if connection.latching else ""
         channel = super().add_channel(Connection(
             connection.topic, converter.kind.name, "", converter.kind.definition,
             extra=(("offered_qos_profiles", qos),), encoding="cdr", schema_encoding="ros2msg"))
@@ -118,12 +130,12 @@ class Rosbag2Writer(McapWriter):
             return
         self.flush()
         metadata = self._metadata()
-        self.add_metadata("rosbag2", {"serialized_metadata": yaml.safe_dump(metadata, sort_keys=False)})
+        self.add_metadata("rosbag2", {"serialized_metadata": _yaml(metadata)})
         super().close()
         aside = self.folder.with_name(self.folder.name + ".old")
         try:
             (self._working_folder / "metadata.yaml").write_text(
-                yaml.safe_dump({"rosbag2_bagfile_information": metadata}, sort_keys=False), encoding="utf-8")
+                _yaml({"rosbag2_bagfile_information": metadata}), encoding="utf-8")
             self._check_target()
             if self.folder.exists():
                 os.rename(str(self.folder), str(aside))

@@ -203,7 +203,8 @@ class _Whole(McapRecovery):
     """The same walk over a file of which nothing may be lost."""
 
     def lose(self, begin: int, end: int, reason: str) -> None:
-        raise BagFormatError("%s at byte %d (jaka_bag recover keeps the rest)" % (reason, begin))
+        place = "" if " at byte " in reason else " at byte %d" % begin
+        raise BagFormatError("%s%s (jaka_bag recover keeps the rest)" % (reason, place))
 
 
 def walk_index(path: PathLike, descriptor: int) -> LogIndex:
