@@ -4,15 +4,6 @@ NS_PER_S = 1000000000
 """Nanoseconds in a second, int."""
 
 
-def human_bytes(count: float) -> str:
-    """A number of bytes for people."""
-    for unit in ("B", "kB", "MB", "GB"):
-        if abs(count) < 1000 or unit == "GB":
-            break
-        count /= 1000.0
-    return "%.*f %s" % (unit != "B", count, unit)
-
-
 def s_to_ms(value: float) -> float:
     """Time: s to ms."""
     return value * 1000.0

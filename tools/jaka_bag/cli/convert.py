@@ -6,7 +6,7 @@ from typing import List
 from ..errors import BagError
 from ..operations.convert import Job, WriteResult, convert_file
 from ..pipeline import WORKERS
-from ..units import human_bytes
+from .main import human_bytes
 from .options import (
     Report,
     add_compression,

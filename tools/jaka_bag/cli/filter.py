@@ -2,7 +2,7 @@
 import argparse
 
 from ..operations.convert import Job, convert_file
-from ..units import human_bytes
+from .main import human_bytes
 from .options import (
     Report,
     add_compression,

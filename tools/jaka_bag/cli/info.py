@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence,
 from ..containers.index import LogIndex
 from ..containers.registry import read_codecs, read_index
 from ..errors import BagFormatError
-from ..units import human_bytes
+from .main import human_bytes
 
 if TYPE_CHECKING:
     import argparse

@@ -78,6 +78,15 @@ def load_command(name: str) -> ModuleType:
                              % (name, package, BROUGHT_BY[package])) from None
 
 
+def human_bytes(count: float) -> str:
+    """A number of bytes for people."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if abs(count) < 1000 or unit == "GB":
+            break
+        count /= 1000.0
+    return "%.*f %s" % (unit != "B", count, unit)
+
+
 def _help() -> str:
     lines = ["usage: %s COMMAND [OPTIONS]" % PROGRAM, "",
              "State logs of ROS 1, .bag and .mcap alike: the format of an input is seen from its content,",

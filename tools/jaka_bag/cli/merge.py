@@ -2,7 +2,7 @@
 import argparse
 
 from ..operations.merge import merge
-from ..units import human_bytes
+from .main import human_bytes
 from .options import Report, add_compression, add_output, add_report
 
 
