@@ -56,13 +56,13 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "containers.mcap": FLOOR | {"messages", "containers"},
         "containers.rosbag2": FLOOR | {"messages", "containers", "containers.mcap"},
         "containers.registry": FLOOR | {"containers", "containers.rosbag2"} | FORMATS,
-        "operations": FLOOR | CONTAINERS | {"messages"} | FORMATS,
-        "live": FLOOR | CONTAINERS | {"messages"} | FORMATS,
+        "operations": FLOOR | CONTAINERS | {"messages"},
+        "live": FLOOR | CONTAINERS | {"messages"},
         "compare": FLOOR | CONTAINERS | {"messages", "operations"},
         "compare.report": FLOOR | {"messages", "operations", "compare"},
-        "cli": TOOLS | FORMATS | {"cli.commands"},
-        "cli.commands": {"cli", "jaka_regression"},
-        "__main__": {"cli"},
+        "cli": TOOLS | {"cli.main"},
+        "cli.main": {"cli", "jaka_regression"} | FLOOR,
+        "__main__": {"cli.main"},
     }),
     **rooms("jaka_regression", {
         "": {"programs"} | {"jaka_bag." + room for room in TOOLS | {"cli"}},
@@ -70,13 +70,13 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
                      "jaka_ros_driver.simulation.server", "jaka_ros_driver.wire"},
     }),
 }
-NAME_MODULES_IN_STRINGS = {"jaka_bag", "jaka_bag.cli.commands", "jaka_bag.containers.registry",
+NAME_MODULES_IN_STRINGS = {"jaka_bag", "jaka_bag.cli.main", "jaka_bag.containers.registry",
                            "jaka_regression.programs"}
 """Modules that import others by name, or start them as programs; all those names must lead somewhere."""
 OPEN_SOCKETS = tuple("jaka_ros_driver." + name for name in (
     "client.transport", "client.stop_link", "ros.connections", "ros.driver_lock", "simulation.server.server",
     "wire")) + ("jaka_bag.live.tcpros", "jaka_bag.live.publisher")
-USE_ROS = ("jaka_ros_driver.ros", "jaka_bag.live.rospy_transport", "jaka_regression.driver_client")
+USE_ROS = ("jaka_ros_driver.ros", "jaka_regression.driver_client")
 LONGEST = 600
 LARGEST = 20
 WRITTEN = {"", ".in", ".launch", ".md", ".msg", ".py", ".rst", ".sh", ".srv", ".toml", ".txt", ".xml", ".yaml"}

@@ -28,9 +28,9 @@ import numpy as np  # noqa: E402
 from mcap.exceptions import EndOfFile  # noqa: E402
 from mcap.reader import NonSeekingReader  # noqa: E402
 
-from jaka_bag.live.linux_timing import punctual  # noqa: E402
+from jaka_bag.live.linux_timing import precise_wakeups  # noqa: E402
 from jaka_bag.live.names import NodeNames  # noqa: E402
-from jaka_bag.live.publisher import RawPublisher, frame_of  # noqa: E402
+from jaka_bag.live.publisher import Publisher, frame_of  # noqa: E402
 
 ROSBAG_RECORD = "/usr/lib/rosbag/record"
 ROSBAG_PLAY = "/usr/lib/rosbag/play"
@@ -39,11 +39,11 @@ BODY = struct.pack("<I", 5) + b"world" + b"\1" * 48
 
 def generate(topics: int, rate: float, seconds: float, subscribers: int) -> None:
     """Publish state-size messages on /t0, /t1 ... by absolute deadlines; a process of its own."""
-    publisher = RawPublisher(NodeNames("/generator"), print, lambda reason: os._exit(0))
+    publisher = Publisher(NodeNames("/generator"), print, lambda reason: os._exit(0))
     outlets = [publisher.advertise("/t%d" % i, live_samples.twist_connection("/t%d" % i), False) for i in range(topics)]
     live_ros.with_subscribers(publisher, *outlets, count=subscribers)
     print("go", flush=True)
-    with punctual():
+    with precise_wakeups():
         begin = time.monotonic()
         for number in range(int(rate * seconds)):
             left = begin + number / rate - time.monotonic()
@@ -81,7 +81,6 @@ def bench_record(graph: live_ros.Graph, topics: int, rate: float, seconds: float
         "rosbag record --lz4": graph.start(ROSBAG_RECORD, "--lz4", "-O", "peer_lz4.bag", *names),
         "jaka_bag record": graph.record("-O", "ours", "--force", "--report", "ours.json", *names),
         "jaka_bag record .bag": graph.record("-O", "ours.bag", "--force", *names),
-        "jaka_bag record rospy": graph.record("-O", "rospy", "--force", "--transport", "rospy", *names),
     }
     generator = start_generator(graph, topics, rate, seconds, len(recorders))
     generator.wait_for_line("go")
@@ -92,7 +91,7 @@ def bench_record(graph: live_ros.Graph, topics: int, rate: float, seconds: float
         process.stop()
     end(generator)
     total = topics * int(rate * seconds)
-    files = dict(zip(recorders, ("peer.bag", "peer_lz4.bag", "ours.mcap", "ours.bag", "rospy.mcap")))
+    files = dict(zip(recorders, ("peer.bag", "peer_lz4.bag", "ours.mcap", "ours.bag")))
     base = used["rosbag record"]
     print("\nrecord: %d topics x %g Hz, %g s, %d messages" % (topics, rate, seconds, total))
     print("  %-24s %12s %8s %8s %10s" % ("", "us CPU / msg", "ratio", "lost", "MB"))

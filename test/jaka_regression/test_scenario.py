@@ -15,7 +15,7 @@ def test_without_a_file_the_log_tells_its_arms(tmp_path):
 
 def test_recorded_parameters_go_to_the_driver_but_not_its_address(tmp_path):
     from jaka_bag.containers.mcap.writer import McapWriter
-    from jaka_bag.messages.definitions import Connection
+    from jaka_bag.messages.connection import Connection
     path = tmp_path / "log.mcap"
     with McapWriter(path) as writer:
         channel = writer.add_channel(Connection("/left/jaka_driver/joint_position", "sensor_msgs/JointState"))

@@ -49,7 +49,7 @@ def main() -> int:
                 outcome, words = ("same", "") if result.same else ("different", result.summary)
                 for check in result.comparison.checks:
                     if check.measured is not None and check.limit:
-                        worst[check.stage] = max(worst.get(check.stage, (0.0,)),
+                        worst[check.aspect] = max(worst.get(check.aspect, (0.0,)),
                                                  (check.measured / check.limit, check.measured, check.unit, name))
             except JakaError as error:
                 outcome, words = "failed", str(error)

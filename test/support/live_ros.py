@@ -17,7 +17,7 @@ from launching import end_server
 from live_samples import PATIENCE_S, wait_until
 
 from jaka_bag.live.names import NodeNames
-from jaka_bag.live.publisher import Outlet, RawPublisher
+from jaka_bag.live.publisher import Publisher, TopicPublisher
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 
@@ -169,17 +169,17 @@ class Graph:
         wait_until(is_there, "%d subscribers of %s" % (count, topic))
 
     @contextlib.contextmanager
-    def publisher(self, node: str, notice: Callable[[str], None] = str) -> Iterator[RawPublisher]:
+    def publisher(self, node: str, notice: Callable[[str], None] = str) -> Iterator[Publisher]:
         """The package's own publisher in this process, for messages and faults of the test's choice."""
         with changed_environment({name: self.environment[name] for name in ("ROS_MASTER_URI", "ROS_IP")}):
-            publisher = RawPublisher(NodeNames(node), notice, lambda reason: None)
+            publisher = Publisher(NodeNames(node), notice, lambda reason: None)
         try:
             yield publisher
         finally:
             publisher.close(5.0)
 
 
-def with_subscribers(publisher: RawPublisher, *outlets: Outlet, count: int = 1) -> None:
+def with_subscribers(publisher: Publisher, *outlets: TopicPublisher, count: int = 1) -> None:
     """Wait until each outlet has so many subscribers."""
     def have() -> bool:
         publisher.admit()
@@ -187,9 +187,9 @@ def with_subscribers(publisher: RawPublisher, *outlets: Outlet, count: int = 1) 
     wait_until(have, "subscribers connect")
 
 
-def all_read(publisher: RawPublisher) -> None:
+def all_read(publisher: Publisher) -> None:
     """Wait until the subscribers have read everything that was sent; they handle it in the order they read it."""
-    ports = {link.socket.getpeername()[1] for outlet in publisher.outlets for link in outlet.links}
+    ports = {link.socket.getpeername()[1] for outlet in publisher.offers for link in outlet.links}
 
     def unread() -> int:
         rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]

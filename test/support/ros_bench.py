@@ -8,7 +8,6 @@ import sys
 import threading
 
 import arm_bench
-import roslib.packages
 import rospy
 import rostopic
 import yaml

@@ -3,11 +3,10 @@ import contextlib
 import fcntl
 import os
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO, Optional, Type, Union
 
 from .errors import BagError, OutputExists
-from .paths import PathLike as PathLike
+from .paths import PathLike
 
 
 def check_output(path: PathLike, overwrite: bool = False) -> None:
@@ -109,8 +108,7 @@ class OutputFile:
     def __enter__(self) -> "OutputFile":
         return self
 
-    def __exit__(self, kind: Optional[Type[BaseException]], value: Optional[BaseException],
-                 trace: Optional[TracebackType]) -> None:
+    def __exit__(self, kind: Optional[Type[BaseException]], *error: object) -> None:
         if kind is not None:
             self.abort()
         elif not self._is_finished:

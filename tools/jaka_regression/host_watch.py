@@ -1,9 +1,8 @@
-"""Notices when the computer lets programs wait: a difference that a busy host made is none of the arm."""
+"""Notices when a busy computer lets programs wait, which can look like a difference of the arm."""
 import threading
 import time
 from dataclasses import dataclass
-from types import TracebackType
-from typing import List, Optional, Type
+from typing import List
 
 EVERY_S = 0.02
 NOTABLE_S = 0.1
@@ -35,8 +34,7 @@ class HostWatch:
         self._thread.start()
         return self
 
-    def __exit__(self, kind: Optional[Type[BaseException]], error: Optional[BaseException],
-                 trace: Optional[TracebackType]) -> None:
+    def __exit__(self, *error: object) -> None:
         self._is_over.set()
         self._thread.join()
 

@@ -1,4 +1,8 @@
-"""Programs that are started, listened to and ended; what they print is kept in a file."""
+"""Programs that are started, listened to and ended; what they print is kept in a file.
+
+What waits raises ``ProgramFailed`` where the program has ended, or did not do in time what was waited for.
+"""
+import contextlib
 import json
 import os
 import queue
@@ -8,8 +12,7 @@ import sys
 import threading
 import time
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Callable, Dict, List, Optional, Sequence, Type
+from typing import Any, Callable, Dict, List, Optional, Sequence
 
 from jaka_bag.errors import BagError
 
@@ -66,27 +69,31 @@ class Program:
                 self._on_line(line)
 
     def first_line(self, timeout_s: float) -> str:
-        """The next line that it prints.
-
-        Raises:
-            ProgramFailed: It ended, or printed none in time.
-        """
-        end = time.monotonic() + timeout_s
-        while True:
+        """The next line that it prints."""
+        def line() -> Optional[str]:
             try:
                 return self._lines.get(timeout=0.05)
             except queue.Empty:
-                if self.process.poll() is not None and self._lines.empty():
-                    raise ProgramFailed("%s ended: %s" % (self.name, self.last_words())) from None
-                if time.monotonic() > end:
-                    raise ProgramFailed("%s says nothing: %s" % (self.name, self.last_words())) from None
+                return None
+        return self._wait_for(line, timeout_s, "says nothing")
+
+    def _wait_for(self, attempt: Callable[[], Optional[str]], timeout_s: float, problem: str) -> str:
+        """What an attempt gives, which is made again until it gives something."""
+        end = time.monotonic() + timeout_s
+        while True:
+            is_over = self.process.poll() is not None
+            found = attempt()
+            if found is not None:
+                return found
+            if is_over or time.monotonic() > end:
+                raise self.failure("ended" if is_over else problem)
+
+    def failure(self, problem: str) -> ProgramFailed:
+        """An error that tells what is wrong, and the program's last words."""
+        return ProgramFailed("%s %s: %s" % (self.name, problem, self.last_words()))
 
     def first_object(self, timeout_s: float) -> Dict[str, Any]:
-        """The next line that it prints, a JSON object.
-
-        Raises:
-            ProgramFailed: It ended, printed none in time, or something else.
-        """
+        """The next line that it prints, a JSON object."""
         line = self.first_line(timeout_s)
         try:
             value = json.loads(line)
@@ -97,42 +104,29 @@ class Program:
         return value
 
     def say(self, line: str) -> None:
-        """Write a line to its stdin.
-
-        Raises:
-            ProgramFailed: It does not listen any more.
-        """
+        """Write a line to its stdin."""
         assert self.process.stdin is not None
         try:
             self.process.stdin.write(line.encode("utf-8") + b"\n")
             self.process.stdin.flush()
         except OSError as error:
-            raise ProgramFailed("%s ended: %s" % (self.name, self.last_words())) from error
+            raise self.failure("ended") from error
 
     def wait_for_words(self, words: str, timeout_s: float) -> None:
-        """Wait until it has printed some words, on stdout or stderr.
-
-        Raises:
-            ProgramFailed: It ended, or did not print them in time.
-        """
-        end = time.monotonic() + timeout_s
-        while words not in self.printed():
-            if self.process.poll() is not None:
-                raise ProgramFailed("%s ended: %s" % (self.name, self.last_words()))
-            if time.monotonic() > end:
-                raise ProgramFailed("%s did not print %r: %s" % (self.name, words, self.last_words()))
+        """Wait until it has printed some words, on stdout or stderr."""
+        def printed() -> Optional[str]:
+            if words in self.printed():
+                return words
             time.sleep(0.02)
+            return None
+        self._wait_for(printed, timeout_s, "did not print %r" % words)
 
     def wait(self, timeout_s: float) -> int:
-        """Wait for its end; its exit code.
-
-        Raises:
-            ProgramFailed: It did not end in time.
-        """
+        """Wait for its end; its exit code."""
         try:
             return self.process.wait(timeout_s)
         except subprocess.TimeoutExpired:
-            raise ProgramFailed("%s did not end: %s" % (self.name, self.last_words())) from None
+            raise self.failure("did not end") from None
 
     def printed(self) -> str:
         """All that it has printed."""
@@ -149,22 +143,16 @@ class Program:
         """End it, with force where it does not obey; its exit code."""
         if self.process.poll() is None:
             for attempt in (number, signal.SIGTERM, signal.SIGKILL):
-                try:
+                with contextlib.suppress(ProcessLookupError):
                     os.killpg(self.process.pid, attempt)
-                except ProcessLookupError:
-                    break
-                try:
+                with contextlib.suppress(subprocess.TimeoutExpired):
                     self.process.wait(_END_S)
                     break
-                except subprocess.TimeoutExpired:
-                    continue
         self._reader.join(_END_S)
         for pipe in (self.process.stdin, self.process.stdout, self._file):
             if pipe is not None and not pipe.closed:
-                try:
+                with contextlib.suppress(OSError):  # an unread line for a program that has gone
                     pipe.close()
-                except OSError:  # an unread line for a program that has gone
-                    pass
         return self.process.returncode
 
 
@@ -180,20 +168,15 @@ class Programs:
         return program
 
     def check(self) -> None:
-        """See that all that must run still do.
-
-        Raises:
-            ProgramFailed: One has ended.
-        """
+        """See that all that must run still do."""
         for program in self._running:
             if program.is_service and program.process.poll() is not None:
-                raise ProgramFailed("%s ended: %s" % (program.name, program.last_words()))
+                raise program.failure("ended")
 
     def __enter__(self) -> "Programs":
         return self
 
-    def __exit__(self, kind: Optional[Type[BaseException]], value: Optional[BaseException],
-                 trace: Optional[TracebackType]) -> None:
+    def __exit__(self, *error: object) -> None:
         interrupted: Optional[KeyboardInterrupt] = None
         for program in reversed(self._running):
             try:

@@ -11,7 +11,7 @@ from jaka_bag.compare.run import Call, Run
 from jaka_bag.compare.tolerances import Tolerances
 from jaka_bag.compare.verdict import Comparison
 from jaka_bag.errors import BagError
-from jaka_bag.output_file import PathLike
+from jaka_bag.paths import PathLike
 
 from .host_watch import HostWatch
 from .processes import Programs

@@ -93,11 +93,7 @@ class _Teller:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make the calls; 0 all made, 1 stopped or refused.
-
-    Raises:
-        BagError: The log cannot be read or holds no calls, the driver is not there or not where the log began.
-    """
+    """Make the calls; 0 all made, 1 stopped or refused."""
     log = load_run(args.log)
     if not log.calls:
         raise BagError("%s holds no service calls: record the topic service_calls" % args.log)
@@ -118,7 +114,11 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
     except ImportError as error:
         raise BagError("replay-commands needs ROS: %s" % error) from error
     from jaka_bag.live.graph import RemoteNode, master_uri
-    _require_master(RemoteNode(master_uri(), "/jaka_bag_replay"))
+    try:
+        with RemoteNode(master_uri(), "/jaka_bag_replay") as master:
+            master.call("getPid")
+    except (JakaBagError, OSError) as error:
+        raise BagError("no ROS master: %s" % error) from error
     cancelled = threading.Event()
     start_node("jaka_bag_replay")
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -154,15 +154,6 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
     finally:
         client.close()
         end_node("replay is over")
-
-
-def _require_master(master: Any) -> None:
-    try:
-        master.call("getPid")
-    except (JakaBagError, OSError) as error:
-        raise BagError("no ROS master: %s" % error) from error
-    finally:
-        master.close()
 
 
 def _check_start(args: argparse.Namespace, client: Any, pose: Any) -> None:

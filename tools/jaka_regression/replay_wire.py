@@ -44,11 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play, record, compare; 0 done or same, 1 different.
-
-    Raises:
-        BagError: A log cannot be read, a program failed, or the output is there already.
-    """
+    """Play, record, compare; 0 done or same, 1 different."""
     limits = load_tolerances(args.tolerances)
     folder = Path(args.output) if args.output else Path(tempfile.mkdtemp(prefix="jaka_replay_wire_"))
     try:

@@ -13,7 +13,7 @@ import yaml
 from jaka_bag.compare.tolerances import Tolerances, parse_tolerances
 from jaka_bag.containers.registry import open_log
 from jaka_bag.errors import BagError
-from jaka_bag.output_file import PathLike
+from jaka_bag.paths import PathLike
 
 DEFAULT_SIMULATION = ("--start", "enabled")
 _NOT_PASSED_ON = ("ip", "command_port", "status_port", "simulator")

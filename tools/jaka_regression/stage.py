@@ -1,4 +1,7 @@
-"""The programs of one replay: master, simulated controllers or recorded ones, recorder, drivers, calls, operator."""
+"""The programs of one replay: master, simulated controllers or recorded ones, recorder, drivers, calls, operator.
+
+``ProgramFailed`` is raised where one of them failed.
+"""
 import json
 import threading
 import time
@@ -62,11 +65,7 @@ class Stage:
         return self._programs.add(Program(name, arguments, self._folder, self._environment, **further))
 
     def run(self, candidate: Path, driver: Sequence[str]) -> None:
-        """Everything with simulated controllers, in order.
-
-        Raises:
-            ProgramFailed: One of the programs failed.
-        """
+        """Everything with simulated controllers, in order."""
         self._start_master()
         for number, arm in enumerate(self._scenario.arms):
             self._start_simulation(number, arm)
@@ -79,11 +78,7 @@ class Stage:
         self._end_recording(recorder)
 
     def run_wire(self, wire_log: str, candidate: Path, driver: Sequence[str]) -> Dict[str, Any]:
-        """Everything with a recorded controller, in order; what its player says at the end.
-
-        Raises:
-            ProgramFailed: One of the programs failed.
-        """
+        """Everything with a recorded controller, in order; what its player says at the end."""
         self._start_master()
         began, ended = threading.Event(), threading.Event()
         told: Dict[str, Any] = {}
@@ -198,7 +193,7 @@ class Stage:
             self._schedule(event["call"], event["monotonic_s"])
 
     def _schedule(self, call: Optional[int], moment: float) -> None:
-        """The operator does what follows this call, or the beginning."""
+        """Start what the operator does after the start of a call (None: after the beginning)."""
         events = sorted((event for event in self._scenario.events if event.after_call == call),
                         key=lambda event: event.delay_s)
         if events:
@@ -207,7 +202,7 @@ class Stage:
             operator.start()
 
     def _operate(self, events: Sequence[Event], moment: float) -> None:
-        """One after the other, also where the host is late with all of them."""
+        """Send the operator's requests one after the other, even where this computer is late with all of them."""
         try:
             for event in events:
                 time.sleep(max(0.0, moment + event.delay_s / self._time_scale - time.monotonic()))
@@ -216,7 +211,7 @@ class Stage:
             self._failure = str(error)
 
     def _let_pass(self, seconds: float) -> None:
-        """Record what happens by itself."""
+        """Wait so long, s, while everything is recorded."""
         end = time.monotonic() + seconds
         while time.monotonic() < end and self._failure is None:
             self._programs.check()

@@ -24,7 +24,7 @@ sys.path[:0] = [str(FOLDER.parents[2]), str(FOLDER.parents[2] / "tools")]
 from jaka_bag.compare.loading import load_run  # noqa: E402 - the checkout, wherever it is started from
 from jaka_bag.compare.run import Call  # noqa: E402
 from jaka_bag.containers.mcap.writer import McapWriter  # noqa: E402
-from jaka_bag.messages.definitions import Connection  # noqa: E402
+from jaka_bag.messages.connection import Connection  # noqa: E402
 from jaka_regression.replay import Script, record_script  # noqa: E402
 from jaka_regression.scenario import parse_scenario  # noqa: E402
 from jaka_ros_driver.kinematics.arm_models import load_model  # noqa: E402

@@ -8,11 +8,9 @@ import sys
 import pytest
 from log_samples import STATES, state_log, write
 
-from jaka_bag.cli.commands import COMMANDS, load_command
 from jaka_bag.cli.completion import options_by_command
-from jaka_bag.cli.main import main
-from jaka_bag.cli.options import positive_ns, time_point
-from jaka_bag.cli.progress import Progress
+from jaka_bag.cli.main import COMMANDS, load_command, main
+from jaka_bag.cli.options import Progress, positive_ns, time_point
 
 WITHOUT_ROS = [name for name in COMMANDS if name not in ("record", "play")]
 
@@ -119,7 +117,7 @@ def test_zsh_gets_a_script(capsys):
 
 def test_a_terminal_sees_a_bar_and_quiet_sees_none(tmp_path, root):
     path = write(tmp_path / "log.bag", state_log(0.5))
-    code = ("import sys\nfrom jaka_bag.cli import progress\nprogress._INTERVAL_S = 0.0\n"
+    code = ("import sys\nfrom jaka_bag.cli import options\noptions._PROGRESS_S = 0.0\n"
             "from jaka_bag.cli.main import main\nsys.exit(main(sys.argv[1:]))")
 
     def on_terminal(*words):

@@ -6,7 +6,7 @@ from synthetic_session import Conditions, Step, moves, simulate, write_log
 from jaka_bag.compare.alignment import Alignment, Episode, align, arms_of, event_lag
 from jaka_bag.compare.comparison import compare_logs
 from jaka_bag.compare.loading import load_run
-from jaka_bag.compare.verdict import Stage
+from jaka_bag.compare.verdict import Aspect
 
 
 def runs(tmp_path, golden, candidate):
@@ -78,8 +78,8 @@ def test_two_arms_that_drift_apart_are_found(tmp_path):
         session.node = "/right/jaka_driver"
     golden = write_log(tmp_path / "golden.mcap", left, right)
     candidate = write_log(tmp_path / "candidate.mcap", late_left, late_right)
-    stages = {check.stage for check in compare_logs(golden, candidate).differences}
-    assert stages & {Stage.TIMING, Stage.CALLS, Stage.STATES}
+    stages = {check.aspect for check in compare_logs(golden, candidate).differences}
+    assert stages & {Aspect.TIMING, Aspect.CALLS, Aspect.STATES}
 
 
 def test_a_candidate_that_ends_too_early_does_not_cover_the_golden_log(tmp_path):
@@ -89,5 +89,5 @@ def test_a_candidate_that_ends_too_early_does_not_cover_the_golden_log(tmp_path)
         keep[short.time > 6.0] = False
     short.calls = [call for call in short.calls if call.start + call.duration < 6.0]
     golden, candidate = write_log(tmp_path / "a.mcap", whole), write_log(tmp_path / "b.mcap", short)
-    assert any(check.stage is Stage.ALIGNMENT and "ends" in check.detail
+    assert any(check.aspect is Aspect.ALIGNMENT and "ends" in check.detail
                for check in compare_logs(golden, candidate).differences)

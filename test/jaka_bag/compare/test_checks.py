@@ -6,7 +6,7 @@ from synthetic_session import Conditions, Step, moves, simulate, write_log
 from jaka_bag.compare.comparison import CannotCompare, compare_logs
 from jaka_bag.compare.state_checks import StateRun, without_brief
 from jaka_bag.compare.tolerances import Tolerances, parse_tolerances
-from jaka_bag.compare.verdict import Outcome, Stage
+from jaka_bag.compare.verdict import Aspect, Outcome
 
 
 def session(**changes):
@@ -24,7 +24,7 @@ def differences(tmp_path, change, tolerances="", base=None):
 
 
 def only(found, stage):
-    assert [check.stage for check in found] == [stage], found
+    assert [check.aspect for check in found] == [stage], found
     return found[0]
 
 
@@ -35,7 +35,7 @@ def states(start, end, column, value):
 
 
 def test_a_new_state_is_found(tmp_path):
-    check = only(differences(tmp_path, states(0.2, 0.6, 3, 1)), Stage.STATES)
+    check = only(differences(tmp_path, states(0.2, 0.6, 3, 1)), Aspect.STATES)
     assert check.field == "collision_state" and "on for 0.4" in check.detail and "is new" in check.detail
 
 
@@ -46,7 +46,7 @@ def test_a_state_too_brief_to_be_seen_each_time_is_no_difference(tmp_path):
 def test_a_late_change_of_state_is_found(tmp_path):
     def base(one):
         states(0.0, 2.0, 2, 1)(one)
-    assert only(differences(tmp_path, states(2.0, 2.7, 2, 1), base=base), Stage.STATES).field == "servo_state timing"
+    assert only(differences(tmp_path, states(2.0, 2.7, 2, 1), base=base), Aspect.STATES).field == "servo_state timing"
 
 
 def test_brief_runs_are_left_out_and_their_neighbours_joined():
@@ -71,8 +71,8 @@ def slow_reply(one):
 
 
 @pytest.mark.parametrize("change, stage, words", [
-    (drop_call, Stage.CALLS, "is missing"), (other_request, Stage.CALLS, "2 differences"),
-    (other_value, Stage.RESPONSES, "answered differently"), (slow_reply, Stage.DURATIONS, "takes"),
+    (drop_call, Aspect.CALLS, "is missing"), (other_request, Aspect.CALLS, "2 differences"),
+    (other_value, Aspect.RESPONSES, "answered differently"), (slow_reply, Aspect.DURATIONS, "takes"),
 ])
 def test_calls(tmp_path, change, stage, words):
     assert words in only(differences(tmp_path, change), stage).detail
@@ -87,13 +87,13 @@ def test_a_message_of_other_words_is_no_difference(tmp_path):
     def reword(one):
         one.calls[0] = one.calls[0]._replace(response="ret: 1\nmessage: 'arrived'")
     assert not differences(tmp_path, reword)
-    assert only(differences(tmp_path, reword, "calls: {response: exact}"), Stage.RESPONSES)
+    assert only(differences(tmp_path, reword, "calls: {response: exact}"), Aspect.RESPONSES)
 
 
 def test_a_gap_is_found(tmp_path):
     def gap(one):
         one.keep["robot_states"][(one.time > 0.1) & (one.time < 0.9)] = False
-    check = only(differences(tmp_path, gap), Stage.GAPS)
+    check = only(differences(tmp_path, gap), Aspect.GAPS)
     assert "the golden log has no such gap" in check.detail and check.at == pytest.approx(0.1, abs=0.05)
 
 
@@ -107,7 +107,7 @@ def test_the_same_gap_in_both_logs_is_no_difference(tmp_path):
 def test_lost_messages_are_found_by_their_numbers(tmp_path):
     def lose(one):
         one.sequence_step["tool_position"] = 2
-    assert only(differences(tmp_path, lose), Stage.LOST).topic == "/jaka_driver/tool_position"
+    assert only(differences(tmp_path, lose), Aspect.LOST).topic == "/jaka_driver/tool_position"
 
 
 def test_stamps_that_step_back_are_found(tmp_path):
@@ -131,7 +131,7 @@ def test_nan_policy(tmp_path, policy, in_golden, is_same):
 def test_a_share_of_the_samples_may_be_outside(tmp_path):
     def bump(one):
         one.joints[100:110, 0] += 0.01
-    assert only(differences(tmp_path, bump), Stage.JOINTS).field == "joint_1"
+    assert only(differences(tmp_path, bump), Aspect.JOINTS).field == "joint_1"
     assert not differences(tmp_path, bump, "joints: {outside_percent: 2}")
     assert not differences(tmp_path, bump, "joints: {per_joint: {joint_1: 0.02}}")
 
@@ -139,7 +139,7 @@ def test_a_share_of_the_samples_may_be_outside(tmp_path):
 def test_another_frame_is_found(tmp_path):
     def rename(one):
         one.frame = "user_1"
-    assert only(differences(tmp_path, rename), Stage.POSITION).field == "frame_id"
+    assert only(differences(tmp_path, rename), Aspect.POSITION).field == "frame_id"
 
 
 def test_further_fields_are_compared_where_a_tolerance_names_them(tmp_path):
@@ -147,13 +147,13 @@ def test_further_fields_are_compared_where_a_tolerance_names_them(tmp_path):
         one.position[:, 1] += 0.0003
     text = "fields: {/jaka_driver/tool_position: {twist.linear.y: {absolute: %s}}}"
     assert not differences(tmp_path, shift, text % "0.001")
-    assert only(differences(tmp_path, shift, text % "0.0001"), Stage.FIELDS).field == "twist.linear.y"
+    assert only(differences(tmp_path, shift, text % "0.0001"), Aspect.FIELDS).field == "twist.linear.y"
 
 
 def test_a_topic_that_is_missing_is_found_unless_it_is_optional(tmp_path):
     def mute(one):
         one.keep["robot_states"][:] = False
-    assert only(differences(tmp_path, mute), Stage.TYPES).detail == "not in the candidate"
+    assert only(differences(tmp_path, mute), Aspect.TYPES).detail == "not in the candidate"
     assert not differences(tmp_path, mute, "optional_topics: ['.*/robot_states']")
     assert not differences(tmp_path, mute, "ignore_topics: ['.*/robot_states']")
 
@@ -161,8 +161,8 @@ def test_a_topic_that_is_missing_is_found_unless_it_is_optional(tmp_path):
 def test_an_arm_that_does_not_move_is_found(tmp_path):
     def stand(one):
         one.joints[:] = one.joints[0]
-    stages = {check.stage for check in differences(tmp_path, stand)}
-    assert Stage.JOINTS in stages and Stage.PACE not in stages
+    stages = {check.aspect for check in differences(tmp_path, stand)}
+    assert Aspect.JOINTS in stages and Aspect.PACE not in stages
 
 
 def test_nothing_in_common_cannot_be_compared(tmp_path):
@@ -191,4 +191,4 @@ def test_at_another_time_scale_rates_are_not_compared_and_times_are_scaled(tmp_p
     fast.calls = [call._replace(start=call.start / 4.0, duration=call.duration / 4.0) for call in fast.calls]
     comparison = compare_logs(golden, write_log(tmp_path / "b.mcap", fast), Tolerances(), 4.0)
     assert comparison.same, comparison.differences
-    assert {check.outcome for check in comparison.checks if check.stage is Stage.RATES} == {Outcome.NOT_COMPARED}
+    assert {check.outcome for check in comparison.checks if check.aspect is Aspect.RATES} == {Outcome.NOT_COMPARED}

@@ -4,14 +4,14 @@ from seeded_defects import DEFECTS, defective
 from synthetic_session import Conditions, simulate, write_log
 
 from jaka_bag.compare.comparison import compare_logs
-from jaka_bag.compare.verdict import Stage
+from jaka_bag.compare.verdict import Aspect
 
 FOLLOWS = {  # what else a defect shows in, rightly
-    "two joints swapped": {Stage.JOINTS, Stage.TIMING},
-    "old samples stamped as new": {Stage.JOINTS, Stage.POSITION, Stage.ORIENTATION, Stage.TIMING, Stage.PACE},
-    "stale stamps": {Stage.STAMPS, Stage.STATES, Stage.CALLS},
-    "jog not stopped at 3 s": {Stage.STATES, Stage.JOINTS, Stage.POSITION, Stage.ORIENTATION, Stage.TIMING,
-                               Stage.CALLS},
+    "two joints swapped": {Aspect.JOINTS, Aspect.TIMING},
+    "old samples stamped as new": {Aspect.JOINTS, Aspect.POSITION, Aspect.ORIENTATION, Aspect.TIMING, Aspect.PACE},
+    "stale stamps": {Aspect.STAMPS, Aspect.STATES, Aspect.CALLS},
+    "jog not stopped at 3 s": {Aspect.STATES, Aspect.JOINTS, Aspect.POSITION, Aspect.ORIENTATION, Aspect.TIMING,
+                               Aspect.CALLS},
 }
 
 
@@ -20,8 +20,8 @@ def test_a_defect_is_found_by_the_right_check_and_blamed_on_no_other(name, golde
     defect = DEFECTS[name]
     candidate = write_log(tmp_path / "candidate.mcap", defective(program, defect))
     found = compare_logs(golden, candidate).differences
-    assert any(check.stage is defect.found_by and defect.field in check.field for check in found), found
-    assert {check.stage for check in found} <= FOLLOWS.get(name, set()) | {defect.found_by}, found
+    assert any(check.aspect is defect.found_by and defect.field in check.field for check in found), found
+    assert {check.aspect for check in found} <= FOLLOWS.get(name, set()) | {defect.found_by}, found
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from log_samples import MODEL, STATES, message_record
+from log_samples import MODEL, STATES, message_record, payload
 
-from jaka_bag.containers.bag import chunk as bag_chunk
+from jaka_bag.containers.bag import reader as bag_chunk
 from jaka_bag.containers.bag import records as bag_format
-from jaka_bag.containers.mcap import chunk as mcap_chunk
+from jaka_bag.containers.mcap import reader as mcap_chunk
 from jaka_bag.containers.mcap import records as mcap_format
+from jaka_bag.containers.mcap import writer as mcap_records
 from jaka_bag.errors import BagFormatError
 
 CONNECTIONS = st.sampled_from([0, 1, 7, 65535, 65536, 0xFFFFFFFF])
@@ -23,7 +24,7 @@ BAG_ITEMS = st.lists(st.one_of(
 
 
 def content(block):
-    return [(int(block.connection[i]), int(block.log_time[i]), block.payload(i), int(block.publish_time[i]),
+    return [(int(block.connection[i]), int(block.log_time[i]), payload(block, i), int(block.publish_time[i]),
              int(block.sequence[i])) for i in range(len(block))]
 
 
@@ -53,9 +54,9 @@ def test_a_bag_chunk_is_read_alike_fast_and_exact(items, order, odd_one, index_k
         offsets = sorted(offsets + offsets[:1])
     index = None if index_kind == "none" else np.array(offsets, np.int64)
     parsed = bag_chunk.parse_chunk(raw, index)
-    assert content(parsed.block) == truth
+    assert content(parsed.batch) == truth
     assert parsed.connections == declared
-    assert content(bag_chunk.scan(raw).block) == truth
+    assert content(bag_chunk.scan(raw).batch) == truth
 
 
 MCAP_ITEMS = st.lists(st.one_of(
@@ -79,17 +80,17 @@ def test_an_mcap_chunk_is_read_alike_fast_and_exact(items, index_kind):
             truth.append((channel, time, payload, publish_time, sequence))
         elif item[0] == "channel":
             others.append(len(raw))
-            raw += mcap_format.schema_record(1, STATES) + mcap_format.channel_record(item[1], 1, STATES)
+            raw += mcap_records.schema_record(1, STATES) + mcap_records.channel_record(item[1], 1, STATES)
             declared.add(item[1])
         else:
-            raw += mcap_format.record(0x90, item[1])
+            raw += mcap_records.record(0x90, item[1])
     if index_kind == "lacks one":
         offsets = offsets[1:]
     elif index_kind == "points elsewhere":
         offsets = sorted(offsets + others[:1])
     index = None if index_kind == "none" else np.array(offsets, np.int64)
     parsed = mcap_chunk.parse_chunk(raw, index, {})
-    assert content(parsed.block) == truth
+    assert content(parsed.batch) == truth
     assert set(parsed.connections) == declared
     assert all(c.datatype == STATES.datatype and c.md5sum == STATES.md5sum for c in parsed.connections.values())
 
@@ -101,7 +102,7 @@ def test_a_chunk_that_ends_inside_a_record_is_damaged(cut):
     with pytest.raises(BagFormatError):
         bag_chunk.parse_chunk(broken, np.array([0, len(raw) // 2]))
     assert bag_chunk.scan(broken).consumed == len(raw) // 2
-    assert len(bag_chunk.scan(broken).block) == 1
+    assert len(bag_chunk.scan(broken).batch) == 1
 
 
 def test_a_damaged_record_in_an_mcap_chunk_is_an_error():
@@ -109,4 +110,4 @@ def test_a_damaged_record_in_an_mcap_chunk_is_an_error():
     for bad in (good[:-1], struct.pack("<BQ", mcap_format.MESSAGE, 3) + b"abc", bytes(40)):
         with pytest.raises(BagFormatError):
             mcap_chunk.parse_chunk(good + bad, None, {})
-        assert len(mcap_chunk.scan(good + bad, {}).block) == 1
+        assert len(mcap_chunk.scan(good + bad, {}).batch) == 1

@@ -193,4 +193,4 @@ def test_attachments_and_metadata_are_recovered(tmp_path):
     assert recover(path, tmp_path / "found.mcap").messages == 1
     with open_log(tmp_path / "found.mcap") as reader:
         assert [a.name for a in reader.index.attachments] == ["params"]
-        assert reader.read_metadata(reader.index.metadata[0]) == ("facts", {"host": "cell"})
+        assert reader.read_metadata(reader.index.metadata[0]) == {"host": "cell"}

@@ -14,6 +14,7 @@ from log_samples import (
     Sample,
     in_order,
     message_record,
+    payload,
     read,
     state_log,
     write,
@@ -23,10 +24,11 @@ from mcap.writer import CompressionType, Writer
 from jaka_bag.containers import time_order as readers
 from jaka_bag.containers.bag import records as bag_format
 from jaka_bag.containers.mcap import records as mcap_format
+from jaka_bag.containers.mcap import writer as mcap_records
 from jaka_bag.containers.registry import open_log, read_index
 from jaka_bag.containers.time_order import messages_of
 from jaka_bag.errors import BagError, BagFormatError
-from jaka_bag.messages.definitions import Connection
+from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.selection import Selection, TimePoint, TimeSpan
 
 SAMPLES = state_log(2.0)
@@ -172,14 +174,30 @@ def test_mcaps_of_others_are_read(tmp_path, options):
     assert read(bare) == in_order(SAMPLES)
 
 
+def test_names_that_are_not_utf8_are_read_where_the_library_mcap_gives_up(tmp_path):
+    from mcap.stream_reader import StreamReader
+    path = tmp_path / "latin.mcap"
+    topic = b"/caf\xe9"
+    channel = struct.pack("<HHI", 3, 1, len(topic)) + topic + mcap_records.text("ros1") + mcap_records.text_map({})
+    message = mcap_format.MESSAGE_HEAD.pack(mcap_format.MESSAGE, 30, 3, 0, 9, 9) + bytes(8)
+    path.write_bytes(b"".join([
+        mcap_format.MAGIC, mcap_records.header_record("ros1", ""), mcap_records.schema_record(1, STATES),
+        mcap_records.record(mcap_format.CHANNEL, channel), message, mcap_records.record(mcap_format.DATA_END, bytes(4)),
+        mcap_records.record(mcap_format.FOOTER, bytes(20)), mcap_format.MAGIC]))
+    with open_log(path) as reader:
+        assert [(m.connection.topic, m.log_time) for m in messages_of(reader)] == [("/caf\udce9", 9)]
+    with path.open("rb") as stream, pytest.raises(UnicodeDecodeError):
+        list(StreamReader(stream).records)
+
+
 def test_channel_0_is_a_channel(tmp_path):
     path = tmp_path / "zero.mcap"
-    head = mcap_format.MAGIC + mcap_format.header_record("ros1", "")
-    body = mcap_format.schema_record(1, STATES) + mcap_format.channel_record(0, 1, STATES)
+    head = mcap_format.MAGIC + mcap_records.header_record("ros1", "")
+    body = mcap_records.schema_record(1, STATES) + mcap_records.channel_record(0, 1, STATES)
     body += mcap_format.MESSAGE_HEAD.pack(mcap_format.MESSAGE, 30, 0, 0, 9, 9) + bytes(8)
-    chunk = mcap_format.chunk_head(9, 9, len(body), zlib.crc32(body), "none", len(body)) + body
-    end = mcap_format.record(mcap_format.DATA_END, bytes(4))
-    footer = mcap_format.record(mcap_format.FOOTER, bytes(20)) + mcap_format.MAGIC
+    chunk = mcap_records.chunk_head(9, 9, len(body), zlib.crc32(body), "none", len(body)) + body
+    end = mcap_records.record(mcap_format.DATA_END, bytes(4))
+    footer = mcap_records.record(mcap_format.FOOTER, bytes(20)) + mcap_format.MAGIC
     path.write_bytes(head + chunk + end + footer)
     assert read(path) == [Sample(STATES, 9, bytes(8))]
 
@@ -199,9 +217,9 @@ def test_load_times_needs_the_index_alone(tmp_path):
     for name in ("log.bag", "log.mcap"):
         with open_log(write(tmp_path / name, SAMPLES)) as reader:
             for chunk in reader.chunks:
-                full, times = reader.load(chunk), reader.load_times(chunk)
+                full, (numbers, times) = reader.load(chunk), reader.load_times(chunk)
                 assert sorted(zip(full.connection.tolist(), full.log_time.tolist())) == sorted(
-                    zip(times.connection.tolist(), times.log_time.tolist()))
+                    zip(numbers.tolist(), times.tolist()))
 
 
 def test_what_is_no_log_is_refused_in_one_line(tmp_path):
@@ -259,14 +277,14 @@ def test_a_file_without_permission_is_refused(tmp_path):
 
 
 def test_blocks_share_their_chunk_and_renumber():
-    from jaka_bag.messages.batch import Block, concatenate, pieces_of
+    from jaka_bag.messages.batch import MessageBatch, concatenate, pieces_of
     data = np.arange(40, dtype=np.uint8)
     start, length = np.array([0, 10, 20]), np.array([10, 5, 20])
-    block = Block(data, start, length, np.array([0, 1, 0], np.int32), np.array([5, 6, 7]))
+    block = MessageBatch(data, start, length, np.array([0, 1, 0], np.int32), np.array([5, 6, 7]))
     taken = block.take(np.array([2, 0]))
-    assert taken.data is data and taken.payload(0) == bytes(range(20, 40))
+    assert taken.data is data and payload(taken, 0) == bytes(range(20, 40))
     joined = concatenate([taken, block])
-    assert [joined.payload(i) for i in range(5)] == [taken.payload(0), taken.payload(1)] + [
-        block.payload(i) for i in range(3)]
+    assert [payload(joined, i) for i in range(5)] == [payload(taken, 0), payload(taken, 1)] + [
+        payload(block, i) for i in range(3)]
     assert [len(p) for p in pieces_of(joined, 30)] == [2, 2, 1]
     assert block.with_connections(np.array([7, 9])).connection.tolist() == [7, 9, 7]

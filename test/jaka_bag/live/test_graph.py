@@ -9,7 +9,7 @@ import pytest
 from jaka_bag.errors import ConnectionLost, ProtocolError
 from jaka_bag.live.graph import RemoteNode, SlaveServer
 from jaka_bag.live.names import NodeNames
-from jaka_bag.live.subscriber import RawTransport
+from jaka_bag.live.subscriber import Subscriber
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def test_a_transport_that_is_closed_writes_to_nothing(monkeypatch, server, tmp_p
     """Its wake-up pipe's number may long be that of the log file."""
     monkeypatch.setenv("ROS_MASTER_URI", server.uri)
     monkeypatch.setenv("ROS_IP", "127.0.0.1")
-    transport = RawTransport(NodeNames("/me"), lambda *message: None, lambda *link: None, str, str)
+    transport = Subscriber(NodeNames("/me"), lambda *message: None, lambda *link: None, str, str)
     transport.wake()
     transport.poll(1.0)
     transport.close()

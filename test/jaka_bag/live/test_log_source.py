@@ -9,7 +9,7 @@ from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.errors import BagError, BagFormatError
 from jaka_bag.live.log_source import LogSource
-from jaka_bag.messages.definitions import Connection
+from jaka_bag.messages.connection import Connection
 
 
 def write(path, entries, chunk_size=300):

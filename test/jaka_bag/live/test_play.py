@@ -17,8 +17,8 @@ from jaka_bag.cli.main import main
 from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.live.names import NodeNames
-from jaka_bag.live.subscriber import RawTransport
-from jaka_bag.messages.definitions import Connection
+from jaka_bag.live.subscriber import Subscriber
+from jaka_bag.messages.connection import Connection
 
 BASE = 1600000000 * 10**9
 MS = 10**6
@@ -55,7 +55,7 @@ class Listener:
         self.heard = []
         self.connections = {}
         self._ending = threading.Event()
-        self._transport = RawTransport(NodeNames("/listener_%d" % id(self)), self._take, self._open, lambda line: None,
+        self._transport = Subscriber(NodeNames("/listener_%d" % id(self)), self._take, self._open, lambda line: None,
                                        lambda reason: None)
         for topic in topics:
             self._transport.subscribe(topic)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from jaka_bag.live.keyboard import Keyboard
 from jaka_bag.live.lateness import Lateness
-from jaka_bag.live.linux_timing import punctual
+from jaka_bag.live.linux_timing import precise_wakeups
 from jaka_bag.live.log_source import Timed
 from jaka_bag.live.player import Pace, Player
 
@@ -152,7 +152,7 @@ def test_accounts_add_up():
 
 def test_punctuality_ends_with_its_context():
     interval = sys.getswitchinterval()
-    with punctual():
+    with precise_wakeups():
         assert not gc.isenabled()
         assert sys.getswitchinterval() < interval
     assert gc.isenabled()

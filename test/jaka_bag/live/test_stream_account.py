@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaka_bag.live.stream_account import Stream, drops_as_metadata, drops_by_topic, starts_with_header
-from jaka_bag.messages.definitions import Connection
+from jaka_bag.messages.connection import Connection
 
 WITH_HEADER = "std_msgs/Header header\nfloat64 x\n" + "=" * 80 + "\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\n" \
     "string frame_id\n"

@@ -13,8 +13,8 @@ from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import open_log
 from jaka_bag.containers.time_order import messages_of
 from jaka_bag.errors import BagError, WriteFailed
-from jaka_bag.live.rolling_files import Attachment, DiskFull, FileSettings, LogFiles
-from jaka_bag.live.writer_thread import Recorder
+from jaka_bag.live.rolling_files import Attachment, DiskFull, FileSettings, RollingFiles
+from jaka_bag.live.writer_thread import WriterThread
 
 S = 10**9
 
@@ -27,11 +27,11 @@ class Bench:
         self.said = []
         self.stopped = []
         self.settings = settings or FileSettings(folder / "log", compression="none", fsync_s=0.0)
-        self.recorder = Recorder(self.open, options.pop("buffer_bytes", 0), self.said.append, self.stopped.append,
+        self.recorder = WriterThread(self.open, options.pop("buffer_bytes", 0), self.said.append, self.stopped.append,
                                  **options)
 
     def open(self):
-        return LogFiles(self.settings, {"by": "test"}, [Attachment("a.txt", b"text", "text/plain")],
+        return RollingFiles(self.settings, {"by": "test"}, [Attachment("a.txt", b"text", "text/plain")],
                         lambda: self.recorder.streams(), self.said.append)
 
     def log(self, name="log.mcap"):
@@ -135,7 +135,7 @@ def test_conflicting_types_are_said(tmp_path):
     assert "both are recorded" in bench.said[0]
 
 
-@pytest.mark.parametrize("owner, method, lost", [(McapWriter, "append", 2), (LogFiles, "tick", 1)])
+@pytest.mark.parametrize("owner, method, lost", [(McapWriter, "append", 2), (RollingFiles, "tick", 1)])
 def test_a_refused_write_ends_the_recording_whole_and_is_raised(tmp_path, monkeypatch, owner, method, lost):
     bench = Bench(tmp_path, FileSettings(tmp_path / "log", compression="none", fsync_s=0.0, chunk_age_s=3.0))
     bench.recorder.start()
@@ -159,7 +159,7 @@ def test_a_refused_write_ends_the_recording_whole_and_is_raised(tmp_path, monkey
 def test_a_bug_in_the_writer_does_not_end_the_recording_unnoticed(tmp_path, monkeypatch):
     bench = Bench(tmp_path)
     bench.recorder.start()
-    monkeypatch.setattr(LogFiles, "tick", lambda self: 1 // 0)
+    monkeypatch.setattr(RollingFiles, "tick", lambda self: 1 // 0)
     live_samples.wait_until(lambda: bench.stopped, "it stops")
     with pytest.raises(ZeroDivisionError):
         bench.recorder.finish()

@@ -2,12 +2,11 @@ import pytest
 from log_samples import JOINTS, STATES, TOOL
 
 from jaka_bag.errors import DefinitionError
+from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.definitions import (
-    Connection,
     Constant,
     Field,
     definition_md5,
-    describes_type,
     parse_definition,
     parse_type,
 )
@@ -39,9 +38,3 @@ def test_a_header_without_package_is_that_of_std_msgs():
 def test_a_definition_that_is_not_understood_is_refused(text):
     with pytest.raises(DefinitionError):
         parse_definition("a/B", text)
-
-
-def test_a_definition_describes_its_type_only_where_the_md5_is_its_own():
-    assert describes_type(TOOL)
-    assert not describes_type(Connection("/t", TOOL.datatype, "0" * 32, TOOL.definition))
-    assert not describes_type(Connection("/t", TOOL.datatype, "d41d8cd98f00b204e9800998ecf8427e", "what is this"))

@@ -21,7 +21,7 @@ from log_samples import (
 from rosbags_oracle import decoded, typestore_of
 
 from jaka_bag.errors import BagError, DefinitionError
-from jaka_bag.messages.definitions import Connection
+from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.selection import Selection
 from jaka_bag.operations.columns import read_columns
 

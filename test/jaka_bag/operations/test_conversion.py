@@ -32,10 +32,11 @@ from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import open_log
 from jaka_bag.errors import BagError, BagFormatError, DefinitionError, OutputExists
-from jaka_bag.messages.definitions import Connection
+from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.ros2_types import Ros2Type
 from jaka_bag.messages.selection import Selection, TimePoint, TimeSpan
-from jaka_bag.operations.convert import Job, convert_file, convert_many
+from jaka_bag.operations.convert import Job, convert_file
+from jaka_bag.operations.many import convert_many
 
 SAMPLES = state_log(2.0)
 
@@ -128,7 +129,7 @@ def test_what_a_bag_cannot_hold_is_said(tmp_path):
             if not any(word in note for note in notes)] == []
     assert convert(tmp_path / "log.mcap", tmp_path / "again.mcap").notes == ()
     with open_log(tmp_path / "again.mcap") as reader:
-        assert reader.read_metadata(reader.index.metadata[0]) == ("facts", {})
+        assert reader.read_metadata(reader.index.metadata[0]) == {}
         block = next(map(reader.load, reader.chunks))
         assert (block.publish_time[0], block.sequence[0]) == (START_NS - 5, 7)
 
@@ -231,7 +232,7 @@ def test_a_folder_is_converted_and_a_failed_file_stops_nothing(tmp_path, jobs, c
 
 def test_a_killed_process_is_a_failed_file(tmp_path, monkeypatch):
     outcomes = []
-    monkeypatch.setattr("jaka_bag.operations.convert.try_convert", kill_own_process)
+    monkeypatch.setattr("jaka_bag.operations.many.try_convert", kill_own_process)
     convert_many([Job("a.bag", "a.mcap")], 1, outcomes.append)
     assert [o.error for o in outcomes] == ["a.bag: its process was killed"]
 
@@ -258,14 +259,14 @@ def test_progress_is_told(tmp_path):
 def test_an_interrupted_conversion_leaves_nothing(tmp_path):
     source = write(tmp_path / "log.bag", [model(START_NS + i, "x" * 500) for i in range(40000)], chunk_size=1 << 16)
     code = ("import os, signal, sys; sys.path.insert(0, %r)\n"
-            "from jaka_bag.operations import copying\n"
+            "from jaka_bag.operations import convert\n"
             "from jaka_bag.cli.main import main\n"
-            "real = copying.LossNotes.look\n"
+            "real = convert.LossNotes.look\n"
             "def look(self, block):\n"
-            "    copying.LossNotes.look = real\n"
+            "    convert.LossNotes.look = real\n"
             "    os.kill(os.getpid(), signal.%s)\n"
             "    return real(self, block)\n"
-            "copying.LossNotes.look = look\n"
+            "convert.LossNotes.look = look\n"
             "sys.exit(main(['convert', %r, '-o', %r]))")
     for name in ("SIGINT", "SIGTERM"):
         done = subprocess.run([sys.executable, "-c", code % (os.getcwd(), name, str(source), str(tmp_path / "o.mcap"))],
@@ -281,13 +282,13 @@ def test_an_interrupted_folder_leaves_whole_files_only(tmp_path):
     for i in range(6):
         write(folder / ("%d.bag" % i), SAMPLES)
     code = ("import os, signal, sys; sys.path.insert(0, %r)\n"
-            "from jaka_bag.operations import copying\n"
+            "from jaka_bag.operations import convert\n"
             "from jaka_bag.cli.main import main\n"
-            "real = copying.LossNotes.look\n"
+            "real = convert.LossNotes.look\n"
             "def look(self, block):\n"
             "    os.killpg(os.getpgid(0), signal.SIGINT)\n"
             "    signal.pause()\n"
-            "copying.LossNotes.look = look\n"
+            "convert.LossNotes.look = look\n"
             "sys.exit(main(['convert', %r, '--jobs', '2']))")
     done = subprocess.run([sys.executable, "-c", code % (os.getcwd(), str(folder))], stderr=subprocess.PIPE,
                           start_new_session=True, timeout=120)

@@ -10,7 +10,8 @@ from log_samples import in_order, read, state_log, write
 
 from jaka_bag.cli.main import main
 from jaka_bag.errors import BagError
-from jaka_bag.operations.convert import Job, convert_on_dask
+from jaka_bag.operations.convert import Job
+from jaka_bag.operations.many import convert_on_dask
 
 SAMPLES = state_log(1.0)
 DEADLINE_S = 120

@@ -9,7 +9,7 @@ from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import open_log
 from jaka_bag.errors import BagError, OutputExists
-from jaka_bag.messages.definitions import Connection
+from jaka_bag.messages.connection import Connection
 from jaka_bag.operations.merge import merge
 from jaka_bag.operations.split import Limits, split
 
@@ -46,7 +46,7 @@ def test_metadata_of_all_merged_mcaps_is_kept(tmp_path):
             writer.add_message(writer.add_channel(STATES), START_NS, bytes(8))
     merge([tmp_path / "a.mcap", tmp_path / "b.mcap"], tmp_path / "all.mcap")
     with open_log(tmp_path / "all.mcap") as reader:
-        assert [reader.read_metadata(m)[1]["from"] for m in reader.index.metadata] == ["a", "b"]
+        assert [reader.read_metadata(m)["from"] for m in reader.index.metadata] == ["a", "b"]
 
 
 def test_merging_refuses_what_it_cannot_do(tmp_path):

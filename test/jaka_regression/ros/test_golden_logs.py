@@ -5,7 +5,7 @@ import pytest
 import yaml
 from import_graph import ROOT
 
-from jaka_bag.compare.verdict import Stage
+from jaka_bag.compare.verdict import Aspect
 from jaka_bag.containers.registry import read_index
 from jaka_bag.errors import JakaBagError
 from jaka_regression.pytest_plugin import jaka_replay  # noqa: F401 - a fixture
@@ -55,11 +55,11 @@ def changed(name, **arm):
 
 
 @pytest.mark.parametrize("name, arm, stages", [
-    ("joint_moves", {"simulation": ("--start", "enabled", "--time-scale", "0.97")}, {Stage.PACE}),
-    ("joint_moves", {"parameters": (("interface", "vendor"),)}, {Stage.POSITION, Stage.ORIENTATION}),
-    ("joint_moves", {"model": "zu12"}, {Stage.POSITION}),
-    ("io_sequence", {"simulation": ("--start", "off"), "parameters": (("auto_enable", False),)}, {Stage.STATES}),
+    ("joint_moves", {"simulation": ("--start", "enabled", "--time-scale", "0.97")}, {Aspect.PACE}),
+    ("joint_moves", {"parameters": (("interface", "vendor"),)}, {Aspect.POSITION, Aspect.ORIENTATION}),
+    ("joint_moves", {"model": "zu12"}, {Aspect.POSITION}),
+    ("io_sequence", {"simulation": ("--start", "off"), "parameters": (("auto_enable", False),)}, {Aspect.STATES}),
 ], ids=["3 % slower", "maker's units", "another arm", "not powered"])
 def test_a_driver_or_an_arm_that_does_something_else_is_found(name, arm, stages, tmp_path):
     result = replay(FOLDER / (name + ".mcap"), tmp_path, scenario=changed(name, **arm))
-    assert stages <= {check.stage for check in result.comparison.differences}, result.summary
+    assert stages <= {check.aspect for check in result.comparison.differences}, result.summary

@@ -8,7 +8,8 @@ from typing import Callable, Dict, List, Tuple
 from jaka_bag.containers.registry import open_log
 from jaka_bag.containers.time_order import messages_of
 from jaka_bag.live.publisher import frame_of
-from jaka_bag.messages.definitions import Connection, definition_md5
+from jaka_bag.messages.connection import Connection
+from jaka_bag.messages.definitions import definition_md5
 
 PATIENCE_S = 60.0
 SEPARATOR = "=" * 80 + "\n"

@@ -7,7 +7,8 @@ from typing import List, NamedTuple, Optional, Sequence, Tuple
 from jaka_bag.containers.bag import records as bag_format
 from jaka_bag.containers.registry import create_log, open_log
 from jaka_bag.containers.time_order import messages_of
-from jaka_bag.messages.definitions import Connection, definition_md5
+from jaka_bag.messages.connection import Connection
+from jaka_bag.messages.definitions import definition_md5
 
 BREAK = "\n" + "=" * 80 + "\n"
 HEADER = BREAK + "MSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n"
@@ -144,3 +145,8 @@ class RawBag:
         return (bag_format.MAGIC + bag_format.file_header(self.begin + len(self.body), self.connections,
                                                           len(self.infos))
                 + bytes(self.body) + self.tail + b"".join(map(bag_format.chunk_info_record, self.infos)))
+
+
+def payload(batch, i):
+    """The bytes of message ``i`` of a batch."""
+    return batch.data[batch.start[i]:batch.start[i] + batch.length[i]].tobytes()

@@ -4,7 +4,7 @@ from typing import Callable, Dict, NamedTuple
 import numpy as np
 from synthetic_session import Call, Conditions, Session, simulate
 
-from jaka_bag.compare.verdict import Stage
+from jaka_bag.compare.verdict import Aspect
 from jaka_ros_driver.kinematics.rotations import rpy_from_rotation_vector
 
 
@@ -12,7 +12,7 @@ class Defect(NamedTuple):
     """What is wrong with the candidate, and the checks that fail because of it, the right one first."""
 
     seed: Callable[[Session], object]
-    found_by: Stage
+    found_by: Aspect
     field: str = ""
     conditions: Conditions = Conditions(seed=11, start_s=1.7)
 
@@ -74,21 +74,21 @@ def _nothing(session: Session) -> None:
 
 
 DEFECTS: Dict[str, Defect] = {
-    "2 % slower": Defect(_nothing, Stage.PACE, "all motions", Conditions(seed=11, start_s=1.7, pace=1.02)),
-    "1 mm offset": Defect(_offset, Stage.POSITION),
-    "two joints swapped": Defect(_swap, Stage.JOINTS, "joint_2"),
-    "RPY for rotation vector": Defect(_rpy, Stage.ORIENTATION),
-    "state topic at 60 Hz": Defect(_states_at(60), Stage.RATES),
-    "state topic at 90 Hz": Defect(_states_at(90), Stage.RATES),
-    "state topic in bursts of 0.1 s": Defect(_bursts, Stage.JITTER),
-    "stale stamps": Defect(_stale_stamps, Stage.STAMPS, "latency"),
-    "stamps that stand still": Defect(_frozen_stamps, Stage.STAMPS, "repeated"),
-    "old samples stamped as new": Defect(_restamped, Stage.JOINTS, "joint_1"),
-    "a missed state": Defect(_missed_state, Stage.STATES, "motion_state"),
-    "a lost service reply": Defect(_lost_reply, Stage.CALLS),
-    "jog not stopped at 3 s": Defect(_nothing, Stage.STATES, "motion_state timing",
+    "2 % slower": Defect(_nothing, Aspect.PACE, "all motions", Conditions(seed=11, start_s=1.7, pace=1.02)),
+    "1 mm offset": Defect(_offset, Aspect.POSITION),
+    "two joints swapped": Defect(_swap, Aspect.JOINTS, "joint_2"),
+    "RPY for rotation vector": Defect(_rpy, Aspect.ORIENTATION),
+    "state topic at 60 Hz": Defect(_states_at(60), Aspect.RATES),
+    "state topic at 90 Hz": Defect(_states_at(90), Aspect.RATES),
+    "state topic in bursts of 0.1 s": Defect(_bursts, Aspect.JITTER),
+    "stale stamps": Defect(_stale_stamps, Aspect.STAMPS, "latency"),
+    "stamps that stand still": Defect(_frozen_stamps, Aspect.STAMPS, "repeated"),
+    "old samples stamped as new": Defect(_restamped, Aspect.JOINTS, "joint_1"),
+    "a missed state": Defect(_missed_state, Aspect.STATES, "motion_state"),
+    "a lost service reply": Defect(_lost_reply, Aspect.CALLS),
+    "jog not stopped at 3 s": Defect(_nothing, Aspect.STATES, "motion_state timing",
                                      Conditions(seed=11, start_s=1.7, jog_extra_s=1.0)),
-    "mm for m": Defect(_millimetres, Stage.POSITION),
+    "mm for m": Defect(_millimetres, Aspect.POSITION),
 }
 
 

@@ -10,8 +10,9 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 
 from jaka_bag.containers.registry import create_log
-from jaka_bag.messages.batch import Block, concatenate
-from jaka_bag.messages.definitions import Connection, definition_md5
+from jaka_bag.messages.batch import MessageBatch, concatenate
+from jaka_bag.messages.connection import Connection
+from jaka_bag.messages.definitions import definition_md5
 
 SAMPLE_S = 0.008
 EPOCH_NS = 1_700_000_000_000_000_000
@@ -246,7 +247,7 @@ _TYPES: Dict[str, Tuple[str, str]] = {
     "robot_states": ("jaka_msgs/RobotMsg", STATE_TEXT), "service_calls": ("jaka_msgs/ServiceCall", CALL_TEXT)}
 
 
-def _block(session: Session, name: str, number: int) -> Block:
+def _block(session: Session, name: str, number: int) -> MessageBatch:
     if name == "service_calls":
         payloads = [_call_bytes(session, call, i + 1) for i, call in enumerate(session.calls)]
         length = np.array([len(p) for p in payloads], np.int64)
@@ -257,7 +258,7 @@ def _block(session: Session, name: str, number: int) -> Block:
         length = np.full(len(rows), rows.shape[1], np.int64)
         data = rows.reshape(-1)
         log_time = _ns(session.log_time[name][session.keep[name]])
-    return Block(data, np.cumsum(length) - length, length, np.full(len(length), number, np.int32), log_time)
+    return MessageBatch(data, np.cumsum(length) - length, length, np.full(len(length), number, np.int32), log_time)
 
 
 def write_log(path: Path, *sessions: Session) -> Path:

@@ -70,11 +70,7 @@ def _write(path: str, text: str, overwrite: bool) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compare; 0 same, 1 different, 2 cannot be compared.
-
-    Raises:
-        BagError: A report cannot be written.
-    """
+    """Compare; 0 same, 1 different, 2 cannot be compared."""
     try:
         tolerances = load_tolerances(args.tolerances)
         if args.print_tolerances:

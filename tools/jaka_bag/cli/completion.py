@@ -2,7 +2,7 @@
 import argparse
 from typing import Dict, List
 
-from .commands import COMMANDS, is_installed, load_command
+from .main import COMMANDS, is_installed, load_command
 
 _BASH = """\
 # bash completion of jaka_bag: source <(jaka_bag completion bash)

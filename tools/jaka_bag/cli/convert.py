@@ -4,14 +4,15 @@ from pathlib import Path
 from typing import List
 
 from ..errors import BagError
-from ..operations.convert import Job, Outcome, convert_file, convert_many, convert_on_dask
+from ..operations.convert import Job, WriteResult, convert_file
 from ..pipeline import WORKERS
+from .main import human_bytes
 from .options import (
     Report,
     add_compression,
+    add_output,
     add_report,
     add_selection,
-    human_bytes,
     selection_of,
     span_of,
     usage_error,
@@ -32,11 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag convert``."""
     parser.epilog = _EPILOG
     parser.add_argument("source", metavar="SRC", help=".bag or .mcap, or a folder: all of them in it")
-    parser.add_argument("-o", "--output", metavar="DST",
-                        help="its suffix, .bag or .mcap, decides about the format; default: SRC with the other suffix")
+    add_output(parser, "its suffix, .bag or .mcap, decides about the format; default: SRC with the other suffix", False)
     parser.add_argument("--profile", choices=("ros1", "ros2"), default="ros1",
                         help="ros1: messages as they are (default); ros2: a rosbag2 folder with CDR messages")
-    parser.add_argument("--force", action="store_true", help="overwrite the output")
     many = parser.add_argument_group("a folder of files")
     many.add_argument("--to", choices=("mcap", "bag"), default="mcap",
                       help="format of the outputs (default mcap); files of that format are left alone")
@@ -78,42 +77,39 @@ def _jobs(args: argparse.Namespace, folder: Path) -> List[Job]:
     return jobs
 
 
-def _line(outcome: Outcome) -> str:
+def _line(result: WriteResult) -> str:
     return "%s: %d messages, %s -> %s, %.2f s" % (
-        outcome.target, outcome.messages, human_bytes(outcome.bytes_read), human_bytes(outcome.bytes_written),
-        outcome.seconds)
+        result.target, result.messages, human_bytes(result.bytes_read), human_bytes(result.bytes_written),
+        result.seconds)
 
 
 def _run_folder(args: argparse.Namespace, folder: Path, report: Report) -> int:
     jobs = _jobs(args, folder)
-    outcomes: List[Outcome] = []
+    results: List[WriteResult] = []
 
-    def take(outcome: Outcome) -> None:
-        outcomes.append(outcome)
-        if outcome.error:
-            report.failed(outcome.error)
+    def take(result: WriteResult) -> None:
+        results.append(result)
+        if result.error:
+            report.tell("error", [result.error])
         else:
-            report.done(_line(outcome), outcome.document())
-        for note in outcome.notes:
-            report.note("%s: %s" % (outcome.target, note))
+            report.done(_line(result), result.document())
+        report.tell("note", ["%s: %s" % (result.target, note) for note in result.notes])
+
+    from ..operations.many import convert_many, convert_on_dask
 
     if args.dask:
         convert_on_dask(jobs, args.dask, take)
     else:
         convert_many(jobs, max(args.jobs, 1), take)
-    failed = sum(1 for outcome in outcomes if outcome.error)
-    report.finish({"files": [outcome.document() for outcome in outcomes], "failed": failed})
+    failed = sum(1 for result in results if result.error)
+    report.finish({"files": [result.document() for result in results], "failed": failed})
     if failed:
-        report.failed("%d of %d files failed" % (failed, len(jobs)))
+        report.tell("error", ["%d of %d files failed" % (failed, len(jobs))])
     return 1 if failed else 0
 
 
 def run(args: argparse.Namespace) -> int:
-    """Convert; the exit code.
-
-    Raises:
-        BagError: The source cannot be read, or the target cannot be written or hold it.
-    """
+    """Convert; the exit code."""
     if args.end is not None and args.duration is not None:
         return usage_error("--end and --duration do not go together")
     report = Report(args)
@@ -124,10 +120,6 @@ def run(args: argparse.Namespace) -> int:
         return usage_error("--jobs and --dask are for folders")
     target = Path(args.output) if args.output else _default_target(source, args.profile)
     job = _job(args, source, target, WORKERS)
-    with report.progress(source.stat().st_size if source.is_file() else 0, source.name) as progress:
-        outcome = convert_file(job, progress)
-    report.done(_line(outcome), outcome.document())
-    for note in outcome.notes:
-        report.note(note)
-    report.finish()
-    return 0
+    with report.progress(source) as progress:
+        result = convert_file(job, progress)
+    return report.written(_line(result), result)

@@ -5,7 +5,7 @@ from ..containers.registry import open_log
 from ..errors import BagError
 from ..messages.selection import Selection
 from ..operations.export import export
-from .options import Report, add_report
+from .options import Report, add_report, add_source
 
 _EPILOG = """\
 CSV and Parquet: one file a topic, STEM_topic.csv where there are several. Times are s with nine digits in CSV, ns
@@ -21,30 +21,23 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag export``."""
     parser.epilog = _EPILOG
-    parser.add_argument("source", metavar="SRC", help=".bag or .mcap")
-    parser.add_argument("-o", "--output", metavar="DST", required=True, help=".csv, .npz or .parquet")
+    add_source(parser, ".csv, .npz or .parquet")
     parser.add_argument("-t", "--topics", nargs="+", default=[], metavar="TOPIC", help="these topics (default: all)")
     parser.add_argument("-e", "--regex", action="append", default=[], metavar="REGEX",
                         help="topics whose whole name matches; may be repeated")
-    parser.add_argument("--force", action="store_true", help="overwrite the outputs")
     add_report(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Export; the exit code.
-
-    Raises:
-        BagError: The source cannot be read, has none of the topics, or an output cannot be written.
-    """
+    """Export; the exit code."""
     report = Report(args)
     with open_log(args.source) as reader:
         missing = set(args.topics) - {connection.topic for connection in reader.connections}
         if missing:
             raise BagError("%s has no topic %s" % (args.source, ", ".join(sorted(missing))))
         result = export(reader, args.output, Selection(tuple(args.topics), tuple(args.regex)), args.force)
-    for topic, (path, messages) in result.items():
-        report.done("%s: %d messages of %s" % (path, messages, topic),
-                    {"target": path, "topic": topic, "messages": messages})
-    report.finish({"source": args.source, "tables": [
-        {"target": path, "topic": topic, "messages": messages} for topic, (path, messages) in result.items()]})
+    tables = [{"target": path, "topic": topic, "messages": messages} for topic, (path, messages) in result.items()]
+    for table in tables:
+        report.done("%(target)s: %(messages)d messages of %(topic)s" % table, table)
+    report.finish({"source": args.source, "tables": tables})
     return 0

@@ -1,12 +1,12 @@
 """``jaka_bag info``: what is in a log, from its index alone; imports no numpy unless --freq asks for it."""
-import os
 import sys
 import time
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence, Tuple
 
 from ..containers.index import LogIndex
-from ..containers.registry import read_index
+from ..containers.registry import read_codecs, read_index
 from ..errors import BagFormatError
+from .main import human_bytes
 
 if TYPE_CHECKING:
     import argparse
@@ -77,13 +77,6 @@ def _duration(seconds: float) -> str:
     return "%d:%02d:%02d h (%.0f s)" % (minutes // 60, minutes % 60, rest, seconds)
 
 
-def _bytes(count: int) -> str:
-    for unit, size in (("GB", 10**9), ("MB", 10**6), ("kB", 10**3)):
-        if count >= size:
-            return "%.1f %s" % (count / size, unit)
-    return "%d B" % count
-
-
 def _mean_rate(topic: Dict[str, Any], duration: Optional[float]) -> str:
     if not duration or topic["messages"] < 2:
         return ""
@@ -99,12 +92,11 @@ def _text(document: Dict[str, Any]) -> str:
     if document["duration"] is not None:
         rows += [("duration", _duration(document["duration"])), ("start", _moment(document["start_ns"])),
                  ("end", _moment(document["end_ns"]))]
-    rows += [("size", _bytes(document["size"])), ("messages", str(document["messages"]))]
+    rows += [("size", human_bytes(document["size"])), ("messages", str(document["messages"]))]
     for entry in document["compression"]:
-        ratio = " (%.1f %% of %s)" % (100.0 * entry["stored"] / entry["uncompressed"], _bytes(entry["uncompressed"])) \
-            if entry["uncompressed"] else ""
-        rows.append(("compression", "%s [%d/%d chunks]%s" % (entry["codec"], entry["chunks"], document["chunks"],
-                                                             ratio)))
+        full = entry["uncompressed"]
+        ratio = " (%.1f %% of %s)" % (100.0 * entry["stored"] / full, human_bytes(full)) if full else ""
+        rows.append(("compression", "%(codec)s [%(chunks)d/" % entry + "%d chunks]%s" % (document["chunks"], ratio)))
     rows += [("types", "%s [%s]" % (t["type"], t["md5sum"] or "no md5")) for t in document["types"]]
     width = max([len(t["topic"]) for t in document["topics"]] + [0])
     for topic in document["topics"]:
@@ -119,7 +111,7 @@ def _text(document: Dict[str, Any]) -> str:
             rows.append(("", "%-*s  %s" % (width, "", topic["freq"]["text"])))
         if "seq" in topic:
             rows.append(("", "%-*s  %s" % (width, "", topic["seq"]["text"])))
-    rows += [("attachments", "%s (%s, %s)" % (a["name"], a["media_type"], _bytes(a["size"])))
+    rows += [("attachments", "%s (%s, %s)" % (a["name"], a["media_type"], human_bytes(a["size"])))
              for a in document["attachments"]]
     rows += [("metadata", name) for name in document["metadata"]]
     lines = []
@@ -134,21 +126,17 @@ def _add_recorder_account(index: LogIndex, document: Dict[str, Any]) -> None:
     """What the recorder knew to be lost, by topic."""
     import json
 
-    from ..containers.index import open_for_reading, read_at
-    from ..containers.mcap.records import parse_metadata
+    from ..containers.registry import read_metadata
 
-    descriptor = open_for_reading(index.path)
     try:
         for entry in index.metadata:
             if entry.name == _DROPS:
-                accounts = parse_metadata(read_at(descriptor, entry.position, entry.size))[1]
+                accounts = read_metadata(index, entry)
                 for topic in document["topics"]:
                     if topic["topic"] in accounts:
                         topic["recorder"] = json.loads(accounts[topic["topic"]])
     except ValueError as error:
         raise BagFormatError("%s: the recorder's account of losses is damaged: %s" % (index.path, error)) from error
-    finally:
-        os.close(descriptor)
 
 
 def _losses(account: Dict[str, Any]) -> str:
@@ -160,8 +148,7 @@ def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
     index = read_index(path)
     document = document_of(index)
     if index.format == "bag":
-        from ..containers.bag.index import read_codecs
-        document["compression"] = _codecs(read_codecs(path, index))
+        document["compression"] = _codecs(read_codecs(index))
     if _DROPS in (entry.name for entry in index.metadata):
         _add_recorder_account(index, document)
     if freq or seq:
@@ -174,21 +161,13 @@ def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
 
 
 def run_files(files: Sequence[str], freq: bool = False, seq: bool = False) -> int:
-    """Print the facts for people; the exit code.
-
-    Raises:
-        BagError: A file cannot be read.
-    """
+    """Print the facts for people; the exit code."""
     print("\n---\n".join(_text(_document(path, freq, seq)) for path in files))
     return 0
 
 
 def run(args: "argparse.Namespace") -> int:
-    """Print the facts; the exit code.
-
-    Raises:
-        BagError: A file cannot be read.
-    """
+    """Print the facts; the exit code."""
     if not (args.key or args.json):
         return run_files(args.files, args.freq, args.seq)
     documents = [_document(path, args.freq, args.seq) for path in args.files]

@@ -1,10 +1,18 @@
-"""Lines on standard error that nobody waits for: a full pipe or a paused terminal holds no recording up."""
+"""What recorder and player say: lines on standard error that nobody waits for, and an account as JSON.
+
+A full pipe or a paused terminal holds no recording up.
+"""
 import contextlib
+import json
 import logging
 import os
 import queue
 import sys
 from logging.handlers import QueueHandler, QueueListener
+from pathlib import Path
+from typing import Any, Dict
+
+from ..errors import BagError
 
 
 class _StandardError(logging.Handler):
@@ -44,3 +52,15 @@ class Notices:
     def close(self) -> None:
         """Wait until all is said."""
         self._listener.stop()
+
+
+def write_account(path: str, account: Dict[str, Any]) -> None:
+    """Write an account as JSON.
+
+    Raises:
+        BagError: It cannot be written.
+    """
+    try:
+        Path(path).write_text(json.dumps(account, indent=1, sort_keys=True) + "\n")
+    except OSError as error:
+        raise BagError("cannot write the report %s: %s" % (path, error.strerror)) from error

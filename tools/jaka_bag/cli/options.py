@@ -2,23 +2,23 @@
 import argparse
 import json
 import sys
+import time
 from decimal import Decimal, InvalidOperation
-from typing import Any, Dict, List, Optional
+from pathlib import Path
+from typing import Any, Dict, Iterable, List, Optional, TextIO, Union
 
 from ..messages.selection import Selection, TimePoint, TimeSpan
+from ..operations.convert import WriteResult
 from ..units import NS_PER_S
-from .progress import Progress
 
+_PROGRESS_S = 0.1
+_WIDTH = 24
 _ABSOLUTE_FROM = 100000000
 """Seconds from here on are taken as seconds since the epoch (1973), below as offsets."""
 
 
 def time_point(text: str) -> TimePoint:
-    """A moment from ``12.5``, ``-3`` (before the end) or ``1700000000.5`` (since the epoch), s.
-
-    Raises:
-        argparse.ArgumentTypeError: It is none.
-    """
+    """A moment from ``12.5``, ``-3`` (before the end) or ``1700000000.5`` (since the epoch), s."""
     ns = _nanoseconds(text)
     return TimePoint(ns, ns >= _ABSOLUTE_FROM * NS_PER_S)
 
@@ -34,15 +34,23 @@ def _nanoseconds(text: str) -> int:
 
 
 def positive_ns(text: str) -> int:
-    """A duration in s, given as ns.
-
-    Raises:
-        argparse.ArgumentTypeError: It is none.
-    """
+    """A duration in s, given as ns."""
     ns = _nanoseconds(text)
     if ns <= 0:
         raise argparse.ArgumentTypeError("%r is not a time in seconds above 0" % text)
     return ns
+
+
+def add_source(parser: argparse.ArgumentParser, output: str, is_required: bool = True, metavar: str = "DST") -> None:
+    """Declare one input, its output and ``--force``; ``output`` is the help of the output."""
+    parser.add_argument("source", metavar="SRC", help=".bag or .mcap")
+    add_output(parser, output, is_required, metavar)
+
+
+def add_output(parser: argparse.ArgumentParser, output: str, is_required: bool = True, metavar: str = "DST") -> None:
+    """Declare an output and ``--force``; ``output`` is its help."""
+    parser.add_argument("-o", "--output", metavar=metavar, required=is_required, help=output)
+    parser.add_argument("--force", action="store_true", help="overwrite the output")
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
@@ -92,6 +100,59 @@ def add_report(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--json", action="store_true", help="the summary as JSON on stdout")
 
 
+class Progress:
+    """Shows how far a task is; a stream of None stays silent.
+
+    Args:
+        total: Bytes to be worked on.
+        name: What is worked on.
+        stream: Where to draw.
+    """
+
+    def __init__(self, total: int, name: str, stream: Optional[TextIO]) -> None:
+        self._total = max(total, 1)
+        self._name = name[-32:]
+        self._stream = stream
+        self._begin = self._drawn = time.monotonic()
+        self._bytes = self._messages = 0
+        self._line = 0
+
+    def __call__(self, size: int, messages: int) -> None:
+        """Some bytes and messages more are done."""
+        if self._stream is None:
+            return
+        self._bytes += size
+        self._messages += messages
+        now = time.monotonic()
+        if now - self._drawn >= _PROGRESS_S:
+            self._drawn = now
+            self._draw(max(now - self._begin, 1e-6))
+
+    def _draw(self, elapsed_s: float) -> None:
+        assert self._stream is not None
+        share = min(self._bytes / self._total, 1.0)
+        left_s = int(elapsed_s * (1 - share) / max(share, 1e-6))
+        line = "%s [%-*s] %3.0f %%  %.1f MB/s  %.0f msg/s  %d:%02d left" % (
+            self._name, _WIDTH, "#" * int(share * _WIDTH), share * 100, self._bytes / elapsed_s / 1e6,
+            self._messages / elapsed_s, left_s // 60, left_s % 60)
+        self._stream.write("\r" + line.ljust(self._line))
+        self._stream.flush()
+        self._line = len(line)
+
+    def close(self) -> None:
+        """Remove the bar."""
+        if self._stream is not None and self._line:
+            self._stream.write("\r" + " " * self._line + "\r")
+            self._stream.flush()
+            self._line = 0
+
+    def __enter__(self) -> "Progress":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+
 class Report:
     """Says what was done: lines for people, or one JSON document."""
 
@@ -100,9 +161,10 @@ class Report:
         self._quiet: bool = args.quiet
         self._documents: List[Dict[str, Any]] = []
 
-    def progress(self, total: int, name: str) -> Progress:
-        """A progress bar over ``total`` bytes; silent without a terminal."""
-        return Progress(total, name, None if self._quiet or not sys.stderr.isatty() else sys.stderr)
+    def progress(self, *sources: Union[str, Path]) -> Progress:
+        """A progress bar over the bytes of some files; silent without a terminal."""
+        total = sum(path.stat().st_size for path in map(Path, sources) if path.is_file())
+        return Progress(total, Path(sources[0]).name, None if self._quiet or not sys.stderr.isatty() else sys.stderr)
 
     def done(self, line: str, document: Dict[str, Any]) -> None:
         """One result: the line for people, the same as data."""
@@ -110,28 +172,19 @@ class Report:
         if not self._json and not self._quiet:
             print(line)
 
-    def note(self, text: str) -> None:
-        """Something that the user should know of a result that is whole."""
-        print("jaka_bag: note: %s" % text, file=sys.stderr)
+    def tell(self, kind: str, texts: Iterable[str]) -> None:
+        """Lines about results: ``note`` what to know of a whole one, ``lost`` what is not kept, ``error`` a failure."""
+        for text in texts:
+            print("jaka_bag: %s: %s" % (kind, text), file=sys.stderr)
 
-    def lost(self, text: str) -> None:
-        """Something that could not be kept."""
-        print("jaka_bag: lost: %s" % text, file=sys.stderr)
-
-    def failed(self, text: str) -> None:
-        """Something that went wrong while the rest goes on."""
-        print("jaka_bag: error: %s" % text, file=sys.stderr)
+    def written(self, line: str, result: WriteResult) -> int:
+        """The one result; the exit code."""
+        self.done(line, result.document())
+        self.tell("note", result.notes)
+        self.finish()
+        return 0
 
     def finish(self, document: Optional[Dict[str, Any]] = None) -> None:
         """Print the JSON document: the given one, or the one result."""
         if self._json:
             print(json.dumps(document if document is not None else self._documents[0], indent=1))
-
-
-def human_bytes(count: float) -> str:
-    """A number of bytes for people."""
-    for unit in ("B", "kB", "MB", "GB"):
-        if abs(count) < 1000 or unit == "GB":
-            return "%.0f %s" % (count, unit) if unit == "B" else "%.1f %s" % (count, unit)
-        count /= 1000.0
-    return ""

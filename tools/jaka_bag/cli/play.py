@@ -1,25 +1,25 @@
 """``jaka_bag play``: the command line of the player."""
 import argparse
 import contextlib
-import json
 import os
 import signal
 import struct
 import sys
-from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, Optional
 
 from ..errors import BagError
 from ..live.keyboard import Keyboard
-from ..live.linux_timing import punctual
+from ..live.linux_timing import precise_wakeups
 from ..live.log_source import LogSource, Timed
 from ..live.names import NodeNames, anonymous_name, node_names, split_remappings
 from ..live.player import Pace, Player
-from ..live.publisher import Outlet, RawPublisher, frame_of
+from ..live.publisher import Publisher, TopicPublisher, frame_of
 from ..live.session import read_parameter
-from ..messages.definitions import Connection, definition_md5
+from ..messages.connection import Connection
+from ..messages.definitions import definition_md5
 from ..units import NS_PER_S
 from . import quantities
+from .notices import write_account
 
 _TIME = struct.Struct("<II")
 _CLOCK_DEFINITION = "time clock\n"
@@ -92,14 +92,14 @@ def _signals_stop() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-class _Stage:
-    """What subscribers see of a log: an outlet for each topic and type, and /clock."""
+class _LogTopics:
+    """What subscribers see of a log: an offer for each topic and type, and /clock."""
 
-    def __init__(self, publisher: RawPublisher) -> None:
+    def __init__(self, publisher: Publisher) -> None:
         self._publisher = publisher
-        self.outlets: List[Outlet] = []
+        self.offers: List[TopicPublisher] = []
         self._latches: List[Optional[int]] = []
-        self._clock: Optional[Outlet] = None
+        self._clock: Optional[TopicPublisher] = None
 
     def advertise(self, source: LogSource, prefix: str, has_clock: bool, notice: Callable[[str], None]) -> None:
         """Offer everything that the log holds.
@@ -113,7 +113,7 @@ class _Stage:
         for number, connection in enumerate(source.connections):
             topic = names.resolve(prefix + connection.topic)
             groups.setdefault((topic, connection.md5sum, connection.datatype), []).append(number)
-        by_number: Dict[int, Outlet] = {}
+        by_number: Dict[int, TopicPublisher] = {}
         offered: Dict[str, str] = {}
         for (topic, _, datatype), numbers in groups.items():
             if topic in offered:
@@ -121,10 +121,10 @@ class _Stage:
                        % (topic, offered[topic], datatype))
             offered[topic] = datatype
             latching = any(source.connections[number].latching for number in numbers)
-            outlet = publisher.advertise(topic, source.connections[numbers[0]], latching)
-            by_number.update((number, outlet) for number in numbers)
+            offer = publisher.advertise(topic, source.connections[numbers[0]], latching)
+            by_number.update((number, offer) for number in numbers)
         for number, connection in enumerate(source.connections):
-            self.outlets.append(by_number[number])
+            self.offers.append(by_number[number])
             self._latches.append(number if connection.latching else None)
         if has_clock:
             clock = Connection("/clock", "rosgraph_msgs/Clock",
@@ -134,7 +134,7 @@ class _Stage:
     def send(self, message: Timed) -> None:
         """Publish one message of the log."""
         number = message.connection
-        self._publisher.publish(self.outlets[number], message.frame, self._latches[number])
+        self._publisher.publish(self.offers[number], message.frame, self._latches[number])
 
     def send_clock(self, log_time: int) -> None:
         """Publish a log time, ns, as the time."""
@@ -142,8 +142,8 @@ class _Stage:
             self._publisher.publish(self._clock, frame_of(_TIME.pack(*divmod(log_time, NS_PER_S))))
 
 
-def _play_through(args: argparse.Namespace, source: LogSource, stage: _Stage, publisher: RawPublisher, player: Player,
-                  say: Callable[[str], None]) -> None:
+def _play_through(args: argparse.Namespace, source: LogSource, log_topics: _LogTopics, publisher: Publisher,
+                  player: Player, say: Callable[[str], None]) -> None:
     begin = source.begin + int(args.start * NS_PER_S)
     ends = [source.end]
     if args.duration is not None:
@@ -156,11 +156,11 @@ def _play_through(args: argparse.Namespace, source: LogSource, stage: _Stage, pu
         say("waiting for subscribers")
         while not publisher.has_subscribers():
             player.wait(0.02, begin)
-    with punctual():
+    with precise_wakeups():
         while True:
             if begin > source.begin:
                 for message in source.last_before(begin):
-                    stage.send(message)
+                    log_topics.send(message)
             messages = source.play(begin, end)
             try:
                 player.play(messages, begin)
@@ -174,10 +174,10 @@ def _play_through(args: argparse.Namespace, source: LogSource, stage: _Stage, pu
         player.wait(3600.0, end)
 
 
-def _report(source: LogSource, stage: _Stage, player: Player, end_reason: str) -> Dict[str, Any]:
+def _report(source: LogSource, log_topics: _LogTopics, player: Player, end_reason: str) -> Dict[str, Any]:
     topics: Dict[str, Dict[str, float]] = {}
-    for topic in sorted({outlet.topic for outlet in stage.outlets}):
-        numbers = [n for n, outlet in enumerate(stage.outlets) if outlet.topic == topic and n in player.accounts]
+    for topic in sorted({offer.topic for offer in log_topics.offers}):
+        numbers = [n for n, offer in enumerate(log_topics.offers) if offer.topic == topic and n in player.accounts]
         merged = player.total_of(numbers)
         topics[topic] = {"sent": merged.count, "late_p50_s": merged.quantile(0.5), "late_p99_s": merged.quantile(0.99),
                          "late_max_s": merged.max_s}
@@ -195,12 +195,7 @@ def _line(name: str, account: Dict[str, float], is_immediate: bool) -> str:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play to the end, or until SIGINT or SIGTERM; 0 when all went well.
-
-    Raises:
-        BagError: A log cannot be read, or there is nothing to play.
-        ConnectionLost: There is no master.
-    """
+    """Play to the end, or until SIGINT or SIGTERM; 0 when all went well."""
     def notice(line: str) -> None:
         print("jaka_bag play: %s" % line, file=sys.stderr, flush=True)
 
@@ -225,10 +220,7 @@ def run(args: argparse.Namespace) -> int:
     finally:
         source.close()
     if args.report:
-        try:
-            Path(args.report).write_text(json.dumps(report, indent=1, sort_keys=True) + "\n")
-        except OSError as error:
-            raise BagError("cannot write the report %s: %s" % (args.report, error.strerror)) from error
+        write_account(args.report, report)
     return 0
 
 
@@ -237,24 +229,24 @@ def _perform(args: argparse.Namespace, names: NodeNames, source: LogSource, noti
     pace = Pace(args.rate, args.immediate, args.pause, args.spin_us * 1e-6, args.skip_empty,
                 1.0 / args.hz if args.clock else None)
     end_reason = "end of the log"
-    publisher = RawPublisher(names, notice, lambda reason: os.kill(os.getpid(), signal.SIGTERM))
+    publisher = Publisher(names, notice, lambda reason: os.kill(os.getpid(), signal.SIGTERM))
     with Keyboard() as keyboard:
-        stage = _Stage(publisher)
-        player = Player(pace, stage.send, stage.send_clock, keyboard, publisher.admit, say)
+        log_topics = _LogTopics(publisher)
+        player = Player(pace, log_topics.send, log_topics.send_clock, keyboard, publisher.admit, say)
         try:
             with _signals_stop():
                 if args.clock and not read_parameter(publisher.master, "/use_sim_time"):
                     notice("the parameter /use_sim_time is not true: nodes will not use /clock")
-                stage.advertise(source, args.prefix, args.clock, notice)
+                log_topics.advertise(source, args.prefix, args.clock, notice)
                 say("playing %d topics, %.1f s of log, node %s"
-                    % (len({o.topic for o in stage.outlets}), (source.end - source.begin) * 1e-9, names.node))
-                _play_through(args, source, stage, publisher, player, say)
+                    % (len({o.topic for o in log_topics.offers}), (source.end - source.begin) * 1e-9, names.node))
+                _play_through(args, source, log_topics, publisher, player, say)
         except _Stop as stop:
             end_reason = str(stop)
         finally:
             with contextlib.suppress(KeyboardInterrupt):
                 publisher.close(_PATIENCE_S if end_reason == "end of the log" else 0.5)
-    report = _report(source, stage, player, end_reason)
+    report = _report(source, log_topics, player, end_reason)
     for topic, account in report["topics"].items():
         say(_line(topic, account, args.immediate))
     say(_line("all", report, args.immediate) + ", " + end_reason)

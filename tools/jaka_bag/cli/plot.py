@@ -7,7 +7,7 @@ from ..containers.registry import read_index
 from ..errors import BagError, DefinitionError
 from ..operations.columns import read_columns
 from ..operations.plot import plot
-from .options import Report, add_report, add_selection, selection_of, span_of, usage_error
+from .options import Report, add_report, add_selection, add_source, selection_of, span_of, usage_error
 
 _EPILOG = """\
 Without --field it draws what it knows: sensor_msgs/JointState as joints, geometry_msgs/TwistStamped as TCP position,
@@ -30,21 +30,15 @@ def _field(text: str) -> Tuple[str, str]:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag plot``."""
     parser.epilog = _EPILOG
-    parser.add_argument("source", metavar="SRC", help=".bag or .mcap")
-    parser.add_argument("-o", "--output", metavar="DST", help=".svg or .png; default: SRC as .svg")
+    add_source(parser, ".svg or .png; default: SRC as .svg", False)
     parser.add_argument("--field", type=_field, action="append", default=[], metavar="TOPIC:FIELD",
                         help="draw this field, as /arm:pose.x; may be repeated")
-    parser.add_argument("--force", action="store_true", help="overwrite the output")
     add_selection(parser)
     add_report(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw; the exit code.
-
-    Raises:
-        BagError: The source cannot be read, there is nothing to draw, or the output cannot be written.
-    """
+    """Draw; the exit code."""
     if args.end is not None and args.duration is not None:
         return usage_error("--end and --duration do not go together")
     report = Report(args)
@@ -59,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             data.update(read_columns(args.source, selection=one))
         except DefinitionError as error:
-            report.note("%s is left out: %s" % (topic, error))
+            report.tell("note", ["%s is left out: %s" % (topic, error)])
     if not data:
         raise BagError("%s holds no message to draw" % args.source)
     target = args.output or str(Path(args.source).with_suffix(".svg"))

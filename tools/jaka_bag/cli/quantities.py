@@ -1,4 +1,7 @@
-"""Durations and sizes as users write them on the command line."""
+"""Durations and sizes as users write them on the command line.
+
+Each function raises ``argparse.ArgumentTypeError`` where the text is no such thing.
+"""
 import argparse
 import math
 import re
@@ -9,11 +12,7 @@ _NUMBER = re.compile(r"^\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*([a-z]*)\s*$", r
 
 
 def duration(text: str) -> float:
-    """A duration in s from ``5``, ``500ms``, ``5s``, ``2m`` or ``1h``.
-
-    Raises:
-        argparse.ArgumentTypeError: It is none.
-    """
+    """A duration in s from ``5``, ``500ms``, ``5s``, ``2m`` or ``1h``."""
     match = _NUMBER.match(text)
     if not match or match.group(2).lower() not in _SECONDS:
         raise argparse.ArgumentTypeError("%r is not a duration (5, 500ms, 5s, 2m, 1h)" % text)
@@ -21,11 +20,7 @@ def duration(text: str) -> float:
 
 
 def size(text: str) -> int:
-    """A size in byte from ``1000``, ``64k``, ``64M`` or ``1G`` (powers of 1024).
-
-    Raises:
-        argparse.ArgumentTypeError: It is none.
-    """
+    """A size in byte from ``1000``, ``64k``, ``64M`` or ``1G`` (powers of 1024)."""
     match = _NUMBER.match(text)
     unit = match.group(2).lower().rstrip("b") if match else ""
     if not match or unit not in _BYTES:
@@ -34,21 +29,13 @@ def size(text: str) -> int:
 
 
 def megabytes(text: str) -> int:
-    """A size in byte from a number of MB (1024 x 1024 byte), or with a unit as ``size`` takes it.
-
-    Raises:
-        argparse.ArgumentTypeError: It is none.
-    """
+    """A size in byte from a number of MB (1024 x 1024 byte), or with a unit as ``size`` takes it."""
     match = _NUMBER.match(text)
     return size(text + "M" if match and not match.group(2) else text)
 
 
 def positive_number(text: str) -> float:
-    """A number above 0.
-
-    Raises:
-        argparse.ArgumentTypeError: It is none.
-    """
+    """A number above 0."""
     try:
         value = float(text)
     except ValueError:
@@ -59,11 +46,7 @@ def positive_number(text: str) -> float:
 
 
 def count(text: str) -> int:
-    """A whole number, 0 or more.
-
-    Raises:
-        argparse.ArgumentTypeError: It is none.
-    """
+    """A whole number, 0 or more."""
     if not re.match(r"^[0-9]+$", text):
         raise argparse.ArgumentTypeError("%r is not a whole number" % text)
     return int(text)

@@ -14,17 +14,15 @@ from typing import Any, Callable, Dict, Iterator, List, Optional
 from ..errors import BagError, JakaBagError
 from ..live.graph import RemoteNode, master_uri
 from ..live.names import NodeNames, anonymous_name, node_names, split_remappings
-from ..live.rolling_files import Attachment, FileSettings, LogFiles
-from ..live.rospy_transport import RospyTransport
-from ..live.session import Recording, Transport, parameter_dump, read_parameter, wait_for_master
+from ..live.rolling_files import Attachment, FileSettings, RollingFiles
+from ..live.session import Session, parameter_dump, read_parameter, wait_for_master
 from ..live.stream_account import TopicDrops, drops_by_topic
-from ..live.subscriber import RawTransport, accept_all
-from ..live.topic_selection import TopicSelection, compile_pattern, is_of_namespace, state_log_topics
-from ..live.writer_thread import Recorder
+from ..live.subscriber import Subscriber, accept_all
+from ..live.topic_selection import TopicSelection, is_of_namespace, state_log_topics
+from ..live.writer_thread import WriterThread
+from ..messages.selection import compile_patterns
 from . import quantities
-from .notices import Notices
-
-SUMMARY = "record topics to .mcap (default) or .bag"
+from .notices import Notices, write_account
 
 _EPILOG = """\
 Messages are stored as they come over the wire, whatever their type. While it is written the file is called
@@ -94,8 +92,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--tcpnodelay", action="store_true", help="ask publishers to send each message at once")
     how.add_argument("--stamp", choices=("receive", "kernel"), default="kernel",
                      help="log time: when the kernel got the message (default), or when it was read")
-    how.add_argument("--transport", choices=("raw", "rospy"), default="raw",
-                     help="own subscriber (default) or rospy's (receive stamps only)")
     how.add_argument("--report", metavar="FILE", help="write the account of the recording as JSON")
     how.add_argument("-q", "--quiet", action="store_true", help="say only what went wrong or was lost")
 
@@ -105,7 +101,7 @@ class _Usage(BagError):
 
 
 def _selection(args: argparse.Namespace, names: NodeNames) -> TopicSelection:
-    exclude = compile_pattern(args.exclude) if args.exclude is not None else None
+    exclude = compile_patterns([args.exclude])[0] if args.exclude is not None else None
     if args.state_log:
         if args.topics or args.all or args.regex or args.node:
             raise _Usage("--state-log chooses the topics itself")
@@ -116,7 +112,7 @@ def _selection(args: argparse.Namespace, names: NodeNames) -> TopicSelection:
     if not (args.topics or args.all or node):
         raise _Usage("nothing to record: give topics, -a, -e, --node or --state-log")
     if args.regex:
-        patterns = tuple(compile_pattern(topic) for topic in args.topics)
+        patterns = tuple(compile_patterns(args.topics))
         return TopicSelection((), args.all, patterns, exclude, node)
     return TopicSelection(tuple(names.resolve(topic) for topic in args.topics), args.all, (), exclude, node)
 
@@ -166,9 +162,9 @@ def _take_zstd_level(args: argparse.Namespace) -> None:
 
 
 @contextlib.contextmanager
-def _signals(recording: Recording, recorder: Recorder, is_snapshot: bool) -> Iterator[None]:
+def _signals(session: Session, recorder: WriterThread, is_snapshot: bool) -> Iterator[None]:
     def on_end(number: int, frame: Any) -> None:
-        recording.end(signal.Signals(number).name)
+        session.end(signal.Signals(number).name)
 
     def on_trigger(number: int, frame: Any) -> None:
         recorder.trigger_snapshot()
@@ -185,15 +181,12 @@ def _signals(recording: Recording, recorder: Recorder, is_snapshot: bool) -> Ite
             signal.signal(number, handler)
 
 
-def _write_report(path: str, recorder: Recorder, recording: Recording, drops: Dict[str, TopicDrops],
+def _write_report(path: str, recorder: WriterThread, session: Session, drops: Dict[str, TopicDrops],
                   failure: Optional[Exception]) -> None:
-    report = {"files": recorder.finished_paths, "messages": recorder.messages, "end": recording.end_reason,
+    report = {"files": recorder.finished_paths, "messages": recorder.messages, "end": session.end_reason,
               "error": None if failure is None else str(failure), "untimed": recorder.untimed,
               "topics": {topic: dict(account._asdict(), lossy=account.is_lossy) for topic, account in drops.items()}}
-    try:
-        Path(path).write_text(json.dumps(report, indent=1, sort_keys=True) + "\n")
-    except OSError as error:
-        raise BagError("cannot write the report %s: %s" % (path, error.strerror)) from error
+    write_account(path, report)
 
 
 class _Console:
@@ -216,10 +209,10 @@ class _Console:
     def always(self, line: str) -> None:
         self._notices.say(line)
 
-    def report(self, recorder: Recorder, recording: Recording, drops: Dict[str, TopicDrops]) -> None:
+    def report(self, recorder: WriterThread, session: Session, drops: Dict[str, TopicDrops]) -> None:
         """Files, counts, and all that was lost."""
-        if recording.end_reason:
-            self.say("ended: %s" % recording.end_reason)
+        if session.end_reason:
+            self.say("ended: %s" % session.end_reason)
         for path in recorder.finished_paths:
             self.say("wrote %s" % path)
         if recorder.untimed:
@@ -236,11 +229,7 @@ class _Console:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Record until SIGINT, SIGTERM or a limit; 0 when all went well.
-
-    Raises:
-        BagError: The recording could not be started.
-    """
+    """Record until SIGINT, SIGTERM or a limit; 0 when all went well."""
     _take_zstd_level(args)
     args.topics, remappings = split_remappings(args.topics)
     try:
@@ -257,47 +246,43 @@ def run(args: argparse.Namespace) -> int:
 def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelection, settings: FileSettings,
             console: _Console) -> int:
     facts = {"program": "jaka_bag record", "host": platform.node(), "node": names.node, "master": master_uri(),
-             "transport": args.transport, "arguments": json.dumps(sys.argv[1:]),
+             "arguments": json.dumps(sys.argv[1:]),
              "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
     attachments: List[Attachment] = []
 
-    def open_files() -> LogFiles:
+    def open_files() -> RollingFiles:
         chosen = settings
         if args.snapshot is not None:
             chosen = dataclasses.replace(settings, stem=_snapshot_stem(settings))
-        return LogFiles(chosen, facts, attachments, lambda: recorder.streams(), console.say)
+        return RollingFiles(chosen, facts, attachments, lambda: recorder.streams(), console.say)
 
-    def connect() -> Transport:
+    def connect() -> Subscriber:
         console.say("recording to %s, node %s" % (
             settings.path(0) if args.snapshot is None else "memory, the newest %g s" % args.snapshot, names.node))
-        if args.transport == "rospy":
-            return RospyTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
-                                  args.tcpnodelay)
-        return RawTransport(names, recorder.take, recording.open_stream, console.always, recording.end,
+        return Subscriber(names, recorder.take, session.open_stream, console.always, session.end,
                             args.tcpnodelay, args.stamp == "kernel")
 
-    recorder = Recorder(open_files, args.buffsize, console.always, lambda reason: recording.end(reason), False,
+    recorder = WriterThread(open_files, args.buffsize, console.always, lambda reason: session.end(reason), False,
                         args.limit, args.snapshot)
-    recording = Recording(recorder, selection, is_of_namespace(names.namespace) if args.state_log else accept_all,
+    session = Session(recorder, selection, is_of_namespace(names.namespace) if args.state_log else accept_all,
                           console.always, None if args.split else args.duration)
     failure: Optional[Exception] = None
-    with _signals(recording, recorder, args.snapshot is not None):
+    with _signals(session, recorder, args.snapshot is not None):
         master = RemoteNode(master_uri(), names.node)
-        if not wait_for_master(master, recording.stop, console.always):
+        if not wait_for_master(master, session.stop, console.always):
             return 1
         recorder.is_simulated_time = bool(read_parameter(master, "/use_sim_time"))
-        receipt = args.stamp if args.transport == "raw" else "receive"
-        facts["log_time"] = "/clock" if recorder.is_simulated_time else receipt
+        facts["log_time"] = "/clock" if recorder.is_simulated_time else args.stamp
         attachments.append(Attachment("rosparam.yaml", parameter_dump(master), "application/yaml"))
         master.close()
         try:
-            recording.run(connect, recorder.is_simulated_time)
+            session.run(connect, recorder.is_simulated_time)
         except JakaBagError as error:
             failure = error
     drops = drops_by_topic(recorder.streams())
-    console.report(recorder, recording, drops)
+    console.report(recorder, session, drops)
     if args.report:
-        _write_report(args.report, recorder, recording, drops, failure)
+        _write_report(args.report, recorder, session, drops, failure)
     if failure is not None:
         console.always("error: %s" % failure)
     return 0 if failure is None else 1

@@ -5,11 +5,11 @@ The shelf, from the ground up; a module imports only from those above it in this
 tolerances        how far the candidate may be off, from YAML
 rotation_angles   angles between orientations
 run               one log as streams, joints, poses, states and calls, times in s
-sequences         pairs of like entries of two sequences
+sequences         pairs of equal entries of two sequences
 loading           a log read into a run
 verdict           the outcome of one check, and of all
 motion_fit        lag and pace of motions by Gauss-Newton
-alignment         when in the candidate a moment of the golden log happened: events, then all joints together
+alignment         the candidate's time for a golden time: by events, then by all joints together
 stream_checks     types, counts, rates, jitter, gaps, stamps
 cut_motions       motions that were stopped: how far off the arm may stand afterwards
 curve_distance    how far samples are from a curve whose times are uncertain

@@ -1,4 +1,4 @@
-"""When in the candidate a moment of the golden log happened: the log's own events, then all joints together.
+"""Finds the candidate's time for each time of the golden log: by the logs' own events, then by all joints together.
 
 The lag that both logs have in common is a late start: no fault. Each motion then gets a lag and a pace of its own,
 which are judged: a motion that begins late or runs slowly is a difference. Nothing is warped: positions are compared
@@ -186,10 +186,6 @@ def _call_lags(golden: Sequence[Call], candidate: Sequence[Call], lag: float) ->
                 lags.append(theirs[j].start - ours[i].start)
     order = np.argsort(times)
     return np.array(times)[order], np.array(lags)[order]
-
-
-def _usable(track: Optional[Track]) -> bool:
-    return track is not None and int(np.isfinite(track.value).all(axis=1).sum()) >= 3
 
 
 class Arm(NamedTuple):

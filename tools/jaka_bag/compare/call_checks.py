@@ -6,7 +6,7 @@ from .alignment import Alignment
 from .run import Call, Run
 from .sequences import Entry, pair
 from .tolerances import CallTolerance, Tolerances
-from .verdict import Check, Stage, equal, judged
+from .verdict import Aspect, Check, equal, judged
 
 
 class CallPair(NamedTuple):
@@ -47,9 +47,9 @@ def call_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: T
         found, difference = _pair_service(some, others, lag, limits)
         pairs += found
         if difference is None:
-            checks.append(equal(Stage.CALLS, service, "", True, "%d calls" % len(some)))
+            checks.append(equal(Aspect.CALLS, service, "", True, "%d calls" % len(some)))
         else:
-            checks.append(equal(Stage.CALLS, service, "", False, difference.detail, difference.at,
+            checks.append(equal(Aspect.CALLS, service, "", False, difference.detail, difference.at,
                                 difference.golden, difference.candidate))
     if pairs:
         checks += _order_and_timing(pairs, lag, limits)
@@ -97,7 +97,7 @@ def _pair_service(ours: Sequence[Call], theirs: Sequence[Call], lag: float,
 def _order_and_timing(pairs: Sequence[CallPair], lag: float, limits: CallTolerance) -> List[Check]:
     late = max(pairs, key=lambda both: abs(both.candidate.start - lag - both.golden.start))
     off = late.candidate.start - lag - late.golden.start
-    checks = [judged(Stage.CALLS, "", "timing", abs(off), limits.timing_s, "s", "%s arrives %.3f s %s"
+    checks = [judged(Aspect.CALLS, "", "timing", abs(off), limits.timing_s, "s", "%s arrives %.3f s %s"
                      % (late.golden.words, abs(off), "later" if off > 0 else "sooner"), late.golden.start)]
     # A call that began after another had ended must do so again.
     latest = -math.inf
@@ -106,7 +106,7 @@ def _order_and_timing(pairs: Sequence[CallPair], lag: float, limits: CallToleran
         if latest > both.golden.end and swapped is None:
             swapped = both
         latest = max(latest, both.golden.start)
-    checks.append(equal(Stage.CALLS, "", "order", swapped is None, "calls come in the same order" if swapped is None
+    checks.append(equal(Aspect.CALLS, "", "order", swapped is None, "calls come in the same order" if swapped is None
                         else "%s comes after a call that it came before" % swapped.golden.words,
                         None if swapped is None else swapped.golden.start))
     return checks
@@ -161,9 +161,9 @@ def _response_checks(pairs: Sequence[CallPair], limits: CallTolerance) -> List[C
         if not same:
             wrong.append(both)
     if not wrong:
-        return [equal(Stage.RESPONSES, "", "", True, "%d responses" % len(pairs))]
+        return [equal(Aspect.RESPONSES, "", "", True, "%d responses" % len(pairs))]
     first = min(wrong, key=lambda both: both.golden.start)
-    return [equal(Stage.RESPONSES, first.golden.service, "", False, "%s at %.2f s is answered differently, %d in all"
+    return [equal(Aspect.RESPONSES, first.golden.service, "", False, "%s at %.2f s is answered differently, %d in all"
                   % (first.golden.words, first.golden.start, len(wrong)), first.golden.start,
                   " ".join(first.golden.response_text.split()) or "no response",
                   " ".join(first.candidate.response_text.split()) or "no response")]
@@ -177,7 +177,7 @@ def _duration_check(pairs: Sequence[CallPair], limits: CallTolerance) -> Check:
         return abs(both.candidate.duration - both.golden.duration) / max(allowed(both), 1e-9)
 
     worst = max(pairs, key=excess)
-    return judged(Stage.DURATIONS, worst.golden.service, "", abs(worst.candidate.duration - worst.golden.duration),
+    return judged(Aspect.DURATIONS, worst.golden.service, "", abs(worst.candidate.duration - worst.golden.duration),
                   allowed(worst), "s", "%s takes %.3f s, %.3f s in the golden log"
                   % (worst.golden.words, worst.candidate.duration, worst.golden.duration), worst.golden.start,
                   "%.3f s" % worst.golden.duration, "%.3f s" % worst.candidate.duration)

@@ -3,7 +3,7 @@ import dataclasses
 from typing import Dict, List, Optional, TypeVar
 
 from ..errors import BagError
-from ..output_file import PathLike
+from ..paths import PathLike
 from ..pipeline import in_order
 from .alignment import align, arms_of
 from .call_checks import call_checks

@@ -3,14 +3,14 @@ from typing import Dict, List, Optional, Sequence, Set, Tuple
 
 import numpy as np
 
-from ..containers.reader import LogReader
+from ..containers.contract import LogReader
 from ..containers.registry import open_log
 from ..errors import BagError
 from ..messages.batch import Array, distinct
 from ..messages.columns import Columns
 from ..messages.selection import Selection
 from ..operations.columns import ColumnReader
-from ..output_file import PathLike
+from ..paths import PathLike
 from ..units import NS_PER_S
 from .run import Call, PoseTrack, Run, Stream, Track
 from .tolerances import Tolerances
@@ -207,10 +207,10 @@ class _Loader:
         for chunk in self._reader.chunks:
             if chunk.counts and not any(names[number] in wanted for number in chunk.counts):
                 continue
-            block = self._reader.load_times(chunk)
-            for number in distinct(block.connection).tolist():
+            numbers, log_times = self._reader.load_times(chunk)
+            for number in distinct(numbers).tolist():
                 if names[number] in wanted:
-                    times[names[number]].append(block.log_time[block.connection == number])
+                    times[names[number]].append(log_times[numbers == number])
         for topic, parts in times.items():
             self._stream(topic, np.sort(np.concatenate(parts)), None)
 

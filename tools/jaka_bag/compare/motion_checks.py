@@ -11,7 +11,7 @@ from .cut_motions import Cut, allowances
 from .rotation_angles import continuous, quaternions
 from .run import PoseTrack, Run, Track, arm_of
 from .tolerances import FieldTolerance, Tolerances
-from .verdict import Check, Outcome, Residual, ResidualKey, Stage, equal, judged, not_compared
+from .verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged, not_compared
 
 _LOOK_CLOSER = 0.3
 """A sample farther off than this share of its limit is looked for within the jitter of its stamp."""
@@ -27,11 +27,11 @@ def timing_checks(alignment: Alignment, cuts: Dict[str, List[Cut]], tolerances: 
         alike = [episode for episode in episodes if episode.is_alike]
         if not alike:
             why = "nothing moves" if not episodes else "no motion is alike: see the joints"
-            checks.append(not_compared(Stage.TIMING, arm, "motions", why))
+            checks.append(not_compared(Aspect.TIMING, arm, "motions", why))
             continue
         late = max(alike, key=lambda episode: abs(episode.lag - alignment.lag))
         off = late.lag - alignment.lag
-        checks.append(judged(Stage.TIMING, arm, "motions", abs(off), limits.event_s, "s",
+        checks.append(judged(Aspect.TIMING, arm, "motions", abs(off), limits.event_s, "s",
                              "%d motions; the one at %.2f s comes %.3f s %s than the others"
                              % (len(alike), late.start, abs(off), "later" if off > 0 else "sooner"), late.start))
         checks += _pace_checks(arm, alike, cuts.get(arm, []), tolerances)
@@ -44,7 +44,7 @@ def _pace_checks(arm: str, episodes: Sequence[Episode], cuts: Sequence[Cut], tol
     fitted = [(episode, episode.pace) for episode in episodes if episode.pace is not None
               and not any(begin < episode.start <= until for begin, until in displaced)]
     if not fitted:
-        return [not_compared(Stage.PACE, arm, "motions",
+        return [not_compared(Aspect.PACE, arm, "motions",
                              "no motion is long enough, or all begin where a stop left the arm")]
     floor = ms_to_s(limits.pace_floor_ms)
 
@@ -54,7 +54,7 @@ def _pace_checks(arm: str, episodes: Sequence[Episode], cuts: Sequence[Cut], tol
 
     episode, pace = max(fitted, key=excess)
     allowed = max(100.0 * floor / episode.span, limits.pace_percent)
-    checks = [judged(Stage.PACE, arm, "one motion", 100.0 * abs(pace - 1.0), allowed, "%",
+    checks = [judged(Aspect.PACE, arm, "one motion", 100.0 * abs(pace - 1.0), allowed, "%",
                      "the motion at %.2f s lasts %+.2f %% of its golden %.2f s"
                      % (episode.start, 100.0 * (pace - 1.0), episode.span), episode.start,
                      "%.3f s" % episode.span, "%.3f s" % (episode.span * pace))]
@@ -62,7 +62,7 @@ def _pace_checks(arm: str, episodes: Sequence[Episode], cuts: Sequence[Cut], tol
     if total >= _POOLED_S:
         pooled = sum((pace - 1.0) * episode.span for episode, pace in fitted) / total
         allowed = max(100.0 * floor / total, limits.pace_percent)
-        checks.append(judged(Stage.PACE, arm, "all motions", 100.0 * abs(pooled), allowed, "%",
+        checks.append(judged(Aspect.PACE, arm, "all motions", 100.0 * abs(pooled), allowed, "%",
                              "all motions together last %+.2f %% of their golden %.1f s" % (100.0 * pooled, total),
                              episode.start, "%.3f s" % total, "%.3f s" % (total * (1.0 + pooled))))
     return checks
@@ -144,12 +144,12 @@ def _samples(ours_time: Array, ours: Array, theirs_time: Array, theirs: Array, t
     return _Samples(at, theirs, jitter, ours_time, ours, interpolated(ours_time, ours, at))
 
 
-def _verdict(stage: Stage, topic: str, field: str, off: Array, allowed: Array, limit: float, unit: str,
+def _verdict(aspect: Aspect, topic: str, field: str, off: Array, allowed: Array, limit: float, unit: str,
              outside_percent: float, samples: _Samples, names: Sequence[str], frame: _Frame,
              factor: float = 1.0) -> Check:
     """Judge distances, in ``unit`` / ``factor``, that may be larger than the limit by ``allowed``."""
     beyond = np.maximum(off - allowed, 0.0)
-    frame.residuals[stage, topic, field] = Residual(samples.time, beyond * factor, limit * factor, unit)
+    frame.residuals[aspect, topic, field] = Residual(samples.time, beyond * factor, limit * factor, unit)
     worst = int(np.argmax(beyond))
     outside = 100.0 * float((beyond > limit).mean())
     at = float(samples.time[worst])
@@ -160,13 +160,13 @@ def _verdict(stage: Stage, topic: str, field: str, off: Array, allowed: Array, l
         detail += ", beyond %.4g %s that a stop may have moved" % (float(allowed[worst]) * factor, unit)
     if outside:
         detail += "; %.3g %% of %d samples outside" % (outside, len(off))
-    check = judged(stage, topic, field, float(beyond[worst]) * factor, limit * factor, unit, detail, at, *shown)
+    check = judged(aspect, topic, field, float(beyond[worst]) * factor, limit * factor, unit, detail, at, *shown)
     if check.outcome is Outcome.DIFFERENT and outside <= outside_percent:
-        return judged(stage, topic, field, outside, outside_percent, "% of the samples outside", detail, at, *shown)
+        return judged(aspect, topic, field, outside, outside_percent, "% of the samples outside", detail, at, *shown)
     return check
 
 
-def _nan_checks(stage: Stage, topic: str, ours: Tuple[Array, Array], theirs: Tuple[Array, Array],
+def _nan_checks(aspect: Aspect, topic: str, ours: Tuple[Array, Array], theirs: Tuple[Array, Array],
                 frame: _Frame) -> List[Check]:
     """The policy for values that are not finite; (time, value) each."""
     policy = frame.tolerances.nan
@@ -176,11 +176,11 @@ def _nan_checks(stage: Stage, topic: str, ours: Tuple[Array, Array], theirs: Tup
         return []
     at = frame.alignment.golden_time(arm_of(topic, frame.arms), bad_c)
     if policy == "fail":
-        return [equal(stage, topic, "NaN", not len(at), "%d samples are not numbers" % len(at),
+        return [equal(aspect, topic, "NaN", not len(at), "%d samples are not numbers" % len(at),
                       float(at[0]) if len(at) else None, str(len(bad_g)), str(len(bad_c)))]
     reach = frame.jitter_s + 0.01
     alone = np.concatenate([at[~_near(at, bad_g, reach)], bad_g[~_near(bad_g, at, reach)]])
-    return [equal(stage, topic, "NaN", not len(alone),
+    return [equal(aspect, topic, "NaN", not len(alone),
                   "%d samples are not numbers in one of the logs only" % len(alone),
                   float(alone.min()) if len(alone) else None, str(len(bad_g)), str(len(bad_c)))]
 
@@ -194,21 +194,21 @@ def _near(times: Array, others: Array, reach: float) -> Array:
     return near
 
 
-def _nothing_common(stage: Stage, topic: str) -> Check:
-    return equal(stage, topic, "", False, "no samples in common: the candidate has none while the golden log has")
+def _nothing_common(aspect: Aspect, topic: str) -> Check:
+    return equal(aspect, topic, "", False, "no samples in common: the candidate has none while the golden log has")
 
 
 def _joint_checks(ours: Track, theirs: Optional[Track], frame: _Frame) -> List[Check]:
     limits = frame.tolerances.joints
     if theirs is None:
-        return [_nothing_common(Stage.JOINTS, ours.topic)]
+        return [_nothing_common(Aspect.JOINTS, ours.topic)]
     if ours.names != theirs.names:
-        return [equal(Stage.JOINTS, ours.topic, "names", False, "the joints are not the same", None,
+        return [equal(Aspect.JOINTS, ours.topic, "names", False, "the joints are not the same", None,
                       " ".join(ours.names), " ".join(theirs.names))]
-    checks = _nan_checks(Stage.JOINTS, ours.topic, (ours.time, ours.value), (theirs.time, theirs.value), frame)
+    checks = _nan_checks(Aspect.JOINTS, ours.topic, (ours.time, ours.value), (theirs.time, theirs.value), frame)
     samples = _samples(ours.time, ours.value, theirs.time, theirs.value, ours.topic, frame)
     if samples is None:
-        return checks + [_nothing_common(Stage.JOINTS, ours.topic)]
+        return checks + [_nothing_common(Aspect.JOINTS, ours.topic)]
     allowed = allowances(frame.cuts.get(arm_of(ours.topic, frame.arms), []), samples.golden_time,
                          samples.golden_value, samples.time, frame.cut_s())
     direct = np.abs(samples.value - samples.golden_here)
@@ -217,7 +217,7 @@ def _joint_checks(ours: Track, theirs: Optional[Track], frame: _Frame) -> List[C
         part = samples.columns(slice(column, column + 1))
         off = distances(part.golden_time, part.golden_value, part.time, part.value, direct[:, column],
                         part.jitter, _LOOK_CLOSER * limit)
-        checks.append(_verdict(Stage.JOINTS, ours.topic, name, off, allowed[:, column], limit, "rad",
+        checks.append(_verdict(Aspect.JOINTS, ours.topic, name, off, allowed[:, column], limit, "rad",
                                limits.outside_percent, part, [name], frame))
     return checks
 
@@ -225,26 +225,26 @@ def _joint_checks(ours: Track, theirs: Optional[Track], frame: _Frame) -> List[C
 def _pose_checks(ours: PoseTrack, theirs: Optional[PoseTrack], frame: _Frame) -> List[Check]:
     limits = frame.tolerances.tcp
     if theirs is None:
-        return [_nothing_common(Stage.POSITION, ours.topic)]
+        return [_nothing_common(Aspect.POSITION, ours.topic)]
     checks = []
     if ours.frames or theirs.frames:
-        checks.append(equal(Stage.POSITION, ours.topic, "frame_id", ours.frames == theirs.frames,
+        checks.append(equal(Aspect.POSITION, ours.topic, "frame_id", ours.frames == theirs.frames,
                             "frame %s" % ", ".join(theirs.frames), None, ", ".join(ours.frames),
                             ", ".join(theirs.frames)))
-    checks += _nan_checks(Stage.POSITION, ours.topic, (ours.time, np.hstack([ours.position, ours.rotation_vector])),
+    checks += _nan_checks(Aspect.POSITION, ours.topic, (ours.time, np.hstack([ours.position, ours.rotation_vector])),
                           (theirs.time, np.hstack([theirs.position, theirs.rotation_vector])), frame)
     cuts = frame.cuts.get(arm_of(ours.topic, frame.arms), [])
     golden, candidate = (np.hstack([track.position, continuous(quaternions(track.rotation_vector))])
                          for track in (ours, theirs))
     both = _samples(ours.time, golden, theirs.time, candidate, ours.topic, frame)
     if both is None:
-        return checks + [_nothing_common(Stage.POSITION, ours.topic)]
+        return checks + [_nothing_common(Aspect.POSITION, ours.topic)]
     samples, turned = both.columns(slice(0, 3)), both.columns(slice(3, 7))
     limit = mm_to_m(limits.position_mm)
     off = distances(samples.golden_time, samples.golden_value, samples.time, samples.value,
                     lengths(samples.value - samples.golden_here), samples.jitter, _LOOK_CLOSER * limit)
     allowed = allowances(cuts, samples.golden_time, samples.golden_value, samples.time, frame.cut_s())
-    checks.append(_verdict(Stage.POSITION, ours.topic, "position", off, np.sqrt((allowed * allowed).sum(axis=1)),
+    checks.append(_verdict(Aspect.POSITION, ours.topic, "position", off, np.sqrt((allowed * allowed).sum(axis=1)),
                            limit, "mm", limits.outside_percent, samples, ("x", "y", "z"), frame, m_to_mm(1.0)))
     opposite = np.einsum("ij,ij->i", turned.golden_here, turned.value) < 0
     if opposite.any():
@@ -255,7 +255,7 @@ def _pose_checks(ours: PoseTrack, theirs: Optional[PoseTrack], frame: _Frame) ->
     # unit quaternions that are an angle a apart are 2 sin(a/4) apart as points
     angle = 4.0 * np.arcsin(np.minimum(0.5 * chord, np.sin(np.pi / 4.0)))
     allowed = allowances(cuts, turned.golden_time, turned.golden_value, turned.time, frame.cut_s())
-    checks.append(_verdict(Stage.ORIENTATION, ours.topic, "orientation", angle,
+    checks.append(_verdict(Aspect.ORIENTATION, ours.topic, "orientation", angle,
                            2.0 * np.sqrt((allowed * allowed).sum(axis=1)), limits.orientation_rad, "rad",
                            limits.outside_percent, turned, ("qw", "qx", "qy", "qz"), frame))
     return checks
@@ -264,11 +264,11 @@ def _pose_checks(ours: PoseTrack, theirs: Optional[PoseTrack], frame: _Frame) ->
 def _field_checks(ours: Track, theirs: Optional[Track], name: str, rule: FieldTolerance,
                   frame: _Frame) -> List[Check]:
     if theirs is None or ours.value.shape[1] != theirs.value.shape[1]:
-        return [equal(Stage.FIELDS, ours.topic, name, False, "the candidate has another number of values")]
-    checks = _nan_checks(Stage.FIELDS, ours.topic, (ours.time, ours.value), (theirs.time, theirs.value), frame)
+        return [equal(Aspect.FIELDS, ours.topic, name, False, "the candidate has another number of values")]
+    checks = _nan_checks(Aspect.FIELDS, ours.topic, (ours.time, ours.value), (theirs.time, theirs.value), frame)
     samples = _samples(ours.time, ours.value, theirs.time, theirs.value, ours.topic, frame)
     if samples is None:
-        return checks + [_nothing_common(Stage.FIELDS, ours.topic)]
+        return checks + [_nothing_common(Aspect.FIELDS, ours.topic)]
     near, seen = samples.golden_here, samples.value
     if rule.wraps:
         seen = near + np.mod(seen - near + np.pi, 2.0 * np.pi) - np.pi
@@ -279,7 +279,7 @@ def _field_checks(ours: Track, theirs: Optional[Track], name: str, rule: FieldTo
                         np.abs(seen - near)[:, column], samples.jitter, _LOOK_CLOSER * rule.absolute)
         columns.append(np.maximum(off - rule.relative * np.abs(near[:, column]), 0.0))
     off = np.max(columns, axis=0) if columns else np.zeros(len(seen))
-    checks.append(_verdict(Stage.FIELDS, ours.topic, name, off, np.zeros(len(off)), rule.absolute, "", 0.0,
+    checks.append(_verdict(Aspect.FIELDS, ours.topic, name, off, np.zeros(len(off)), rule.absolute, "", 0.0,
                            samples, ours.names, frame))
     return checks
 
@@ -292,13 +292,13 @@ def coverage_check(golden: Run, candidate: Run, has_arms: bool, alignment: Align
         times += [time for episode in episodes for time in (episode.start, episode.end)]
     words = "lag %.3f s, found by %s" % (alignment.lag, alignment.method)
     if golden.joints and not has_arms:
-        return equal(Stage.ALIGNMENT, "", "", False, "the joints of the logs cannot be aligned; " + words)
+        return equal(Aspect.ALIGNMENT, "", "", False, "the joints of the logs cannot be aligned; " + words)
     if times:
         slack = tolerances.timing.event_s
         if min(times) + alignment.lag < -slack:
-            return equal(Stage.ALIGNMENT, "", "", False, "the candidate begins %.2f s after the first event; %s"
+            return equal(Aspect.ALIGNMENT, "", "", False, "the candidate begins %.2f s after the first event; %s"
                          % (-min(times) - alignment.lag, words), min(times))
         if max(times) + alignment.lag > candidate.duration + slack:
-            return equal(Stage.ALIGNMENT, "", "", False, "the candidate ends %.2f s before the last event; %s"
+            return equal(Aspect.ALIGNMENT, "", "", False, "the candidate ends %.2f s before the last event; %s"
                          % (max(times) + alignment.lag - candidate.duration, words), candidate.duration - alignment.lag)
-    return equal(Stage.ALIGNMENT, "", "", True, words)
+    return equal(Aspect.ALIGNMENT, "", "", True, words)

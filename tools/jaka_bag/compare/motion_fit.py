@@ -33,7 +33,7 @@ def speeds(time: Array, value: Array) -> Array:
 
 
 class Curve:
-    """Joints over time, with speeds, to be looked up anywhere; samples that are no numbers are left out."""
+    """Joint positions and speeds as functions of time, interpolated; samples that are no numbers are left out."""
 
     def __init__(self, track: Track) -> None:
         good = np.isfinite(track.value).all(axis=1)
@@ -76,7 +76,7 @@ class Motions:
         return middle
 
     def some(self, which: Union[Array, slice]) -> "Motions":
-        """Those of the motions that ``which``, a mask or indices, picks."""
+        """The motions that ``which``, a mask, indices or a slice, picks."""
         return Motions(self.times[which], self.values[which], self.candidate)
 
 

@@ -22,12 +22,3 @@ def continuous(quaternion: Array) -> Array:
     sign[1:] = np.where(np.cumsum(flips) % 2, -1.0, 1.0)
     signed: Array = quaternion * sign[:, None]
     return signed
-
-
-def angles_between(a: Array, b: Array) -> Array:
-    """Angle of the rotation from each of ``a`` to that of ``b``, rad, 0 to pi; quaternions of any length above 0."""
-    cosine = np.abs((a * b).sum(axis=1))
-    # the sine part from the vector part of conj(a) b keeps small angles exact
-    x = a[:, :1] * b[:, 1:] - b[:, :1] * a[:, 1:] - np.cross(a[:, 1:], b[:, 1:])
-    angle: Array = 2.0 * np.arctan2(np.sqrt((x * x).sum(axis=1)), cosine)
-    return angle

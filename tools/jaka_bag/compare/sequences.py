@@ -25,7 +25,7 @@ class Pair(NamedTuple):
 
 
 def pair(golden: Sequence[Entry], candidate: Sequence[Entry], lag: float) -> List[Pair]:
-    """The pairing that leaves the least alone, and of several the one nearest in time; in order.
+    """Pairs of entries with equal keys, in order: as few as possible stay alone; of equal choices the nearest in time.
 
     Args:
         golden: In the order of time.
@@ -40,7 +40,7 @@ def pair(golden: Sequence[Entry], candidate: Sequence[Entry], lag: float) -> Lis
 
 
 def _pair_ends(golden: Sequence[Entry], candidate: Sequence[Entry], lag: float) -> List[Pair]:
-    """Pairs equal beginnings and ends; what lies between exactly where it is short enough, else not at all."""
+    """Pairs of equal beginnings and ends; what lies between is paired exactly where it is short enough, else not."""
     shorter = min(len(golden), len(candidate))
     head = 0
     while head < shorter and golden[head].key == candidate[head].key:

@@ -8,7 +8,7 @@ from .alignment import Alignment
 from .run import Run, Track
 from .sequences import Entry, pair
 from .tolerances import StateTolerance, Tolerances
-from .verdict import Check, Stage, equal, judged
+from .verdict import Aspect, Check, equal, judged
 
 _SHOWN = 12
 
@@ -65,7 +65,7 @@ def state_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: 
         if topic not in candidate.streams or not len(ours.time):
             continue
         if theirs is None or not len(theirs.time) or ours.names != theirs.names:
-            checks.append(equal(Stage.STATES, topic, "", False, "the candidate has no such states", None,
+            checks.append(equal(Aspect.STATES, topic, "", False, "the candidate has no such states", None,
                                 " ".join(ours.names), " ".join(theirs.names) if theirs else ""))
             continue
         for column, name in enumerate(ours.names):
@@ -87,7 +87,7 @@ def _field_checks(topic: str, name: str, ours: List[StateRun], theirs: List[Stat
     end = min(ours[-1].end, theirs[-1].end - lag)
     ours, theirs = _overlap(ours, begin, end), _overlap(theirs, begin + lag, end + lag)
     if not ours or not theirs:
-        return [equal(Stage.STATES, topic, name, False, "the logs have no time in common")]
+        return [equal(Aspect.STATES, topic, name, False, "the logs have no time in common")]
     long_g, long_c = without_brief(ours, limits.brief_s), without_brief(theirs, limits.brief_s)
     if [run.value for run in long_g] == [run.value for run in long_c]:
         ours, theirs = long_g, long_c
@@ -106,14 +106,14 @@ def _field_checks(topic: str, name: str, ours: List[StateRun], theirs: List[Stat
         at = run.start if i is not None else run.start - lag
         detail = "%s for %.2f s %s" % (state_name(name, run.value), run.length,
                                        "is missing" if i is not None else "is new")
-        checks.append(equal(Stage.STATES, topic, name, False, detail, at, _words(name, ours), _words(name, theirs)))
+        checks.append(equal(Aspect.STATES, topic, name, False, detail, at, _words(name, ours), _words(name, theirs)))
     else:
-        checks.append(equal(Stage.STATES, topic, name, True, words))
+        checks.append(equal(Aspect.STATES, topic, name, True, words))
     late = [(theirs[j].start - lag - ours[i].start, ours[i]) for i, j in pairs
             if i is not None and j is not None and i > 0 and j > 0]
     if late:
         off, changed = max(late, key=lambda entry: abs(entry[0]))
-        checks.append(judged(Stage.STATES, topic, name + " timing", abs(off), limits.timing_s, "s",
+        checks.append(judged(Aspect.STATES, topic, name + " timing", abs(off), limits.timing_s, "s",
                              "the change to %s comes %.3f s %s" % (state_name(name, changed.value), abs(off),
                                                                    "later" if off > 0 else "sooner"), changed.start))
     return checks
@@ -127,7 +127,7 @@ def _weight(run: StateRun, limits: StateTolerance, at_edge: bool) -> float:
 
 
 def _may_miss(runs: List[StateRun], i: int, limits: StateTolerance) -> bool:
-    """True for a brief run, an edge run within the timing, and one that only joins its equal neighbours' values."""
+    """Whether the other log may lack a run: it is brief, short at an edge, or one of two equal ones around a brief."""
     run = runs[i]
     if _weight(run, limits, i in (0, len(runs) - 1)) < 1.0:
         return True

@@ -8,7 +8,7 @@ from ..units import s_to_ms
 from .alignment import Alignment
 from .run import Run, Stream
 from .tolerances import StreamTolerance, Tolerances
-from .verdict import Check, Stage, equal, judged, not_compared
+from .verdict import Aspect, Check, equal, judged, not_compared
 
 _PERIODIC_COUNT = 10
 _PERIODIC_S = 2.0
@@ -27,13 +27,13 @@ def type_checks(golden: Run, candidate: Run, tolerances: Tolerances) -> List[Che
         if ours is None or theirs is None:
             where = "only in the candidate" if ours is None else "not in the candidate"
             if tolerances.is_optional(topic):
-                checks.append(not_compared(Stage.TYPES, topic, "", where + "; optional"))
+                checks.append(not_compared(Aspect.TYPES, topic, "", where + "; optional"))
             else:
-                checks.append(equal(Stage.TYPES, topic, "", False, where, golden=_types(ours),
+                checks.append(equal(Aspect.TYPES, topic, "", False, where, golden=_types(ours),
                                     candidate=_types(theirs)))
             continue
         same = ours.types == theirs.types and len(ours.types) == 1
-        checks.append(equal(Stage.TYPES, topic, "", same, _types(ours) if same else "different types",
+        checks.append(equal(Aspect.TYPES, topic, "", same, _types(ours) if same else "different types",
                             golden=_types(ours), candidate=_types(theirs)))
     return checks
 
@@ -73,13 +73,13 @@ def stream_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances:
             checks.append(_count_check(whole, limits))
             continue
         if time_scale != 1.0:
-            checks.append(not_compared(Stage.RATES, topic, "", "rates do not scale: the candidate ran %g times faster"
+            checks.append(not_compared(Aspect.RATES, topic, "", "rates do not scale: the candidate ran %g times faster"
                                        % time_scale))
             continue
         common = _Common(_cut(whole.golden, begin, end),
                          _cut(whole.candidate, begin + alignment.lag, end + alignment.lag))
         if min(len(common.golden), len(common.candidate)) < _PERIODIC_COUNT:
-            checks.append(equal(Stage.COUNTS, topic, "", False, "hardly any message while the other log runs",
+            checks.append(equal(Aspect.COUNTS, topic, "", False, "hardly any message while the other log runs",
                                 golden="%d messages" % len(common.golden),
                                 candidate="%d messages" % len(common.candidate)))
             continue
@@ -92,7 +92,7 @@ def stream_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances:
 def _count_check(both: _Common, limits: StreamTolerance) -> Check:
     ours, theirs = len(both.golden), len(both.candidate)
     off = 100.0 * abs(theirs - ours) / max(ours, 1)
-    return judged(Stage.COUNTS, both.golden.topic, "", off, limits.count_percent, "%",
+    return judged(Aspect.COUNTS, both.golden.topic, "", off, limits.count_percent, "%",
                   "%d messages, %d in the golden log" % (theirs, ours), golden=str(ours), candidate=str(theirs))
 
 
@@ -120,9 +120,9 @@ def _rate_checks(both: _Common, limits: StreamTolerance, lag: float) -> List[Che
     rate_c, jitter_c = _rate_and_jitter(both.candidate.log_time, limits.gap_s)
     off = 100.0 * abs(rate_c - rate_g) / max(rate_g, 1e-9)
     checks = [
-        judged(Stage.RATES, topic, "", off, limits.rate_percent, "%", "%.2f Hz, %.2f Hz in the golden log"
+        judged(Aspect.RATES, topic, "", off, limits.rate_percent, "%", "%.2f Hz, %.2f Hz in the golden log"
                % (rate_c, rate_g), golden="%.2f Hz" % rate_g, candidate="%.2f Hz" % rate_c),
-        judged(Stage.JITTER, topic, "", s_to_ms(max(jitter_c - jitter_g, 0.0)), limits.jitter_ms, "ms",
+        judged(Aspect.JITTER, topic, "", s_to_ms(max(jitter_c - jitter_g, 0.0)), limits.jitter_ms, "ms",
                "99 %% of the intervals are within %.1f ms of their mean, %.1f ms in the golden log"
                % (s_to_ms(jitter_c), s_to_ms(jitter_g)),
                golden="%.1f ms" % s_to_ms(jitter_g), candidate="%.1f ms" % s_to_ms(jitter_c))]
@@ -135,10 +135,10 @@ def _rate_checks(both: _Common, limits: StreamTolerance, lag: float) -> List[Che
                   if not _has_gap(near_g, start - lag, length, limits)]
     if unmatched:
         at, length, words = max(unmatched, key=lambda gap: gap[1])
-        checks.append(equal(Stage.GAPS, topic, "", False, "silent for %.2f s: %s" % (length, words), at,
+        checks.append(equal(Aspect.GAPS, topic, "", False, "silent for %.2f s: %s" % (length, words), at,
                             "%d gaps" % len(gaps_g), "%d gaps" % len(gaps_c)))
     else:
-        checks.append(equal(Stage.GAPS, topic, "", True, "%d gaps longer than %g s" % (len(gaps_c), limits.gap_s)))
+        checks.append(equal(Aspect.GAPS, topic, "", True, "%d gaps longer than %g s" % (len(gaps_c), limits.gap_s)))
     return checks
 
 
@@ -151,7 +151,7 @@ def _lost_checks(both: _Common, limits: StreamTolerance) -> List[Check]:
     if both.golden.lost is None or both.candidate.lost is None:
         return []
     share_g, share_c = (100.0 * (stream.lost or 0) / len(stream) for stream in both)
-    return [judged(Stage.LOST, both.golden.topic, "", max(share_c - share_g, 0.0), limits.lost_percent, "%",
+    return [judged(Aspect.LOST, both.golden.topic, "", max(share_c - share_g, 0.0), limits.lost_percent, "%",
                    "header.seq shows %d of %d messages missing" % (both.candidate.lost, len(both.candidate)),
                    golden="%d" % both.golden.lost, candidate="%d" % both.candidate.lost)]
 
@@ -161,24 +161,24 @@ def _stamp_checks(both: _Common, limits: StreamTolerance, lag: float) -> List[Ch
     if both.golden.stamp is None:
         return []
     if both.candidate.stamp is None:
-        return [equal(Stage.STAMPS, topic, "header.stamp", False, "the candidate's messages are not stamped")]
+        return [equal(Aspect.STAMPS, topic, "header.stamp", False, "the candidate's messages are not stamped")]
     stamps = (both.golden.stamp, both.candidate.stamp)
     latency_g, latency_c = both.golden.log_time - stamps[0], both.candidate.log_time - stamps[1]
     median_g, median_c = float(np.median(latency_g)), float(np.median(latency_c))
     worst = int(np.argmax(latency_c))
-    checks = [judged(Stage.STAMPS, topic, "latency", s_to_ms(abs(median_c - median_g)), limits.latency_ms, "ms",
+    checks = [judged(Aspect.STAMPS, topic, "latency", s_to_ms(abs(median_c - median_g)), limits.latency_ms, "ms",
                      "median of log time - header.stamp is %.1f ms, %.1f ms in the golden log"
                      % (s_to_ms(median_c), s_to_ms(median_g)), float(both.candidate.log_time[worst]) - lag,
                      "%.1f ms" % s_to_ms(median_g), "%.1f ms" % s_to_ms(median_c))]
     repeated_g, repeated_c = (100.0 * float((np.diff(stamp) == 0).mean()) for stamp in stamps)
-    checks.append(judged(Stage.STAMPS, topic, "repeated", max(repeated_c - repeated_g, 0.0), limits.repeated_percent,
+    checks.append(judged(Aspect.STAMPS, topic, "repeated", max(repeated_c - repeated_g, 0.0), limits.repeated_percent,
                          "%", "%.1f %% of the messages repeat the stamp before, %.1f %% in the golden log"
                          % (repeated_c, repeated_g), golden="%.1f %%" % repeated_g, candidate="%.1f %%" % repeated_c))
     backwards_g, backwards_c = (int((np.diff(stamp) < 0).sum()) for stamp in stamps)
     at = None
     if backwards_c:
         at = float(both.candidate.log_time[int(np.argmin(np.diff(both.candidate.stamp))) + 1]) - lag
-    checks.append(equal(Stage.STAMPS, topic, "order", backwards_c <= backwards_g,
+    checks.append(equal(Aspect.STAMPS, topic, "order", backwards_c <= backwards_g,
                         "%d stamps are older than the one before" % backwards_c, at,
                         str(backwards_g), str(backwards_c)))
     return checks

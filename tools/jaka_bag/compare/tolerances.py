@@ -9,7 +9,7 @@ from typing import Any, Dict, Hashable, List, Mapping, Optional, Tuple, Type, Ty
 import yaml
 
 from ..errors import BagError
-from ..output_file import PathLike
+from ..paths import PathLike
 
 Section = TypeVar("Section")
 

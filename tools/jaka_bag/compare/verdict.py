@@ -16,7 +16,7 @@ class Outcome(enum.Enum):
     NOT_COMPARED = "not compared"
 
 
-class Stage(enum.Enum):
+class Aspect(enum.Enum):
     """The checks in their order."""
 
     TYPES = "types"
@@ -44,7 +44,7 @@ class Check:
     """One check of one topic or field.
 
     Attributes:
-        stage: Which check.
+        aspect: Which check.
         topic: The topic, or the arm's namespace where it is about several.
         field: Field, joint or service; empty where it is about the whole topic.
         outcome: What it found.
@@ -57,7 +57,7 @@ class Check:
         candidate: The candidate's value there.
     """
 
-    stage: Stage
+    aspect: Aspect
     topic: str
     field: str
     outcome: Outcome
@@ -72,8 +72,8 @@ class Check:
     @property
     def name(self) -> str:
         """Topic, check and field, as reports name it."""
-        field = "" if self.field == self.stage.value else self.field
-        return " ".join(part for part in (self.topic, self.stage.value, field) if part)
+        field = "" if self.field == self.aspect.value else self.field
+        return " ".join(part for part in (self.topic, self.aspect.value, field) if part)
 
     @property
     def severity(self) -> float:
@@ -85,23 +85,23 @@ class Check:
         return self.measured / self.limit
 
 
-def judged(stage: Stage, topic: str, field: str, measured: float, limit: float, unit: str, detail: str,
+def judged(aspect: Aspect, topic: str, field: str, measured: float, limit: float, unit: str, detail: str,
            at: Optional[float] = None, golden: str = "", candidate: str = "") -> Check:
-    """A check that an amount is within its limit; NaN is not."""
+    """A check whether an amount is within its limit; NaN is not within it."""
     outcome = Outcome.SAME if measured <= limit else Outcome.DIFFERENT
-    return Check(stage, topic, field, outcome, detail, measured, limit, unit, at, golden, candidate)
+    return Check(aspect, topic, field, outcome, detail, measured, limit, unit, at, golden, candidate)
 
 
-def equal(stage: Stage, topic: str, field: str, is_same: bool, detail: str, at: Optional[float] = None,
+def equal(aspect: Aspect, topic: str, field: str, is_same: bool, detail: str, at: Optional[float] = None,
           golden: str = "", candidate: str = "") -> Check:
     """A check without an amount."""
     outcome = Outcome.SAME if is_same else Outcome.DIFFERENT
-    return Check(stage, topic, field, outcome, detail, None, None, "", at, golden, candidate)
+    return Check(aspect, topic, field, outcome, detail, None, None, "", at, golden, candidate)
 
 
-def not_compared(stage: Stage, topic: str, field: str, why: str) -> Check:
+def not_compared(aspect: Aspect, topic: str, field: str, why: str) -> Check:
     """A check that was left out; says why."""
-    return Check(stage, topic, field, Outcome.NOT_COMPARED, why)
+    return Check(aspect, topic, field, Outcome.NOT_COMPARED, why)
 
 
 class Residual(NamedTuple):
@@ -120,7 +120,7 @@ class Residual(NamedTuple):
     unit: str
 
 
-ResidualKey = Tuple[Stage, str, str]
+ResidualKey = Tuple[Aspect, str, str]
 """Check, topic and field."""
 
 

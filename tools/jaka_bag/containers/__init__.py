@@ -2,9 +2,8 @@
 
 index         what a log says about itself at its end: connections, chunks, totals; without numpy
 compression   the codecs of all formats
-reader        the contract of readers: chunks as batches of messages
-writer        the contract of writers: batches or single messages to files, with flat memory
-recovery      the contract of what reads damaged logs
+contract      what every format offers: a reader and a writer, chunks as batches of messages, flat memory
+recovery      what reads a damaged log, and what it yields
 bag           ROS bags, version 2.0
 mcap          MCAP
 rosbag2       rosbag2 folders (MCAP with CDR messages), written only

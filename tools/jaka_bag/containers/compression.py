@@ -1,10 +1,9 @@
 """The codecs of both formats; each library is imported when it is first used, and releases the GIL at work."""
 import threading
-from typing import Any, Callable, Dict, Optional, Tuple, Union
+from typing import Any, Callable, Dict, Optional, Tuple
 
 from ..errors import BagError, BagFormatError, MissingDependency
-
-Buffer = Union[bytes, bytearray, memoryview]
+from .index import Buffer
 
 MCAP_CODECS = ("none", "lz4", "zstd")
 BAG_CODECS = ("none", "lz4", "bz2")
@@ -45,7 +44,7 @@ def _zstd(level: int) -> Callable[[Any], bytes]:
 
 def _lz4(level: int, for_bag: bool) -> Callable[[Any], bytes]:
     frame = _import("lz4.frame", "lz4")
-    # roslz4 (ROS 1's own decoder) reads independent blocks, no content size, and wants the content checksum.
+    # roslz4 (ROS 1's own decoder) reads independent batches, no content size, and wants the content checksum.
     options = {"block_linked": False, "content_checksum": True, "store_size": False} if for_bag else {}
 
     def compress(data: Any) -> bytes:

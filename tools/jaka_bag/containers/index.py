@@ -1,10 +1,12 @@
 """What a log says about itself at its end: connections, chunks, totals; read without numpy and without messages."""
 import os
-from typing import Dict, List, NamedTuple, Optional, Tuple
+from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
 
 from ..errors import BagError
 from ..messages.connection import Connection
 from ..paths import PathLike
+
+Buffer = Union[bytes, bytearray, memoryview]
 
 
 class ChunkRef(NamedTuple):
@@ -47,6 +49,29 @@ class MetadataIndex(NamedTuple):
     name: str
 
 
+class ChunkHead(NamedTuple):
+    """A chunk record up to its data: codec, uncompressed size, CRC (0: none), where the data starts, how long it is."""
+
+    codec: str
+    size: int
+    crc: int
+    data_start: int
+    data_size: int
+
+
+CodecTotals = Tuple[str, int, int, int]
+"""A codec, and how many chunks, stored bytes and uncompressed bytes it has."""
+
+
+def codec_totals(chunks: Iterable[Tuple[str, int, int]]) -> Tuple[CodecTotals, ...]:
+    """The totals of each codec from (codec, stored bytes, uncompressed bytes) of each chunk."""
+    totals: Dict[str, Tuple[int, int, int]] = {}
+    for codec, stored, full in chunks:
+        count, all_stored, all_full = totals.get(codec, (0, 0, 0))
+        totals[codec] = (count + 1, all_stored + stored, all_full + full)
+    return tuple((name, *values) for name, values in totals.items())
+
+
 class LogIndex(NamedTuple):
     """The index of one log.
 
@@ -65,7 +90,7 @@ class LogIndex(NamedTuple):
         library: The program that wrote the MCAP, else empty.
         attachments: Of an MCAP.
         metadata: Of an MCAP.
-        codecs: Per codec: chunks, stored bytes, uncompressed bytes (known from the index for MCAP only).
+        codecs: Of the chunks (the index of a .bag does not say: ``read_codecs``).
     """
 
     format: str
@@ -82,7 +107,7 @@ class LogIndex(NamedTuple):
     library: str = ""
     attachments: Tuple[AttachmentIndex, ...] = ()
     metadata: Tuple[MetadataIndex, ...] = ()
-    codecs: Tuple[Tuple[str, int, int, int], ...] = ()
+    codecs: Tuple[CodecTotals, ...] = ()
 
 
 def open_for_reading(path: PathLike) -> int:

@@ -1,19 +1,13 @@
-"""What recovering a log of either format yields."""
+"""What reads a damaged log of any format, and what it yields."""
 from typing import Dict, Iterator, List, NamedTuple, Optional
 
-from ..messages.batch import Block
+from ..messages.batch import MessageBatch
 from ..messages.connection import Connection
 from .index import AttachmentIndex, MetadataIndex
 
 
 class Loss(NamedTuple):
-    """A stretch of the file that could not be read, or not be trusted.
-
-    Attributes:
-        begin: First byte.
-        end: First byte behind it.
-        reason: What is wrong there.
-    """
+    """A stretch of the file, from byte ``begin`` to before ``end``, that could not be read, or not be trusted."""
 
     begin: int
     end: int
@@ -28,17 +22,19 @@ class Stretch(NamedTuple):
     """Messages that were read.
 
     Attributes:
-        block: The messages; ``connection`` holds the file's own ids.
-        connections: Connections that the file has declared up to here, by its own ids.
-        end: First byte of the file behind them.
+        begin: First byte of the file that they come from.
+        end: First byte behind them.
+        batch: The messages; ``connection`` holds the file's own ids.
+        is_loose: They come from plain records rather than from a chunk.
     """
 
-    block: Block
-    connections: Dict[int, Connection]
+    begin: int
     end: int
+    batch: MessageBatch
+    is_loose: bool = False
 
 
-class Salvager:
+class LogRecovery:
     """Reads a damaged log as far as that goes.
 
     Attributes:
@@ -67,4 +63,22 @@ class Salvager:
 
     def stretches(self) -> Iterator[Stretch]:
         """All messages that can be read, in the order of the file."""
+        raise NotImplementedError
+
+    def read_attachment(self, entry: AttachmentIndex) -> bytes:
+        """The content of one of ``attachments``."""
+        raise NotImplementedError
+
+    def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
+        """The content of one of ``metadata``."""
+        raise NotImplementedError
+
+    def _skip_damage(self, at: int, reason: str) -> int:
+        """Where the next chunk starts behind damage, which is noted; the end of the file where there is none."""
+        end = self._next_chunk(at + 1, self.size)
+        self.lose(at, end, reason)
+        return end
+
+    def _next_chunk(self, begin: int, stop: int) -> int:
+        """Where the next chunk starts, at the latest at ``stop``."""
         raise NotImplementedError

@@ -1,60 +1,61 @@
 """The formats of logs: which one a file has, by content; which one an output gets, by name; who reads and writes it."""
 import importlib
 import os
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Optional
+from typing import TYPE_CHECKING, Any, Dict, NamedTuple, Optional, Tuple
 
 from ..errors import BagError, BagFormatError
 from ..paths import PathLike
-from .index import LogIndex, open_for_reading, read_at
+from .index import CodecTotals, LogIndex, MetadataIndex, open_for_reading, read_at
 
 if TYPE_CHECKING:  # an index is read without numpy
-    from .reader import LogReader
-    from .recovery import Salvager
-    from .writer import ChunkWriter
+    from .contract import LogReader, LogWriter
+    from .recovery import LogRecovery
 
 
 class Format(NamedTuple):
-    """One container format; its parts are named ``module:object`` and imported when they are first needed.
+    """One container format; its parts are named and imported when they are first needed.
 
     Attributes:
         name: As ``LogIndex.format`` has it.
         suffix: Of its files.
         magic: First bytes of its files.
         compression: Codec where none is asked for.
-        read_index: ``(path, descriptor) -> LogIndex``.
-        reader: A ``LogReader``.
-        writer: A ``ChunkWriter``.
-        recovery: A ``Salvager``.
+        records: Module with ``read_index(path, descriptor)``, which may give None for a whole file without an index,
+            ``read_codecs(index)`` and, for formats with metadata, ``read_metadata(descriptor, entry)``; no numpy.
+        reader: ``module:class`` of its ``LogReader``.
+        writer: ``module:class`` of its ``LogWriter``.
+        recovery: ``module:class`` of its ``LogRecovery``.
+        walk: ``module:function`` of ``(path, descriptor)``, which makes the index of a whole file without one.
     """
 
     name: str
     suffix: str
     magic: bytes
     compression: str
-    read_index: str
+    records: str
     reader: str
     writer: str
     recovery: str
+    walk: str = ""
 
 
 FORMATS = (
-    Format("bag", ".bag", b"#ROSBAG V2.0\n", "none", "jaka_bag.containers.bag.index:read_bag_index",
+    Format("bag", ".bag", b"#ROSBAG V2.0\n", "none", "jaka_bag.containers.bag.records",
            "jaka_bag.containers.bag.reader:BagReader", "jaka_bag.containers.bag.writer:BagWriter",
-           "jaka_bag.containers.bag.recovery:BagSalvager"),
-    Format("mcap", ".mcap", b"\x89MCAP", "zstd", "jaka_bag.containers.mcap.index:read_mcap_index",
+           "jaka_bag.containers.bag.recovery:BagRecovery"),
+    Format("mcap", ".mcap", b"\x89MCAP", "zstd", "jaka_bag.containers.mcap.records",
            "jaka_bag.containers.mcap.reader:McapReader", "jaka_bag.containers.mcap.writer:McapWriter",
-           "jaka_bag.containers.mcap.recovery:McapSalvager"),
+           "jaka_bag.containers.mcap.recovery:McapRecovery", "jaka_bag.containers.mcap.recovery:walk_index"),
 )
-SUFFIXES = tuple(entry.suffix for entry in FORMATS)
 ROSBAG2_WRITER = "jaka_bag.containers.rosbag2:Rosbag2Writer"
 """Writes folders, which have no suffix."""
 
 
 def load(name: str) -> Any:
-    """The object that ``module:object`` names."""
+    """The module of a name, or the object that ``module:object`` names."""
     module, _, attribute = name.partition(":")
-    return getattr(importlib.import_module(module), attribute)
+    imported = importlib.import_module(module)
+    return getattr(imported, attribute) if attribute else imported
 
 
 def detect_format(path: PathLike, descriptor: int) -> Format:
@@ -77,7 +78,7 @@ def detect_format(path: PathLike, descriptor: int) -> Format:
 
 def _index_of(entry: Format, path: PathLike, descriptor: int) -> LogIndex:
     try:
-        index: LogIndex = load(entry.read_index)(path, descriptor)
+        index: LogIndex = load(entry.records).read_index(path, descriptor) or load(entry.walk)(path, descriptor)
     except BagFormatError as error:
         raise BagFormatError("%s: %s" % (path, error)) from error
     return index
@@ -97,6 +98,34 @@ def read_index(path: PathLike) -> LogIndex:
         os.close(descriptor)
 
 
+def _records_module(index: LogIndex) -> Any:
+    return load(next(entry.records for entry in FORMATS if entry.name == index.format))
+
+
+def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
+    """The totals of each codec of a log; from the heads of its chunks where the index does not say.
+
+    Raises:
+        BagFormatError: A chunk's head is damaged.
+    """
+    totals: Tuple[CodecTotals, ...] = _records_module(index).read_codecs(index)
+    return totals
+
+
+def read_metadata(index: LogIndex, entry: MetadataIndex) -> Dict[str, str]:
+    """The content of one of ``index.metadata``; needs no numpy.
+
+    Raises:
+        BagFormatError: It is damaged.
+    """
+    descriptor = open_for_reading(index.path)
+    try:
+        values: Dict[str, str] = _records_module(index).read_metadata(descriptor, entry)
+    finally:
+        os.close(descriptor)
+    return values
+
+
 def open_log(path: PathLike) -> "LogReader":
     """Open a log by content, whatever its name; close it after use.
 
@@ -114,19 +143,19 @@ def open_log(path: PathLike) -> "LogReader":
     return reader
 
 
-def open_damaged(path: PathLike, descriptor: int) -> "Salvager":
+def open_damaged(path: PathLike, descriptor: int) -> "LogRecovery":
     """What reads an open log that may be damaged, as far as that goes.
 
     Raises:
         BagFormatError: It is of no known format, or encrypted.
     """
-    salvager: Salvager = load(detect_format(path, descriptor).recovery)(descriptor, os.fstat(descriptor).st_size)
-    return salvager
+    recovery: LogRecovery = load(detect_format(path, descriptor).recovery)(descriptor, os.fstat(descriptor).st_size)
+    return recovery
 
 
 def create_log(path: PathLike, compression: Optional[str] = None, level: Optional[int] = None,
                overwrite: bool = False, profile: str = "ros1", as_rosbag2: bool = False,
-               **options: Any) -> "ChunkWriter":
+               **options: Any) -> "LogWriter":
     """Begin an output.
 
     Args:
@@ -136,14 +165,14 @@ def create_log(path: PathLike, compression: Optional[str] = None, level: Optiona
         overwrite: Replace an existing output.
         profile: Profile of an MCAP.
         as_rosbag2: Make a rosbag2 folder: ROS 1 messages are converted to CDR.
-        options: Of ``ChunkWriter``: ``chunk_size``, ``suffix``, ``keep_leftover``.
+        options: Of ``LogWriter``: ``chunk_size``, ``suffix``, ``keep_leftover``.
 
     Raises:
         BagError: The suffix is neither, the compression is not the format's, or it cannot be created.
         OutputExists: The output exists and ``overwrite`` is False.
     """
-    suffix = Path(path).suffix
-    writer: ChunkWriter
+    suffix = os.path.splitext(str(path))[1]
+    writer: LogWriter
     if as_rosbag2:
         if suffix:
             raise BagError("the output of the profile ros2 is a folder: %s has a suffix" % path)

@@ -1,18 +1,19 @@
 """Writes rosbag2 folders (MCAP storage, CDR messages) from ROS 1 messages."""
-import json
 import os
 import shutil
 from pathlib import Path
 from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
+import yaml
 
 from ..errors import BagError, OutputExists, WriteFailed
-from ..messages.batch import Array, Block
-from ..messages.cdr import CdrConverter, cdr_block
+from ..messages.batch import Array, MessageBatch
+from ..messages.cdr import CdrConverter, cdr_batch
 from ..messages.connection import Connection
 from ..paths import PathLike
-from .mcap.writer import EncodedChunk, McapWriter
+from .contract import EncodedChunk
+from .mcap.writer import McapWriter
 
 _VERSION = 8  # of metadata.yaml; the newest that the readers of both supported rosbags generations know
 _UNLIMITED = {"sec": 2147483647, "nsec": 4294967295}
@@ -22,20 +23,16 @@ _LATCHED: List[Dict[str, Any]] = [{
 """Quality of service of a latched topic as ``metadata.yaml`` numbers it: reliable, transient local."""
 
 
-def yaml_text(value: Any, indent: int = 0) -> str:
-    """Plain data as YAML, block style."""
-    pad = "  " * indent
-    if isinstance(value, dict) and value:
-        return "".join("%s%s:%s" % (pad, key, _nested(item, indent)) for key, item in value.items())
-    if isinstance(value, list) and value:
-        return "".join("%s- %s" % (pad, yaml_text(item, indent + 1).lstrip()) for item in value)
-    return pad + json.dumps(value) + "\n"
+class _PlainDumper(yaml.SafeDumper):
+    """Writes a value that occurs twice twice: not every reader of metadata.yaml knows aliases."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
 
 
-def _nested(item: Any, indent: int) -> str:
-    if isinstance(item, (dict, list)) and item:
-        return "\n" + yaml_text(item, indent + 1)
-    return " " + yaml_text(item)
+def _yaml(value: Any) -> str:
+    text: str = yaml.dump(value, Dumper=_PlainDumper, sort_keys=False)
+    return text
 
 
 class Rosbag2Writer(McapWriter):
@@ -85,13 +82,12 @@ class Rosbag2Writer(McapWriter):
 
         Raises:
             DefinitionError: The type's definition is not understood.
-            WriteFailed: The system refused.
         """
         known = self._channel_of.get(connection)
         if known is not None:
             return known
         converter = CdrConverter(connection)
-        qos = yaml_text(_LATCHED).strip() if connection.latching else ""
+        qos = _yaml(_LATCHED).strip() if connection.latching else ""
         channel = super().add_channel(Connection(
             connection.topic, converter.kind.name, "", converter.kind.definition,
             extra=(("offered_qos_profiles", qos),), encoding="cdr", schema_encoding="ros2msg"))
@@ -100,13 +96,13 @@ class Rosbag2Writer(McapWriter):
         self._topics[channel] = (connection, qos)
         return channel
 
-    def encode(self, block: Block, channel_ids: Array) -> Optional[EncodedChunk]:
-        """Convert a block to CDR and make a chunk of it; see ``ChunkWriter.encode``.
+    def encode(self, batch: MessageBatch, channel_ids: Array) -> Optional[EncodedChunk]:
+        """Convert a batch to CDR and make a chunk of it; see ``LogWriter.encode``.
 
         Raises:
             DefinitionError: A definition does not describe a message.
         """
-        numbered = cdr_block(block.with_connections(channel_ids), self._converters)
+        numbered = cdr_batch(batch.with_connections(channel_ids), self._converters)
         return super().encode(numbered, np.arange(int(channel_ids.max(initial=0)) + 1))
 
     def _metadata(self) -> Dict[str, Any]:
@@ -134,12 +130,12 @@ class Rosbag2Writer(McapWriter):
             return
         self.flush()
         metadata = self._metadata()
-        self.add_metadata("rosbag2", {"serialized_metadata": yaml_text(metadata)})
+        self.add_metadata("rosbag2", {"serialized_metadata": _yaml(metadata)})
         super().close()
         aside = self.folder.with_name(self.folder.name + ".old")
         try:
             (self._working_folder / "metadata.yaml").write_text(
-                yaml_text({"rosbag2_bagfile_information": metadata}), encoding="utf-8")
+                _yaml({"rosbag2_bagfile_information": metadata}), encoding="utf-8")
             self._check_target()
             if self.folder.exists():
                 os.rename(str(self.folder), str(aside))

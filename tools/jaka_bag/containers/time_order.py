@@ -1,12 +1,15 @@
-"""The messages of logs in the order of time, several logs as one."""
+"""The messages of logs in the order of time, several logs as one.
+
+``BagFormatError`` is raised where a chunk is damaged, ``BagError`` where a pattern is no regular expression.
+"""
 from typing import Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
-from ..messages.batch import Array, Block, concatenate, pieces_of
-from ..messages.selection import Picker, Selection
+from ..messages.batch import Array, MessageBatch, concatenate, pieces_of
+from ..messages.selection import MessageFilter, Selection
+from .contract import LogReader, Message
 from .index import ChunkRef
-from .reader import LogReader, Message
 
 _PIECE = 1 << 20
 _HELD_BYTES = 32 << 20
@@ -17,12 +20,12 @@ class Source(NamedTuple):
     """One log of several that are read together; ``numbers`` are its connections' numbers among all."""
 
     reader: LogReader
-    picker: Picker
+    message_filter: MessageFilter
     numbers: Array
 
 
 class _Held:
-    """A chunk whose turn has not come, or not wholly."""
+    """A chunk of which some messages are still to be given."""
 
     def __init__(self, order: Tuple[int, int], source: Source, chunk: ChunkRef) -> None:
         self.order = order
@@ -31,20 +34,21 @@ class _Held:
         self.rest = self._load()
         self.picked = np.arange(len(self.rest))
 
-    def _load(self) -> Block:
-        return self._source.picker.pick(self._source.reader.load(self._chunk)).with_connections(self._source.numbers)
+    def _load(self) -> MessageBatch:
+        source = self._source
+        return source.message_filter.apply(source.reader.load(self._chunk)).with_connections(source.numbers)
 
     @property
     def held_bytes(self) -> int:
         return len(self.rest.data)
 
     def drop(self) -> None:
-        """Forget the bytes, keep the times."""
+        """Forget the payloads, but not the times."""
         rest = self.rest
-        self.rest = Block(rest.data[:0], rest.start, rest.length, rest.connection, rest.log_time)
+        self.rest = MessageBatch(rest.data[:0], rest.start, rest.length, rest.connection, rest.log_time)
 
-    def take_before(self, time: Optional[int]) -> Block:
-        """Remove and give the messages before a time, ns (None: all)."""
+    def take_before(self, time: Optional[int]) -> MessageBatch:
+        """Remove and return the messages before a time, ns (None: all)."""
         mask = np.ones(len(self.rest), bool) if time is None else self.rest.log_time < time
         if not mask.any():
             return self.rest.take(mask)
@@ -57,7 +61,7 @@ class _Held:
         return taken
 
 
-def _emit(held: Iterable[_Held], before: Optional[int]) -> Iterator[Block]:
+def _emit(held: Iterable[_Held], before: Optional[int]) -> Iterator[MessageBatch]:
     parts = [part for part in (h.take_before(before) for h in sorted(held, key=lambda h: h.order)) if len(part)]
     if parts:
         whole = concatenate(parts)
@@ -66,14 +70,10 @@ def _emit(held: Iterable[_Held], before: Optional[int]) -> Iterator[Block]:
         yield from pieces_of(whole, _PIECE)
 
 
-def in_time_order(sources: Sequence[Source]) -> Iterator[Block]:
-    """All wanted messages of several logs by log time; equal times in the order of the logs and of each file.
-
-    Raises:
-        BagFormatError: A chunk is damaged.
-    """
+def in_time_order(sources: Sequence[Source]) -> Iterator[MessageBatch]:
+    """All wanted messages of several logs by log time; equal times in the order of the logs and of each file."""
     queue = sorted(((chunk.start_time, k, chunk.position, chunk) for k, source in enumerate(sources)
-                    for chunk in source.reader.wanted_chunks(source.picker)), key=lambda entry: entry[:3])
+                    for chunk in source.reader.wanted_chunks(source.message_filter)), key=lambda entry: entry[:3])
     held: List[_Held] = []
     for start, k, position, chunk in queue:
         yield from _emit(held, start)
@@ -85,26 +85,18 @@ def in_time_order(sources: Sequence[Source]) -> Iterator[Block]:
 
 
 def whole_source(reader: LogReader, selection: Optional[Selection] = None) -> Source:
-    """A log read on its own.
-
-    Raises:
-        BagError: A pattern of the selection is not a regular expression.
-    """
-    return Source(reader, Picker(selection or Selection(), reader.connections), np.arange(len(reader.connections)))
+    """A log read on its own."""
+    connections = reader.connections
+    return Source(reader, MessageFilter(selection or Selection(), connections), np.arange(len(connections)))
 
 
 def messages_of(reader: LogReader, selection: Optional[Selection] = None) -> Iterator[Message]:
-    """The wanted messages of a log, one by one, by log time.
-
-    Raises:
-        BagError: A pattern of the selection is not a regular expression.
-        BagFormatError: A chunk is damaged.
-    """
+    """The wanted messages of a log, one by one, by log time."""
     connections = reader.connections
-    for block in in_time_order([whole_source(reader, selection)]):
-        base = int(block.start.min())
-        raw = block.data[base:int((block.start + block.length).max())].tobytes()
+    for batch in in_time_order([whole_source(reader, selection)]):
+        base = int(batch.start.min())
+        raw = batch.data[base:int((batch.start + batch.length).max())].tobytes()
         for start, length, number, log_time, publish_time, sequence in zip(
-                (block.start - base).tolist(), block.length.tolist(), block.connection.tolist(),
-                block.log_time.tolist(), block.publish_time.tolist(), block.sequence.tolist()):
+                (batch.start - base).tolist(), batch.length.tolist(), batch.connection.tolist(),
+                batch.log_time.tolist(), batch.publish_time.tolist(), batch.sequence.tolist()):
             yield Message(connections[number], log_time, raw[start:start + length], publish_time, sequence)

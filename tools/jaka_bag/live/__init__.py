@@ -4,11 +4,10 @@ names             names of the graph: resolving, remapping, node names, this hos
 graph             calls to the master and to other nodes, and the server they call back
 tcpros            connection headers, and a link to one publisher
 publisher         publishes without losing anything
-stream_account    what each publisher's stream brought, and what it lacked
-bus_statistics    what publishers say they sent us
+stream_account    messages of each publisher received, written and lost
+bus_statistics    messages that publishers say they sent us
 topic_selection   which topics a recording takes
 subscriber        one loop over all publishers' links, with the kernel's times of receipt
-rospy_transport   the same through rospy
 rolling_files     the files that a recording writes: cut by age, split, finished when the disk is full
 writer_thread     a bounded buffer between the receiving thread and the writing one
 session           one recording from start to end
@@ -16,5 +15,5 @@ log_source        the messages of logs read ahead, framed for the wire
 lateness          how late messages were sent, in logarithmic bins
 keyboard          single keys from a terminal
 player            sends messages at their times
-linux_timing      makes one thread wake up on time
+linux_timing      makes the calling thread wake up on time
 """

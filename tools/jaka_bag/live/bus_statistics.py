@@ -60,11 +60,8 @@ def ask_publisher(uri: str, subscriber: str) -> Dict[str, int]:
         ConnectionLost: It does not answer.
         ProtocolError: Its answer is not understood.
     """
-    node = RemoteNode(uri, subscriber, _ASK_TIMEOUT_S)
-    try:
+    with RemoteNode(uri, subscriber, _ASK_TIMEOUT_S) as node:
         return sent_messages(subscriber, node.call("getBusInfo"), node.raw_call("getBusStats"))
-    finally:
-        node.close()
 
 
 def ask_publishers(uris: Iterable[str], subscriber: str, timeout_s: float) -> Dict[Tuple[str, str], int]:

@@ -80,6 +80,12 @@ class RemoteNode:
         """Drop the kept-alive connection."""
         self._proxy("close")()
 
+    def __enter__(self) -> "RemoteNode":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
 
 def master_uri() -> str:
     """Where the master is: ``ROS_MASTER_URI``, else the usual place."""

@@ -3,8 +3,7 @@ import os
 import select
 import sys
 import termios
-from types import TracebackType
-from typing import Any, List, Optional, Type
+from typing import Any, List, Optional
 
 
 class Keyboard:
@@ -36,8 +35,7 @@ class Keyboard:
             termios.tcsetattr(descriptor, termios.TCSANOW, mode)
         return self
 
-    def __exit__(self, kind: Optional[Type[BaseException]], value: Optional[BaseException],
-                 trace: Optional[TracebackType]) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._before is not None and self._descriptor is not None:
             termios.tcsetattr(self._descriptor, termios.TCSANOW, self._before)
             self._before = None
@@ -48,7 +46,7 @@ class Keyboard:
         return self._before is not None
 
     def wait(self, timeout_s: float) -> str:
-        """Keys pressed; waits for the first no longer than the time, which it does precisely."""
+        """Keys pressed; waits at most so long, s, for the first."""
         if self._before is None or self._descriptor is None:
             select.select([], [], [], timeout_s)
             return ""

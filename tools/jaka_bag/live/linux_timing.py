@@ -28,8 +28,8 @@ def _ask_for_slice(libc: ctypes.CDLL, slice_ns: int) -> None:
 
 
 @contextlib.contextmanager
-def punctual() -> Iterator[None]:
-    """Make the calling thread wake within a microsecond of its timers, where the system lets it.
+def precise_wakeups() -> Iterator[None]:
+    """Make the calling thread wake within microseconds of its timers, where the system lets it.
 
     Within it the thread goes before others of its priority, is not held up by garbage collection, and gets the
     interpreter back from other threads quickly.

@@ -5,13 +5,13 @@ from typing import Any, Callable, Iterator, List, NamedTuple, Optional, Sequence
 
 import numpy as np
 
-from ..containers.reader import LogReader
+from ..containers.contract import LogReader
 from ..containers.registry import open_log
 from ..containers.time_order import Source, in_time_order
 from ..errors import BagError
 from ..messages.batch import Array
-from ..messages.definitions import Connection
-from ..messages.selection import Picker, Selection
+from ..messages.connection import Connection
+from ..messages.selection import MessageFilter, Selection
 from .publisher import frame_of
 
 _BATCH = 512
@@ -35,7 +35,7 @@ class Timed(NamedTuple):
 
 
 class LogSource:
-    """Several logs as one.
+    """The messages of several logs as if they were one log.
 
     Args:
         paths: The logs, .bag or .mcap with ROS 1 messages.
@@ -91,15 +91,15 @@ class LogSource:
             reader.close()
 
     def _sources(self, selection: Selection) -> List[Source]:
-        return [Source(reader, Picker(selection, reader.connections), numbers)
+        return [Source(reader, MessageFilter(selection, reader.connections), numbers)
                 for reader, numbers in zip(self._readers, self._numbers)]
 
     def _batches(self, selection: Selection) -> Iterator[List[Timed]]:
-        for block in in_time_order(self._sources(selection)):
-            buffer: Any = block.data
+        for batch in in_time_order(self._sources(selection)):
+            buffer: Any = batch.data
             data = memoryview(buffer)
-            for first in range(0, len(block), _BATCH):
-                part = block.take(slice(first, first + _BATCH))
+            for first in range(0, len(batch), _BATCH):
+                part = batch.take(slice(first, first + _BATCH))
                 yield [Timed(time, number, frame_of(data[start:start + length].tobytes()))
                        for time, number, start, length in zip(part.log_time.tolist(), part.connection.tolist(),
                                                               part.start.tolist(), part.length.tolist())]

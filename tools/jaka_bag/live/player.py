@@ -120,7 +120,7 @@ class Player:
             account.add(late if is_timed else 0.0)
 
     def wait(self, seconds: float, log_time: int) -> None:
-        """Let time pass while the log stands still at a log time, ns, which the clock is told."""
+        """Wait some seconds, while ``/clock`` stays at one log time, ns."""
         deadline = time.monotonic() + seconds
         while True:
             left = deadline - time.monotonic()
@@ -168,7 +168,7 @@ class Player:
         return max(0.0, self._next_tick - time.monotonic())
 
     def _serve(self, timeout_s: float) -> None:
-        """Wait no longer than the time; obey keys."""
+        """Wait at most so long, s, and obey keys."""
         self._idle()
         for key in self._keyboard.wait(max(0.0, min(timeout_s, _PAUSE_POLL_S))):
             if key == " ":

@@ -1,6 +1,8 @@
 """Publishing without rospy: blocking and in order, so that no subscriber ever misses a message.
 
 After the ROS wiki pages "ROS/TCPROS" and "ROS/Connection Header".
+
+``ConnectionLost`` is raised where the master cannot be reached, ``ProtocolError`` where it refuses.
 """
 import collections
 import contextlib
@@ -13,7 +15,7 @@ import time
 from typing import Any, Callable, Deque, Dict, List, Optional, Tuple, Union
 
 from ..errors import ConnectionLost, ProtocolError
-from ..messages.definitions import Connection
+from ..messages.connection import Connection
 from .graph import RemoteNode, SlaveServer, master_uri
 from .names import NodeNames, host_address
 from .tcpros import decode_header, encode_header
@@ -34,7 +36,7 @@ class _Link:
         self.sent = 0
 
 
-class Outlet:
+class TopicPublisher:
     """One topic with one type, as subscribers see it.
 
     Attributes:
@@ -59,21 +61,18 @@ def frame_of(payload: bytes) -> bytes:
     return _LENGTH.pack(len(payload)) + payload
 
 
-class RawPublisher:
+class Publisher:
     """The publishers of one node. One thread publishes; subscribers may come and go at any time.
 
     Args:
         names: Who the node is.
         notice: Takes a line for the user.
         on_shutdown: Called with a reason when another node asks this one to end.
-
-    Raises:
-        ConnectionLost: The master cannot be reached, at ``advertise``.
     """
 
     def __init__(self, names: NodeNames, notice: Callable[[str], None], on_shutdown: Callable[[str], None]) -> None:
         self.names = names
-        self.outlets: List[Outlet] = []
+        self.offers: List[TopicPublisher] = []
         self._notice = notice
         self.master = RemoteNode(master_uri(), names.node)
         self._has_joining = threading.Event()
@@ -86,30 +85,25 @@ class RawPublisher:
         self._acceptor = threading.Thread(target=self._accept, name="tcpros-accept", daemon=True)
         self._acceptor.start()
         self._slave = SlaveServer(self._host, bind, lambda topic, uris: None, on_shutdown)
-        self._slave.publications = lambda: [[o.topic, o.connection.datatype] for o in self.outlets]
-        self._slave.bus_info = lambda: [[id(link) % 2147483647, link.subscriber, "o", "TCPROS", outlet.topic, 1, ""]
-                                        for outlet in self.outlets for link in outlet.links]
+        self._slave.publications = lambda: [[o.topic, o.connection.datatype] for o in self.offers]
+        self._slave.bus_info = lambda: [[id(link) % 2147483647, link.subscriber, "o", "TCPROS", offer.topic, 1, ""]
+                                        for offer in self.offers for link in offer.links]
         self._slave.publish_statistics = lambda: [
             [o.topic, sum(link.sent_bytes for link in o.links),
-             [[id(link) % 2147483647, link.sent_bytes, link.sent, True] for link in o.links]] for o in self.outlets]
+             [[id(link) % 2147483647, link.sent_bytes, link.sent, True] for link in o.links]] for o in self.offers]
         self._slave.topic_address = self._topic_address
 
-    def advertise(self, topic: str, connection: Connection, is_latching: bool) -> Outlet:
-        """Offer a topic with a type; further types of one topic are served to those who ask for their md5.
-
-        Raises:
-            ConnectionLost: The master cannot be reached.
-            ProtocolError: The master refuses.
-        """
-        outlet = Outlet(topic, connection, is_latching)
-        is_first = all(other.topic != topic for other in self.outlets)
-        self.outlets.append(outlet)
+    def advertise(self, topic: str, connection: Connection, is_latching: bool) -> TopicPublisher:
+        """Offer a topic with a type; further types of one topic are served to those who ask for their md5."""
+        offer = TopicPublisher(topic, connection, is_latching)
+        is_first = all(other.topic != topic for other in self.offers)
+        self.offers.append(offer)
         if is_first:
             self.master.call("registerPublisher", topic, connection.datatype, self._slave.uri)
-        return outlet
+        return offer
 
     def _topic_address(self, topic: str) -> Optional[Tuple[str, int]]:
-        if self._is_closing or all(outlet.topic != topic for outlet in self.outlets):
+        if self._is_closing or all(offer.topic != topic for offer in self.offers):
             return None
         return self._host, int(self._listener.getsockname()[1])
 
@@ -130,31 +124,31 @@ class RawPublisher:
             if size > _MAX_HEADER:
                 raise ProtocolError("connection header of %d bytes" % size)
             request = decode_header(_receive_exactly(link_socket, size))
-            outlet = self._outlet_for(request)
-            if isinstance(outlet, str):
-                link_socket.sendall(encode_header({"error": outlet}))
+            offer = self._offer_for(request)
+            if isinstance(offer, str):
+                link_socket.sendall(encode_header({"error": offer}))
                 link_socket.close()
                 return
-            connection = outlet.connection
+            connection = offer.connection
             link_socket.sendall(encode_header({
-                "callerid": self.names.node, "latching": "1" if outlet.is_latching else "0",
-                "md5sum": connection.md5sum, "message_definition": connection.definition, "topic": outlet.topic,
+                "callerid": self.names.node, "latching": "1" if offer.is_latching else "0",
+                "md5sum": connection.md5sum, "message_definition": connection.definition, "topic": offer.topic,
                 "type": connection.datatype}))
             link_socket.settimeout(None)
         except (OSError, ProtocolError, struct.error):
             link_socket.close()  # a peer that does not speak TCPROS, or left
             return
-        outlet.joining.append(_Link(link_socket, request.get("callerid", "")))
+        offer.joining.append(_Link(link_socket, request.get("callerid", "")))
         self._has_joining.set()
 
-    def _outlet_for(self, request: Dict[str, str]) -> Union[Outlet, str]:
+    def _offer_for(self, request: Dict[str, str]) -> Union[TopicPublisher, str]:
         topic, md5sum = request.get("topic", ""), request.get("md5sum", "*")
-        of_topic = [outlet for outlet in self.outlets if outlet.topic == topic]
+        of_topic = [offer for offer in self.offers if offer.topic == topic]
         if not of_topic:
             return "%s is not published by %s" % (topic, self.names.node)
-        for outlet in of_topic:
-            if md5sum in ("*", outlet.connection.md5sum):
-                return outlet
+        for offer in of_topic:
+            if md5sum in ("*", offer.connection.md5sum):
+                return offer
         return "%s is published with md5sum %s, not %s" % (topic, of_topic[0].connection.md5sum, md5sum)
 
     def admit(self) -> None:
@@ -162,27 +156,27 @@ class RawPublisher:
         if not self._has_joining.is_set():
             return
         self._has_joining.clear()
-        for outlet in self.outlets:
-            while outlet.joining:
-                link = outlet.joining.popleft()
-                outlet.links.append(link)
-                for frame in list(outlet.latched.values()):
-                    self._send(outlet, link, frame)
+        for offer in self.offers:
+            while offer.joining:
+                link = offer.joining.popleft()
+                offer.links.append(link)
+                for frame in list(offer.latched.values()):
+                    self._send(offer, link, frame)
 
-    def publish(self, outlet: Outlet, frame: bytes, latch_key: Any = None) -> None:
+    def publish(self, offer: TopicPublisher, frame: bytes, latch_key: Any = None) -> None:
         """Send a message to all subscribers; returns when the system has taken it for each of them.
 
         Args:
-            outlet: From ``advertise``.
+            offer: From ``advertise``.
             frame: From ``frame_of``.
             latch_key: Keep the message for later subscribers, in place of the last one with this key; None: do not.
         """
         if self._has_joining.is_set():
             self.admit()
         if latch_key is not None:
-            outlet.latched[latch_key] = frame
-        outlet.sent += 1
-        for link in outlet.links:
+            offer.latched[latch_key] = frame
+        offer.sent += 1
+        for link in offer.links:
             try:
                 done = link.socket.send(frame, socket.MSG_DONTWAIT)
             except OSError:
@@ -191,9 +185,9 @@ class RawPublisher:
                 link.sent += 1
                 link.sent_bytes += done
             else:
-                self._send(outlet, link, frame[done:])
+                self._send(offer, link, frame[done:])
 
-    def _send(self, outlet: Outlet, link: _Link, data: bytes) -> None:
+    def _send(self, offer: TopicPublisher, link: _Link, data: bytes) -> None:
         """Send the rest of a message, however long the subscriber takes; drop one that has gone."""
         rest = memoryview(data)
         is_noticed = False
@@ -205,10 +199,10 @@ class RawPublisher:
                         rest = rest[link.socket.send(rest, socket.MSG_DONTWAIT):]
                 elif not is_noticed:
                     is_noticed = True
-                    self._notice("%s does not read %s: waiting for it" % (link.subscriber, outlet.topic))
+                    self._notice("%s does not read %s: waiting for it" % (link.subscriber, offer.topic))
         except OSError:
             link.socket.close()
-            outlet.links = [other for other in outlet.links if other is not link]
+            offer.links = [other for other in offer.links if other is not link]
             return
         link.sent += 1
         link.sent_bytes += len(data)
@@ -216,8 +210,8 @@ class RawPublisher:
     def has_subscribers(self) -> bool:
         """True when each topic has at least one subscriber."""
         self.admit()
-        subscribed = {outlet.topic for outlet in self.outlets if outlet.links}
-        return all(outlet.topic in subscribed for outlet in self.outlets)
+        subscribed = {offer.topic for offer in self.offers if offer.links}
+        return all(offer.topic in subscribed for offer in self.offers)
 
     def close(self, patience_s: float) -> None:
         """End: let every subscriber read to the end, then unregister.
@@ -230,7 +224,7 @@ class RawPublisher:
         """
         self._is_closing = True
         self.admit()
-        waiting = {link.socket: link for outlet in self.outlets for link in outlet.links}
+        waiting = {link.socket: link for offer in self.offers for link in offer.links}
         for link_socket in waiting:
             with contextlib.suppress(OSError):
                 link_socket.shutdown(socket.SHUT_WR)
@@ -247,7 +241,7 @@ class RawPublisher:
         for link in waiting.values():
             self._notice("%s did not read to the end" % link.subscriber)
             link.socket.close()
-        for topic in sorted({outlet.topic for outlet in self.outlets}):
+        for topic in sorted({offer.topic for offer in self.offers}):
             try:
                 self.master.call("unregisterPublisher", topic, self._slave.uri)
             except (ConnectionLost, ProtocolError):

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Callable, Dict, List, NamedTuple, Optional
 
-from ..containers.mcap.writer import McapWriter
+from ..containers.contract import LogWriter
 from ..containers.registry import create_log
-from ..containers.writer import ChunkWriter
 from ..errors import BagError, WriteFailed
 from ..units import NS_PER_S
 from .stream_account import Stream, drops_as_metadata, drops_by_topic
@@ -73,7 +72,7 @@ class DiskFull(BagError):
     """The disk has no room for more; what was written before is whole."""
 
 
-class LogFiles:
+class RollingFiles:
     """Writes messages into one file after the other, in one thread.
 
     Args:
@@ -101,7 +100,7 @@ class LogFiles:
         self.finished: List[Path] = []
         self.messages = 0
         self._serial = 0
-        self._writer: Optional[ChunkWriter] = None
+        self._writer: Optional[LogWriter] = None
         self._begin_time: Optional[int] = None
         self._chunk_born: Optional[float] = None
         self._chunk_streams: Dict[Stream, int] = {}
@@ -122,10 +121,10 @@ class LogFiles:
         self._synced_position = 0
         try:
             self._check_space(writer)
-            if isinstance(writer, McapWriter):
+            if writer.capabilities.metadata:
                 writer.add_metadata("jaka_bag.recording", self._facts)
-                for item in self._attachments:
-                    writer.add_attachment(item.name, item.data, item.media_type, time.time_ns(), time.time_ns())
+            for item in self._attachments if writer.capabilities.attachments else ():
+                writer.add_attachment(item.name, item.data, item.media_type, time.time_ns(), time.time_ns())
         except BagError:
             writer.abort()
             self._writer = None
@@ -139,10 +138,6 @@ class LogFiles:
             log_time: ns.
             publish_time: ns.
             payload: The serialised message.
-
-        Raises:
-            WriteFailed: The system refused.
-            BagError: A further file cannot be created.
         """
         try:
             self._make_ready(log_time, len(payload))
@@ -167,7 +162,7 @@ class LogFiles:
             self._flush(writer)
             self._check_space(writer, size)
 
-    def _flush(self, writer: ChunkWriter) -> None:
+    def _flush(self, writer: LogWriter) -> None:
         begin = writer.position
         writer.flush()
         self._largest_chunk = max(self._largest_chunk, writer.position - begin)
@@ -240,18 +235,14 @@ class LogFiles:
                 self._sync(writer)
                 self._check_space(writer)
 
-    def _sync(self, writer: ChunkWriter) -> None:
+    def _sync(self, writer: LogWriter) -> None:
         try:
             os.fdatasync(writer.fileno())
         except OSError as error:
             raise WriteFailed(writer.name, error) from error
 
-    def _check_space(self, writer: ChunkWriter, coming: int = 0) -> None:
-        """See to it that one more chunk with ``coming`` more bytes, and the end of the file, have room.
-
-        Raises:
-            DiskFull: They have not.
-        """
+    def _check_space(self, writer: LogWriter, coming: int = 0) -> None:
+        """Check that one more chunk with ``coming`` more bytes, and the end of the file, have room."""
         reserve = _SUMMARY_RESERVE + writer.position // _SUMMARY_SHARE + self._largest_chunk + coming
         disk = os.fstatvfs(writer.fileno())
         free = disk.f_bavail * disk.f_frsize
@@ -262,7 +253,7 @@ class LogFiles:
             raise DiskFull("%s is at the largest size that this process may write" % self.settings.stem)
 
     def lose_chunk(self) -> None:
-        """Account for the messages of a chunk, where the writer has dropped it because the system refused it."""
+        """Count the messages of the last chunk as unwritten, where the system refused it."""
         if self._writer is not None and self._writer.pending_messages:
             return
         for stream, count in self._chunk_streams.items():
@@ -280,7 +271,7 @@ class LogFiles:
         except WriteFailed as error:
             self.lose_chunk()
             self._notice(str(error))
-        if isinstance(writer, McapWriter):
+        if writer.capabilities.metadata:
             writer.add_metadata("jaka_bag.drops", drops_as_metadata(drops_by_topic(self._streams())))
         if self.settings.fsync_s:
             self._sync(writer)

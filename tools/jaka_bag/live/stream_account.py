@@ -1,9 +1,10 @@
-"""What each publisher's stream brought, and what it lacked: the drop account of a recording."""
+"""How many messages of each publisher were received, written and lost: the account of a recording."""
 import json
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from ..errors import DefinitionError
-from ..messages.definitions import Connection, parse_definition
+from ..messages.connection import Connection
+from ..messages.definitions import parse_definition
 
 _SEQUENCE_WRAP = 1 << 32
 

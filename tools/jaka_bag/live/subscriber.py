@@ -1,6 +1,9 @@
 """Subscribing without rospy: one loop over all publishers' links, with the kernel's receive times.
 
 The loop belongs to the thread that calls ``poll``; registrations and slave API calls reach it through a queue.
+
+What asks the master raises ``ConnectionLost`` where it cannot be reached, ``ProtocolError`` where it refuses; a topic
+that is unsubscribed is let go all the same.
 """
 import collections
 import contextlib
@@ -12,7 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from ..errors import ConnectionLost, JakaBagError, ProtocolError
-from ..messages.definitions import Connection
+from ..messages.connection import Connection
 from .graph import RemoteNode, SlaveServer, master_uri
 from .names import NodeNames, host_address
 from .tcpros import Deliver, PublisherLink, resolve
@@ -52,7 +55,7 @@ class _Topic(NamedTuple):
     publishers: Dict[str, _Publisher]
 
 
-class RawTransport:
+class Subscriber:
     """Subscriptions of one node, served by one loop.
 
     Args:
@@ -98,33 +101,18 @@ class RawTransport:
     # Called from other threads
 
     def subscribe(self, topic: str, accept: Accept = accept_all) -> None:
-        """Register with the master and connect to all publishers, now and later.
-
-        Raises:
-            ConnectionLost: The master cannot be reached.
-            ProtocolError: The master refuses.
-        """
+        """Register with the master and connect to all publishers, now and later."""
         self._accepts[topic] = accept
         publishers = self.master.call("registerSubscriber", topic, "*", self._slave.uri)
         self._command(self._apply_publishers, topic, publishers, False)
 
     def resubscribe(self) -> None:
-        """Register again with a master that was restarted.
-
-        Raises:
-            ConnectionLost: The master cannot be reached.
-            ProtocolError: The master refuses.
-        """
+        """Register again with a master that was restarted."""
         for topic, accept in list(self._accepts.items()):
             self.subscribe(topic, accept)
 
     def unsubscribe(self, topic: str) -> None:
-        """Take no more of a topic.
-
-        Raises:
-            ConnectionLost: The master cannot be reached; the topic is let go all the same.
-            ProtocolError: The master refuses; the topic is let go all the same.
-        """
+        """Take no more of a topic."""
         self._accepts.pop(topic, None)
         self._command(self._drop_topic, topic)
         self.master.call("unregisterSubscriber", topic, self._slave.uri)
@@ -243,11 +231,8 @@ class RawTransport:
     def _ask(self, topic: str, uri: str) -> None:
         """Ask a publisher where its TCPROS port is; in a thread of the pool."""
         try:
-            node = RemoteNode(uri, self.names.node)
-            try:
+            with RemoteNode(uri, self.names.node) as node:
                 protocol = node.call("requestTopic", topic, [["TCPROS"]])
-            finally:
-                node.close()
             if not isinstance(protocol, (list, tuple)) or len(protocol) < 3 or protocol[0] != "TCPROS":
                 raise ProtocolError("%s offers no TCPROS for %s" % (uri, topic))
             self._command(self._connect, topic, uri, resolve(str(protocol[1]), int(protocol[2])))

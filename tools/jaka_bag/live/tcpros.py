@@ -1,6 +1,9 @@
 """TCPROS without rospy: connection headers, and a subscriber's link that yields raw messages with kernel receive times.
 
 After the ROS wiki pages "ROS/TCPROS" and "ROS/Connection Header".
+
+``ConnectionLost`` is raised where a peer cannot be reached or the link breaks, ``ProtocolError`` where it refuses or
+its bytes are not TCPROS.
 """
 import errno
 import os
@@ -10,7 +13,7 @@ import time
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 from ..errors import ConnectionLost, ProtocolError
-from ..messages.definitions import Connection
+from ..messages.connection import Connection
 from ..units import NS_PER_S
 
 _LENGTH = struct.Struct("<I")
@@ -41,11 +44,7 @@ def encode_header(fields: Mapping[str, str]) -> bytes:
 
 
 def decode_header(body: bytes) -> Dict[str, str]:
-    """Fields of a connection header, its length not included.
-
-    Raises:
-        ProtocolError: A length that leads outside, or a field without ``=``.
-    """
+    """Fields of a connection header, its length not included."""
     fields: Dict[str, str] = {}
     at = 0
     while at < len(body):
@@ -63,11 +62,7 @@ def decode_header(body: bytes) -> Dict[str, str]:
 
 
 def connection_of(topic: str, fields: Mapping[str, str]) -> Connection:
-    """What a publisher's connection header says, as a log stores it.
-
-    Raises:
-        ProtocolError: The publisher refused, or did not name its type.
-    """
+    """What a publisher's connection header says, as a log stores it."""
     if "error" in fields:
         raise ProtocolError("publisher of %s refused: %s" % (topic, fields["error"]))
     if "type" not in fields or "md5sum" not in fields:
@@ -79,11 +74,7 @@ def connection_of(topic: str, fields: Mapping[str, str]) -> Connection:
 
 
 def resolve(host: str, port: int) -> Tuple[str, int]:
-    """Host and port with the host as a number, which connecting to does not wait for; may take long itself.
-
-    Raises:
-        ConnectionLost: The host is unknown.
-    """
+    """Host and port with the host as a number, which connecting to does not wait for; may take long itself."""
     try:
         target = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][4]
     except OSError as error:
@@ -107,9 +98,6 @@ class PublisherLink:
         connection: What the publisher said of itself; None until its header came.
         tag: What ``on_open`` returned; goes with every message of the link.
         is_connecting: True until the TCP connection stands; poll for writing until then.
-
-    Raises:
-        ConnectionLost: The host is unknown or refuses at once.
     """
 
     def __init__(self, node: str, topic: str, publisher: str, address: Tuple[str, int], tcp_nodelay: bool = False,
@@ -148,11 +136,7 @@ class PublisherLink:
         return self._socket.fileno()
 
     def finish_connecting(self) -> None:
-        """Send the request; to be called once when the socket has become writable.
-
-        Raises:
-            ConnectionLost: The connection was refused or broke.
-        """
+        """Send the request; to be called once when the socket has become writable."""
         code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if code:
             raise ConnectionLost("cannot reach %s: %s" % (self.publisher, os.strerror(code)))
@@ -169,10 +153,6 @@ class PublisherLink:
 
         Args:
             deliver: Called with each whole message.
-
-        Raises:
-            ConnectionLost: The publisher closed, or the connection broke.
-            ProtocolError: The publisher refused, or its bytes are not TCPROS.
         """
         size = _SMALL_READ
         if self._wanted > size:

@@ -1,27 +1,13 @@
 """Which topics a recording takes."""
-import re
 from dataclasses import dataclass
 from typing import Callable, Optional, Pattern, Tuple
 
-from ..errors import BagError
-from ..messages.definitions import Connection
+from ..messages.connection import Connection
 from .names import NodeNames
 
 _DRIVER_TOPICS = ("tool_position", "joint_position", "robot_states", "service_calls")
 _NAMESPACE_TOPICS = ("joint_states", "tf", "tf_static", "diagnostics")
 _GLOBAL_TOPICS = ("/tf", "/tf_static", "/diagnostics")
-
-
-def compile_pattern(pattern: str) -> Pattern[str]:
-    """A topic pattern, to be matched against whole names.
-
-    Raises:
-        BagError: It is no regular expression.
-    """
-    try:
-        return re.compile(pattern)
-    except re.error as error:
-        raise BagError("%r is not a regular expression: %s" % (pattern, error)) from error
 
 
 @dataclass(frozen=True)
@@ -41,11 +27,6 @@ class TopicSelection:
     patterns: Tuple[Pattern[str], ...] = ()
     exclude: Optional[Pattern[str]] = None
     node: Optional[str] = None
-
-    @property
-    def is_dynamic(self) -> bool:
-        """True where the wanted topics depend on what is published."""
-        return self.everything or bool(self.patterns) or self.node is not None
 
     def is_excluded(self, topic: str) -> bool:
         """True for a topic that is never wanted."""

@@ -6,9 +6,9 @@ import time
 from typing import Callable, Deque, Dict, List, Optional, Set, Tuple
 
 from ..errors import BagError, WriteFailed
-from ..messages.definitions import Connection
+from ..messages.connection import Connection
 from ..units import NS_PER_S
-from .rolling_files import LogFiles
+from .rolling_files import RollingFiles
 from .stream_account import Stream
 
 _HEADER = struct.Struct("<III")
@@ -22,7 +22,7 @@ CLOCK_TOPIC = "/clock"
 _Item = Tuple[Stream, int, int, bytes]
 
 
-class Recorder:
+class WriterThread:
     """Takes messages in the receiving thread, writes them in another.
 
     Args:
@@ -44,7 +44,7 @@ class Recorder:
         untimed: Messages that came before the first ``/clock`` and got its time.
     """
 
-    def __init__(self, open_files: Callable[[], LogFiles], buffer_bytes: int, notice: Callable[[str], None],
+    def __init__(self, open_files: Callable[[], RollingFiles], buffer_bytes: int, notice: Callable[[str], None],
                  on_stop: Callable[[str], None], is_simulated_time: bool = False, limit: int = 0,
                  snapshot_s: Optional[float] = None) -> None:
         self._open_files = open_files
@@ -61,7 +61,7 @@ class Recorder:
         self._taken_bytes = 0
         self._passed_bytes = 0
         self._topic_counts: Dict[str, int] = {}
-        self._files: Optional[LogFiles] = None
+        self._files: Optional[RollingFiles] = None
         self._ring: Deque[_Item] = collections.deque()
         self._ring_bytes = 0
         self._trigger = threading.Event()
@@ -206,7 +206,7 @@ class Recorder:
             self.failure = self.failure or error
         self._note_files(self._files)
 
-    def _note_files(self, files: LogFiles) -> None:
+    def _note_files(self, files: RollingFiles) -> None:
         self.messages += files.messages
         self.finished_paths.extend(str(path) for path in files.finished)
 

@@ -14,7 +14,7 @@ _GATHER_ROWS = 8
 _MAX_GAPS = 64
 
 
-class Block:
+class MessageBatch:
     """Messages that lie in one buffer.
 
     Attributes:
@@ -43,26 +43,28 @@ class Block:
     def __len__(self) -> int:
         return len(self.start)
 
-    def payload(self, i: int) -> bytes:
-        """The bytes of message ``i``."""
-        begin = int(self.start[i])
-        return self.data[begin:begin + int(self.length[i])].tobytes()
-
-    def take(self, which: Union[Array, slice]) -> "Block":
+    def take(self, which: Union[Array, slice]) -> "MessageBatch":
         """The messages that ``which`` (a mask, indices or a slice) picks; the buffer is shared."""
-        return Block(self.data, self.start[which], self.length[which], self.connection[which],
+        return MessageBatch(self.data, self.start[which], self.length[which], self.connection[which],
                      self.log_time[which], self.publish_time[which], self.sequence[which])
 
-    def with_connections(self, mapping: Array) -> "Block":
+    def copy(self) -> "MessageBatch":
+        """The same messages in a buffer that holds nothing else."""
+        return concatenate([self, self.take(slice(0, 0))])
+
+    def replace(self, **arrays: Array) -> "MessageBatch":
+        """The same messages with other arrays, by name."""
+        return MessageBatch(**{name: arrays.get(name, getattr(self, name)) for name in self.__slots__})
+
+    def with_connections(self, mapping: Array) -> "MessageBatch":
         """The same messages, connection ``c`` renumbered to ``mapping[c]``."""
-        return Block(self.data, self.start, self.length, mapping[self.connection].astype(np.int32),
-                     self.log_time, self.publish_time, self.sequence)
+        return self.replace(connection=mapping[self.connection].astype(np.int32))
 
 
-def empty_block() -> Block:
-    """A block without messages."""
+def empty_batch() -> MessageBatch:
+    """A batch without messages."""
     none = np.zeros(0, np.int64)
-    return Block(np.zeros(0, np.uint8), none, none, none.astype(np.int32), none)
+    return MessageBatch(np.zeros(0, np.uint8), none, none, none.astype(np.int32), none)
 
 
 def distinct(values: Array) -> Array:
@@ -82,11 +84,11 @@ def windows(data: Array, width: int) -> Array:
     return np.ndarray((max(len(data) - width + 1, 0),), np.dtype("V%d" % width), data, strides=(1,))
 
 
-def rows(block: Block, which: Array, length: int) -> Array:
+def rows(batch: MessageBatch, which: Array, length: int) -> Array:
     """The bytes of messages that all have ``length``, uint8, shape (len(which), length)."""
     if length == 0:
         return np.zeros((len(which), 0), np.uint8)
-    taken: Array = windows(block.data, length)[block.start[which]].view(np.uint8)
+    taken: Array = windows(batch.data, length)[batch.start[which]].view(np.uint8)
     return taken.reshape(len(which), length)
 
 
@@ -104,36 +106,36 @@ def copy_pieces(source: Array, source_start: Array, target: Array,
                 target[b:b + size] = source[a:a + size]
 
 
-def concatenate(blocks: Sequence[Block]) -> Block:
-    """One block with the messages of all, in the order given; only bytes of messages are copied."""
-    if len(blocks) == 1:
-        return blocks[0]
-    if not blocks:
-        return empty_block()
-    length = np.concatenate([b.length for b in blocks])
+def concatenate(batches: Sequence[MessageBatch]) -> MessageBatch:
+    """One batch with the messages of all, in the order given; only bytes of messages are copied."""
+    if len(batches) == 1:
+        return batches[0]
+    if not batches:
+        return empty_batch()
+    length = np.concatenate([b.length for b in batches])
     start = np.cumsum(length) - length
     data = np.empty(int(length.sum()), np.uint8)
     done = 0
-    for block in blocks:
-        copy_pieces(block.data, block.start, data, start[done:done + len(block)], block.length)
-        done += len(block)
-    return Block(data, start, length, np.concatenate([b.connection for b in blocks]),
-                 np.concatenate([b.log_time for b in blocks]), np.concatenate([b.publish_time for b in blocks]),
-                 np.concatenate([b.sequence for b in blocks]))
+    for batch in batches:
+        copy_pieces(batch.data, batch.start, data, start[done:done + len(batch)], batch.length)
+        done += len(batch)
+    return MessageBatch(data, start, length, np.concatenate([b.connection for b in batches]),
+                 np.concatenate([b.log_time for b in batches]), np.concatenate([b.publish_time for b in batches]),
+                 np.concatenate([b.sequence for b in batches]))
 
 
-def pieces_of(block: Block, max_bytes: int) -> List[Block]:
-    """The block cut, in order, into blocks of at most ``max_bytes`` of messages (a larger message stays whole)."""
-    total = int(block.length.sum())
-    if total <= max_bytes or len(block) <= 1:
-        return [block]
-    ends = np.cumsum(block.length)
-    result: List[Block] = []
+def pieces_of(batch: MessageBatch, max_bytes: int) -> List[MessageBatch]:
+    """The batch cut, in order, into batches of at most ``max_bytes`` of messages (a larger message stays whole)."""
+    total = int(batch.length.sum())
+    if total <= max_bytes or len(batch) <= 1:
+        return [batch]
+    ends = np.cumsum(batch.length)
+    result: List[MessageBatch] = []
     begin = 0
-    while begin < len(block):
+    while begin < len(batch):
         base = int(ends[begin - 1]) if begin else 0
         end = max(int(np.searchsorted(ends, base + max_bytes, side="right")), begin + 1)
-        result.append(block.take(slice(begin, end)))
+        result.append(batch.take(slice(begin, end)))
         begin = end
     return result
 
@@ -150,13 +152,13 @@ def uncovered(start: Array, end: Array, total: int) -> Optional[List[Tuple[int, 
     return list(zip(begins[which].tolist(), ends[which].tolist()))
 
 
-def block_of_rows(data: Array, columns: List[Tuple[int, ...]], has_publish: bool) -> Block:
-    """A block from (start, length, connection, log time[, publish time, sequence]) of each message."""
+def batch_of_rows(data: Array, columns: List[Tuple[int, ...]], has_publish: bool) -> MessageBatch:
+    """A batch from (start, length, connection, log time[, publish time, sequence]) of each message."""
     if not columns:
         columns_array = np.zeros((6 if has_publish else 4, 0), np.uint64)
     else:
         columns_array = np.array(columns, np.uint64).T
     signed = columns_array.view(np.int64) if columns_array.flags.c_contiguous else np.ascontiguousarray(
         columns_array).view(np.int64)
-    return Block(data, signed[0], signed[1], signed[2], signed[3], signed[4] if has_publish else None,
+    return MessageBatch(data, signed[0], signed[1], signed[2], signed[3], signed[4] if has_publish else None,
                  signed[5].astype(np.uint32) if has_publish else None)

@@ -1,9 +1,12 @@
-"""ROS 1 messages to CDR, many at once: for each layout, which byte goes where is learnt from rosbags."""
+"""ROS 1 messages to CDR, many at once: for each layout, which byte goes where is learnt from rosbags.
+
+``DefinitionError`` is raised where a definition is not understood or does not describe a message.
+"""
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from .batch import Array, Block, distinct, windows
+from .batch import Array, MessageBatch, distinct, windows
 from .connection import Connection
 from .layout import Group, Layout, LayoutFinder
 from .ros2_types import Ros2Type
@@ -29,11 +32,7 @@ class ByteMap(NamedTuple):
 
 
 def learn_map(layout: Layout, kind: Ros2Type) -> ByteMap:
-    """The byte map of a layout, from how rosbags converts messages whose bytes tell their positions.
-
-    Raises:
-        DefinitionError: The definition does not describe messages of this layout.
-    """
+    """The byte map of a layout, from how rosbags converts messages whose bytes tell their positions."""
     position = np.arange(layout.length)
     probes = []
     for digits in (position & 255, position >> 8 & 255, ~position & 255):
@@ -63,7 +62,6 @@ class CdrConverter:
 
     Raises:
         MissingDependency: rosbags is not installed.
-        DefinitionError: The definition is not understood.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -85,14 +83,10 @@ class CdrConverter:
                 known = self._maps[id(layout)] = learn_map(layout, self.kind)
         return known
 
-    def convert(self, block: Block, which: Array) -> List[Tuple[Array, Array]]:
-        """(positions in the block, CDR messages of one length, one a row) that cover ``which``.
-
-        Raises:
-            DefinitionError: The definition does not describe a message.
-        """
+    def convert(self, batch: MessageBatch, which: Array) -> List[Tuple[Array, Array]]:
+        """(positions in the batch, CDR messages of one length, one a row) that cover ``which``."""
         result = []
-        for group in self._finder.groups(block, which):
+        for group in self._finder.groups(batch, which):
             byte_map = self._map_of(group)
             if byte_map is not None:
                 result.append((group.which, byte_map.apply(group.rows)))
@@ -102,20 +96,17 @@ class CdrConverter:
         return result
 
 
-def cdr_block(block: Block, converters: Dict[int, CdrConverter]) -> Block:
+def cdr_batch(batch: MessageBatch, converters: Dict[int, CdrConverter]) -> MessageBatch:
     """The same messages as CDR, in the same order.
 
     Args:
-        block: ROS 1 messages.
+        batch: ROS 1 messages.
         converters: By number of the connection.
-
-    Raises:
-        DefinitionError: A definition does not describe a message.
     """
-    length = np.zeros(len(block), np.int64)
+    length = np.zeros(len(batch), np.int64)
     parts = []
-    for number in distinct(block.connection).tolist():
-        for which, made in converters[number].convert(block, np.flatnonzero(block.connection == number)):
+    for number in distinct(batch.connection).tolist():
+        for which, made in converters[number].convert(batch, np.flatnonzero(batch.connection == number)):
             length[which] = made.shape[1]
             parts.append((which, made))
     start = np.cumsum(length) - length
@@ -123,4 +114,4 @@ def cdr_block(block: Block, converters: Dict[int, CdrConverter]) -> Block:
     for which, made in parts:
         if made.shape[1]:
             windows(data, made.shape[1])[start[which]] = made.view("V%d" % made.shape[1])[:, 0]
-    return Block(data, start, length, block.connection, block.log_time, block.publish_time, block.sequence)
+    return MessageBatch(data, start, length, batch.connection, batch.log_time, batch.publish_time, batch.sequence)

@@ -4,7 +4,7 @@ from typing import Dict, List, NamedTuple, Sequence
 import numpy as np
 
 from ..units import NS_PER_S
-from .batch import Array, Block
+from .batch import Array, MessageBatch
 from .connection import Connection
 from .layout import Group, Leaf
 
@@ -106,10 +106,10 @@ def _join(where: List[Array], values: List[Array], count: int) -> Array:
     return joined
 
 
-def part_of(block: Block, groups: List[Group]) -> Part:
-    """The messages of one topic in a block, given by layout."""
+def part_of(batch: MessageBatch, groups: List[Group]) -> Part:
+    """The messages of one topic in a batch, given by layout."""
     among = np.sort(np.concatenate([group.which for group in groups])) if len(groups) > 1 else groups[0].which
-    return Part(block.log_time[among], block.publish_time[among],
+    return Part(batch.log_time[among], batch.publish_time[among],
                 [_Taken(np.searchsorted(among, group.which), _fields(group)) for group in groups])
 
 

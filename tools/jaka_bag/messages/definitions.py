@@ -3,7 +3,6 @@ import hashlib
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
 from ..errors import DefinitionError
-from .connection import Connection as Connection
 
 PRIMITIVE_SIZES = {
     "bool": 1, "byte": 1, "char": 1, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int32": 4, "uint32": 4,
@@ -150,14 +149,3 @@ def definition_md5(datatype: str, text: str) -> str:
         DefinitionError: The text is not understood.
     """
     return md5_of(datatype, parse_definition(datatype, text))
-
-
-def describes_type(connection: Connection) -> bool:
-    """True where the definition's own md5 is the announced one, so that it may be used to decode.
-
-    Some publishers announce no definition, or an md5 that is not that of the type.
-    """
-    try:
-        return definition_md5(connection.datatype, connection.definition) == connection.md5sum
-    except DefinitionError:
-        return False

@@ -1,11 +1,14 @@
-"""Where the fields of serialised ROS 1 messages lie: messages of one layout are handled together."""
+"""Where the fields of serialised ROS 1 messages lie: messages of one layout are handled together.
+
+``DefinitionError`` is raised where the definition is not understood or does not describe a message.
+"""
 import struct
 from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from ..errors import DefinitionError
-from .batch import Array, Block, distinct, rows
+from .batch import Array, MessageBatch, distinct, rows
 from .connection import Connection
 from .definitions import PRIMITIVE_SIZES, MessageType, parse_definition
 
@@ -100,11 +103,7 @@ class _Walker:
 
 
 def layout_of(datatype: str, types: Dict[str, MessageType], raw: bytes) -> Layout:
-    """The layout of one message.
-
-    Raises:
-        DefinitionError: The definition does not describe these bytes.
-    """
+    """The layout of one message."""
     walker = _Walker(types, raw)
     walker.walk(datatype, "", False)
     if walker.at != len(raw):
@@ -116,7 +115,7 @@ def layout_of(datatype: str, types: Dict[str, MessageType], raw: bytes) -> Layou
 
 
 class Group(NamedTuple):
-    """Messages of one layout: their positions in the block, and their bytes, uint8, shape (n, layout.length)."""
+    """Messages of one layout: their positions in the batch, and their bytes, uint8, shape (n, layout.length)."""
 
     layout: Layout
     which: Array
@@ -128,9 +127,6 @@ class LayoutFinder:
 
     Args:
         connection: Its definition is followed, whatever its md5.
-
-    Raises:
-        DefinitionError: The definition is not understood.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -149,16 +145,12 @@ class LayoutFinder:
         except DefinitionError as error:
             raise DefinitionError("%s (%s): %s" % (self._topic, self._datatype, error)) from error
 
-    def groups(self, block: Block, which: Array) -> Iterator[Group]:
-        """The messages at positions ``which`` of a block, by layout.
-
-        Raises:
-            DefinitionError: The definition does not describe a message.
-        """
-        length = block.length[which]
+    def groups(self, batch: MessageBatch, which: Array) -> Iterator[Group]:
+        """The messages at positions ``which`` of a batch, by layout."""
+        length = batch.length[which]
         for size in distinct(length).tolist():
             rest = which[length == size]
-            matrix = rows(block, rest, size)
+            matrix = rows(batch, rest, size)
             known = self._known.setdefault(size, [])
             tried = 0
             while len(rest):

@@ -1,5 +1,5 @@
 """The only door to rosbags, whose interface changes between versions: CDR, ROS 2 definitions and type hashes."""
-from typing import Any, Tuple
+from typing import Any
 
 from ..errors import DefinitionError, MissingDependency
 from .connection import Connection
@@ -60,16 +60,3 @@ class Ros2Type:
             return bytes(self._store.ros1_to_cdr(message, self.name))
         except Exception as error:  # IndexError, struct.error, AssertionError: whatever the generated code meets
             raise DefinitionError("a message of %s does not fit its definition" % self.name) from error
-
-
-def installed_version() -> Tuple[int, ...]:
-    """Version of rosbags.
-
-    Raises:
-        MissingDependency: It is not installed.
-    """
-    try:
-        from importlib.metadata import PackageNotFoundError, version
-        return tuple(int(part) for part in version("rosbags").split(".")[:3])
-    except PackageNotFoundError:
-        raise MissingDependency("the Python package rosbags is not installed") from None

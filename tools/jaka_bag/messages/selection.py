@@ -5,7 +5,7 @@ from typing import Collection, List, NamedTuple, Optional, Pattern, Sequence
 import numpy as np
 
 from ..errors import BagError
-from .batch import Array, Block
+from .batch import Array, MessageBatch
 from .connection import Connection
 
 
@@ -34,7 +34,7 @@ class Selection(NamedTuple):
         Raises:
             BagError: A pattern is not a regular expression.
         """
-        patterns, exclude = _compile(self.patterns), _compile(self.exclude)
+        patterns, exclude = compile_patterns(self.patterns), compile_patterns(self.exclude)
         result = []
         for connection in connections:
             by_name = not (self.topics or patterns) or connection.topic in self.topics or any(
@@ -49,7 +49,12 @@ class Selection(NamedTuple):
         return self.start_time is not None or self.end_time is not None
 
 
-def _compile(patterns: Sequence[str]) -> List[Pattern[str]]:
+def compile_patterns(patterns: Sequence[str]) -> List[Pattern[str]]:
+    """Regular expressions, to be matched against whole names.
+
+    Raises:
+        BagError: One is none.
+    """
     try:
         return [re.compile(p) for p in patterns]
     except re.error as error:
@@ -87,7 +92,7 @@ class TimeSpan(NamedTuple):
         return selection._replace(start_time=first, end_time=last)
 
 
-class Picker:
+class MessageFilter:
     """A selection applied to one log.
 
     Attributes:
@@ -124,13 +129,13 @@ class Picker:
         return ((start is None or end_time >= start) and (end is None or start_time <= end)
                 and (self._all or not numbers or any(self.wanted[n] for n in numbers)))
 
-    def pick(self, block: Block) -> Block:
-        """The wanted messages of a block."""
+    def apply(self, batch: MessageBatch) -> MessageBatch:
+        """The wanted messages of a batch."""
         if self.takes_all:
-            return block
-        mask = self.wanted[block.connection]
+            return batch
+        mask = self.wanted[batch.connection]
         if self._selection.start_time is not None:
-            mask &= block.log_time >= self._selection.start_time
+            mask &= batch.log_time >= self._selection.start_time
         if self._selection.end_time is not None:
-            mask &= block.log_time <= self._selection.end_time
-        return block if mask.all() else block.take(mask)
+            mask &= batch.log_time <= self._selection.end_time
+        return batch if mask.all() else batch.take(mask)

@@ -1,17 +1,21 @@
-"""The messages of a log as numpy columns, by topic."""
+"""The messages of a log as numpy columns, by topic.
+
+Decoding raises ``DefinitionError`` where a definition is not understood or does not describe a message, and
+``BagFormatError`` where a chunk is damaged.
+"""
 from typing import Dict, Iterator, List, Optional, Sequence, Tuple
 
 import numpy as np
 
+from ..containers.contract import LogReader
 from ..containers.index import ChunkRef
-from ..containers.reader import LogReader
 from ..containers.registry import open_log
 from ..errors import BagError, DefinitionError
-from ..messages.batch import Block, distinct
+from ..messages.batch import MessageBatch, distinct
 from ..messages.columns import Columns, Part, columns_of, part_of
 from ..messages.connection import Connection
 from ..messages.layout import Group, LayoutFinder
-from ..messages.selection import Picker, Selection
+from ..messages.selection import MessageFilter, Selection
 from ..paths import PathLike
 from ..pipeline import WORKERS, in_order
 
@@ -33,15 +37,15 @@ class ColumnReader:
     def __init__(self, reader: LogReader, selection: Optional[Selection] = None,
                  only_connection: Optional[int] = None) -> None:
         self._reader = reader
-        self._picker = Picker(selection or Selection(), reader.connections)
+        self._filter = MessageFilter(selection or Selection(), reader.connections)
         if only_connection is not None:
-            self._picker.limit_to(only_connection)
+            self._filter.limit_to(only_connection)
         self.connections: Dict[str, Connection] = {}
         self._finders: Dict[int, LayoutFinder] = {}
         self._topics: List[str] = [connection.topic for connection in reader.connections]
         counts = reader.index.counts
         for number, connection in enumerate(reader.connections):
-            if not self._picker.wanted[number] or (not counts[number] and connection.topic in self.connections):
+            if not self._filter.wanted[number] or (not counts[number] and connection.topic in self.connections):
                 continue
             first = self.connections.setdefault(connection.topic, connection)
             if (first.datatype, first.md5sum) != (connection.datatype, connection.md5sum):
@@ -49,32 +53,23 @@ class ColumnReader:
                                       % (connection.topic, first.datatype, connection.datatype))
             self._finders[number] = LayoutFinder(connection)
 
-    def groups(self, block: Block) -> Iterator[Tuple[str, Group]]:
-        """The messages of a block by topic and layout.
-
-        Raises:
-            DefinitionError: A definition does not describe a message.
-        """
-        for number in distinct(block.connection).tolist():
-            for group in self._finders[number].groups(block, np.flatnonzero(block.connection == number)):
+    def groups(self, batch: MessageBatch) -> Iterator[Tuple[str, Group]]:
+        """The messages of a batch by topic and layout."""
+        for number in distinct(batch.connection).tolist():
+            for group in self._finders[number].groups(batch, np.flatnonzero(batch.connection == number)):
                 yield self._topics[number], group
 
     def read(self, workers: int = WORKERS) -> Dict[str, Columns]:
-        """All wanted messages, by topic; a topic without messages has no entry.
-
-        Raises:
-            BagFormatError: A chunk is damaged.
-            DefinitionError: A definition does not describe a message.
-        """
+        """All wanted messages, by topic; a topic without messages has no entry."""
         def work(chunk: ChunkRef) -> Dict[str, Part]:
-            block = self._picker.pick(self._reader.load(chunk))
+            batch = self._filter.apply(self._reader.load(chunk))
             by_topic: Dict[str, List[Group]] = {}
-            for topic, group in self.groups(block):
+            for topic, group in self.groups(batch):
                 by_topic.setdefault(topic, []).append(group)
-            return {topic: part_of(block, groups) for topic, groups in by_topic.items()}
+            return {topic: part_of(batch, groups) for topic, groups in by_topic.items()}
 
         parts: Dict[str, List[Part]] = {}
-        for by_topic in in_order(work, self._reader.wanted_chunks(self._picker), workers):
+        for by_topic in in_order(work, self._reader.wanted_chunks(self._filter), workers):
             for topic, part in by_topic.items():
                 parts.setdefault(topic, []).append(part)
         return {topic: columns_of(self.connections[topic], parts.pop(topic)) for topic in list(parts)}

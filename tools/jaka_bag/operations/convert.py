@@ -1,18 +1,30 @@
-"""Converts one file as one job that can be handed to another process or machine."""
-import importlib
-import multiprocessing
+"""Converts one file as one job; merging, splitting and recovering write their batches by the same functions."""
 import os
-import signal
 import time
 from pathlib import Path
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple, TypeVar, Union
 
+import numpy as np
+
+from ..containers.contract import EncodedChunk, LogReader, LogWriter
+from ..containers.index import ChunkRef
+from ..containers.recovery import LogRecovery
 from ..containers.registry import create_log, open_log
-from ..containers.writer import ChunkWriter
-from ..errors import BagError, JakaBagError, MissingDependency
-from ..messages.selection import Picker, Selection, TimeSpan
-from ..pipeline import WORKERS
-from .copying import OnProgress, copy_log
+from ..errors import BagError, BagFormatError, DefinitionError
+from ..messages.batch import Array, MessageBatch, concatenate, distinct, pieces_of
+from ..messages.connection import Connection
+from ..messages.definitions import definition_md5
+from ..messages.selection import MessageFilter, Selection, TimeSpan
+from ..pipeline import WORKERS, in_order
+
+_MAX_PIECE = 4 << 20
+"""Payload of the largest chunk written from larger ones, byte."""
+_SMALL = 256 << 10
+"""Neighbouring chunks are written as one up to this many bytes in the source."""
+
+OnProgress = Callable[[int, int], None]
+"""Takes the bytes read and the messages written since the last call."""
+Item = TypeVar("Item")
 
 
 class Job(NamedTuple):
@@ -43,12 +55,12 @@ class Job(NamedTuple):
     keep_latched: bool = False
 
 
-class Outcome(NamedTuple):
-    """What became of a job.
+class WriteResult(NamedTuple):
+    """What became of a log that was to be written.
 
     Attributes:
-        source: Its source.
-        target: Its target.
+        source: What it was made of.
+        target: The log.
         messages: Messages written.
         bytes_read: Size of the source.
         bytes_written: Size of the target.
@@ -67,128 +79,216 @@ class Outcome(NamedTuple):
     error: str = ""
 
     def document(self) -> Dict[str, Any]:
-        """The outcome as JSON data."""
+        """The result as JSON data."""
         return dict(self._asdict(), notes=list(self.notes), error=self.error or None)
 
 
-def same_file(a: str, b: str) -> bool:
-    """True where both names lead to one file."""
+def refuse_same_file(source: object, target: object) -> None:
+    """Refuse a target that is the source under any name.
+
+    Raises:
+        BagError: It is.
+    """
     try:
-        return os.path.samefile(a, b)
+        is_same = os.path.samefile(str(source), str(target))
     except OSError:
-        return False
+        return
+    if is_same:
+        raise BagError("%s is input and output" % source)
 
 
-def size_of(path: str) -> int:
+def size_of(path: object) -> int:
     """Bytes of a file, or of the files in a folder."""
-    target = Path(path)
+    target = Path(str(path))
     files = target.rglob("*") if target.is_dir() else [target]
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
-def convert_file(job: Job, on_progress: Optional[OnProgress] = None) -> Outcome:
+def with_md5(connection: Connection) -> Connection:
+    """The connection with the md5 of its definition, where the log names none and the definition is understood."""
+    if connection.md5sum or connection.encoding != "ros1":
+        return connection
+    try:
+        return connection._replace(md5sum=definition_md5(connection.datatype, connection.definition))
+    except DefinitionError:
+        return connection
+
+
+def add_channels(connections: Sequence[Connection], writer: LogWriter, wanted: Optional[Array] = None) -> Array:
+    """Declare the wanted connections (None: all); give the writer's number of each, 0 for the others.
+
+    Raises:
+        BagError: The output's format cannot hold one of them.
+    """
+    flags = [True] * len(connections) if wanted is None else wanted
+    return np.array([writer.add_channel(with_md5(c)) if w else 0 for c, w in zip(connections, flags)] or [0], np.int64)
+
+
+class LossNotes:
+    """Watches for what an output has no place for.
+
+    Args:
+        writer: The output.
+    """
+
+    def __init__(self, writer: LogWriter) -> None:
+        self._format_name = writer.format_name
+        self._can = writer.capabilities
+        self._publish_times = False
+        self._sequences = False
+
+    def look(self, batch: MessageBatch) -> MessageBatch:
+        """Look at a batch on its way."""
+        if not (self._can.publish_times or self._publish_times) and batch.publish_time is not batch.log_time:
+            self._publish_times = bool((batch.publish_time != batch.log_time).any())
+        if not (self._can.sequences or self._sequences):
+            self._sequences = bool(batch.sequence.any())
+        return batch
+
+    def notes(self, readers: Sequence[LogReader]) -> Tuple[str, ...]:
+        """What was left out, one line each."""
+        result = []
+        if self._publish_times:
+            result.append("%s has no place for publish times: only the log times are kept" % self._format_name)
+        if self._sequences:
+            result.append("%s has no place for the MCAP's sequence numbers: they are left out" % self._format_name)
+        extras = sum((0 if self._can.attachments else len(reader.index.attachments))
+                     + (0 if self._can.metadata else len(reader.index.metadata)) for reader in readers)
+        if extras:
+            result.append("%s has no place for attachments and metadata: %d left out" % (self._format_name, extras))
+        return tuple(result)
+
+
+def copy_extras(source: Union[LogReader, LogRecovery], writer: LogWriter) -> None:
+    """Copy attachments and metadata where the output has a place for them.
+
+    Raises:
+        BagFormatError: One of them is damaged.
+    """
+    found = source.index if isinstance(source, LogReader) else source
+    for attachment in found.attachments if writer.capabilities.attachments else ():
+        writer.add_attachment(attachment.name, source.read_attachment(attachment), attachment.media_type,
+                              attachment.log_time, attachment.create_time)
+    for entry in found.metadata if writer.capabilities.metadata else ():
+        writer.add_metadata(entry.name, source.read_metadata(entry))
+
+
+def write_in_order(items: Iterable[Item], load: Callable[[Item], Tuple[int, MessageBatch]], writer: LogWriter,
+                   ids: Optional[Array] = None, on_progress: Optional[OnProgress] = None,
+                   workers: int = WORKERS) -> int:
+    """Write batches in the order of the items that they come from; give the number of messages.
+
+    Args:
+        items: What the batches are made of.
+        load: Bytes of the source, and the batch, of one item; thread-safe.
+        writer: The output; it stays open.
+        ids: The writer's number of each of the batches' connections; None: they are numbered so already.
+        on_progress: Is told how far it is.
+        workers: Threads.
+
+    Raises:
+        BagFormatError: A chunk read meanwhile is damaged.
+        BagError: The output cannot hold them.
+    """
+    def work(item: Item) -> Tuple[int, int, List[Optional[EncodedChunk]]]:
+        size, batch = load(item)
+        numbers = np.arange(int(batch.connection.max(initial=0)) + 1) if ids is None else ids
+        return size, len(batch), [writer.encode(piece, numbers) for piece in pieces_of(batch, _MAX_PIECE)]
+
+    written = 0
+    for size, count, encoded in in_order(work, items, workers):
+        for chunk in encoded:
+            writer.append(chunk)
+        written += count
+        if on_progress is not None:
+            on_progress(size, count)
+    return written
+
+
+def _neighbours(chunks: Iterable[ChunkRef]) -> Iterator[List[ChunkRef]]:
+    """Neighbouring small chunks together, each larger one on its own."""
+    group: List[ChunkRef] = []
+    size = 0
+    for chunk in chunks:
+        length = chunk.end - chunk.position
+        if group and size + length > _SMALL:
+            yield group
+            group, size = [], 0
+        group.append(chunk)
+        size += length
+    if group:
+        yield group
+
+
+def _latched_before(reader: LogReader, message_filter: MessageFilter, start_time: int) -> MessageBatch:
+    """The newest message before a time, ns, of each wanted latched connection, in the order of time."""
+    latched = np.array([bool(c.latching) for c in reader.connections] or [False], bool) & (
+        message_filter.wanted if len(message_filter.wanted) else np.zeros(1, bool))
+    newest: Dict[int, MessageBatch] = {}
+    for chunk in reader.chunks:
+        if chunk.start_time >= start_time or not (not chunk.counts or any(latched[n] for n in chunk.counts)):
+            continue
+        batch = reader.load(chunk)
+        which = np.flatnonzero(latched[batch.connection] & (batch.log_time < start_time))
+        for number in distinct(batch.connection[which]).tolist():
+            own = which[batch.connection[which] == number]
+            last = own[len(own) - 1 - int(np.argmax(batch.log_time[own][::-1]))]
+            candidate = batch.take(np.array([last]))
+            if number not in newest or candidate.log_time[0] >= newest[number].log_time[0]:
+                newest[number] = candidate.copy()
+    return concatenate(sorted(newest.values(), key=lambda b: int(b.log_time[0])))
+
+
+def _copy(reader: LogReader, writer: LogWriter, message_filter: MessageFilter, on_progress: Optional[OnProgress],
+          workers: int, latched_from: Optional[int]) -> Tuple[int, Tuple[str, ...]]:
+    """Copy the wanted messages of one log in the order of the file, and what stands beside them.
+
+    Args:
+        reader: The log.
+        writer: The output; it stays open.
+        message_filter: Which messages.
+        on_progress: Is told how far it is.
+        workers: Threads.
+        latched_from: Copy also the newest message before this time, ns, of each latched connection.
+
+    Returns:
+        Messages written, and what was left out.
+    """
+    ids = add_channels(reader.connections, writer, message_filter.wanted)
+    losses = LossNotes(writer)
+
+    def load(chunks: List[ChunkRef]) -> Tuple[int, MessageBatch]:
+        batch = concatenate([message_filter.apply(reader.load(chunk)) for chunk in chunks])
+        return sum(chunk.end - chunk.position for chunk in chunks), losses.look(batch)
+
+    written = 0
+    if latched_from is not None:
+        before = _latched_before(reader, message_filter, latched_from)
+        writer.append(writer.encode(before, ids))
+        written += len(before)
+    wanted = _neighbours(reader.wanted_chunks(message_filter))
+    written += write_in_order(wanted, load, writer, ids, on_progress, workers)
+    if message_filter.takes_all and written != reader.message_count:
+        raise BagFormatError("%s: the index tells of %d messages, the chunks hold %d (jaka_bag recover keeps them)"
+                             % (reader.path, reader.message_count, written))
+    copy_extras(reader, writer)
+    return written, losses.notes([reader])
+
+
+def convert_file(job: Job, on_progress: Optional[OnProgress] = None) -> WriteResult:
     """Convert one file.
 
     Raises:
         BagError: The source cannot be read, or the target cannot be written or hold it.
     """
     begin = time.monotonic()
-    if same_file(job.source, job.target):
-        raise BagError("%s is input and output" % job.source)
+    refuse_same_file(job.source, job.target)
     with open_log(job.source) as reader:
         index = reader.index
         selection = job.span.apply(job.selection, index.start_time, index.end_time)
-        writer: ChunkWriter
         with create_log(job.target, job.compression, job.level, job.overwrite, index.profile or "ros1",
                         job.profile == "ros2") as writer:
-            result = copy_log(reader, writer, Picker(selection, reader.connections), on_progress, job.workers,
-                              selection.start_time if job.keep_latched else None)
-    return Outcome(job.source, job.target, result.messages, index.size, size_of(job.target),
-                   time.monotonic() - begin, result.notes)
-
-
-def try_convert(job: Job) -> Outcome:
-    """As ``convert_file``, but a failure is an outcome: for jobs among others."""
-    try:
-        return convert_file(job)
-    except JakaBagError as error:
-        return Outcome(job.source, job.target, error=" ".join(str(error).split()))
-    except OSError as error:
-        return Outcome(job.source, job.target, error="%s: %s" % (error.filename or job.source, error.strerror))
-
-
-class _Worker:
-    """What a worker process does with signals: the parent gets Ctrl-C and ends its workers by SIGTERM."""
-
-    is_at_work = False
-
-    @classmethod
-    def prepare(cls) -> None:
-        """Run in each worker when it starts."""
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, cls._on_end)
-
-    @classmethod
-    def _on_end(cls, number: int, frame: Any) -> None:
-        if cls.is_at_work:
-            raise KeyboardInterrupt  # the half output is removed on the way
-        os._exit(1)
-
-    @classmethod
-    def work(cls, job: Job) -> Outcome:
-        """Do one job."""
-        cls.is_at_work = True
-        try:
-            return try_convert(job)
-        except KeyboardInterrupt:
-            os._exit(1)  # jobs that wait are not begun
-        finally:
-            cls.is_at_work = False
-
-
-def convert_many(jobs: List[Job], processes: int, on_outcome: Callable[[Outcome], None]) -> None:
-    """Convert files side by side in processes; outcomes come as they are ready."""
-    from concurrent.futures import ProcessPoolExecutor, as_completed
-    from concurrent.futures.process import BrokenProcessPool
-
-    with ProcessPoolExecutor(processes, initializer=_Worker.prepare) as pool:
-        try:
-            futures = {pool.submit(_Worker.work, job): job for job in jobs}
-            for future in as_completed(futures):
-                job = futures[future]
-                try:
-                    on_outcome(future.result())
-                except BrokenProcessPool:
-                    on_outcome(Outcome(job.source, job.target, error="%s: its process was killed" % job.source))
-        except KeyboardInterrupt:
-            # Without its processes the pool gives up the jobs that wait; it does not bear them to be cancelled then.
-            for process in multiprocessing.active_children():
-                process.terminate()
-            raise
-
-
-def convert_on_dask(jobs: List[Job], address: str, on_outcome: Callable[[Outcome], None]) -> None:
-    """Convert files on the workers of a Dask cluster, which see the same folders and have this package.
-
-    Raises:
-        BagError: The cluster cannot be reached.
-        MissingDependency: ``distributed`` is not installed.
-    """
-    try:
-        distributed = importlib.import_module("distributed")
-    except ImportError:
-        raise MissingDependency("--dask needs the Python package distributed") from None
-    try:
-        client = distributed.Client(address, timeout="20s", set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise BagError("cannot reach the Dask scheduler %s: %s" % (address, error)) from error
-    with client, client.as_current():
-        futures = client.map(try_convert, jobs, pure=False, retries=1)
-        by_key = {future.key: job for future, job in zip(futures, jobs)}
-        for future in distributed.as_completed(futures):
-            job = by_key[future.key]
-            problem = future.exception()
-            if problem is None:
-                on_outcome(future.result())
-            else:
-                on_outcome(Outcome(job.source, job.target, error="%s: %s" % (job.source, problem)))
+            messages, notes = _copy(reader, writer, MessageFilter(selection, reader.connections), on_progress,
+                                    job.workers, selection.start_time if job.keep_latched else None)
+    return WriteResult(job.source, job.target, messages, index.size, size_of(job.target), time.monotonic() - begin,
+                       notes)

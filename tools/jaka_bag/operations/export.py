@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Se
 
 import numpy as np
 
-from ..containers.reader import LogReader
+from ..containers.contract import LogReader
 from ..containers.time_order import in_time_order, whole_source
 from ..errors import BagError, MissingDependency
 from ..messages.batch import Array
@@ -35,25 +35,20 @@ class Table(NamedTuple):
 
 
 def tables(reader: LogReader, columns: ColumnReader, topic: str) -> Iterator[Table]:
-    """The messages of a topic in the order of time, in runs of one layout.
-
-    Raises:
-        BagFormatError: A chunk is damaged.
-        DefinitionError: A definition does not describe a message.
-    """
-    for block in in_time_order([whole_source(reader, Selection(topics=(topic,)))]):
-        groups = [group for _, group in columns.groups(block)]
+    """The messages of a topic in the order of time, in runs of one layout."""
+    for batch in in_time_order([whole_source(reader, Selection(topics=(topic,)))]):
+        groups = [group for _, group in columns.groups(batch)]
         if len(groups) == 1:
-            yield Table(block.log_time[groups[0].which], groups[0].layout, groups[0].rows)
+            yield Table(batch.log_time[groups[0].which], groups[0].layout, groups[0].rows)
             continue
-        owner = np.zeros(len(block), np.int64)
-        place = np.zeros(len(block), np.int64)
+        owner = np.zeros(len(batch), np.int64)
+        place = np.zeros(len(batch), np.int64)
         for i, group in enumerate(groups):
             owner[group.which] = i
             place[group.which] = np.arange(len(group.which))
-        for run in np.split(np.arange(len(block)), np.flatnonzero(np.diff(owner)) + 1):
+        for run in np.split(np.arange(len(batch)), np.flatnonzero(np.diff(owner)) + 1):
             group = groups[owner[run[0]]]
-            yield Table(block.log_time[run], group.layout, group.rows[place[run]])
+            yield Table(batch.log_time[run], group.layout, group.rows[place[run]])
 
 
 def _is_bytes(leaf: Leaf) -> bool:

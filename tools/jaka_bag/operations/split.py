@@ -5,15 +5,15 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from ..containers.contract import LogWriter
 from ..containers.registry import create_log, open_log
 from ..containers.time_order import in_time_order, whole_source
-from ..containers.writer import ChunkWriter
 from ..errors import BagError
-from ..messages.batch import Array, Block, concatenate, pieces_of
+from ..messages.batch import Array, MessageBatch, pieces_of
 from ..messages.selection import Selection
 from ..output_file import check_output
 from ..paths import PathLike
-from .copying import LossNotes, OnProgress, add_channels
+from .convert import LossNotes, OnProgress, add_channels
 
 _FINEST = 64
 """Pieces that a part limited by size is at least made of."""
@@ -48,13 +48,13 @@ class _Parts:
         self._stem = stem
         self._settings = (compression, level, overwrite, profile)
         self.done: List[Tuple[str, int]] = []
-        self.writer: Optional[ChunkWriter] = None
+        self.writer: Optional[LogWriter] = None
         self.begin_time = 0
 
     def path(self, number: int) -> Path:
         return self._stem.with_name("%s_%d%s" % (self._stem.stem, number, self._stem.suffix))
 
-    def begin(self, time: int) -> ChunkWriter:
+    def begin(self, time: int) -> LogWriter:
         compression, level, overwrite, profile = self._settings
         self.writer = create_log(self.path(len(self.done)), compression, level, overwrite, profile)
         self.begin_time = time
@@ -75,11 +75,11 @@ class _Parts:
             os.unlink(path)
 
 
-def _cuts(block: Block, begin_time: int, written: int, limits: Limits) -> int:
-    """How many of the block's first messages still belong to a part."""
-    fits = len(block)
+def _cuts(batch: MessageBatch, begin_time: int, written: int, limits: Limits) -> int:
+    """How many of the batch's first messages still belong to a part."""
+    fits = len(batch)
     if limits.duration is not None:
-        fits = min(fits, int(np.searchsorted(block.log_time, begin_time + limits.duration)))
+        fits = min(fits, int(np.searchsorted(batch.log_time, begin_time + limits.duration)))
     if limits.messages is not None:
         fits = min(fits, limits.messages - written)
     return fits
@@ -90,18 +90,16 @@ class _Latched:
 
     def __init__(self, is_latched: Array) -> None:
         self._is_latched = is_latched
-        self._newest: Dict[int, Block] = {}
+        self._newest: Dict[int, MessageBatch] = {}
 
-    def look(self, block: Block) -> None:
-        for i in np.flatnonzero(self._is_latched[block.connection]).tolist():
-            one = block.take(np.array([i]))
-            self._newest[int(block.connection[i])] = concatenate([one, one.take(slice(0, 0))])
+    def look(self, batch: MessageBatch) -> None:
+        for i in np.flatnonzero(self._is_latched[batch.connection]).tolist():
+            self._newest[int(batch.connection[i])] = batch.take(np.array([i])).copy()
 
-    def repeated(self, time: int) -> Iterator[Block]:
+    def repeated(self, time: int) -> Iterator[MessageBatch]:
         """Those messages, with the time at which a part begins, ns."""
-        for block in self._newest.values():
-            yield Block(block.data, block.start, block.length, block.connection,
-                        np.full(1, time, np.int64), block.publish_time, block.sequence)
+        for batch in self._newest.values():
+            yield batch.replace(log_time=np.full(1, time, np.int64))
 
 
 def split(source: PathLike, stem: PathLike, limits: Limits, compression: Optional[str] = None,
@@ -130,7 +128,6 @@ def split(source: PathLike, stem: PathLike, limits: Limits, compression: Optiona
         latched = _Latched(np.array([bool(c.latching) for c in reader.connections] or [False], bool))
         losses: Optional[LossNotes] = None
         ids = np.zeros(1, np.int64)
-        every = np.ones(len(reader.connections), bool)
         piece = 1 << 20 if limits.size is None else max(min(1 << 20, limits.size // _FINEST), 1)
         try:
             for whole in in_time_order([whole_source(reader, Selection())]):
@@ -140,10 +137,10 @@ def split(source: PathLike, stem: PathLike, limits: Limits, compression: Optiona
                         if writer is None:
                             first = int(rest.log_time[0])
                             writer = parts.begin(first)
-                            ids = add_channels(reader.connections, every, writer)
+                            ids = add_channels(reader.connections, writer)
                             losses = LossNotes(writer)
-                            for block in latched.repeated(first) if repeat_latched and parts.done else ():
-                                writer.append(writer.encode(block, ids))
+                            for batch in latched.repeated(first) if repeat_latched and parts.done else ():
+                                writer.append(writer.encode(batch, ids))
                         fits = _cuts(rest, parts.begin_time, writer.message_count, limits)
                         taken, rest = rest.take(slice(0, fits)), rest.take(slice(fits, len(rest)))
                         latched.look(taken)

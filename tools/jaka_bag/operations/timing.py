@@ -1,9 +1,12 @@
-"""How regularly messages came: rate, jitter, gaps, missing ones; from the times in the index alone."""
+"""How regularly messages came: rate, jitter, gaps, missing ones; from the times in the index alone.
+
+``BagFormatError`` is raised where a chunk or its index is damaged.
+"""
 from typing import Any, Dict, List, Tuple
 
 import numpy as np
 
-from ..containers.reader import LogReader
+from ..containers.contract import LogReader
 from ..containers.registry import open_log
 from ..errors import DefinitionError
 from ..messages.batch import Array
@@ -20,16 +23,12 @@ _REGULAR = 0.5
 
 
 def log_times(reader: LogReader) -> Dict[int, Array]:
-    """Log times of each connection, by number, ns, ascending.
-
-    Raises:
-        BagFormatError: A chunk's index is damaged.
-    """
+    """Log times of each connection, by number, ns, ascending."""
     parts: Dict[int, List[Array]] = {}
-    for block in in_order(reader.load_times, reader.chunks):
-        order = np.argsort(block.connection, kind="stable")
-        numbers, begins = np.unique(block.connection[order], return_index=True)
-        for number, times in zip(numbers.tolist(), np.split(block.log_time[order], begins[1:])):
+    for connection, log_time in in_order(reader.load_times, reader.chunks):
+        order = np.argsort(connection, kind="stable")
+        numbers, begins = np.unique(connection[order], return_index=True)
+        for number, times in zip(numbers.tolist(), np.split(log_time[order], begins[1:])):
             parts.setdefault(number, []).append(times)
     return {number: np.sort(np.concatenate(times), kind="stable") for number, times in parts.items()}
 
@@ -64,11 +63,7 @@ def timing_of(times: Array) -> Dict[str, Any]:
 
 
 def add_timing(path: PathLike, document: Dict[str, Any]) -> None:
-    """Put ``freq`` into each topic of an info document.
-
-    Raises:
-        BagFormatError: A chunk's index is damaged.
-    """
+    """Put ``freq`` into each topic of an info document."""
     with open_log(path) as reader:
         by_connection = log_times(reader)
         by_topic: Dict[str, List[Array]] = {}
@@ -95,11 +90,7 @@ def _sequence_gaps(reader: LogReader, topic: str) -> Tuple[int, int]:
 
 
 def add_sequence_gaps(path: PathLike, document: Dict[str, Any]) -> None:
-    """Put ``seq`` into each topic of an info document whose type begins with a header.
-
-    Raises:
-        BagFormatError: A chunk is damaged.
-    """
+    """Put ``seq`` into each topic of an info document whose type begins with a header."""
     with open_log(path) as reader:
         for topic in document["topics"]:
             try:

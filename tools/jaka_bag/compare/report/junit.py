@@ -21,13 +21,13 @@ def as_junit(comparison: Comparison, suite: str = "jaka_bag.compare") -> str:
         "name": suite, "tests": str(len(comparison.checks)), "failures": str(counts[Outcome.DIFFERENT]),
         "errors": "0", "skipped": str(counts[Outcome.NOT_COMPARED]), "time": "0"})
     for check in comparison.checks:
-        name = " ".join(part for part in (check.field, check.stage.value) if part)
+        name = " ".join(part for part in (check.field, check.aspect.value) if part)
         case = ElementTree.SubElement(element, "testcase", {
             "classname": _clean("%s.%s" % (suite, check.topic.strip("/").replace("/", ".") or "all")),
             "name": _clean(name), "time": "0"})
         if check.outcome is Outcome.DIFFERENT:
             failure = ElementTree.SubElement(case, "failure", {"message": _clean(check.detail),
-                                                               "type": check.stage.value})
+                                                               "type": check.aspect.value})
             failure.text = _clean(check_line(check))
         elif check.outcome is Outcome.NOT_COMPARED:
             ElementTree.SubElement(case, "skipped", {"message": _clean(check.detail)})

@@ -10,7 +10,7 @@ from ..curve_distance import interpolated
 from ..run import Call, PoseTrack, Track, arm_of
 from ..state_checks import state_name, state_runs
 from ..tolerances import Tolerances
-from ..verdict import Check, Comparison, ResidualKey, Stage
+from ..verdict import Aspect, Check, Comparison, ResidualKey
 from .svg import Bar, Line, Row, chart, plane, time_line
 from .warping import warping
 
@@ -75,7 +75,7 @@ class Pictures:
             for column, name in enumerate(ours.names):
                 figures.append(Figure("%s of %s" % (name, topic), self._overlay(
                     name, "rad", (ours.time, ours.value[:, column]), (time, theirs.value[:, column]))
-                    + self._residual((Stage.JOINTS, topic, name))))
+                    + self._residual((Aspect.JOINTS, topic, name))))
         return figures
 
     def _poses(self) -> List[Tuple[PoseTrack, PoseTrack, Array]]:
@@ -87,7 +87,7 @@ class Pictures:
         """The path of each tool centre point in three planes, its coordinates, and how far apart the runs are."""
         figures = []
         worst = {check.topic: check.at for check in self._comparison.worst_first
-                 if check.stage is Stage.POSITION and check.at is not None}
+                 if check.aspect is Aspect.POSITION and check.at is not None}
         for ours, theirs, time in self._poses():
             at = worst.get(ours.topic)
             planes = []
@@ -105,8 +105,8 @@ class Pictures:
             for axis in range(3):
                 figures.append(Figure("%s of %s" % (_AXES[axis], ours.topic), self._overlay(
                     _AXES[axis], "m", (ours.time, ours.position[:, axis]), (time, theirs.position[:, axis]))))
-            for key, caption in (((Stage.POSITION, ours.topic, "position"), "Distance of the two positions"),
-                                 ((Stage.ORIENTATION, ours.topic, "orientation"), "Angle of the two orientations")):
+            for key, caption in (((Aspect.POSITION, ours.topic, "position"), "Distance of the two positions"),
+                                 ((Aspect.ORIENTATION, ours.topic, "orientation"), "Angle of the two orientations")):
                 figures.append(Figure(caption, self._residual(key)))
         return figures
 
@@ -199,18 +199,18 @@ class Pictures:
         if check.at is None:
             return []
         span = (check.at - 1.0, check.at + 1.0)
-        if check.stage is Stage.JOINTS and check.topic in self._golden.joints:
+        if check.aspect is Aspect.JOINTS and check.topic in self._golden.joints:
             return self._joint_moment(check, span)
-        if check.stage in (Stage.POSITION, Stage.ORIENTATION):
+        if check.aspect in (Aspect.POSITION, Aspect.ORIENTATION):
             return self._pose_moment(check, span)
-        if check.stage in (Stage.PACE, Stage.TIMING):
+        if check.aspect in (Aspect.PACE, Aspect.TIMING):
             return self._motion_moment(check)
-        if check.stage is Stage.FIELDS:
+        if check.aspect is Aspect.FIELDS:
             return self._field_moment(check, span)
-        if check.stage in (Stage.STATES, Stage.CALLS, Stage.DURATIONS, Stage.RESPONSES, Stage.GAPS):
+        if check.aspect in (Aspect.STATES, Aspect.CALLS, Aspect.DURATIONS, Aspect.RESPONSES, Aspect.GAPS):
             return [figure._replace(caption="States and calls around the moment")
                     for figure in self.time_lines((check.at - 2.0, check.at + 4.0), check.at)]
-        return self._stamp_moment(check, span) if check.stage is Stage.STAMPS else []
+        return self._stamp_moment(check, span) if check.aspect is Aspect.STAMPS else []
 
     def _joint_moment(self, check: Check, span: Tuple[float, float]) -> List[Figure]:
         ours, theirs = self._golden.joints[check.topic], self._candidate.joints.get(check.topic)
@@ -227,9 +227,9 @@ class Pictures:
         for ours, theirs, time in self._poses():
             if ours.topic != check.topic:
                 continue
-            if check.stage is Stage.ORIENTATION:
+            if check.aspect is Aspect.ORIENTATION:
                 return [Figure("Angle of the two orientations, one second to either side",
-                               self._residual((check.stage, check.topic, check.field), span, check.at))]
+                               self._residual((check.aspect, check.topic, check.field), span, check.at))]
             at = np.array([check.at])
             off = np.abs(interpolated(time, theirs.position, at) - interpolated(ours.time, ours.position, at))[0]
             axis = int(np.argmax(off))
@@ -251,7 +251,7 @@ class Pictures:
                 first, last = np.searchsorted(ours.time, (episode.start, episode.end))
                 part = ours.value[first:max(int(last), int(first) + 1)]
                 column = int(np.argmax(part.max(axis=0) - part.min(axis=0)))
-                is_pace = check.stage is Stage.PACE
+                is_pace = check.aspect is Aspect.PACE
                 lag = episode.lag if is_pace else self._comparison.alignment.lag
                 figures.append(Figure("%s, at the lag of %s" % (ours.names[column], "this motion" if is_pace
                                                                 else "all motions together"),

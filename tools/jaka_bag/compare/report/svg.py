@@ -2,7 +2,7 @@
 import html
 import itertools
 import math
-from typing import Iterable, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -51,14 +51,6 @@ def ticks(low: float, high: float, most: int) -> List[float]:
     return [number * step for number in range(first, int(math.floor(high / step + 1e-9)) + 1)]
 
 
-def _number(value: float) -> str:
-    return "%.6g" % (0.0 if abs(value) < 1e-12 else value)
-
-
-def _tick(x: float, y: float, anchor: str, value: float) -> str:
-    return '<text class="tick" x="%.1f" y="%.1f" text-anchor="%s">%s</text>' % (x, y, anchor, _number(value))
-
-
 def _limits(values: Iterable[Array], least: float) -> Tuple[float, float]:
     low, high = math.inf, -math.inf
     for part in values:
@@ -82,23 +74,65 @@ def _path(style: str, x: Array, y: Array) -> str:
     return '<path class="%s" d="%s"/>' % (style, "".join(pieces)) if pieces else ""
 
 
-def _open(title: str, description: str, width: float, height: float) -> List[str]:
-    name = "picture%d" % next(_numbers)
-    return ['<svg viewBox="0 0 %g %g" role="img" aria-labelledby="%s-title %s-text">' % (width, height, name, name),
+class _Picture:
+    """One SVG with a rectangle to draw in: axes, and what all pictures have.
+
+    Args:
+        title: For screen readers; the page has its own headings.
+        description: What is to be seen, for screen readers.
+        size: Width and height, px.
+        area: Left, right, top and bottom of the rectangle, px.
+        x_range: Horizontal values at its left and right.
+        y_range: Vertical values at its bottom and top.
+    """
+
+    def __init__(self, title: str, description: str, size: Tuple[float, float],
+                 area: Tuple[float, float, float, float], x_range: Tuple[float, float],
+                 y_range: Tuple[float, float] = (0.0, 1.0)) -> None:
+        name = "picture%d" % next(_numbers)
+        self.parts = [
+            '<svg viewBox="0 0 %g %g" role="img" aria-labelledby="%s-title %s-text">' % (*size, name, name),
             '<title id="%s-title">%s</title>' % (name, html.escape(title)),
             '<desc id="%s-text">%s</desc>' % (name, html.escape(description))]
+        self._left, self._right, self._top, self._bottom = area
+        self.x_range, self._y_range = x_range, y_range
+        self._x_scale = (self._right - self._left) / max(x_range[1] - x_range[0], 1e-12)
+        self.y_scale = (self._bottom - self._top) / (y_range[1] - y_range[0])
+
+    def x(self, value: Any) -> Any:
+        """Horizontal place of a value or an array, px."""
+        return self._left + (value - self.x_range[0]) * self._x_scale
+
+    def y(self, value: Any) -> Any:
+        """Vertical place of a value or an array, px."""
+        return self._bottom - (value - self._y_range[0]) * self.y_scale
+
+    def text(self, style: str, x: float, y: float, words: str, anchor: str = "start") -> None:
+        """Words, begun, centred or ended at a place."""
+        self.parts.append('<text class="%s" x="%.1f" y="%.1f" text-anchor="%s">%s</text>'
+                          % (style, x, y, anchor, html.escape(words)))
+
+    def grid(self, along_x: int, along_y: int = 0) -> None:
+        """Lines with their values, about so many along each axis."""
+        for value in ticks(*self.x_range, along_x):
+            self.parts.append('<path class="grid" d="M%.1f %.1fV%.1f"/>' % (self.x(value), self._top, self._bottom))
+            self.text("tick", self.x(value), self._bottom + 15, _number(value), "middle")
+        for value in ticks(*self._y_range, along_y) if along_y else ():
+            self.parts.append('<path class="grid" d="M%.1f %.1fH%.1f"/>' % (self._left, self.y(value), self._right))
+            self.text("tick", self._left - 6, self.y(value) + 4, _number(value), "end")
+
+    def mark(self, at: Optional[float]) -> None:
+        """A line at a moment; None, or one outside: nothing."""
+        if at is not None and self.x_range[0] <= at <= self.x_range[1]:
+            self.parts.append('<path class="mark" d="M%.1f %.1fV%.1f"/>' % (self.x(at), self._top, self._bottom))
+
+    def done(self) -> str:
+        """The whole picture."""
+        return "".join(self.parts) + "</svg>"
 
 
-def _time_axis(low: float, high: float, top: float, bottom: float, unit: str) -> List[str]:
-    scale = (WIDTH - _LEFT - _RIGHT) / max(high - low, 1e-12)
-    parts = []
-    for value in ticks(low, high, 10):
-        at = _LEFT + (value - low) * scale
-        parts.append('<path class="grid" d="M%.1f %.1fV%.1f"/>' % (at, top, bottom))
-        parts.append(_tick(at, bottom + 15, "middle", value))
-    parts.append('<text class="tick" x="%d" y="%.1f" text-anchor="end">%s</text>'
-                 % (WIDTH - 2, bottom + 15, html.escape(unit)))
-    return parts
+def _number(value: float) -> str:
+    return "%.6g" % (0.0 if abs(value) < 1e-12 else value)
 
 
 def chart(title: str, description: str, lines: Sequence[Line], x_range: Tuple[float, float], unit: str,
@@ -107,8 +141,8 @@ def chart(title: str, description: str, lines: Sequence[Line], x_range: Tuple[fl
     """Curves over time.
 
     Args:
-        title: For screen readers; the page has its own headings.
-        description: What is to be seen, for screen readers.
+        title: See ``_Picture``.
+        description: See there.
         lines: The curves; later ones lie above.
         x_range: Time from, to, s.
         unit: Of the vertical axis.
@@ -118,88 +152,68 @@ def chart(title: str, description: str, lines: Sequence[Line], x_range: Tuple[fl
         least: The vertical axis spans at least this.
     """
     low, high = x_range
-    bottom = height - _BOTTOM
+    bottom, right = height - _BOTTOM, WIDTH - _RIGHT
     y_low, y_high = _limits([line.y[(line.x >= low) & (line.x <= high)] for line in lines], least)
     if band is not None:
         y_low, y_high = min(y_low, 1.25 * band[0]), max(y_high, 1.25 * band[1])
-    x_scale = (WIDTH - _LEFT - _RIGHT) / max(high - low, 1e-12)
-    y_scale = (bottom - _TOP) / (y_high - y_low)
-    parts = _open(title, description, WIDTH, height)
+    picture = _Picture(title, description, (WIDTH, height), (_LEFT, right, _TOP, bottom), x_range, (y_low, y_high))
     if band is not None:
-        parts.append('<rect class="band" x="%d" y="%.1f" width="%d" height="%.1f"/>'
-                     % (_LEFT, bottom - (band[1] - y_low) * y_scale, WIDTH - _LEFT - _RIGHT,
-                        (band[1] - band[0]) * y_scale))
-    parts += _time_axis(low, high, _TOP, bottom, "s")
-    for value in ticks(y_low, y_high, max(3, int(height / 30))):
-        at = bottom - (value - y_low) * y_scale
-        parts.append('<path class="grid" d="M%d %.1fH%d"/>' % (_LEFT, at, WIDTH - _RIGHT))
-        parts.append(_tick(_LEFT - 6, at + 4, "end", value))
-    parts.append('<text class="unit" x="4" y="%d">%s</text>' % (_TOP + 10, html.escape(unit)))
-    if mark is not None and low <= mark <= high:
-        parts.append('<path class="mark" d="M%.1f %dV%.1f"/>' % (_LEFT + (mark - low) * x_scale, _TOP, bottom))
+        picture.parts.append('<rect class="band" x="%d" y="%.1f" width="%d" height="%.1f"/>' % (
+            _LEFT, picture.y(band[1]), right - _LEFT, (band[1] - band[0]) * picture.y_scale))
+    picture.grid(10, max(3, int(height / 30)))
+    picture.text("tick", WIDTH - 2, bottom + 15, "s", "end")
+    picture.text("unit", 4, _TOP + 10, unit)
+    picture.mark(mark)
     for line in lines:
         # one point beyond each edge, so that curves reach it
         first, last = np.searchsorted(line.x, low, "left") - 1, np.searchsorted(line.x, high, "right") + 1
         part = slice(max(int(first), 0), int(last))
         x = np.minimum(np.maximum(line.x[part], low - 0.05 * (high - low)), high + 0.05 * (high - low))
-        parts.append(_path(line.style, _LEFT + (x - low) * x_scale, bottom - (line.y[part] - y_low) * y_scale))
-    return "".join(parts) + "</svg>"
+        picture.parts.append(_path(line.style, picture.x(x), picture.y(line.y[part])))
+    return picture.done()
 
 
 def plane(title: str, description: str, lines: Sequence[Line], labels: Tuple[str, str],
           mark: Optional[Tuple[float, float]] = None, size: float = 300) -> str:
     """Curves in a plane, both axes to the same scale."""
-    x_low, x_high = _limits([line.x for line in lines], 1e-3)
-    y_low, y_high = _limits([line.y for line in lines], 1e-3)
-    left, bottom = 58.0, size - 34.0
-    scale = min((size - left - 10) / (x_high - x_low), (bottom - 10) / (y_high - y_low))
-    x_middle, y_middle = 0.5 * (x_low + x_high), 0.5 * (y_low + y_high)
-    x_half, y_half = 0.5 * (size - left - 10) / scale, 0.5 * (bottom - 10) / scale
-    x_low, x_high, y_low, y_high = x_middle - x_half, x_middle + x_half, y_middle - y_half, y_middle + y_half
-    parts = _open(title, description, size, size)
-    for value in ticks(x_low, x_high, 4):
-        at = left + (value - x_low) * scale
-        parts += ['<path class="grid" d="M%.1f 10V%.1f"/>' % (at, bottom), _tick(at, bottom + 14, "middle", value)]
-    for value in ticks(y_low, y_high, 5):
-        at = bottom - (value - y_low) * scale
-        parts += ['<path class="grid" d="M%.1f %.1fH%.1f"/>' % (left, at, size - 10),
-                  _tick(left - 5, at + 4, "end", value)]
-    parts.append('<text class="unit" x="%.1f" y="%.1f" text-anchor="middle">%s</text>'
-                 % (0.5 * (left + size), size - 4, html.escape(labels[0])))
-    parts.append('<text class="unit" x="4" y="12">%s</text>' % html.escape(labels[1]))
-    parts += [_path(line.style, left + (line.x - x_low) * scale, bottom - (line.y - y_low) * scale) for line in lines]
+    ranges = [_limits([line.x for line in lines], 1e-3), _limits([line.y for line in lines], 1e-3)]
+    area = (58.0, size - 10.0, 10.0, size - 34.0)
+    pixels = (area[1] - area[0], area[3] - area[2])
+    scale = min(room / (high - low) for room, (low, high) in zip(pixels, ranges))
+    x_range, y_range = (
+        (0.5 * (low + high - room / scale), 0.5 * (low + high + room / scale))
+        for room, (low, high) in zip(pixels, ranges))
+    picture = _Picture(title, description, (size, size), area, x_range, y_range)
+    picture.grid(4, 5)
+    picture.text("unit", 0.5 * (area[0] + size), size - 4, labels[0], "middle")
+    picture.text("unit", 4, 12, labels[1])
+    picture.parts += [_path(line.style, picture.x(line.x), picture.y(line.y)) for line in lines]
     if mark is not None:
-        parts.append('<circle class="mark-point" cx="%.1f" cy="%.1f" r="6"/>'
-                     % (left + (mark[0] - x_low) * scale, bottom - (mark[1] - y_low) * scale))
-    return "".join(parts) + "</svg>"
+        picture.parts.append('<circle class="mark-point" cx="%.1f" cy="%.1f" r="6"/>'
+                             % (picture.x(mark[0]), picture.y(mark[1])))
+    return picture.done()
 
 
 def time_line(title: str, description: str, rows: Sequence[Row], x_range: Tuple[float, float],
               mark: Optional[float] = None) -> str:
     """Bars in rows over time."""
     low, high = x_range
-    left = 190
-    bottom = _TOP + _BAR * len(rows)
-    scale = (WIDTH - left - _RIGHT) / max(high - low, 1e-12)
-    parts = _open(title, description, WIDTH, bottom + _BOTTOM)
-    for value in ticks(low, high, 8):
-        at = left + (value - low) * scale
-        parts += ['<path class="grid" d="M%.1f %dV%.1f"/>' % (at, _TOP, bottom),
-                  _tick(at, bottom + 15, "middle", value)]
+    left, bottom = 190, _TOP + _BAR * len(rows)
+    picture = _Picture(title, description, (WIDTH, bottom + _BOTTOM), (left, WIDTH - _RIGHT, _TOP, bottom), x_range)
+    picture.grid(8)
     for number, row in enumerate(rows):
         top = _TOP + _BAR * number
-        parts.append('<text class="row" x="%d" y="%.1f" text-anchor="end">%s</text>'
-                     % (left - 8, top + 14, html.escape(row.name)))
+        picture.text("row", left - 8, top + 14, row.name, "end")
         for bar in row.bars:
-            start, end = left + (max(bar.start, low) - low) * scale, left + (min(bar.end, high) - low) * scale
             if bar.end < low or bar.start > high:
                 continue
-            width = max(end - start, 2.0)
-            parts.append('<g class="%s"><title>%s</title><rect x="%.1f" y="%d" width="%.1f" height="%d" rx="2"/>'
-                         % (bar.style, html.escape(bar.hint), start, top + 2, width, _BAR - 4))
+            start = picture.x(max(bar.start, low))
+            width = max(picture.x(min(bar.end, high)) - start, 2.0)
+            picture.parts.append(
+                '<g class="%s"><title>%s</title><rect x="%.1f" y="%d" width="%.1f" height="%d" rx="2"/>'
+                % (bar.style, html.escape(bar.hint), start, top + 2, width, _BAR - 4))
             if bar.text and len(bar.text) * _CHARACTER + 6 < width:
-                parts.append('<text x="%.1f" y="%d">%s</text>' % (start + 4, top + 14, html.escape(bar.text)))
-            parts.append("</g>")
-    if mark is not None and low <= mark <= high:
-        parts.append('<path class="mark" d="M%.1f %dV%.1f"/>' % (left + (mark - low) * scale, _TOP, bottom))
-    return "".join(parts) + "</svg>"
+                picture.parts.append('<text x="%.1f" y="%d">%s</text>' % (start + 4, top + 14, html.escape(bar.text)))
+            picture.parts.append("</g>")
+    picture.mark(mark)
+    return picture.done()

@@ -29,7 +29,7 @@ def headline(comparison: Comparison) -> str:
     if not different:
         return "same: %d checks, lag %.3f s" % (len(compared), comparison.alignment.lag)
     return "DIFFERENT: %d of %d checks: %s" % (len(different), len(compared), ", ".join(
-        dict.fromkeys(check.stage.value for check in different)))
+        dict.fromkeys(check.aspect.value for check in different)))
 
 
 def as_text(comparison: Comparison, verbose: bool = False) -> str:
@@ -55,7 +55,7 @@ def _finite(value: Optional[float]) -> Any:
 
 def check_data(check: Check) -> Dict[str, Any]:
     """One check as plain data."""
-    return {"check": check.stage.value, "topic": check.topic, "field": check.field, "outcome": check.outcome.value,
+    return {"check": check.aspect.value, "topic": check.topic, "field": check.field, "outcome": check.outcome.value,
             "detail": check.detail, "measured": _finite(check.measured), "limit": _finite(check.limit),
             "unit": check.unit, "at_s": _finite(check.at), "golden": check.golden, "candidate": check.candidate}
 

@@ -1,74 +1,137 @@
-"""Reads the chunks of an indexed .bag."""
+"""Reads the chunks of an indexed .bag: many records at once where they are regular, else one by one and exact.
+
+What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+"""
+import functools
 import struct
-from typing import List, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
 from ...errors import BagFormatError
-from ...messages.batch import Array, Block, concatenate
+from ...messages.batch import Array, MessageBatch, batch_of_rows, windows
+from ...messages.connection import Connection
 from ...units import NS_PER_S
+from .. import contract
 from ..compression import decompress
-from ..index import ChunkRef, read_at
-from ..reader import LogReader
+from ..contract import LogReader, Parsed
+from ..index import Buffer, ChunkRef, read_at
 from . import records as fmt
-from .chunk import parse_chunk
-from .index import parse_chunk_head
 
+_HEAD = 46
+"""Bytes in front of a payload: header length, 38 bytes of header, data length."""
 _ENTRY_TYPE = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
 _U32 = struct.Struct("<I")
 
 
-def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
-    """(connection id, entries) of the index records that follow a chunk.
+def _bag_layout(head: bytes) -> Optional[Tuple[int, int]]:
+    """Where connection and time stand in a regular message record's first bytes; None where it is irregular."""
+    if len(head) < _HEAD or _U32.unpack_from(head)[0] != _HEAD - 8:
+        return None
+    places = {}
+    at = 4
+    while at + 4 <= _HEAD - 4:
+        size = _U32.unpack_from(head, at)[0]
+        name = head[at + 4:at + 4 + size].split(b"=")[0]
+        places[name] = (at + 4 + len(name) + 1, size - len(name) - 1)
+        at += 4 + size
+    op = places.get(b"op")
+    if at != _HEAD - 4 or len(places) != 3 or op is None or op[1] != 1 or head[op[0]] != fmt.OP_MESSAGE:
+        return None
+    connection, time = places.get(b"conn", (0, 0)), places.get(b"time", (0, 0))
+    return (connection[0], time[0]) if (connection[1], time[1]) == (4, 8) else None
 
-    Raises:
-        BagFormatError: One is damaged or cut off.
-    """
-    result = []
+
+def _regular_bag(data: Array, offset: Array) -> Optional[MessageBatch]:
+    """The messages at the index's offsets, where all have the same layout of header; None else."""
+    if not len(offset) or int(offset[-1]) + _HEAD > len(data):
+        return None
+    taken = windows(data, _HEAD)[offset]
+    layout = _bag_layout(taken[0].tobytes())
+    if layout is None:
+        return None
+    heads = taken.view(_head_type(*layout))
+    if any((heads[name] != heads[name][0]).any() for name in (heads.dtype.names or ())[4:]):
+        return None
+    time = heads["seconds"].astype(np.int64) * NS_PER_S + heads["nanoseconds"]
+    return MessageBatch(data, offset + _HEAD, heads["length"].astype(np.int64), heads["connection"].astype(np.int64),
+                 time)
+
+
+@functools.lru_cache(maxsize=8)
+def _head_type(connection_at: int, time_at: int) -> "np.dtype[Any]":
+    """A record's head as fields: four that vary, and all other bytes in words, which must be those of every record."""
+    places = [("connection", "<u4", connection_at), ("seconds", "<u4", time_at), ("nanoseconds", "<u4", time_at + 4),
+              ("length", "<u4", _HEAD - 4)]
+    varying = sorted((at, at + 4) for _, _, at in places)
+    begins = [0] + [end for _, end in varying]
+    for begin, end in zip(begins, [at for at, _ in varying]):
+        while begin < end:
+            size = next(size for size in (8, 4, 2, 1) if begin + size <= end)
+            places.append(("fixed%d" % begin, "<u%d" % size, begin))
+            begin += size
+    names, formats, offsets = zip(*places)
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": _HEAD})
+
+
+def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> Parsed:
+    """The records of a bag chunk's bytes, one by one, up to the first that is damaged or cut off."""
+    columns: List[Tuple[int, ...]] = []
+    connections: Dict[int, Connection] = {}
     at = begin
-    while at < len(raw):
-        if at + 4 > len(raw):
-            raise BagFormatError("the index of a chunk is cut off")
-        header_end = at + 4 + _U32.unpack_from(raw, at)[0]
-        if header_end + 4 > len(raw):
-            raise BagFormatError("the index of a chunk is cut off")
-        fields = fmt.parse_header(raw[at + 4:header_end])
-        data = header_end + 4
-        at = data + _U32.unpack_from(raw, header_end)[0]
-        if at > len(raw):
-            raise BagFormatError("the index of a chunk is cut off")
-        if fmt.opcode(fields) == fmt.OP_INDEX:
-            if (at - data) % _ENTRY_TYPE.itemsize or fmt.u32(fields, "ver") != 1:
+    stop = len(raw) if end is None else end
+    while True:
+        try:
+            record = fmt.record_at(raw, at, stop)
+            if record is None or record.end > stop:
+                break
+            if record.kind == fmt.OP_MESSAGE:
+                columns.append((record.begin, record.end - record.begin, fmt.u32(record.fields, "conn"),
+                                fmt.time_ns(record.fields, "time")))
+            elif record.kind == fmt.OP_CONNECTION:
+                number, connection = fmt.parse_connection(record.fields, raw[record.begin:record.end])
+                connections[number] = connection
+        except BagFormatError:
+            break
+        at = record.end
+    return Parsed(batch_of_rows(np.frombuffer(raw, np.uint8), columns, False), connections, at)
+
+
+def parse_chunk(raw: Buffer, offset: Optional[Array]) -> Parsed:
+    """The records of a bag chunk; see ``contract.parse_chunk``."""
+    return contract.parse_chunk(raw, offset, _regular_bag, lambda begin, end: scan(raw, begin, end))
+
+
+def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
+    """(connection id, entries) of the index records that follow a chunk."""
+    result = []
+    for record in fmt.whole_records(raw, begin, "the index of a chunk is cut off"):
+        if record.kind == fmt.OP_INDEX:
+            count, rest = divmod(record.end - record.begin, _ENTRY_TYPE.itemsize)
+            if rest or fmt.u32(record.fields, "ver") != 1:
                 raise BagFormatError("the index of a chunk is damaged")
-            result.append((fmt.u32(fields, "conn"), np.frombuffer(raw, _ENTRY_TYPE,
-                                                                  (at - data) // _ENTRY_TYPE.itemsize, data)))
+            result.append((fmt.u32(record.fields, "conn"), np.frombuffer(raw, _ENTRY_TYPE, count, record.begin)))
     return result
+
+
+def offsets_in(entries: List[Tuple[int, Array]]) -> Array:
+    """Where messages start by the index entries of a chunk, ascending, int64."""
+    return np.sort(np.concatenate([entry["offset"] for _, entry in entries] or [np.zeros(0)]).astype(np.int64))
 
 
 class BagReader(LogReader):
     """A .bag open for reading; see ``LogReader``."""
 
-    def _parse(self, chunk: ChunkRef, raw: bytes) -> Block:
-        head = parse_chunk_head(raw)
+    def _parse(self, chunk: ChunkRef, raw: bytes) -> MessageBatch:
+        head = fmt.parse_chunk_head(raw)
         data_end = head.data_start + head.data_size
         if data_end > len(raw):
             raise BagFormatError("the chunk is cut off")
         data = decompress(head.codec, memoryview(raw)[head.data_start:data_end], head.size)
-        entries = index_entries(raw, data_end)
-        offset = np.zeros(0, np.int64)
-        if entries:
-            offset = np.sort(np.concatenate([entry["offset"] for _, entry in entries]).astype(np.int64))
-        return parse_chunk(data, offset).block
+        return parse_chunk(data, offsets_in(index_entries(raw, data_end))).batch
 
-    def load_times(self, chunk: ChunkRef) -> Block:
-        """As ``load``, from the chunk's index records alone: only connection and log time are right."""
-        head_raw = read_at(self._descriptor, chunk.position, 4096)
-        head = parse_chunk_head(head_raw)
+    def _times_in_index(self, chunk: ChunkRef) -> List[Tuple[int, Array]]:
+        head = fmt.parse_chunk_head(read_at(self._descriptor, chunk.position, 4096))
         begin = chunk.position + head.data_start + head.data_size
-        entries = index_entries(read_at(self._descriptor, begin, chunk.end - begin), 0)
-        blocks = []
-        for number, entry in entries:
-            none = np.zeros(len(entry), np.int64)
-            time = entry["seconds"].astype(np.int64) * NS_PER_S + entry["nanoseconds"]
-            blocks.append(Block(np.zeros(0, np.uint8), none, none, np.full(len(entry), number, np.int64), time))
-        return self._renumber(concatenate(blocks))
+        return [(number, entry["seconds"].astype(np.int64) * NS_PER_S + entry["nanoseconds"])
+                for number, entry in index_entries(read_at(self._descriptor, begin, chunk.end - begin), 0)]

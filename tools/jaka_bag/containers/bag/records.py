@@ -1,10 +1,16 @@
-"""The records of ROS bag files, version 2.0 (ROS wiki, Bags/Format/2.0), to and from bytes; no numpy, no files."""
+"""The records of ROS bag files, version 2.0 (ROS wiki, Bags/Format/2.0), and the index that they make; no numpy.
+
+What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+"""
+import os
 import struct
-from typing import Dict, Iterable, NamedTuple, Optional, Tuple, Union
+from typing import Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 from ...errors import BagFormatError
 from ...messages.connection import Connection
+from ...paths import PathLike
 from ...units import NS_PER_S
+from ..index import Buffer, ChunkHead, ChunkRef, CodecTotals, LogIndex, codec_totals, open_for_reading, read_at
 
 MAGIC = b"#ROSBAG V2.0\n"
 OP_MESSAGE, OP_FILE_HEADER, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION = range(2, 8)
@@ -16,8 +22,20 @@ _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")
 _TIME = struct.Struct("<II")
 
-Buffer = Union[bytes, bytearray, memoryview]
 Header = Dict[str, bytes]
+
+
+_CUT_OFF = "the recording was cut off, there is no index (jaka_bag recover makes a whole file of it)"
+_DAMAGED = "the index is damaged (jaka_bag recover makes a whole file of it)"
+
+
+class Record(NamedTuple):
+    """One record in a buffer: its kind, its header's fields, and where its data begins and ends."""
+
+    kind: int
+    fields: Header
+    begin: int
+    end: int
 
 
 class ChunkInfo(NamedTuple):
@@ -46,11 +64,7 @@ def pack_time(time_ns: int) -> bytes:
 
 
 def parse_header(raw: Buffer) -> Header:
-    """Header fields by name.
-
-    Raises:
-        BagFormatError: They are damaged.
-    """
+    """Header fields by name."""
     fields: Header = {}
     data = bytes(raw)
     at = 0
@@ -67,50 +81,56 @@ def parse_header(raw: Buffer) -> Header:
     return fields
 
 
-def u32(fields: Header, name: str) -> int:
-    """A 32-bit field.
-
-    Raises:
-        BagFormatError: It is absent or not 4 bytes.
-    """
+def _field(fields: Header, name: str, form: struct.Struct) -> Tuple[int, ...]:
     value = fields.get(name)
-    if value is None or len(value) != 4:
+    if value is None or len(value) != form.size:
         raise BagFormatError("a record lacks the field %r" % name)
-    return int(_U32.unpack(value)[0])
+    return form.unpack(value)
+
+
+def u32(fields: Header, name: str) -> int:
+    """A 32-bit field."""
+    return _field(fields, name, _U32)[0]
 
 
 def u64(fields: Header, name: str) -> int:
-    """A 64-bit field.
-
-    Raises:
-        BagFormatError: It is absent or not 8 bytes.
-    """
-    value = fields.get(name)
-    if value is None or len(value) != 8:
-        raise BagFormatError("a record lacks the field %r" % name)
-    return int(_U64.unpack(value)[0])
+    """A 64-bit field."""
+    return _field(fields, name, _U64)[0]
 
 
 def time_ns(fields: Header, name: str) -> int:
-    """A time field, ns.
+    """A time field, ns."""
+    seconds, nanoseconds = _field(fields, name, _TIME)
+    return seconds * NS_PER_S + nanoseconds
 
-    Raises:
-        BagFormatError: It is absent or not 8 bytes.
+
+def record_at(raw: Buffer, at: int = 0, stop: Optional[int] = None) -> Optional[Record]:
+    """The record at a position of a buffer; None where its header does not end before ``stop`` (None: the end).
+
+    Its data may be cut off: ``end`` then lies behind ``stop``.
     """
-    raw = u64(fields, name)
-    return (raw & 0xFFFFFFFF) * NS_PER_S + (raw >> 32)
-
-
-def opcode(fields: Header) -> int:
-    """The kind of a record.
-
-    Raises:
-        BagFormatError: It is absent.
-    """
-    value = fields.get("op")
-    if value is None or len(value) != 1:
+    stop = len(raw) if stop is None else stop
+    if at + 8 > stop:
+        return None
+    header_end = at + 4 + _U32.unpack_from(raw, at)[0]
+    if header_end + 4 > stop:
+        return None
+    fields = parse_header(raw[at + 4:header_end])
+    kind = fields.get("op")
+    if kind is None or len(kind) != 1:
         raise BagFormatError("a record lacks its kind")
-    return value[0]
+    begin = header_end + 4
+    return Record(kind[0], fields, begin, begin + _U32.unpack_from(raw, header_end)[0])
+
+
+def whole_records(raw: bytes, begin: int = 0, problem: str = _DAMAGED) -> Iterator[Record]:
+    """The records from a position to the end of a buffer."""
+    while begin < len(raw):
+        record = record_at(raw, begin)
+        if record is None or record.end > len(raw):
+            raise BagFormatError(problem)
+        yield record
+        begin = record.end
 
 
 def file_header(index_position: int, connections: int, chunks: int) -> bytes:
@@ -141,11 +161,7 @@ def _encode(value: str) -> bytes:
 
 
 def parse_connection(fields: Header, data: Buffer) -> Tuple[int, Connection]:
-    """Id and connection of a connection record.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """Id and connection of a connection record."""
     number = u32(fields, "conn")
     raw_topic = fields.get("topic")
     if raw_topic is None:
@@ -179,11 +195,7 @@ def chunk_info_record(info: ChunkInfo) -> bytes:
 
 
 def parse_chunk_info(fields: Header, data: Buffer) -> ChunkInfo:
-    """A chunk info record.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """A chunk info record."""
     if len(data) % 8:
         raise BagFormatError("the index is damaged")
     return ChunkInfo(u64(fields, "chunk_pos"), time_ns(fields, "start_time"), time_ns(fields, "end_time"),
@@ -195,3 +207,77 @@ def chunk_head(codec: str, uncompressed_size: int, stored: int) -> bytes:
     header = pack_header([("compression", codec.encode()), ("op", bytes([OP_CHUNK])),
                           ("size", _U32.pack(uncompressed_size))])
     return _U32.pack(len(header)) + header + _U32.pack(stored)
+
+
+def parse_chunk_head(raw: bytes) -> ChunkHead:
+    """The head of a chunk record."""
+    record = record_at(raw)
+    if record is None:
+        raise BagFormatError("a chunk record is cut off or damaged")
+    if record.kind != OP_CHUNK:
+        raise BagFormatError("there is no chunk record")
+    codec = record.fields.get("compression", b"").decode("ascii", "replace")
+    return ChunkHead(codec, u32(record.fields, "size"), 0, record.begin, record.end - record.begin)
+
+
+def read_file_header(descriptor: int) -> Tuple[Header, int]:
+    """Fields of the first record, and the position behind it."""
+    record = record_at(read_at(descriptor, len(MAGIC), 4 + FILE_HEADER_SIZE + 4))
+    if record is None:
+        raise BagFormatError("the first record is cut off or damaged")
+    if record.kind != OP_FILE_HEADER:
+        raise BagFormatError("the first record is not a file header")
+    encryptor = record.fields.get("encryptor", b"")
+    if encryptor:
+        raise BagFormatError("the bag is encrypted (%s); 'rosbag decrypt' first" % encryptor.decode("utf-8", "replace"))
+    return record.fields, len(MAGIC) + record.end
+
+
+def read_index(path: PathLike, descriptor: int) -> LogIndex:
+    """The index of a bag."""
+    size = os.fstat(descriptor).st_size
+    fields, first_chunk = read_file_header(descriptor)
+    index_position = u64(fields, "index_pos")
+    if index_position == 0:
+        raise BagFormatError(_CUT_OFF)
+    if index_position > size:
+        raise BagFormatError("the file is cut off, its index is missing (jaka_bag recover keeps the rest)")
+    by_id: Dict[int, Connection] = {}
+    infos: List[ChunkInfo] = []
+    section = read_at(descriptor, index_position, size - index_position)
+    for record in whole_records(section):
+        if record.kind == OP_CONNECTION:
+            number, connection = parse_connection(record.fields, section[record.begin:record.end])
+            by_id[number] = connection
+        elif record.kind == OP_CHUNK_INFO:
+            infos.append(parse_chunk_info(record.fields, section[record.begin:record.end]))
+    if len(by_id) != u32(fields, "conn_count") or len(infos) != u32(fields, "chunk_count"):
+        raise BagFormatError(_DAMAGED)
+    numbers = {file_id: number for number, file_id in enumerate(by_id)}
+    infos.sort(key=lambda info: info.position)
+    ends = [info.position for info in infos[1:]] + [index_position]
+    chunks = []
+    counts = [0] * len(numbers)
+    for info, end in zip(infos, ends):
+        if not first_chunk <= info.position < end or not numbers.keys() >= info.counts.keys():
+            raise BagFormatError(_DAMAGED)
+        by_number = {numbers[file_id]: count for file_id, count in info.counts.items()}
+        for number, count in by_number.items():
+            counts[number] += count
+        chunks.append(ChunkRef(info.position, end, info.start_time, info.end_time, by_number))
+    filled = [chunk for chunk in chunks if any(chunk.counts.values())]
+    return LogIndex("bag", "2.0", str(path), size, list(by_id.values()), numbers, chunks, counts,
+                    min((c.start_time for c in filled), default=None),
+                    max((c.end_time for c in filled), default=None))
+
+
+def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
+    """The totals of each codec, from the heads of the chunks."""
+    descriptor = open_for_reading(index.path)
+    try:
+        heads = [parse_chunk_head(read_at(descriptor, chunk.position, 256)) for chunk in index.chunks]
+    except BagFormatError as error:
+        raise BagFormatError("%s: %s" % (index.path, error)) from error
+    finally:
+        os.close(descriptor)
+    return codec_totals((head.codec, head.data_size, head.size) for head in heads)

@@ -2,17 +2,14 @@
 import struct
 from typing import Generator, Iterator, List, Optional, Tuple
 
-import numpy as np
-
 from ...errors import BagFormatError
-from ...messages.batch import Array, Block, concatenate
-from ..compression import Buffer, decompress, decompress_partly
-from ..index import read_at
-from ..recovery import Salvager, Stretch
+from ...messages.batch import Array, MessageBatch, concatenate
+from ..compression import decompress, decompress_partly
+from ..contract import Parsed
+from ..index import Buffer, ChunkHead, read_at
+from ..recovery import LogRecovery, Stretch
 from . import records as fmt
-from .chunk import Parsed, parse_chunk, scan
-from .index import ChunkHead, parse_chunk_head, read_file_header
-from .reader import index_entries
+from .reader import index_entries, offsets_in, parse_chunk, scan
 
 _U32 = struct.Struct("<I")
 _MAX_HEADER = 1 << 20
@@ -22,19 +19,12 @@ _MESSAGE_MARK = b"\x04\x00\x00\x00op=" + bytes([fmt.OP_MESSAGE])
 _LONGEST_CHUNK_HEADER = 64
 
 
-def _record_at(raw: bytes, at: int) -> Optional[Tuple[fmt.Header, int, int]]:
-    """Fields, start and size of the data of the record at a position; None where there is none."""
-    if at + 8 > len(raw):
-        return None
-    header_end = at + 4 + _U32.unpack_from(raw, at)[0]
-    if header_end + 4 > len(raw):
-        return None
+def _record_at(raw: bytes, at: int = 0) -> Optional[fmt.Record]:
+    """The record at a position; None where there is none."""
     try:
-        fields = fmt.parse_header(raw[at + 4:header_end])
-        fmt.opcode(fields)
+        return fmt.record_at(raw, at)
     except BagFormatError:
         return None
-    return fields, header_end + 4, int(_U32.unpack_from(raw, header_end)[0])
 
 
 def _next_message(raw: bytes, begin: int) -> int:
@@ -44,22 +34,21 @@ def _next_message(raw: bytes, begin: int) -> int:
         for start in range(max(mark - 38, begin), mark - 3):
             if _U32.unpack_from(raw, start)[0] == 38:
                 record = _record_at(raw, start)
-                if record is not None and record[0].keys() == {"conn", "op", "time"} \
-                        and record[1] + record[2] <= len(raw):
+                if record is not None and record.fields.keys() == {"conn", "op", "time"} and record.end <= len(raw):
                     return start
         mark = raw.find(_MESSAGE_MARK, mark + 1)
     return len(raw)
 
 
-class BagSalvager(Salvager):
-    """See ``Salvager``."""
+class BagRecovery(LogRecovery):
+    """See ``LogRecovery``."""
 
     def __init__(self, descriptor: int, size: int) -> None:
         super().__init__(descriptor, size)
         self._begin = len(fmt.MAGIC)
         index_position = 0
         try:
-            fields, self._begin = read_file_header(descriptor)
+            fields, self._begin = fmt.read_file_header(descriptor)
             index_position = fmt.u64(fields, "index_pos")
         except BagFormatError as error:
             if "encrypted" in str(error):
@@ -70,25 +59,19 @@ class BagSalvager(Salvager):
 
     def _read_index(self, raw: bytes) -> None:
         """Take from the index section what is whole: connections, and how many messages there should be."""
-        at = 0
         expected = 0
-        while at < len(raw):
-            record = _record_at(raw, at)
-            if record is None or record[1] + record[2] > len(raw):
-                return
-            fields, start, size = record
-            try:
-                kind = fmt.opcode(fields)
-                if kind == fmt.OP_CONNECTION:
-                    number, connection = fmt.parse_connection(fields, raw[start:start + size])
+        try:
+            for record in fmt.whole_records(raw):
+                data = raw[record.begin:record.end]
+                if record.kind == fmt.OP_CONNECTION:
+                    number, connection = fmt.parse_connection(record.fields, data)
                     self.connections[number] = connection
-                elif kind == fmt.OP_CHUNK_INFO:
-                    expected += sum(fmt.parse_chunk_info(fields, raw[start:start + size]).counts.values())
+                elif record.kind == fmt.OP_CHUNK_INFO:
+                    expected += sum(fmt.parse_chunk_info(record.fields, data).counts.values())
                 else:
                     return
-            except BagFormatError:
-                return
-            at = start + size
+        except BagFormatError:
+            return
         self.expected = expected
 
     def stretches(self) -> Iterator[Stretch]:
@@ -96,25 +79,23 @@ class BagSalvager(Salvager):
         at = self._begin
         while at < self.size:
             raw = read_at(self.descriptor, at, 4096)
-            record = _record_at(raw, at=0)
+            record = _record_at(raw)
             if record is None and len(raw) >= 4 and 4096 - 8 < _U32.unpack_from(raw)[0] <= _MAX_HEADER:
                 raw = read_at(self.descriptor, at, _U32.unpack_from(raw)[0] + 8)
-                record = _record_at(raw, 0)
+                record = _record_at(raw)
             if record is None:
                 at = self._skip_damage(at, "no record" if self.size - at > 8 else "a record is cut off")
                 continue
-            fields, start, size = record
-            kind = fmt.opcode(fields)
-            if kind == fmt.OP_CHUNK:
+            end = at + record.end
+            if record.kind == fmt.OP_CHUNK:
                 end = yield from self._chunk(at, raw)
-            elif at + start + size > self.size:
+            elif end > self.size:
                 end = self._skip_damage(at, "a record is cut off or damaged")
-            else:
-                end = at + start + size
-                if kind == fmt.OP_CONNECTION:
-                    self._declare(fields, read_at(self.descriptor, at + start, size), at, end)
-                elif not fmt.OP_MESSAGE <= kind <= fmt.OP_CONNECTION:
-                    end = self._skip_damage(at, "a record of unknown kind %d" % kind)
+            elif record.kind == fmt.OP_CONNECTION:
+                self._declare(record.fields, read_at(self.descriptor, at + record.begin, record.end - record.begin),
+                              at, end)
+            elif not fmt.OP_MESSAGE <= record.kind <= fmt.OP_CONNECTION:
+                end = self._skip_damage(at, "a record of unknown kind %d" % record.kind)
             at = end
 
     def _declare(self, fields: fmt.Header, data: bytes, begin: int, end: int) -> None:
@@ -124,22 +105,16 @@ class BagSalvager(Salvager):
         except BagFormatError as error:
             self.lose(begin, end, str(error))
 
-    def _skip_damage(self, at: int, reason: str) -> int:
-        """Where the next chunk starts behind damage; the end of the file where there is none."""
-        end = self._next_chunk(at + 1)
-        self.lose(at, end, reason)
-        return end
-
-    def _next_chunk(self, begin: int) -> int:
+    def _next_chunk(self, begin: int, stop: int) -> int:
         at = begin
-        while at < self.size:
+        while at < stop:
             raw = read_at(self.descriptor, at, _WINDOW)
             mark = raw.find(_CHUNK_MARK)
             while mark >= 0:
                 for start in range(max(mark - _LONGEST_CHUNK_HEADER, 0), mark - 3):
                     if _U32.unpack_from(raw, start)[0] <= _LONGEST_CHUNK_HEADER:
                         try:
-                            parse_chunk_head(raw[start:start + 2 * _LONGEST_CHUNK_HEADER])
+                            fmt.parse_chunk_head(raw[start:start + 2 * _LONGEST_CHUNK_HEADER])
                             return at + start
                         except BagFormatError:
                             pass
@@ -147,48 +122,46 @@ class BagSalvager(Salvager):
             if len(raw) < _WINDOW:
                 break
             at += _WINDOW - 2 * _LONGEST_CHUNK_HEADER
-        return self.size
+        return stop
 
-    def _stretch(self, parsed: Parsed, end: int) -> Stretch:
+    def _stretch(self, begin: int, parsed: Parsed, end: int) -> Stretch:
         self.connections.update(parsed.connections)
-        return Stretch(parsed.block, self.connections, end)
+        return Stretch(begin, end, parsed.batch)
 
     def _chunk(self, at: int, raw_head: bytes) -> Generator[Stretch, None, int]:
         """Yield a chunk's messages; return where the record behind it starts."""
         try:
-            head = parse_chunk_head(raw_head)
+            head = fmt.parse_chunk_head(raw_head)
         except BagFormatError as error:
             return self._skip_damage(at, str(error))
         start = at + head.data_start
         if head.size == 0 and head.data_size == 0:
             return (yield from self._open_chunk(start, head.codec, "the last chunk was being written"))
         if start + head.data_size > self.size:
-            if self._next_chunk(start) < self.size:  # its length is damaged: others follow
+            if self._next_chunk(start, self.size) < self.size:  # its length is damaged: others follow
                 return self._skip_damage(at, "a chunk's length is damaged")
             return (yield from self._open_chunk(start, head.codec, "the last chunk is cut off"))
         data = read_at(self.descriptor, start, head.data_size)
         offset, end = self._index_behind(start + head.data_size)
-        yield self._stretch(self._salvage(head, data, offset, at), end)
+        yield self._stretch(at, self._read_chunk(head, data, offset, at), end)
         return end
 
     def _index_behind(self, begin: int) -> Tuple[Optional[Array], int]:
         """Offsets of messages from the index records behind a chunk (None: not usable), and where they end."""
-        parts: List[Array] = []
+        entries: List[Tuple[int, Array]] = []
         at = begin
         while at < self.size:
-            head = read_at(self.descriptor, at, 128)
-            record = _record_at(head, 0)
-            if record is None or fmt.opcode(record[0]) != fmt.OP_INDEX or at + record[1] + record[2] > self.size:
+            record = _record_at(read_at(self.descriptor, at, 128))
+            if record is None or record.kind != fmt.OP_INDEX or at + record.end > self.size:
                 break
-            end = at + record[1] + record[2]
             try:
-                parts += [entry["offset"] for _, entry in index_entries(read_at(self.descriptor, at, end - at), 0)]
+                entries += index_entries(read_at(self.descriptor, at, record.end), 0)
             except BagFormatError:
-                return None, end
-            at = end
-        return (np.sort(np.concatenate(parts).astype(np.int64)) if parts else None), at
+                return None, at + record.end
+            at += record.end
+        return offsets_in(entries) if entries else None, at
 
-    def _salvage(self, head: ChunkHead, data: bytes, offset: Optional[Array], at: int) -> Parsed:
+    def _read_chunk(self, head: ChunkHead, data: bytes, offset: Optional[Array], at: int) -> Parsed:
         """All messages of a whole chunk, or of what is left of it."""
         end = at + head.data_start + head.data_size
         try:
@@ -201,7 +174,7 @@ class BagSalvager(Salvager):
             return parse_chunk(raw, offset)
         except BagFormatError as error:
             parsed, skipped = _around_damage(bytes(raw))
-            self.lose(at, end, "%s; %d bytes were skipped, %d messages kept" % (error, skipped, len(parsed.block)))
+            self.lose(at, end, "%s; %d bytes were skipped, %d messages kept" % (error, skipped, len(parsed.batch)))
             return parsed
 
     def _open_chunk(self, start: int, codec: str, reason: str) -> Generator[Stretch, None, int]:
@@ -209,20 +182,20 @@ class BagSalvager(Salvager):
         if codec not in ("none", ""):
             raw = decompress_partly(codec, read_at(self.descriptor, start, self.size - start))
             parsed = scan(raw)
-            self.lose(start, self.size, "%s; %d messages of it were read" % (reason, len(parsed.block)))
-            yield self._stretch(parsed, self.size)
+            self.lose(start, self.size, "%s; %d messages of it were read" % (reason, len(parsed.batch)))
+            yield self._stretch(start, parsed, self.size)
             return self.size
         at = start
         while at < self.size:
             raw = read_at(self.descriptor, at, _WINDOW)
             parsed = scan(raw)
             if not parsed.consumed and len(raw) == _WINDOW:  # one message may be larger than the window
-                needed = _record_at(raw, 0)
-                if needed is not None and at + needed[1] + needed[2] <= self.size:
-                    parsed = scan(read_at(self.descriptor, at, needed[1] + needed[2]))
+                needed = _record_at(raw)
+                if needed is not None and at + needed.end <= self.size:
+                    parsed = scan(read_at(self.descriptor, at, needed.end))
             if not parsed.consumed:
                 break
-            yield self._stretch(parsed, at + parsed.consumed)
+            yield self._stretch(at, parsed, at + parsed.consumed)
             at += parsed.consumed
         if at < self.size:
             rest = read_at(self.descriptor, at, _WINDOW)
@@ -236,12 +209,12 @@ class BagSalvager(Salvager):
 
 def _around_damage(raw: bytes) -> Tuple[Parsed, int]:
     """The whole records of a damaged chunk, and how many bytes were skipped."""
-    parts: List[Block] = []
+    parts: List[MessageBatch] = []
     connections = {}
     at = skipped = 0
     while at < len(raw):
         parsed = scan(raw, at)
-        parts.append(parsed.block)
+        parts.append(parsed.batch)
         connections.update(parsed.connections)
         again = _next_message(raw, parsed.consumed + 1) if parsed.consumed < len(raw) else len(raw)
         skipped += again - parsed.consumed

@@ -1,10 +1,7 @@
-"""MCAP (specification, version 0).
+"""MCAP.
 
-records    the records, to and from bytes; without numpy and files
-chunk      the contents of a chunk as a batch of messages
-reader     reads chunks, attachments and metadata
-walk       the index of a file that has no usable summary, from a walk over its records
-index      the index of a file, from its summary; without numpy where there is one
-writer     writes chunks, attachments, metadata and the summary
-recovery   reads a cut-off or damaged file as far as that goes
+records    reads records, and the summary that they make; without numpy
+reader     the contents of chunks as batches of messages
+writer     makes records; writes chunks, attachments, metadata and the summary
+recovery   the one walk over a file's records: for damaged files, and for whole ones without a summary
 """

@@ -1,136 +1,133 @@
-"""Reads the chunks of an MCAP."""
+"""Reads the chunks of an MCAP: many records at once where they are regular, else one by one and exact.
+
+What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+"""
 import struct
 import zlib
-from typing import Dict, List, NamedTuple, Tuple
+from typing import Dict, List, Optional, Tuple
 
 import numpy as np
 
 from ...errors import BagFormatError
-from ...messages.batch import Array, Block, concatenate
-from ..compression import Buffer, decompress
-from ..index import AttachmentIndex, ChunkRef, MetadataIndex, read_at
-from ..reader import LogReader
+from ...messages.batch import Array, MessageBatch, batch_of_rows, windows
+from ...messages.connection import Connection
+from .. import contract
+from ..compression import decompress
+from ..contract import LogReader, Parsed
+from ..index import AttachmentIndex, Buffer, ChunkRef, MetadataIndex, read_at
 from . import records as fmt
-from .chunk import Parsed, parse_chunk
 
-CODECS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
-
-
-class ChunkHead(NamedTuple):
-    """A chunk record up to its data: codec, uncompressed size and CRC, where the data starts, how long it is."""
-
-    codec: str
-    size: int
-    crc: int
-    data_start: int
-    data_size: int
-    start_time: int
-    end_time: int
+_HEAD = fmt.MESSAGE_HEAD.size
+HEAD_TYPE = np.dtype([("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("sequence", "<u4"),
+                      ("log_time", "<u8"), ("publish_time", "<u8")])
+"""What stands in front of a message's payload."""
+"""What stands in front of a message's payload."""
+Schemas = Dict[int, fmt.Schema]
 
 
-def parse_chunk_head(raw: bytes) -> ChunkHead:
-    """The head of a chunk record; the data may be cut off.
+def _regular_mcap(data: Array, offset: Array) -> Optional[MessageBatch]:
+    """The messages at the index's offsets; None where one of them is not a message."""
+    if not len(offset) or int(offset[0]) < 0 or int(offset[-1]) + _HEAD > len(data):
+        return None
+    heads = windows(data, _HEAD)[offset].view(HEAD_TYPE)
+    length = heads["size"].view(np.int64) - (_HEAD - fmt.RECORD_HEAD.size)
+    if (heads["op"] != fmt.MESSAGE).any() or int(length.min()) < 0 or int(length.max()) > len(data):
+        return None
+    return MessageBatch(data, offset + _HEAD, length, heads["channel"].astype(np.int64),
+                 heads["log_time"].astype(np.uint64).view(np.int64),
+                 heads["publish_time"].astype(np.uint64).view(np.int64), heads["sequence"].astype(np.uint32))
 
-    Raises:
-        BagFormatError: It is damaged or cut off.
+
+def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = None, is_loose: bool = False) -> Parsed:
+    """The records of an MCAP chunk's bytes, one by one, up to the first that is damaged or cut off.
+
+    Args:
+        raw: The uncompressed chunk.
+        schemas: Those declared before it; gets those declared in it.
+        begin: First byte to read.
+        end: Byte to stop at; None for the end.
+        is_loose: The bytes are not a chunk's but the file's own: stop at what belongs in no chunk.
     """
-    cursor = fmt.Cursor(raw)
-    if cursor.number("B") != fmt.CHUNK:
-        raise BagFormatError("there is no chunk record")
-    record_size = cursor.number("Q")
-    start, end, size, crc = cursor.unpack("QQQI")
-    codec = cursor.text()
-    stored = cursor.number("Q")
-    if codec not in CODECS:
-        raise BagFormatError("compression %r is not known" % codec[:20])
-    if cursor.at + stored != record_size + fmt.RECORD_HEAD.size:
-        raise BagFormatError("a chunk record is damaged")
-    return ChunkHead(CODECS[codec], size, crc, cursor.at, stored, start, end)
+    columns: List[Tuple[int, ...]] = []
+    connections: Dict[int, Connection] = {}
+    at = begin
+    for opcode, body, body_end in fmt.records_in(raw, begin, end):
+        try:
+            if opcode == fmt.MESSAGE:
+                if body + _HEAD - fmt.RECORD_HEAD.size > body_end:
+                    break
+                channel, sequence, log_time, publish_time = fmt.MESSAGE_HEAD.unpack_from(raw, at)[2:]
+                columns.append((at + _HEAD, body_end - at - _HEAD, channel, log_time, publish_time, sequence))
+            elif opcode == fmt.SCHEMA:
+                schema_id, schema = fmt.parse_schema(raw[body:body_end])
+                schemas[schema_id] = schema
+            elif opcode == fmt.CHANNEL:
+                channel, connection = fmt.parse_channel(raw[body:body_end], schemas)
+                connections[channel] = connection
+            elif opcode == 0 or is_loose:
+                break
+        except BagFormatError:
+            break
+        at = body_end
+    return Parsed(batch_of_rows(np.frombuffer(raw, np.uint8), columns, True), connections, at)
+
+
+def parse_chunk(raw: Buffer, offset: Optional[Array], schemas: Schemas) -> Parsed:
+    """The records of an MCAP chunk; see ``contract.parse_chunk`` and, for ``schemas``, ``scan``."""
+    return contract.parse_chunk(raw, offset, _regular_mcap, lambda begin, end: scan(raw, schemas, begin, end))
 
 
 def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
-    """(channel id, (time, offset) uint64 of shape (n, 2)) of the message indexes that follow a chunk.
-
-    Raises:
-        BagFormatError: One is damaged or cut off.
-    """
+    """(channel id, (time, offset) uint64 of shape (n, 2)) of the message indexes that follow a chunk."""
     result = []
-    for opcode, start, end in fmt.split_records(memoryview(raw)[begin:]):
+    for opcode, start, end in fmt.whole_records(raw, begin):
         if opcode == fmt.MESSAGE_INDEX:
             if end - start < 6:
                 raise BagFormatError("a message index is damaged")
-            channel, size = struct.unpack_from("<HI", raw, begin + start)
+            channel, size = struct.unpack_from("<HI", raw, start)
             if size != end - start - 6 or size % 16:
                 raise BagFormatError("a message index is damaged")
-            result.append((channel, np.frombuffer(raw, "<u8", size // 8, begin + start + 6).reshape(-1, 2)))
+            result.append((channel, np.frombuffer(raw, "<u8", size // 8, start + 6).reshape(-1, 2)))
     return result
 
 
-def checked_records(head: ChunkHead, raw: bytes) -> Buffer:
-    """The uncompressed records of a chunk.
-
-    Raises:
-        BagFormatError: They are damaged or cut off.
-    """
-    end = head.data_start + head.data_size
-    if end > len(raw):
-        raise BagFormatError("the chunk is cut off")
-    data = decompress(head.codec, memoryview(raw)[head.data_start:end], head.size)
-    if head.crc and zlib.crc32(data) != head.crc:
-        raise BagFormatError("the chunk's CRC is wrong")
-    return data
-
-
-def read_chunk(raw: bytes, schemas: Dict[int, fmt.Schema]) -> Parsed:
-    """The records of a chunk, given with the message indexes behind it.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
-    head = parse_chunk_head(raw)
-    data = checked_records(head, raw)
-    entries = [entry for _, entry in index_entries(raw, head.data_start + head.data_size)]
-    offset = np.sort(np.concatenate([entry[:, 1] for entry in entries]).view(np.int64)) if entries else None
-    return parse_chunk(data, offset, schemas)
+def offsets_in(entries: List[Tuple[int, Array]]) -> Optional[Array]:
+    """Where messages start by the message indexes of a chunk, ascending, int64; None where there are none."""
+    return np.sort(np.concatenate([entry[:, 1] for _, entry in entries]).view(np.int64)) if entries else None
 
 
 class McapReader(LogReader):
     """An MCAP open for reading; see ``LogReader``."""
 
-    _NO_SCHEMAS: Dict[int, fmt.Schema] = {}
-
-    def _parse(self, chunk: ChunkRef, raw: bytes) -> Block:
+    def _parse(self, chunk: ChunkRef, raw: bytes) -> MessageBatch:
         if chunk.is_loose:
-            return parse_chunk(raw, None, self._NO_SCHEMAS).block
-        return read_chunk(raw, self._NO_SCHEMAS).block
+            return parse_chunk(raw, None, {}).batch
+        head = fmt.parse_chunk_head(raw)
+        end = head.data_start + head.data_size
+        if end > len(raw):
+            raise BagFormatError("the chunk is cut off")
+        data = decompress(head.codec, memoryview(raw)[head.data_start:end], head.size)
+        if head.crc and zlib.crc32(data) != head.crc:
+            raise BagFormatError("the chunk's CRC is wrong")
+        return parse_chunk(data, offsets_in(index_entries(raw, end)), {}).batch
 
-    def load_times(self, chunk: ChunkRef) -> Block:
-        """As ``load``, from the chunk's message indexes where it has them: only connection and log time are right."""
+    def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
         if chunk.is_loose:
-            return self.load(chunk)
-        head = parse_chunk_head(read_at(self._descriptor, chunk.position, 256))
+            return None
+        head = fmt.parse_chunk_head(read_at(self._descriptor, chunk.position, 256))
         begin = chunk.position + head.data_start + head.data_size
         if begin == chunk.end:
-            return self.load(chunk)
-        blocks = []
-        for channel, entry in index_entries(read_at(self._descriptor, begin, chunk.end - begin), 0):
-            none = np.zeros(len(entry), np.int64)
-            blocks.append(Block(np.zeros(0, np.uint8), none, none, np.full(len(entry), channel, np.int64),
-                                entry[:, 0].copy().view(np.int64)))
-        return self._renumber(concatenate(blocks))
+            return None
+        entries = index_entries(read_at(self._descriptor, begin, chunk.end - begin), 0)
+        return [(channel, entry[:, 0].copy().view(np.int64)) for channel, entry in entries]
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
         """See ``LogReader``; checks the attachment's CRC."""
-        raw = read_at(self._descriptor, entry.position, entry.size)
-        cursor = fmt.Cursor(raw, fmt.RECORD_HEAD.size + 16)
-        cursor.text()
-        cursor.text()
-        data = cursor.raw(cursor.number("Q"))
-        crc = cursor.number("I")
-        if crc and zlib.crc32(raw[fmt.RECORD_HEAD.size:cursor.at - 4]) != crc:
-            raise BagFormatError("%s: the CRC of the attachment %s is wrong" % (self.path, entry.name))
-        return data
+        try:
+            return fmt.read_attachment(self._descriptor, entry)
+        except BagFormatError as error:
+            raise BagFormatError("%s: %s" % (self.path, error)) from error
 
-    def read_metadata(self, entry: MetadataIndex) -> Tuple[str, Dict[str, str]]:
+    def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
         """See ``LogReader``."""
-        return fmt.parse_metadata(read_at(self._descriptor, entry.position, entry.size))
+        return fmt.read_metadata(self._descriptor, entry)

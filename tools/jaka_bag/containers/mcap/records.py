@@ -1,10 +1,26 @@
-"""The records of MCAP files (MCAP specification, version 0), to and from bytes; no numpy, no files."""
+"""Reads the records of MCAP files (MCAP specification, version 0), and the summary that they make; no numpy.
+
+What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+"""
+import os
 import struct
-from typing import Dict, List, NamedTuple, Tuple, Union
+import zlib
+from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 from ...errors import BagFormatError
 from ...messages.connection import Connection
-from ..index import AttachmentIndex, MetadataIndex
+from ...paths import PathLike
+from ..index import (
+    AttachmentIndex,
+    Buffer,
+    ChunkHead,
+    ChunkRef,
+    CodecTotals,
+    LogIndex,
+    MetadataIndex,
+    codec_totals,
+    read_at,
+)
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
@@ -16,7 +32,9 @@ MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 FOOTER_SIZE = RECORD_HEAD.size + 20
 MAX_CHANNELS = 65535
 
-Buffer = Union[bytes, bytearray, memoryview]
+_CODECS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
+_CUT_OFF = "the file is cut off, its summary is missing (jaka_bag recover keeps the rest)"
+_DAMAGED = "the summary is damaged (jaka_bag recover makes a whole file of it)"
 
 
 class ChunkIndex(NamedTuple):
@@ -47,100 +65,8 @@ class Statistics(NamedTuple):
     channel_messages: Dict[int, int]
 
 
-def text(value: str) -> bytes:
-    """A string as MCAP stores it; what is not valid Unicode becomes a question mark."""
-    raw = value.encode("utf-8", "replace")
-    return struct.pack("<I", len(raw)) + raw
-
-
-def text_map(values: Dict[str, str]) -> bytes:
-    """A map of strings as MCAP stores it."""
-    raw = b"".join(text(key) + text(value) for key, value in values.items())
-    return struct.pack("<I", len(raw)) + raw
-
-
-def record(opcode: int, body: bytes) -> bytes:
-    """One whole record."""
-    return RECORD_HEAD.pack(opcode, len(body)) + body
-
-
-def header_record(profile: str, library: str) -> bytes:
-    """The first record of a file."""
-    return record(HEADER, text(profile) + text(library))
-
-
-def schema_record(schema_id: int, connection: Connection) -> bytes:
-    """The definition of a connection's type."""
-    raw = connection.definition.encode("utf-8", "surrogateescape")
-    return record(SCHEMA, struct.pack("<H", schema_id) + text(connection.datatype) + text(connection.schema_encoding)
-                  + struct.pack("<I", len(raw)) + raw)
-
-
-def channel_metadata(connection: Connection) -> Dict[str, str]:
-    """What a channel of the ``ros1`` profile says beside topic and type (MCAP profile registry)."""
-    values = {}
-    if connection.md5sum:
-        values["md5sum"] = connection.md5sum
-    if connection.callerid is not None:
-        values["callerid"] = connection.callerid
-    if connection.latching is not None:
-        values["latching"] = "true" if connection.latching else "false"
-    for key, value in connection.extra:
-        values.setdefault(key, value)
-    return values
-
-
-def channel_record(channel_id: int, schema_id: int, connection: Connection) -> bytes:
-    """One connection; its type is that of ``schema_id`` (0: none)."""
-    return record(CHANNEL, struct.pack("<HH", channel_id, schema_id) + text(connection.topic)
-                  + text(connection.encoding) + text_map(channel_metadata(connection)))
-
-
-def chunk_head(start_time: int, end_time: int, uncompressed_size: int, crc: int, codec: str, stored: int) -> bytes:
-    """A chunk record up to its ``stored`` bytes of compressed records; times in ns."""
-    name = text("" if codec == "none" else codec)
-    body = struct.pack("<QQQI", start_time, end_time, uncompressed_size, crc) + name + struct.pack("<Q", stored)
-    return RECORD_HEAD.pack(CHUNK, len(body) + stored) + body
-
-
-def chunk_index_record(index: ChunkIndex) -> bytes:
-    """The summary's entry of one chunk."""
-    offsets = b"".join(struct.pack("<HQ", channel, offset) for channel, offset in index.index_offsets.items())
-    return record(CHUNK_INDEX, struct.pack("<QQQQI", index.start_time, index.end_time, index.position, index.size,
-                                           len(offsets)) + offsets + struct.pack("<Q", index.index_size)
-                  + text(index.compression) + struct.pack("<QQ", index.compressed_size, index.uncompressed_size))
-
-
-def statistics_record(s: Statistics) -> bytes:
-    """The summary's totals."""
-    counts = b"".join(struct.pack("<HQ", channel, count) for channel, count in s.channel_messages.items())
-    return record(STATISTICS, struct.pack("<QHIIIIQQI", s.messages, s.schemas, s.channels, s.attachments, s.metadata,
-                                          s.chunks, s.start_time, s.end_time, len(counts)) + counts)
-
-
-def metadata_record(name: str, values: Dict[str, str]) -> bytes:
-    """Named facts about the file."""
-    return record(METADATA, text(name) + text_map(values))
-
-
-def attachment_index_record(index: AttachmentIndex) -> bytes:
-    """The summary's entry of one attachment."""
-    return record(ATTACHMENT_INDEX, struct.pack("<QQQQQ", index.position, index.size, index.log_time,
-                                                index.create_time, index.data_size)
-                  + text(index.name) + text(index.media_type))
-
-
-def metadata_index_record(index: MetadataIndex) -> bytes:
-    """The summary's entry of one metadata record."""
-    return record(METADATA_INDEX, struct.pack("<QQ", index.position, index.size) + text(index.name))
-
-
 class Cursor:
-    """Reads the fields of one record's body in order.
-
-    Raises:
-        BagFormatError: From every method, where the body ends too early.
-    """
+    """Reads the fields of one record's body in order."""
 
     def __init__(self, body: Buffer, at: int = 0) -> None:
         self.body = body
@@ -197,11 +123,7 @@ class Schema(NamedTuple):
 
 
 def parse_schema(body: Buffer) -> Tuple[int, Schema]:
-    """Id and content of a schema record's body.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """Id and content of a schema record's body."""
     c = Cursor(body)
     schema_id = c.number("H")
     name, encoding = c.text(), c.text()
@@ -209,11 +131,7 @@ def parse_schema(body: Buffer) -> Tuple[int, Schema]:
 
 
 def parse_channel(body: Buffer, schemas: Dict[int, Schema]) -> Tuple[int, Connection]:
-    """Id and connection of a channel record's body.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """Id and connection of a channel record's body."""
     c = Cursor(body)
     channel_id, schema_id = c.unpack("HH")
     topic, encoding, metadata = c.text(), c.text(), c.text_map()
@@ -227,11 +145,7 @@ def parse_channel(body: Buffer, schemas: Dict[int, Schema]) -> Tuple[int, Connec
 
 
 def parse_chunk_index(body: Buffer) -> ChunkIndex:
-    """A chunk index record's body.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """A chunk index record's body."""
     c = Cursor(body)
     start, end, position, size = c.unpack("QQQQ")
     offsets = c.number_map()
@@ -242,23 +156,13 @@ def parse_chunk_index(body: Buffer) -> ChunkIndex:
 
 
 def parse_statistics(body: Buffer) -> Statistics:
-    """A statistics record's body.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """A statistics record's body."""
     c = Cursor(body)
-    numbers = c.unpack("QHIIIIQQ")
-    return Statistics(numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7],
-                      c.number_map())
+    return Statistics(*c.unpack("QHIIIIQQ"), c.number_map())  # type: ignore[call-arg, arg-type]
 
 
 def parse_attachment_index(body: Buffer) -> AttachmentIndex:
-    """An attachment index record's body.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """An attachment index record's body."""
     c = Cursor(body)
     position, size, log_time, create_time, data_size = c.unpack("QQQQQ")
     name = c.text()
@@ -266,42 +170,173 @@ def parse_attachment_index(body: Buffer) -> AttachmentIndex:
 
 
 def parse_metadata_index(body: Buffer) -> MetadataIndex:
-    """A metadata index record's body.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
+    """A metadata index record's body."""
     c = Cursor(body)
     position, size = c.unpack("QQ")
     return MetadataIndex(position, size, c.text())
 
 
-def parse_metadata(raw: Buffer) -> Tuple[str, Dict[str, str]]:
-    """Name and content of a whole metadata record.
-
-    Raises:
-        BagFormatError: It is damaged.
-    """
-    c = Cursor(raw, RECORD_HEAD.size)
-    name = c.text()
-    return name, c.text_map()
+def read_metadata(descriptor: int, entry: MetadataIndex) -> Dict[str, str]:
+    """The content of a metadata record."""
+    c = Cursor(read_at(descriptor, entry.position, entry.size), RECORD_HEAD.size)
+    c.text()
+    return c.text_map()
 
 
-def split_records(data: Buffer) -> List[Tuple[int, int, int]]:
-    """(opcode, start, end) of the body of each record in ``data``.
+def read_attachment(descriptor: int, entry: AttachmentIndex) -> bytes:
+    """The content of an attachment record."""
+    raw = read_at(descriptor, entry.position, entry.size)
+    crc = int.from_bytes(raw[-4:], "little")
+    if RECORD_HEAD.size + entry.data_size + 4 > len(raw) or (crc and zlib.crc32(raw[RECORD_HEAD.size:-4]) != crc):
+        raise BagFormatError("the CRC of the attachment %s is wrong" % entry.name)
+    return raw[-4 - entry.data_size:-4]
 
-    Raises:
-        BagFormatError: The last record is cut off.
-    """
-    result = []
-    at = 0
-    while at < len(data):
-        if at + RECORD_HEAD.size > len(data):
-            raise BagFormatError("the last MCAP record is cut off")
-        opcode, size = RECORD_HEAD.unpack_from(data, at)
-        begin = at + RECORD_HEAD.size
-        at = begin + size
-        if at > len(data):
-            raise BagFormatError("the last MCAP record is cut off")
-        result.append((opcode, begin, at))
-    return result
+
+def parse_chunk_head(raw: bytes) -> ChunkHead:
+    """The head of a chunk record; the data may be cut off."""
+    cursor = Cursor(raw)
+    if cursor.number("B") != CHUNK:
+        raise BagFormatError("there is no chunk record")
+    record_size = cursor.number("Q")
+    _, _, size, crc = cursor.unpack("QQQI")
+    codec = cursor.text()
+    stored = cursor.number("Q")
+    if codec not in _CODECS:
+        raise BagFormatError("compression %r is not known" % codec[:20])
+    if cursor.at + stored != record_size + RECORD_HEAD.size:
+        raise BagFormatError("a chunk record is damaged")
+    return ChunkHead(_CODECS[codec], size, crc, cursor.at, stored)
+
+
+def records_in(data: Buffer, begin: int = 0, end: Optional[int] = None) -> Iterator[Tuple[int, int, int]]:
+    """(opcode, start, end) of the body of each whole record between two bytes."""
+    stop = len(data) if end is None else end
+    while begin + RECORD_HEAD.size <= stop:
+        opcode, size = RECORD_HEAD.unpack_from(data, begin)
+        start = begin + RECORD_HEAD.size
+        begin = start + size
+        if begin > stop:
+            return
+        yield opcode, start, begin
+
+
+def whole_records(data: Buffer, begin: int = 0) -> List[Tuple[int, int, int]]:
+    """(opcode, start, end) of the body of each record in ``data``."""
+    found = list(records_in(data, begin))
+    if (found[-1][2] if found else begin) != len(data):
+        raise BagFormatError("the last MCAP record is cut off")
+    return found
+
+
+class _Summary(NamedTuple):
+    """The records of a summary section, parsed."""
+
+    schemas: Dict[int, Schema]
+    channels: Dict[int, Connection]
+    chunks: List[ChunkIndex]
+    statistics: Optional[Statistics]
+    attachments: List[AttachmentIndex]
+    metadata: List[MetadataIndex]
+
+
+def parse_summary(data: bytes) -> _Summary:
+    """The records of a summary section."""
+    summary = _Summary({}, {}, [], None, [], [])
+    bodies: Dict[int, List[bytes]] = {}
+    for opcode, begin, end in whole_records(data):
+        bodies.setdefault(opcode, []).append(data[begin:end])
+    for body in bodies.get(SCHEMA, []):
+        schema_id, schema = parse_schema(body)
+        summary.schemas[schema_id] = schema
+    for body in bodies.get(CHANNEL, []):
+        channel_id, connection = parse_channel(body, summary.schemas)
+        summary.channels[channel_id] = connection
+    summary.chunks.extend(map(parse_chunk_index, bodies.get(CHUNK_INDEX, [])))
+    summary.attachments.extend(map(parse_attachment_index, bodies.get(ATTACHMENT_INDEX, [])))
+    summary.metadata.extend(map(parse_metadata_index, bodies.get(METADATA_INDEX, [])))
+    for body in bodies.get(STATISTICS, []):
+        return summary._replace(statistics=parse_statistics(body))
+    return summary
+
+
+def read_file_head(descriptor: int) -> Tuple[str, str, int]:
+    """Profile, library, and the position behind the first record."""
+    raw = read_at(descriptor, 0, len(MAGIC) + RECORD_HEAD.size + 1024)
+    if raw[:len(MAGIC)] != MAGIC:
+        raise BagFormatError("the file is cut off in its first bytes, or of an MCAP version that is not supported")
+    if len(raw) < len(MAGIC) + RECORD_HEAD.size:
+        raise BagFormatError("the file is cut off in its first record")
+    opcode, size = RECORD_HEAD.unpack_from(raw, len(MAGIC))
+    begin = len(MAGIC) + RECORD_HEAD.size
+    if opcode != HEADER or size > len(raw) - begin:
+        raise BagFormatError("the first record is cut off or damaged")
+    cursor = Cursor(raw[begin:begin + size])
+    profile = cursor.text()
+    return profile, cursor.text(), begin + size
+
+
+def read_footer(descriptor: int, size: int) -> Tuple[int, int]:
+    """Start of the summary (0: the file has none) and its CRC (0: not given)."""
+    tail_size = FOOTER_SIZE + len(MAGIC)
+    tail = read_at(descriptor, max(size - tail_size, 0), tail_size)
+    if len(tail) < tail_size or not tail.endswith(MAGIC) or RECORD_HEAD.unpack_from(tail) != (FOOTER, 20):
+        raise BagFormatError(_CUT_OFF)
+    start, _, crc = struct.unpack_from("<QQI", tail, RECORD_HEAD.size)
+    return start, crc
+
+
+def read_summary(descriptor: int, size: int) -> Optional[_Summary]:
+    """The summary; None where the file was written without one."""
+    start, crc = read_footer(descriptor, size)
+    if start == 0:
+        return None
+    end = size - FOOTER_SIZE - len(MAGIC)
+    if not len(MAGIC) <= start <= end:
+        raise BagFormatError(_DAMAGED)
+    data = read_at(descriptor, start, end - start + FOOTER_SIZE - 4)
+    if crc and zlib.crc32(data) != crc:
+        raise BagFormatError(_DAMAGED)
+    return parse_summary(data[:end - start])
+
+
+def _is_complete(summary: _Summary) -> bool:
+    statistics = summary.statistics
+    if statistics is None or statistics[1:3] + statistics[5:6] != (
+            len(summary.schemas), len(summary.channels), len(summary.chunks)):
+        return False
+    if not all(chunk.index_offsets for chunk in summary.chunks) and statistics.messages:
+        return False
+    return bool(summary.chunks) or not statistics.messages
+
+
+def read_index(path: PathLike, descriptor: int) -> Optional[LogIndex]:
+    """The index of an MCAP; None for a whole file without a usable summary."""
+    size = os.fstat(descriptor).st_size
+    profile, library, data_start = read_file_head(descriptor)
+    summary = read_summary(descriptor, size)
+    if summary is None or not _is_complete(summary):
+        return None
+    assert summary.statistics is not None
+    numbers = {channel_id: number for number, channel_id in enumerate(summary.channels)}
+    chunks: List[ChunkRef] = []
+    for chunk in sorted(summary.chunks, key=lambda c: c.position):
+        end = chunk.position + chunk.size + chunk.index_size
+        if chunk.position < data_start or end > size or not numbers.keys() >= chunk.index_offsets.keys():
+            raise BagFormatError(_DAMAGED)
+        chunks.append(ChunkRef(chunk.position, end, chunk.start_time, chunk.end_time,
+                               {numbers[c]: 0 for c in chunk.index_offsets}))
+    statistics = summary.statistics
+    counts = [statistics.channel_messages.get(channel_id, 0) for channel_id in summary.channels]
+    if sum(counts) != statistics.messages:
+        raise BagFormatError(_DAMAGED)
+    has_messages = statistics.messages > 0
+    return LogIndex("mcap", "0", str(path), size, list(summary.channels.values()), numbers, chunks, counts,
+                    statistics.start_time if has_messages else None, statistics.end_time if has_messages else None,
+                    profile, library, tuple(summary.attachments), tuple(summary.metadata),
+                    codec_totals((c.compression or "none", c.compressed_size, c.uncompressed_size)
+                                 for c in summary.chunks))
+
+
+def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
+    """The totals of each codec, which the index has."""
+    return index.codecs

@@ -1,4 +1,9 @@
-"""Reads a cut-off or damaged MCAP as far as that goes."""
+"""The one walk over the records of an MCAP: reads a damaged one as far as that goes, and makes the index of a whole one
+that has no summary.
+
+What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
+"""
+import os
 import zlib
 from typing import Dict, Iterator, Optional, Tuple
 
@@ -6,44 +11,42 @@ import numpy as np
 
 from ...errors import BagFormatError
 from ...messages.batch import Array
-from ..compression import Buffer, decompress, decompress_partly
-from ..index import MetadataIndex, read_at
-from ..recovery import Salvager, Stretch
+from ...paths import PathLike
+from ..compression import decompress, decompress_partly
+from ..contract import Parsed
+from ..index import AttachmentIndex, Buffer, ChunkRef, LogIndex, MetadataIndex, read_at
+from ..recovery import LogRecovery, Stretch
 from . import records as fmt
-from .chunk import Parsed, parse_chunk, scan
-from .index import read_file_head, read_summary
-from .reader import index_entries, parse_chunk_head
-from .walk import LOOSE, attachment_index_of, chunk_region_end, read_loose, record_end
+from .reader import index_entries, offsets_in, parse_chunk, scan
 
+_LOOSE = (fmt.SCHEMA, fmt.CHANNEL, fmt.MESSAGE)
+_LOOSE_WINDOW = 1 << 20
 _WINDOW = 4 << 20
 _CODEC_AT = 37
 """Where the length of the codec's name stands in a chunk record."""
 _SMALLEST_CHUNK = 49
 
 
-class McapSalvager(Salvager):
-    """See ``Salvager``; the profile is ``ros1`` where the file's head is damaged."""
+class McapRecovery(LogRecovery):
+    """See ``LogRecovery``; the profile is ``ros1`` where the file's head is damaged."""
 
     def __init__(self, descriptor: int, size: int) -> None:
         super().__init__(descriptor, size)
         self._schemas: Dict[int, fmt.Schema] = {}
         self._begin = len(fmt.MAGIC)
+        self.library = ""
         try:
-            self.profile, _, self._begin = read_file_head(descriptor)
+            self.profile, self.library, self._begin = fmt.read_file_head(descriptor)
         except BagFormatError as error:
             self.lose(0, self._begin, str(error))
         try:
-            summary = read_summary(descriptor, size)
+            summary = fmt.read_summary(descriptor, size)
             if summary is not None:
                 self._schemas.update(summary.schemas)
                 self.connections.update(summary.channels)
                 self.expected = None if summary.statistics is None else summary.statistics.messages
         except BagFormatError:
             pass  # that there is none is why the file is recovered
-
-    def _learn(self, parsed: Parsed) -> None:
-        self._schemas.update(parsed.schemas)
-        self.connections.update(parsed.connections)
 
     def stretches(self) -> Iterator[Stretch]:
         """All messages that can be read, in the order of the file."""
@@ -55,7 +58,7 @@ class McapSalvager(Salvager):
             try:
                 if opcode == fmt.CHUNK:
                     parsed, end = self._chunk(at)
-                elif opcode in LOOSE:
+                elif opcode in _LOOSE:
                     parsed, end = self._loose(at)
                 else:
                     at = self._other(at, opcode)
@@ -63,17 +66,37 @@ class McapSalvager(Salvager):
             except BagFormatError as error:
                 at = self._skip_damage(at, str(error).split(" (")[0])
                 continue
-            self._learn(parsed)
-            yield Stretch(parsed.block, self.connections, end)
+            self.connections.update(parsed.connections)
+            yield Stretch(at, end, parsed.batch, opcode != fmt.CHUNK)
             at = end
 
     def _loose(self, at: int) -> Tuple[Parsed, int]:
         """Loose records from a position on, and where they end."""
-        parsed = read_loose(self.descriptor, at, self.size, self._schemas)
+        length = max(_LOOSE_WINDOW, self._record_end(at) - at)
+        parsed = scan(read_at(self.descriptor, at, length), self._schemas, is_loose=True)
         if not parsed.consumed:
             raise BagFormatError("a record is damaged")
         self._refuse_swallowing(at, at + parsed.consumed)
         return parsed, at + parsed.consumed
+
+    def _record_end(self, at: int) -> int:
+        """Where the record at a position ends."""
+        head = read_at(self.descriptor, at, fmt.RECORD_HEAD.size)
+        if len(head) == fmt.RECORD_HEAD.size:
+            end = at + fmt.RECORD_HEAD.size + int(fmt.RECORD_HEAD.unpack(head)[1])
+            if end <= self.size:
+                return end
+        raise BagFormatError("a record at byte %d is cut off" % at)
+
+    def _region_end(self, at: int) -> int:
+        """Where a chunk and the message indexes behind it end."""
+        end = self._record_end(at)
+        while read_at(self.descriptor, end, 1) == bytes([fmt.MESSAGE_INDEX]):
+            try:
+                end = self._record_end(end)
+            except BagFormatError:
+                break
+        return end
 
     def _refuse_swallowing(self, at: int, end: int) -> None:
         """Refuse records whose damaged length would swallow a chunk."""
@@ -82,30 +105,28 @@ class McapSalvager(Salvager):
 
     def _other(self, at: int, opcode: int) -> int:
         """Take up a record that holds no message; give where it ends."""
-        end = record_end(self.descriptor, at, self.size)
+        end = self._record_end(at)
         if opcode == 0 or opcode > 0x0F and opcode < 0x80:
             raise BagFormatError("a record of unknown kind %d" % opcode)
-        raw = read_at(self.descriptor, at, end - at) if opcode in (fmt.METADATA, fmt.ATTACHMENT) else b""
         if opcode != fmt.ATTACHMENT:
             self._refuse_swallowing(at, end)
-        if opcode == fmt.METADATA:
-            self.metadata.append(MetadataIndex(at, end - at, fmt.parse_metadata(raw)[0]))
-        elif opcode == fmt.ATTACHMENT:
-            if zlib.crc32(raw[fmt.RECORD_HEAD.size:-4]) != int.from_bytes(raw[-4:], "little") != 0:
-                raise BagFormatError("an attachment's CRC is wrong")
-            self.attachments.append(attachment_index_of(raw, at))
+        if opcode in (fmt.METADATA, fmt.ATTACHMENT):
+            cursor = fmt.Cursor(read_at(self.descriptor, at, end - at), fmt.RECORD_HEAD.size)
+            if opcode == fmt.METADATA:
+                metadata = MetadataIndex(at, end - at, cursor.text())
+                fmt.read_metadata(self.descriptor, metadata)
+                self.metadata.append(metadata)
+                return end
+            log_time, create_time = cursor.unpack("QQ")
+            name, media_type = cursor.text(), cursor.text()
+            entry = AttachmentIndex(at, end - at, log_time, create_time, cursor.number("Q"), name, media_type)
+            fmt.read_attachment(self.descriptor, entry)
+            self.attachments.append(entry)
         return end
 
-    def _skip_damage(self, at: int, reason: str) -> int:
-        """Where the next chunk starts behind damage; the end of the file where there is none."""
-        end = self._next_chunk(at + 1)
-        self.lose(at, end, reason)
-        return end
-
-    def _next_chunk(self, begin: int, stop: Optional[int] = None) -> int:
-        """Where the next chunk starts, at the latest at ``stop`` (None: the end of the file)."""
+    def _next_chunk(self, begin: int, stop: int) -> int:
+        """Where the next chunk starts, at the latest at ``stop``."""
         at = begin
-        stop = self.size if stop is None else stop
         while at < stop and at + _SMALLEST_CHUNK <= self.size:
             raw = read_at(self.descriptor, at, min(_WINDOW, stop - at + _SMALLEST_CHUNK + 32))
             data = np.frombuffer(raw, np.uint8)
@@ -115,7 +136,7 @@ class McapSalvager(Salvager):
                 likely &= data[_CODEC_AT + i:last + _CODEC_AT + i] == 0
             for start in np.flatnonzero(likely).tolist():
                 try:
-                    parse_chunk_head(raw[start:start + 128])
+                    fmt.parse_chunk_head(raw[start:start + 128])
                     return min(at + int(start), stop)
                 except BagFormatError:
                     pass
@@ -126,16 +147,16 @@ class McapSalvager(Salvager):
 
     def _chunk(self, at: int) -> Tuple[Parsed, int]:
         """The messages of the chunk at a position, whole or what is left of it, and where the next record starts."""
-        head = parse_chunk_head(read_at(self.descriptor, at, 256))
+        head = fmt.parse_chunk_head(read_at(self.descriptor, at, 256))
         end = at + head.data_start + head.data_size
         if end > self.size:
-            if self._next_chunk(at + 1) < self.size:
+            if self._next_chunk(at + 1, self.size) < self.size:
                 raise BagFormatError("a chunk's length is damaged")
             raw = decompress_partly(head.codec, read_at(self.descriptor, at + head.data_start, head.data_size))
             parsed = scan(raw, self._schemas)
-            self.lose(at, self.size, "the last chunk is cut off; %d messages of it were read" % len(parsed.block))
+            self.lose(at, self.size, "the last chunk is cut off; %d messages of it were read" % len(parsed.batch))
             return parsed, self.size
-        region_end = chunk_region_end(self.descriptor, at, self.size)
+        region_end = self._region_end(at)
         region = read_at(self.descriptor, at, region_end - at)
         data = memoryview(region)[head.data_start:head.data_start + head.data_size]
         try:
@@ -143,7 +164,7 @@ class McapSalvager(Salvager):
         except BagFormatError as error:
             part = decompress_partly(head.codec, data)[:head.size]
             parsed = scan(part, self._schemas)
-            self.lose(at, end, "%s; %d messages of it were read" % (error, len(parsed.block)))
+            self.lose(at, end, "%s; %d messages of it were read" % (error, len(parsed.batch)))
             return parsed, region_end
         return self._records(at, end, full, head.crc, self._offset(region, end - at)), region_end
 
@@ -151,10 +172,9 @@ class McapSalvager(Salvager):
     def _offset(region: bytes, begin: int) -> Optional[Array]:
         """Offsets of messages from the message indexes behind a chunk; None where they are not usable."""
         try:
-            entries = [entry[:, 1] for _, entry in index_entries(region, begin)]
+            return offsets_in(index_entries(region, begin))
         except BagFormatError:
             return None
-        return np.sort(np.concatenate(entries).view(np.int64)) if entries else None
 
     def _records(self, at: int, end: int, raw: Buffer, crc: int, offset: Optional[Array]) -> Parsed:
         """The records of a chunk's uncompressed bytes, as far as they are whole."""
@@ -163,9 +183,50 @@ class McapSalvager(Salvager):
             parsed = parse_chunk(raw, offset, self._schemas)
         except BagFormatError as error:
             parsed = scan(raw, self._schemas)
-            self.lose(at, end, "%s; %d messages before it were kept" % (error, len(parsed.block)))
+            self.lose(at, end, "%s; %d messages before it were kept" % (error, len(parsed.batch)))
             return parsed
         if not is_right:
             self.lose(at, end, "the chunk's CRC is wrong: some of its %d messages, which were kept, are not as recorded"
-                      % len(parsed.block))
+                      % len(parsed.batch))
         return parsed
+
+    def read_attachment(self, entry: AttachmentIndex) -> bytes:
+        """See ``LogRecovery``."""
+        return fmt.read_attachment(self.descriptor, entry)
+
+    def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
+        """See ``LogRecovery``."""
+        return fmt.read_metadata(self.descriptor, entry)
+
+
+class _Whole(McapRecovery):
+    """The same walk over a file of which nothing may be lost."""
+
+    def lose(self, begin: int, end: int, reason: str) -> None:
+        place = "" if " at byte " in reason else " at byte %d" % begin
+        raise BagFormatError("%s%s (jaka_bag recover keeps the rest)" % (reason, place))
+
+
+def walk_index(path: PathLike, descriptor: int) -> LogIndex:
+    """The index of an MCAP without a usable summary."""
+    size = os.fstat(descriptor).st_size
+    walk = _Whole(descriptor, size)
+    found = []
+    for stretch in walk.stretches():
+        if len(stretch.batch):
+            channels, counts = np.unique(stretch.batch.connection, return_counts=True)
+            found.append((ChunkRef(stretch.begin, stretch.end, int(stretch.batch.log_time.min()),
+                                   int(stretch.batch.log_time.max()), {}, stretch.is_loose),
+                          dict(zip(channels.tolist(), counts.tolist()))))
+    numbers = {channel: number for number, channel in enumerate(walk.connections)}
+    totals = [0] * len(numbers)
+    chunks = []
+    for chunk, by_channel in found:
+        for channel, count in by_channel.items():
+            if channel not in numbers:
+                raise BagFormatError("messages of channel %d, which is not described" % channel)
+            totals[numbers[channel]] += count
+        chunks.append(chunk._replace(counts={numbers[channel]: count for channel, count in by_channel.items()}))
+    return LogIndex("mcap", "0", str(path), size, list(walk.connections.values()), numbers, chunks, totals,
+                    min((c.start_time for c in chunks), default=None), max((c.end_time for c in chunks), default=None),
+                    walk.profile, walk.library, tuple(walk.attachments), tuple(walk.metadata))

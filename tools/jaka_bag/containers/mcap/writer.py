@@ -1,96 +1,107 @@
-"""Writes MCAP files, chunk by chunk with flat memory: single messages (the recorder) or blocks (conversion)."""
+"""Writes MCAP files, chunk by chunk with flat memory: single messages (the recorder) or batches (conversion)."""
 import struct
 import zlib
-from typing import BinaryIO, Dict, List, NamedTuple, Optional, Tuple, Union
+from typing import Dict, List, Optional, Tuple
 
 import numpy as np
 
 from ...errors import BagError
-from ...messages.batch import Array, Block, copy_pieces, distinct, windows
+from ...messages.batch import Array, MessageBatch
 from ...messages.connection import Connection
 from ...paths import PathLike
 from ..compression import MCAP_CODECS, check_codec, compressor
-from ..index import AttachmentIndex, MetadataIndex
-from ..writer import ChunkWriter
+from ..contract import Capabilities, EncodedChunk, LogWriter, by_connection, message_records
 from . import records as fmt
+from .reader import HEAD_TYPE
 
 LIBRARY = "jaka_ros_driver"
-_HEAD_SIZE = fmt.MESSAGE_HEAD.size
-_HEAD_TYPE = np.dtype([("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("sequence", "<u4"),
-                       ("log_time", "<u8"), ("publish_time", "<u8")])
 
 
-class EncodedChunk(NamedTuple):
-    """One chunk ready to be written: its record in two parts, its message indexes, and its totals.
-
-    ``indexes`` holds (channel, record); ``counts`` messages by channel; times are ns.
-    """
-
-    head: bytes
-    body: bytes
-    indexes: List[Tuple[int, bytes]]
-    counts: Dict[int, int]
-    start_time: int
-    end_time: int
-    uncompressed_size: int
+def text(value: str) -> bytes:
+    """A string as MCAP stores it; what is not valid Unicode becomes a question mark."""
+    raw = value.encode("utf-8", "replace")
+    return struct.pack("<I", len(raw)) + raw
 
 
-def _message_indexes(channel: Array, log_time: Array,
-                     offset: Array) -> Tuple[List[Tuple[int, bytes]], Dict[int, int]]:
-    indexes: List[Tuple[int, bytes]] = []
-    counts: Dict[int, int] = {}
-    for number in distinct(channel).tolist():
-        which = np.flatnonzero(channel == number)
-        times = log_time[which]
-        if (times[1:] < times[:-1]).any():
-            which = which[np.argsort(times, kind="stable")]
-        entries = np.empty((len(which), 2), "<u8")
-        entries[:, 0] = log_time[which]
-        entries[:, 1] = offset[which]
-        raw = entries.tobytes()
-        indexes.append((number, fmt.record(fmt.MESSAGE_INDEX, struct.pack("<HI", number, len(raw)) + raw)))
-        counts[number] = len(which)
-    return indexes, counts
+def text_map(values: Dict[str, str]) -> bytes:
+    """A map of strings as MCAP stores it."""
+    raw = b"".join(text(key) + text(value) for key, value in values.items())
+    return struct.pack("<I", len(raw)) + raw
 
 
-def _records_of(block: Block, channel: Array) -> Tuple[Array, Array]:
-    """Message records of a block, and where each starts."""
-    size = block.length + _HEAD_SIZE
-    offset = np.cumsum(size) - size
-    data = np.empty(int(size.sum()), np.uint8)
-    heads = np.empty(len(block), _HEAD_TYPE)
-    heads["op"] = fmt.MESSAGE
-    heads["size"] = size - fmt.RECORD_HEAD.size
-    heads["channel"] = channel
-    heads["sequence"] = block.sequence
-    heads["log_time"] = block.log_time
-    heads["publish_time"] = block.publish_time
-    windows(data, _HEAD_SIZE)[offset] = heads.view("V%d" % _HEAD_SIZE)
-    copy_pieces(block.data, block.start, data, offset + _HEAD_SIZE, block.length)
-    return data, offset
+def record(opcode: int, body: bytes) -> bytes:
+    """One whole record."""
+    return fmt.RECORD_HEAD.pack(opcode, len(body)) + body
 
 
-class McapWriter(ChunkWriter):
+def header_record(profile: str, library: str) -> bytes:
+    """The first record of a file."""
+    return record(fmt.HEADER, text(profile) + text(library))
+
+
+def schema_record(schema_id: int, connection: Connection) -> bytes:
+    """The definition of a connection's type."""
+    raw = connection.definition.encode("utf-8", "surrogateescape")
+    return record(fmt.SCHEMA, struct.pack("<H", schema_id) + text(connection.datatype)
+                  + text(connection.schema_encoding) + struct.pack("<I", len(raw)) + raw)
+
+
+def channel_metadata(connection: Connection) -> Dict[str, str]:
+    """What a channel of the ``ros1`` profile says beside topic and type (MCAP profile registry)."""
+    values = {}
+    if connection.md5sum:
+        values["md5sum"] = connection.md5sum
+    if connection.callerid is not None:
+        values["callerid"] = connection.callerid
+    if connection.latching is not None:
+        values["latching"] = "true" if connection.latching else "false"
+    for key, value in connection.extra:
+        values.setdefault(key, value)
+    return values
+
+
+def channel_record(channel_id: int, schema_id: int, connection: Connection) -> bytes:
+    """One connection; its type is that of ``schema_id`` (0: none)."""
+    return record(fmt.CHANNEL, struct.pack("<HH", channel_id, schema_id) + text(connection.topic)
+                  + text(connection.encoding) + text_map(channel_metadata(connection)))
+
+
+def chunk_head(start_time: int, end_time: int, uncompressed_size: int, crc: int, codec: str, stored: int) -> bytes:
+    """A chunk record up to its ``stored`` bytes of compressed records; times in ns."""
+    name = text("" if codec == "none" else codec)
+    body = struct.pack("<QQQI", start_time, end_time, uncompressed_size, crc) + name + struct.pack("<Q", stored)
+    return fmt.RECORD_HEAD.pack(fmt.CHUNK, len(body) + stored) + body
+
+
+def _number_map(values: Dict[int, int]) -> bytes:
+    """A map of uint16 to uint64 as MCAP stores it."""
+    return struct.pack("<I", 10 * len(values)) + b"".join(struct.pack("<HQ", *pair) for pair in values.items())
+
+
+class McapWriter(LogWriter):
     """An MCAP file being written; nothing of the final name exists before ``close``.
 
     Schemas and channels go to the data section ahead of their first message, so that a file that was cut off
     can be read to its last whole chunk.
 
     Args:
-        target: Final path, or an open binary file (which is neither renamed nor closed).
+        target: As of ``LogWriter``.
         compression: ``none``, ``lz4`` or ``zstd``.
         level: The codec's level; None for the fast default.
-        chunk_size: Single messages are collected up to this many bytes before a chunk is closed.
-        overwrite: Replace an existing file.
-        suffix: What the working name has more than the final one.
-        keep_leftover: Refuse to take over the working file of a killed program.
+        chunk_size: As of ``LogWriter``, as those that follow.
+        overwrite: See there.
+        suffix: See there.
+        keep_leftover: See there.
         profile: MCAP profile; ``ros1`` or ``ros2``.
 
     Raises:
         BagError: The compression is not MCAP's, or the output cannot be created.
     """
 
-    def __init__(self, target: Union[PathLike, BinaryIO], compression: str = "zstd", level: Optional[int] = None,
+    format_name = "MCAP"
+    capabilities = Capabilities(True, True, True, True)
+
+    def __init__(self, target: PathLike, compression: str = "zstd", level: Optional[int] = None,
                  chunk_size: int = 1 << 20, overwrite: bool = False, suffix: str = ".part",
                  keep_leftover: bool = False, profile: str = "ros1") -> None:
         check_codec(compression, MCAP_CODECS, "MCAP")
@@ -108,7 +119,7 @@ class McapWriter(ChunkWriter):
         self._end_time = 0
         self._crc = 0
         super().__init__(target, chunk_size, overwrite, suffix, keep_leftover)
-        self._write(fmt.MAGIC, fmt.header_record(profile, LIBRARY))
+        self._write(fmt.MAGIC, header_record(profile, LIBRARY))
 
     def _write(self, *pieces: bytes) -> int:
         begin = super()._write(*pieces)
@@ -121,7 +132,6 @@ class McapWriter(ChunkWriter):
 
         Raises:
             BagError: More channels or types than MCAP can number.
-            WriteFailed: The system refused.
         """
         known = self._channels.get(connection)
         if known is not None:
@@ -133,9 +143,9 @@ class McapWriter(ChunkWriter):
         schema_id = self._schemas.get(key, 0)
         if not schema_id and connection.datatype:
             schema_id = len(self._schemas) + 1  # 0 stands for "no schema"
-            pieces.append(fmt.schema_record(schema_id, connection))
+            pieces.append(schema_record(schema_id, connection))
         channel_id = len(self._channels) + 1
-        pieces.append(fmt.channel_record(channel_id, schema_id, connection))
+        pieces.append(channel_record(channel_id, schema_id, connection))
         self._write(*pieces)
         if len(pieces) == 2:
             self._schemas[key] = schema_id
@@ -144,25 +154,35 @@ class McapWriter(ChunkWriter):
         self._channels[connection] = channel_id
         return channel_id
 
-    def encode(self, block: Block, channel_ids: Array) -> Optional[EncodedChunk]:
-        """Make a chunk of a block (None where it has no message); see ``ChunkWriter.encode``."""
-        if not len(block):
+    def encode(self, batch: MessageBatch, channel_ids: Array) -> Optional[EncodedChunk]:
+        """Make a chunk of a batch (None where it has no message); see ``LogWriter.encode``."""
+        if not len(batch):
             return None
-        channel = channel_ids[block.connection]
-        data, offset = _records_of(block, channel)
-        indexes, counts = _message_indexes(channel, block.log_time, offset)
+        channel = channel_ids[batch.connection]
+        heads = np.empty(len(batch), HEAD_TYPE)
+        heads["op"] = fmt.MESSAGE
+        heads["size"] = batch.length + (heads.dtype.itemsize - fmt.RECORD_HEAD.size)
+        heads["channel"] = channel
+        heads["sequence"] = batch.sequence
+        heads["log_time"] = batch.log_time
+        heads["publish_time"] = batch.publish_time
+        data, offset = message_records(batch, heads)
+        indexes, counts = [], {}
+        for number, which in by_connection(channel, batch.log_time):
+            entries = np.empty((len(which), 2), "<u8")
+            entries[:, 0] = batch.log_time[which]
+            entries[:, 1] = offset[which]
+            raw = entries.tobytes()
+            indexes.append((number, record(fmt.MESSAGE_INDEX, struct.pack("<HI", number, len(raw)) + raw)))
+            counts[number] = len(which)
         body = self._compress(data.data)
-        unsigned = block.log_time.view(np.uint64)
+        unsigned = batch.log_time.view(np.uint64)
         start, end = int(unsigned.min()), int(unsigned.max())
-        head = fmt.chunk_head(start, end, len(data), zlib.crc32(data.data), self._codec, len(body))
+        head = chunk_head(start, end, len(data), zlib.crc32(data.data), self._codec, len(body))
         return EncodedChunk(head, body, indexes, counts, start, end, len(data))
 
     def append(self, chunk: Optional[EncodedChunk]) -> None:
-        """Write an encoded chunk (None: nothing) after what was written so far.
-
-        Raises:
-            WriteFailed: The system refused.
-        """
+        """Write a chunk; see ``LogWriter.append``."""
         if chunk is None:
             return
         index_offsets = {}
@@ -173,9 +193,10 @@ class McapWriter(ChunkWriter):
             index_offsets[channel] = at
             at += len(raw)
         self._write(chunk.head, chunk.body, b"".join(raw for _, raw in chunk.indexes))
-        self._chunk_records.append(fmt.chunk_index_record(fmt.ChunkIndex(
-            chunk.start_time, chunk.end_time, begin, chunk_end - begin, index_offsets, at - chunk_end,
-            "" if self._codec == "none" else self._codec, len(chunk.body), chunk.uncompressed_size)))
+        self._chunk_records.append(record(
+            fmt.CHUNK_INDEX, struct.pack("<QQQQ", chunk.start_time, chunk.end_time, begin, chunk_end - begin)
+            + _number_map(index_offsets) + struct.pack("<Q", at - chunk_end)
+            + text("" if self._codec == "none" else self._codec) + struct.pack("<QQ", len(chunk.body), chunk.size)))
         for channel, count in chunk.counts.items():
             self._channel_counts[channel] = self._channel_counts.get(channel, 0) + count
             self.message_count += count
@@ -183,37 +204,30 @@ class McapWriter(ChunkWriter):
         self._end_time = max(self._end_time, chunk.end_time)
 
     def add_metadata(self, name: str, values: Dict[str, str]) -> None:
-        """Add named facts about the file.
-
-        Raises:
-            WriteFailed: The system refused.
-        """
-        raw = fmt.metadata_record(name, values)
+        """Add named facts; see ``LogWriter.add_metadata``."""
+        raw = record(fmt.METADATA, text(name) + text_map(values))
         begin = self._write(raw)
-        self._metadata_indexes.append(fmt.metadata_index_record(MetadataIndex(begin, len(raw), name)))
+        self._metadata_indexes.append(record(fmt.METADATA_INDEX, struct.pack("<QQ", begin, len(raw)) + text(name)))
 
     def add_attachment(self, name: str, data: bytes, media_type: str = "application/octet-stream",
                        log_time: int = 0, create_time: int = 0) -> None:
-        """Add a file beside the messages; times in ns.
-
-        Raises:
-            WriteFailed: The system refused.
-        """
-        body = (struct.pack("<QQ", log_time, create_time) + fmt.text(name) + fmt.text(media_type)
+        """Add a file; see ``LogWriter.add_attachment``."""
+        body = (struct.pack("<QQ", log_time, create_time) + text(name) + text(media_type)
                 + struct.pack("<Q", len(data)) + data)
-        raw = fmt.record(fmt.ATTACHMENT, body + struct.pack("<I", zlib.crc32(body)))
+        raw = record(fmt.ATTACHMENT, body + struct.pack("<I", zlib.crc32(body)))
         begin = self._write(raw)
-        self._attachment_indexes.append(fmt.attachment_index_record(AttachmentIndex(
-            begin, len(raw), log_time, create_time, len(data), name, media_type)))
+        self._attachment_indexes.append(record(
+            fmt.ATTACHMENT_INDEX, struct.pack("<QQQQQ", begin, len(raw), log_time, create_time, len(data))
+            + text(name) + text(media_type)))
 
     def _statistics(self) -> bytes:
-        return fmt.statistics_record(fmt.Statistics(
-            self.message_count, len(self._schema_records), len(self._channel_records),
+        return record(fmt.STATISTICS, struct.pack(
+            "<QHIIIIQQ", self.message_count, len(self._schema_records), len(self._channel_records),
             len(self._attachment_indexes), len(self._metadata_indexes), len(self._chunk_records),
-            self._start_time or 0, self._end_time, dict(sorted(self._channel_counts.items()))))
+            self._start_time or 0, self._end_time) + _number_map(dict(sorted(self._channel_counts.items()))))
 
     def _finish(self) -> None:
-        self._write(fmt.record(fmt.DATA_END, struct.pack("<I", self._crc)))
+        self._write(record(fmt.DATA_END, struct.pack("<I", self._crc)))
         summary_start = self.position
         self._crc = 0
         groups = ((fmt.SCHEMA, self._schema_records), (fmt.CHANNEL, self._channel_records),
@@ -223,7 +237,7 @@ class McapWriter(ChunkWriter):
         for opcode, records in groups:
             if records:
                 begin = self._write(*records)
-                offsets.append(fmt.record(fmt.SUMMARY_OFFSET, struct.pack("<BQQ", opcode, begin,
+                offsets.append(record(fmt.SUMMARY_OFFSET, struct.pack("<BQQ", opcode, begin,
                                                                           self.position - begin)))
         offset_start = self._write(*offsets)
         self._write(fmt.RECORD_HEAD.pack(fmt.FOOTER, 20) + struct.pack("<QQ", summary_start, offset_start))

@@ -1,0 +1,452 @@
+"""What every format offers: a reader and a writer.
+
+A format subclasses both, and says in ``LogWriter.capabilities`` what its files have a place for.
+"""
+import os
+from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Type, TypeVar
+
+import numpy as np
+
+from ..errors import BagError, BagFormatError, WriteFailed
+from ..messages.batch import Array, MessageBatch, copy_pieces, distinct, uncovered, windows
+from ..messages.connection import Connection
+from ..messages.selection import MessageFilter
+from ..output_file import OutputFile
+from ..paths import PathLike
+from .index import AttachmentIndex, Buffer, ChunkRef, LogIndex, MetadataIndex, read_at
+
+Self = TypeVar("Self", bound="LogWriter")
+_LOOKUP_LIMIT = 1 << 20
+
+
+class Message(NamedTuple):
+    """One message as the log holds it; times in ns since the epoch."""
+
+    connection: Connection
+    log_time: int
+    data: bytes
+    publish_time: int
+    sequence: int
+
+
+class Parsed(NamedTuple):
+    """The records of a chunk.
+
+    Attributes:
+        batch: The messages; ``connection`` holds the file's own ids (int64).
+        connections: Connections declared beside them, by the file's id.
+        consumed: Bytes understood; fewer than the chunk has where it is damaged or cut off.
+    """
+
+    batch: MessageBatch
+    connections: Dict[int, Connection]
+    consumed: int
+
+
+def parse_chunk(raw: Buffer, offset: Optional[Array], regular: Callable[[Array, Array], Optional[MessageBatch]],
+                scan: Callable[[int, int], Parsed]) -> Parsed:
+    """The records of a chunk: many at once where the index leads to regular ones, else one by one and exact.
+
+    Args:
+        raw: The uncompressed chunk.
+        offset: Where the index says that messages start, ascending, int64; None where there is no index.
+        regular: The messages at offsets of the chunk's bytes, uint8; None where one of them is no regular record.
+        scan: The records from one byte to another, one by one, up to the first that is damaged or cut off.
+
+    Raises:
+        BagFormatError: A record is damaged.
+    """
+    if offset is not None:
+        batch = regular(np.frombuffer(raw, np.uint8), offset)
+        gaps = None if batch is None else uncovered(offset, batch.start + batch.length, len(raw))
+        if batch is not None and gaps is not None:
+            connections: Dict[int, Connection] = {}
+            for begin, end in gaps:
+                between = scan(begin, end)
+                if between.consumed != end or len(between.batch):
+                    break
+                connections.update(between.connections)
+            else:
+                return Parsed(batch, connections, len(raw))
+    parsed = scan(0, len(raw))
+    if parsed.consumed != len(raw):
+        raise BagFormatError("a record in a chunk is damaged")
+    return parsed
+
+
+class _Renumbering:
+    """The file's ids of connections to this package's numbers, for whole arrays."""
+
+    def __init__(self, numbers: Dict[int, int]) -> None:
+        self._numbers = numbers
+        self._table: Optional[Array] = None
+        if not numbers or max(numbers) < _LOOKUP_LIMIT:
+            self._table = np.full(max(numbers, default=0) + 1, -1, np.int32)
+            for file_id, number in numbers.items():
+                self._table[file_id] = number
+
+    def __call__(self, ids: Array) -> Array:
+        """The numbers.
+
+        Raises:
+            BagFormatError: An id is of a connection that the log does not describe.
+        """
+        if not len(ids):
+            return ids.astype(np.int32)
+        if self._table is not None and int(ids.max()) < len(self._table):
+            number: Array = self._table[ids]
+        else:
+            values, inverse = np.unique(ids, return_inverse=True)
+            number = np.array([self._numbers.get(v, -1) for v in values.tolist()], np.int32)[inverse]
+        if int(number.min()) < 0:
+            raise BagFormatError("messages of a connection that the log does not describe")
+        return number
+
+
+class LogReader:
+    """A log open for reading; ``load`` may be called by several threads at once. ``open_log`` makes it.
+
+    Args:
+        descriptor: Of the open file; it is closed with the reader.
+        index: What the log says about itself.
+
+    Attributes:
+        index: What the log says about itself.
+        connections: Its connections; batches refer to them by position.
+        chunks: Its chunks in the order of the file.
+    """
+
+    def __init__(self, descriptor: int, index: LogIndex) -> None:
+        self._descriptor = descriptor
+        self.index = index
+        self.path = index.path
+        self.connections: List[Connection] = index.connections
+        self.chunks: List[ChunkRef] = index.chunks
+        self._renumber = _Renumbering(index.numbers)
+
+    @property
+    def message_count(self) -> int:
+        """Messages in the log, by its index."""
+        return sum(self.index.counts)
+
+    def load(self, chunk: ChunkRef) -> MessageBatch:
+        """The messages of one chunk, in the order of the file.
+
+        Raises:
+            BagFormatError: The chunk is damaged.
+        """
+        raw = read_at(self._descriptor, chunk.position, chunk.end - chunk.position)
+        try:
+            batch = self._parse(chunk, raw)
+            return batch.replace(connection=self._renumber(batch.connection))
+        except BagFormatError as error:
+            raise BagFormatError("%s: chunk at byte %d: %s (jaka_bag recover keeps the rest)"
+                                 % (self.path, chunk.position, error)) from error
+
+    def load_times(self, chunk: ChunkRef) -> Tuple[Array, Array]:
+        """Connection numbers (int32) and log times, ns (int64), of a chunk's messages, in any order.
+
+        Raises:
+            BagFormatError: The chunk, or the index behind it where that has the times, is damaged.
+        """
+        entries = self._times_in_index(chunk)
+        if entries is None:
+            batch = self.load(chunk)
+            return batch.connection, batch.log_time
+        none = [np.zeros(0, np.int64)]
+        ids = np.concatenate([np.full(len(times), file_id, np.int64) for file_id, times in entries] or none)
+        return self._renumber(ids), np.concatenate([times for _, times in entries] or none)
+
+    def _parse(self, chunk: ChunkRef, raw: bytes) -> MessageBatch:
+        raise NotImplementedError
+
+    def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
+        """Log times by the file's id of the connection, from the chunk's own index; None where it has none."""
+        raise NotImplementedError
+
+    def wanted_chunks(self, message_filter: MessageFilter) -> List[ChunkRef]:
+        """The chunks that may hold a wanted message, in the order of the file."""
+        return [chunk for chunk in self.chunks
+                if message_filter.may_be_in(chunk.start_time, chunk.end_time, chunk.counts)]
+
+    def read_attachment(self, entry: AttachmentIndex) -> bytes:
+        """The content of one of ``index.attachments``.
+
+        Raises:
+            BagFormatError: It is damaged.
+        """
+        raise NotImplementedError
+
+    def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
+        """The content of one of ``index.metadata``.
+
+        Raises:
+            BagFormatError: It is damaged.
+        """
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    def __enter__(self) -> "LogReader":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+
+class Capabilities(NamedTuple):
+    """What a format has a place for besides connections, log times and payloads."""
+
+    attachments: bool
+    metadata: bool
+    sequences: bool
+    publish_times: bool
+
+
+class EncodedChunk(NamedTuple):
+    """One chunk ready to be written.
+
+    Attributes:
+        head: Its record up to the data.
+        body: Its data, compressed.
+        indexes: (the file's id of a connection, index record) for each connection in it.
+        counts: Messages by the file's id of the connection.
+        start_time: Earliest log time, ns.
+        end_time: Latest log time, ns.
+        size: Bytes of the data, uncompressed.
+        declared: Connections, by the file's id, whose records it carries.
+    """
+
+    head: bytes
+    body: bytes
+    indexes: List[Tuple[int, bytes]]
+    counts: Dict[int, int]
+    start_time: int
+    end_time: int
+    size: int
+    declared: Tuple[int, ...] = ()
+
+
+def message_records(batch: MessageBatch, heads: Array, prefix: bytes = b"") -> Tuple[Array, Array]:
+    """Message records one behind the other, uint8, and where each starts, int64.
+
+    Args:
+        batch: Gives the payloads.
+        heads: What stands in front of each payload, a structured array.
+        prefix: What stands in front of all.
+    """
+    width = heads.dtype.itemsize
+    size = batch.length + width
+    offset = np.cumsum(size) - size + len(prefix)
+    data = np.empty(len(prefix) + int(size.sum()), np.uint8)
+    data[:len(prefix)] = np.frombuffer(prefix, np.uint8)
+    windows(data, width)[offset] = heads.view("V%d" % width)
+    copy_pieces(batch.data, batch.start, data, offset + width, batch.length)
+    return data, offset
+
+
+def by_connection(number: Array, times: Array) -> Iterator[Tuple[int, Array]]:
+    """(connection, positions of its messages in the order of time) for each connection."""
+    for connection in distinct(number).tolist():
+        which = np.flatnonzero(number == connection)
+        own = times[which]
+        if (own[1:] < own[:-1]).any():
+            which = which[np.argsort(own, kind="stable")]
+        yield connection, which
+
+
+class LogWriter:
+    """A log being written; nothing of the final name exists before ``close``.
+
+    What writes raises ``WriteFailed`` where the system refuses; the file is whole up to the record before.
+
+    Args:
+        target: Final path.
+        chunk_size: Single messages are collected up to this many bytes before a chunk is closed.
+        overwrite: Replace an existing file.
+        suffix: What the working name has more than the final one.
+        keep_leftover: Refuse to take over the working file of a killed program.
+
+    Attributes:
+        format_name: What users call the format.
+        capabilities: What the format has a place for.
+        name: The final name, for messages.
+        position: Bytes written to the file so far.
+        message_count: Messages in closed chunks so far.
+        pending_bytes: Bytes of payload collected for the chunk that is not closed yet.
+
+    Raises:
+        BagError: The output cannot be created.
+    """
+
+    format_name = ""
+    capabilities = Capabilities(False, False, False, False)
+
+    def __init__(self, target: PathLike, chunk_size: int, overwrite: bool, suffix: str, keep_leftover: bool) -> None:
+        self._output = OutputFile(target, overwrite, suffix, keep_leftover)
+        self.name = str(target)
+        self.chunk_size = chunk_size
+        self.position = 0
+        self.message_count = 0
+        self._closed = False
+        self._reset_pending()
+
+    def _reset_pending(self) -> None:
+        self._payloads: List[bytes] = []
+        self._channels_pending: List[int] = []
+        self._log_times: List[int] = []
+        self._publish_times: List[int] = []
+        self._sequences: List[int] = []
+        self.pending_bytes = 0
+
+    @property
+    def pending_messages(self) -> int:
+        """Messages collected for the chunk that is not closed yet."""
+        return len(self._payloads)
+
+    def fileno(self) -> int:
+        """The descriptor, for ``fsync``."""
+        return self._output.file.fileno()
+
+    def _write(self, *pieces: bytes) -> int:
+        """Write records; give the position of the first. On failure the file is cut back to before them."""
+        begin = self.position
+        try:
+            for piece in pieces:
+                self._output.write(piece)
+                self.position += len(piece)
+        except OSError as error:
+            self.position = begin
+            self._output.file.truncate(begin)
+            self._output.file.seek(begin)
+            raise WriteFailed(self.name, error) from error
+        return begin
+
+    def _rewrite(self, at: int, data: bytes) -> None:
+        """Replace bytes at a position of the file."""
+        try:
+            self._output.file.seek(at)
+            self._output.write(data)
+            self._output.file.seek(self.position)
+        except OSError as error:
+            raise WriteFailed(self.name, error) from error
+
+    def add_channel(self, connection: Connection) -> int:
+        """Number of a connection in this file; an equal connection gets the same number.
+
+        Raises:
+            BagError: The format cannot hold it.
+        """
+        raise NotImplementedError
+
+    def encode(self, batch: MessageBatch, channel_ids: Array) -> Optional[EncodedChunk]:
+        """Make a chunk of a batch; changes nothing of the writer, so several threads may encode at once.
+
+        Args:
+            batch: The messages.
+            channel_ids: Number in this file of each of the batch's connections, by their number there.
+
+        Returns:
+            The chunk; None where there is no message.
+
+        Raises:
+            BagError: A time or the size of the batch does not fit into the format.
+        """
+        raise NotImplementedError
+
+    def append(self, chunk: Optional[EncodedChunk]) -> None:
+        """Write a chunk that ``encode`` made (None: nothing) after what was written so far."""
+        raise NotImplementedError
+
+    def add_attachment(self, name: str, data: bytes, media_type: str = "application/octet-stream",
+                       log_time: int = 0, create_time: int = 0) -> None:
+        """Add a file beside the messages; times in ns.
+
+        Raises:
+            BagError: The format has no place for it.
+        """
+        raise BagError("%s has no place for attachments" % self.format_name)
+
+    def add_metadata(self, name: str, values: Dict[str, str]) -> None:
+        """Add named facts about the file.
+
+        Raises:
+            BagError: The format has no place for them.
+        """
+        raise BagError("%s has no place for metadata" % self.format_name)
+
+    def add_message(self, channel_id: int, log_time: int, payload: bytes, publish_time: Optional[int] = None,
+                    sequence: int = 0) -> None:
+        """Add one message; the chunk is closed when it has ``chunk_size`` bytes.
+
+        Args:
+            channel_id: From ``add_channel``.
+            log_time: Time of recording, ns since the epoch.
+            payload: The serialised message.
+            publish_time: ns; None for ``log_time``. Kept where the format has a place for it.
+            sequence: Message number, 0 where there is none. Kept where the format has a place for it.
+        """
+        self._payloads.append(payload)
+        self._channels_pending.append(channel_id)
+        self._log_times.append(log_time)
+        self._publish_times.append(log_time if publish_time is None else publish_time)
+        self._sequences.append(sequence)
+        self.pending_bytes += len(payload)
+        if self.pending_bytes >= self.chunk_size:
+            self.flush()
+
+    def flush(self) -> None:
+        """Close the chunk of the single messages added so far and hand it to the system.
+
+        Raises:
+            WriteFailed: The system refused; the messages of this chunk are lost, the file before it is whole.
+        """
+        if not self._payloads:
+            return
+        length = np.array(list(map(len, self._payloads)), np.int64)
+        channel = np.array(self._channels_pending, np.int32)
+        batch = MessageBatch(np.frombuffer(b"".join(self._payloads), np.uint8), np.cumsum(length) - length, length,
+                             channel, np.array(self._log_times, np.uint64).view(np.int64),
+                             np.array(self._publish_times, np.uint64).view(np.int64),
+                             np.array(self._sequences, np.uint64).astype(np.uint32))
+        self._reset_pending()
+        self.append(self.encode(batch, np.arange(int(channel.max()) + 1)))
+
+    def _finish(self) -> None:
+        """Write what follows the last chunk."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Close the last chunk, finish the file and give it its name.
+
+        Raises:
+            WriteFailed: The system refused; the working file stays, readable up to its last whole record.
+            OutputExists: The final name was taken meanwhile; the working file stays.
+        """
+        if self._closed:
+            return
+        self.flush()
+        self._finish()
+        self._closed = True
+        try:
+            self._output.commit()
+        except OSError as error:
+            raise WriteFailed(self.name, error) from error
+
+    def abort(self) -> None:
+        """Give up: remove the working file."""
+        self._closed = True
+        self._output.abort()
+
+    def __enter__(self: Self) -> Self:
+        return self
+
+    def __exit__(self, kind: Optional[Type[BaseException]], *error: object) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.abort()
