@@ -116,19 +116,22 @@ def _nothing() -> None:
 
 
 def _switch_power(core: ArmAccess, on: bool, check: Callable[[], None] = _nothing) -> Procedure:
-    check()
-    if (yield from _state(core)).is_powered is not on:
-        yield Ask(c.SetPower(on))
-        yield from _await(core, lambda s: s.is_powered is on, core.settings.power_timeout,
-                          "power on" if on else "power off", check)
+    return _switch(core, c.SetPower(on), lambda s: s.is_powered is on, core.settings.power_timeout,
+                   "power on" if on else "power off", check)
 
 
 def _switch_drives(core: ArmAccess, on: bool, check: Callable[[], None] = _nothing) -> Procedure:
+    return _switch(core, c.SetEnabled(on), lambda s: s.is_enabled is on, core.settings.enable_timeout,
+                   "enable" if on else "disable", check)
+
+
+def _switch(core: ArmAccess, command: c.Command, is_done: Callable[[RobotState], bool], timeout: float, what: str,
+            check: Callable[[], None]) -> Procedure:
+    """Send the command unless the state has it already, and wait until it has; ``check`` may raise before each step."""
     check()
-    if (yield from _state(core)).is_enabled is not on:
-        yield Ask(c.SetEnabled(on))
-        yield from _await(core, lambda s: s.is_enabled is on, core.settings.enable_timeout,
-                          "enable" if on else "disable", check)
+    if not is_done((yield from _state(core))):
+        yield Ask(command)
+        yield from _await(core, is_done, timeout, what, check)
 
 
 def _refuse_under_stop(state: RobotState, what: str) -> None:
