@@ -16,7 +16,14 @@ from ..errors import BagError
 
 
 class _StandardError(logging.Handler):
-    """Writes past the locks of ``sys.stderr``: a thread held up in them would keep the interpreter from ending."""
+    """Writes past the locks of ``logging`` and ``sys.stderr``.
+
+    The interpreter takes both when it ends: a thread held up in them would keep it from ending.
+    """
+
+    def createLock(self) -> None:
+        """None."""
+        self.lock = None
 
     def emit(self, record: logging.LogRecord) -> None:
         line = self.format(record) + "\n"
