@@ -9,9 +9,10 @@ A thread of its own writes the log, and flushes it at least once a second and wh
 imported only when a log is written or read.
 """
 import contextlib
+import io
 import json
+import os
 import queue
-import struct
 import threading
 import time
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
@@ -25,6 +26,7 @@ _QUEUE_LIMIT = 200000
 _JOINTS_TOPIC = "/joints"
 _CLOCK = "clock"
 _OFFSET = "realtime_minus_monotonic_ns"
+_MAGIC = b"\x89MCAP0\r\n"
 
 _WIRE_SCHEMA = {
     "type": "object", "title": "jaka.WireBytes", "properties": {
@@ -216,17 +218,32 @@ def _mcap() -> Any:
     return mcap
 
 
+class _WholeReads(io.BufferedReader):
+    """A file whose reads give all the bytes asked for, or raise EOFError: an unfinished log may end at any byte."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__(io.FileIO(path))
+        self._size = os.fstat(self.fileno()).st_size
+
+    def read(self, size: Optional[int] = -1) -> bytes:
+        if size is not None and size > self._size - self.tell():
+            raise EOFError
+        return super().read(size)
+
+
 @contextlib.contextmanager
 def _reading(path: str) -> Iterator[Iterator[Any]]:
     """A context with a log's records; it ends where an unfinished log ends. Errors become WireLogErrors."""
-    mcap = _mcap()
+    reader = _mcap().stream_reader
     try:
-        with open(path, "rb") as file:
-            yield mcap.stream_reader.StreamReader(file).records
-    except mcap.exceptions.EndOfFile:
+        with _WholeReads(path) as file:
+            if not _MAGIC.startswith(file.peek(len(_MAGIC))[:len(_MAGIC)]):
+                raise ValueError("it does not begin as an MCAP file")
+            yield reader.StreamReader(file).records
+    except EOFError:
         return
-    except (OSError, mcap.exceptions.McapError, ValueError, KeyError, struct.error) as error:
-        raise WireLogError("cannot read %s as a wire log: %s" % (path, error)) from error
+    except Exception as error:  # the library raises whatever its parser meets in damaged bytes
+        raise WireLogError("cannot read %s as a wire log: %s: %s" % (path, type(error).__name__, error)) from error
 
 
 def _parsed(topic: str, fields: Dict[str, Any]) -> Union[WireEvent, TrueJoints]:

@@ -129,16 +129,41 @@ def test_log_is_on_disk_while_the_controller_runs(make_arm, tmp_path, monkeypatc
                  "the reply in the unfinished file")
 
 
-def test_truncated_log_is_read_as_far_as_it_goes(make_arm, tmp_path):
+@pytest.fixture
+def whole_log(make_arm, tmp_path):
+    """Path of a finished log of a few dozen messages."""
     path = tmp_path / "wire.mcap"
     arm = make_arm(log=str(path))
     with RawClient(arm.command_port) as client:
         assert client.code("get_version") == "0"
     arm.close()
-    whole = path.read_bytes()
-    for size in (len(whole) // 2, 60, 8):
-        path.write_bytes(whole[:size])
-        assert isinstance(read_log(str(path)), list)
+    return path
+
+
+def test_truncated_log_is_read_as_far_as_it_goes_whatever_its_last_byte(whole_log):
+    whole = whole_log.read_bytes()
+    entries = read_log(str(whole_log))
+    counts = []
+    for size in [*range(min(len(whole), 1500)), *range(1500, len(whole), 37), len(whole) - 1]:
+        whole_log.write_bytes(whole[:size])
+        found = read_log(str(whole_log))
+        assert found == entries[:len(found)]
+        counts.append(len(found))
+    assert counts == sorted(counts) and counts[0] == 0 and counts[-1] == len(entries) > 0
+
+
+def test_damaged_log_is_read_or_refused_whatever_byte_is_wrong(whole_log):
+    whole = whole_log.read_bytes()
+    refused = 0
+    for place in [*range(min(len(whole), 1500)), *range(1500, len(whole), 37)]:
+        for value in (0, 255, whole[place] ^ 1):
+            whole_log.write_bytes(whole[:place] + bytes([value]) + whole[place + 1:])
+            try:
+                read_log(str(whole_log))
+            except WireLogError as error:
+                assert "wire.mcap" in str(error)
+                refused += 1
+    assert refused > 100
 
 
 def test_what_cannot_be_written_or_read_is_told(tmp_path, make_arm):
