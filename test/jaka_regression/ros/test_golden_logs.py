@@ -13,6 +13,7 @@ from jaka_regression.replay import replay, takes_time_scale
 from jaka_regression.scenario import scenario_of
 
 FOLDER = ROOT / "test" / "data" / "golden"
+BUSY_HOST = ROOT / "test" / "data" / "busy_host.yaml"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.mcap"))
 SESSIONS = {"boot", "joint_moves", "linear_moves", "jog_watchdog", "servo_stream", "stop_in_mid_move", "collision",
             "emergency_stop", "reconnect", "io_sequence", "two_arms"}
@@ -29,13 +30,13 @@ def test_the_library_is_whole_small_and_says_where_it_comes_from():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_it_happens_again(name, jaka_replay):  # noqa: F811
-    result = jaka_replay(FOLDER / (name + ".mcap"))
+    result = jaka_replay(FOLDER / (name + ".mcap"), BUSY_HOST)
     assert result.same, result.summary
 
 
 @pytest.mark.parametrize("name, time_scale", [("joint_moves", 10.0), ("collision", 4.0)])
 def test_it_happens_again_in_less_time(name, time_scale, jaka_replay):  # noqa: F811
-    result = jaka_replay(FOLDER / (name + ".mcap"), time_scale=time_scale)
+    result = jaka_replay(FOLDER / (name + ".mcap"), BUSY_HOST, time_scale)
     assert result.same, result.summary
 
 

@@ -6,19 +6,23 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 from import_graph import ROOT
 
 from jaka_regression.pytest_plugin import file_name
 
 GOLDEN = ROOT / "test" / "data" / "golden"
+BUSY_HOST = ROOT / "test" / "data" / "busy_host.yaml"
 WAIT = 250
 
 
 @pytest.fixture
 def cell(tmp_path):
     """A folder with a golden log, and a function that runs pytest there."""
-    for suffix in (".mcap", ".yaml"):
-        shutil.copy(str(GOLDEN / ("io_sequence" + suffix)), str(tmp_path / ("golden" + suffix)))
+    shutil.copy(str(GOLDEN / "io_sequence.mcap"), str(tmp_path / "golden.mcap"))
+    scenario = yaml.safe_load((GOLDEN / "io_sequence.yaml").read_text(encoding="utf-8"))
+    scenario["tolerances"] = yaml.safe_load(BUSY_HOST.read_text(encoding="utf-8"))
+    (tmp_path / "golden.yaml").write_text(yaml.safe_dump(scenario), encoding="utf-8")
 
     def run(text, *options):
         (tmp_path / "test_cell.py").write_text(text)
