@@ -58,4 +58,4 @@ def test_nothing_is_told_where_nothing_waited():
 def test_it_ends_with_its_block():
     with pytest.raises(ZeroDivisionError), HostWatch() as host:
         raise ZeroDivisionError
-    assert not host._thread.is_alive()
+    assert host._threads and not any(thread.is_alive() for thread in host._threads)
