@@ -59,7 +59,7 @@ class Link:
     def failed(self, reason: str, now: float) -> None:
         """It could not be connected."""
         if reason != self.last_error:
-            self._actions.log(logging.WARNING, "%s: %s" % (self._port.value, reason))
+            self._actions.log(logging.WARNING, reason)
         self._again(reason, now)
 
     def lost(self, reason: str, now: float) -> None:
