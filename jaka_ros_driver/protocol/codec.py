@@ -161,11 +161,6 @@ def _user_frame(command: c.SetUserFrame) -> Params:
     return {"userffset": pose, "useroffset": pose, "id": command.user_frame_id, "name": command.name}
 
 
-def _jog_rate(command: c.Jog) -> float:
-    linear = command.frame is not c.JogFrame.JOINT and command.axis < 3
-    return m_to_mm(command.velocity) if linear else rad_to_deg(command.velocity)
-
-
 def _terminal(command: Any) -> Params:
     return {"type": int(command.bank), "index": command.index}
 
@@ -178,7 +173,8 @@ _ENCODERS: Dict[Type[Any], Tuple[Union[str, Callable[[Any], str]], Encoder]] = {
         "relFlag": 0, "cartPosition": _pose(m.target), "speed": m_to_mm(m.speed), "accel": m_to_mm(m.acceleration),
         "ori_vel": rad_to_deg(m.turn_speed), "ori_acc": rad_to_deg(m.turn_acceleration), "tol": m_to_mm(m.tolerance)}),
     c.Jog: ("jog", lambda j: {
-        "jog_mode": _JOG_CONTINUOUS, "coord_map": _JOG_COORD_MAP[j.frame], "jnum": j.axis, "jogvel": _jog_rate(j)}),
+        "jog_mode": _JOG_CONTINUOUS, "coord_map": _JOG_COORD_MAP[j.frame], "jnum": j.axis,
+        "jogvel": m_to_mm(j.velocity) if j.is_linear else rad_to_deg(j.velocity)}),
     c.JogStop: ("jog", lambda j: {
         "jog_mode": _JOG_STOP, "coord_map": _JOG_COORD_MAP[j.frame], "jnum": j.axis}),
     c.Stop: ("stop_program", lambda _: {}),

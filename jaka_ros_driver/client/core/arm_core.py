@@ -9,7 +9,7 @@ from typing import Any, Callable, List, Optional, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.actions import Action, Actions, Port
-from jaka_ros_driver.client.core.channel import Channel, in_order
+from jaka_ros_driver.client.core.channel import Channel
 from jaka_ros_driver.client.core.custody import Admission, Custody, Enter
 from jaka_ros_driver.client.core.feed import FeedHealth
 from jaka_ros_driver.client.core.jog import Jog
@@ -335,16 +335,13 @@ class ArmCore:
         """A stop where this driver moves nothing: a program, the pendant, or servo mode of somebody else."""
         def replied(_result: Any, error: Optional[JakaError], at: float) -> None:
             self._admission.stops_under_way -= 1
-            if call is not None:
-                self.actions.answer(call, None, error)
+            self.actions.answer(call, None, error)
             self._admission.retry(at)
-        halts: List[c.Command] = [c.SetServoMode(False)] if self.links.is_servo_active else []
-        halts.append(c.Stop())
         try:
-            self.channel.request_all(halts, now, in_order(replied, len(halts)))
+            self.channel.request_all(
+                [c.SetServoMode(False), c.Stop()] if self.links.is_servo_active else [c.Stop()], now, replied)
         except JakaError as error:
-            if call is not None:
-                self.actions.answer(call, None, error)
+            self.actions.answer(call, None, error)
             return
         self._admission.stops_under_way += 1
 
