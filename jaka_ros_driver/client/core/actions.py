@@ -82,6 +82,12 @@ class Actions:
         if call is not None:
             self._actions.append(Answer(call, result, error))
 
+    def answer_all(self, calls: List[Any], error: Optional[JakaError] = None) -> None:
+        """End several calls, and leave none in the list."""
+        for call in calls:
+            self.answer(call, None, error)
+        calls.clear()
+
     def take(self) -> List[Action]:
         """All of them; none is left."""
         taken, self._actions = self._actions, []

@@ -16,7 +16,7 @@ from jaka_ros_driver.client.core.channel import Channel
 from jaka_ros_driver.client.core.motion import Motion, MotionOwner, require_drives
 from jaka_ros_driver.client.core.stillness import REST_TIME_S, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.commands import Command, SetLinkLoss, Stop
+from jaka_ros_driver.commands import SetLinkLoss, Stop
 from jaka_ros_driver.errors import (
     CommandRejected,
     ConnectionLost,
@@ -397,6 +397,5 @@ class Admission:
 
     def end_waiting(self, error: JakaError) -> None:
         """Answer every call that waits with this error."""
-        waiting, self._waiting = self._waiting, []
-        for one in waiting:
-            self._actions.answer(one.call, None, error)
+        self._actions.answer_all([one.call for one in self._waiting], error)
+        self._waiting = []

@@ -65,7 +65,7 @@ class Jog(Motion):
         return [JogStop(self.command.frame, self.command.axis)]
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
-        self._answer(outcome)
+        self._custody.actions.answer_all(self._calls, outcome)
 
     def _replied(self, error: Optional[JakaError], now: float) -> None:
         if self._custody.motion is not self:
@@ -73,12 +73,7 @@ class Jog(Motion):
         if error is None:
             self._accepted_at = now
             if not self._custody.is_ending:
-                self._answer(None)
+                self._custody.actions.answer_all(self._calls)
             return
-        self._answer(error)
+        self._custody.actions.answer_all(self._calls, error)
         self._custody.not_accepted(error, now)
-
-    def _answer(self, error: Optional[JakaError]) -> None:
-        calls, self._calls = self._calls, []
-        for call in calls:
-            self._custody.actions.answer(call, None, error)

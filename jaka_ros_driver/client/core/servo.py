@@ -144,7 +144,7 @@ class Servo(Motion):
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         self._on_mode(False, str(outcome) if outcome is not None else self._leave_reason or "")
-        self._answer(outcome)
+        self._custody.actions.answer_all(self._calls, outcome)
 
     # ---- inside ----
 
@@ -157,12 +157,12 @@ class Servo(Motion):
             self._stream = self._joint_stream()
             self._last_target_at = self._next_frame = now
             self._on_mode(True, "")
-            self._answer(None)
+            self._custody.actions.answer_all(self._calls)
             return
         if isinstance(error, MotionInterrupted):
             self._custody.stop(error, now)
             return
-        self._answer(error)
+        self._custody.actions.answer_all(self._calls, error)
         if isinstance(error, CommandRejected) and error.command == "servo_move":
             self._custody.settle(now)
         else:
@@ -177,11 +177,6 @@ class Servo(Motion):
             self._on_mode(False, self._leave_reason or "")
         else:
             self._custody.stop(MotionInterrupted(StopCause.FAULT, "servo mode was not left: %s" % error), now)
-
-    def _answer(self, error: Optional[JakaError]) -> None:
-        calls, self._calls = self._calls, []
-        for call in calls:
-            self._custody.actions.answer(call, None, error)
 
     def _send_frame(self, stream: Union[JointServo, PoseServo], now: float) -> None:
         frame = stream.next_frame()
