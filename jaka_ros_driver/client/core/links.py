@@ -9,7 +9,7 @@ from jaka_ros_driver.client.core.actions import Actions, Port, Show
 from jaka_ros_driver.client.core.channel import Channel
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.feed import SILENCE_S, Feed, FeedHealth
-from jaka_ros_driver.client.core.link import Link, first_error
+from jaka_ros_driver.client.core.link import Link
 from jaka_ros_driver.client.core.procedures import session
 from jaka_ros_driver.client.core.procedures.procedure import Running
 from jaka_ros_driver.client.settings import ClientSettings
@@ -87,7 +87,7 @@ class Links:
     @property
     def last_error(self) -> str:
         """Why a link is down; empty when both are up."""
-        return first_error(self._command, self._status) or (
+        return self._command.last_error or self._status.last_error or (
             "" if self.is_ready else "the controller has not answered yet")
 
     @property
