@@ -98,7 +98,3 @@ class Channel:
     def overdue(self, now: float) -> Optional[Any]:
         """A request whose reply is late, if there is one; hand it to ``close``."""
         return self._exchange.overdue(now)
-
-    def overdue_reason(self, late: Any) -> str:
-        """In words."""
-        return "no reply to %s within %.3g s" % (late.name, self._reply_timeout)

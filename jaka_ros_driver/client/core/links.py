@@ -14,7 +14,7 @@ from jaka_ros_driver.client.core.procedures import session
 from jaka_ros_driver.client.core.procedures.procedure import Running
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Query
-from jaka_ros_driver.errors import ConnectionLost, JakaError
+from jaka_ros_driver.errors import ConnectionLost, JakaError, ReplyTimeout
 from jaka_ros_driver.state import RobotState
 
 _BEAT_PERIOD_S = 0.25
@@ -182,7 +182,7 @@ class Links:
         """Let time pass."""
         late = self._channel.overdue(now) if self._channel.is_open else None
         if late is not None:
-            self._drop_command(self._channel.overdue_reason(late), now, late)
+            self._drop_command(str(ReplyTimeout(late.name, self._settings.reply_timeout)), now, late)
         self._watch_feed(now)
         if self._handshake is not None:
             self._handshake.tick(now)

@@ -10,6 +10,7 @@ from typing import Optional, Sequence, Tuple
 from jaka_ros_driver.commands import Pose, ServoJoint, ServoPose
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, TCP_ACCELERATION_CEILING
 from jaka_ros_driver.kinematics.rotations import (
     Transform,
     compose,
@@ -21,17 +22,11 @@ from jaka_ros_driver.kinematics.rotations import (
 )
 from jaka_ros_driver.state import RobotState, Vector
 
-MAX_JOINT_SPEED = math.pi
-"""rad/s, the controller's own ceiling for a servo step."""
-_JOINT_ACCELERATION = 4.0 * math.pi
-_LINEAR_ACCELERATION = 8.0
-_ANGULAR_ACCELERATION = 4.0 * math.pi
 _ORIGIN = (0.0, 0.0, 0.0)
 _LEVER = 0.3
 """m; how far from the tool's centre a turn is looked at."""
 _WIRE_ROUNDING = 1e-6
 """rad or m: targets come as float32, and one at the very limit is still allowed."""
-
 _ARRIVED = 1e-7
 """rad or m"""
 
@@ -108,7 +103,7 @@ class JointServo:
             ahead: A target must be reached within so long from that frame, s.
             period: Of a cycle, s.
         """
-        self._followers = [_Follower(min(speed, MAX_JOINT_SPEED), _JOINT_ACCELERATION, period)
+        self._followers = [_Follower(min(speed, JOINT_SPEED_CEILING), JOINT_ACCELERATION_CEILING, period)
                            for speed in model.joint_max_speed]
         self._limits = model.joint_limits
         self._max_jump = max_jump
@@ -173,8 +168,8 @@ class PoseServo:
     def __init__(self, pose: Pose, max_linear_speed: float, max_linear_jump: float, max_angular_jump: float,
                  ahead: float, period: float) -> None:
         """Begin at rest at ``pose``; speeds m/s, jumps m and rad, ahead and period s, as for joints."""
-        self._linear = _Follower(max_linear_speed, _LINEAR_ACCELERATION, period)
-        self._angular = _Follower(MAX_JOINT_SPEED, _ANGULAR_ACCELERATION, period)
+        self._linear = _Follower(max_linear_speed, TCP_ACCELERATION_CEILING, period)
+        self._angular = _Follower(JOINT_SPEED_CEILING, JOINT_ACCELERATION_CEILING, period)
         self._max_linear_jump = max_linear_jump
         self._max_angular_jump = max_angular_jump
         self._ahead = ahead
@@ -196,15 +191,15 @@ class PoseServo:
         rotation = _rotation(rpy)
         away = [t - p for t, p in zip(position, self._position)]
         turn = turn_between(self._rotation, rotation)
-        if math.hypot(*away) > self._max_linear_jump + _WIRE_ROUNDING or math.hypot(*turn) > (
-                self._max_angular_jump + _WIRE_ROUNDING):
+        distance, angle = math.hypot(*away), math.hypot(*turn)
+        if distance > self._max_linear_jump + _WIRE_ROUNDING or angle > self._max_angular_jump + _WIRE_ROUNDING:
             raise InvalidCommand(
                 "refused: the servo target is %.4f m and %.4f rad away, more than the allowed %.4f m or %.4f rad"
-                % (math.hypot(*away), math.hypot(*turn), self._max_linear_jump, self._max_angular_jump))
+                % (distance, angle, self._max_linear_jump, self._max_angular_jump))
         if not (self._linear.arrives_within(away, self._cycles) and self._angular.arrives_within(turn, self._cycles)):
             raise InvalidCommand(
                 "refused: the servo target is %.4f m and %.4f rad away; the arm would not be there within %.3g s "
-                "(servo_ahead); send smaller steps" % (math.hypot(*away), math.hypot(*turn), self._ahead))
+                "(servo_ahead); send smaller steps" % (distance, angle, self._ahead))
         self._target_position, self._target_rotation = position, rotation
         self._is_new = True
 
