@@ -49,7 +49,6 @@ class DriverLock:
             os.pwrite(self._file, ("%s (pid %d)\n" % (holder, os.getpid())).encode("utf-8"), 0)
 
     def release(self) -> None:
-        """Release the lock."""
         os.close(self._file)
 
 

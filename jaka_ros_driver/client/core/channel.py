@@ -78,7 +78,6 @@ class Channel:
         self._actions.add(Send(b"".join(texts)))
 
     def received(self, data: bytes, now: float) -> None:
-        """Take bytes of the port."""
         for item in self._stream.feed(data):
             if isinstance(item, FramingError):
                 self.damaged_replies += 1

@@ -193,7 +193,6 @@ class Custody:
                 self._send_stop(now)
 
     def tick(self, now: float) -> None:
-        """Let time pass."""
         motion = self.motion
         if motion is None:
             return

@@ -138,7 +138,6 @@ class Links:
             self._feed.held_up()
 
     def opened(self, port: Port, now: float) -> None:
-        """The port is connected."""
         if port is Port.STATUS:
             self._status.opened(now)
             self._feed.open(now)
@@ -152,11 +151,9 @@ class Links:
         self._handshake.begin(now)
 
     def failed(self, port: Port, reason: str, now: float) -> None:
-        """The port could not be connected."""
         (self._status if port is Port.STATUS else self._command).failed(reason, now)
 
     def closed(self, port: Port, reason: str, now: float) -> None:
-        """The connection has ended."""
         if port is Port.STATUS:
             self._status.lost(reason, now)
             self._sight_lost(reason, now)
@@ -165,7 +162,6 @@ class Links:
             self._command_lost(reason, now)
 
     def received(self, port: Port, data: bytes, now: float) -> None:
-        """Bytes have arrived."""
         if port is Port.COMMAND:
             self._channel.received(data, now)
             return
@@ -179,7 +175,6 @@ class Links:
             self._actions.add(Show(state, is_new))
 
     def tick(self, now: float) -> None:
-        """Let time pass."""
         late = self._channel.overdue(now) if self._channel.is_open else None
         if late is not None:
             self._drop_command(str(ReplyTimeout(late.name, self._settings.reply_timeout)), now, late)

@@ -154,7 +154,6 @@ class JointServo:
         return state.joint_position
 
     def next_frame(self) -> ServoJoint:
-        """The frame of this cycle."""
         is_new, self._is_new = self._is_new, False
         self._position = tuple(
             p + follower.step((t - p,), is_new)[0]
@@ -223,7 +222,6 @@ class PoseServo:
         return _points_of(transform(matrix_from_rpy(state.tcp_rpy), state.tcp_position))
 
     def next_frame(self) -> ServoPose:
-        """The frame of this cycle."""
         is_new, self._is_new = self._is_new, False
         step = self._linear.step([t - p for t, p in zip(self._target_position, self._position)], is_new)
         self._position = tuple(p + s for p, s in zip(self._position, step))
