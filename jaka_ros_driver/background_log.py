@@ -111,7 +111,6 @@ class _StandardError(logging.Handler):
     """
 
     def createLock(self) -> None:
-        """None."""
         self.lock = None
 
     def emit(self, record: logging.LogRecord) -> None:

@@ -93,6 +93,11 @@ class Jog:
     axis: int
     velocity: float
 
+    @property
+    def is_linear(self) -> bool:
+        """True for a motion of the tool along x, y or z; the velocity is m/s then."""
+        return self.frame is not JogFrame.JOINT and self.axis < 3
+
 
 @dataclass(frozen=True)
 class JogStop:

@@ -74,7 +74,7 @@ NAME_MODULES_IN_STRINGS = {"jaka_bag", "jaka_bag.cli.main", "jaka_bag.containers
                            "jaka_regression.programs"}
 """Modules that import others by name, or start them as programs; all those names must lead somewhere."""
 OPEN_SOCKETS = tuple("jaka_ros_driver." + name for name in (
-    "client.transport", "client.stop_link", "ros.connections", "ros.driver_lock", "simulation.server.server",
+    "client.transport", "ros.connections", "ros.driver_lock", "simulation.server.server",
     "wire")) + ("jaka_bag.live.tcpros", "jaka_bag.live.publisher")
 USE_ROS = ("jaka_ros_driver.ros", "jaka_regression.driver_client")
 LONGEST = 600

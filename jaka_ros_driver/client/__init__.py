@@ -2,11 +2,10 @@
 
 core            custody of the arm, as pure state machines
 settings        how the client talks to one controller; the numbers that a user may change
-transport       the two connections to the controller, and one wait for both
+transport       the two connections to the controller, and one wait for both; the driver's and the guard's
 arm_client      one arm for any number of threads: a lock around the core, one thread for its sockets and its time
 process_state   what the kernel says of another process
 driver_pipe     the guard's end of the pipes between it and the driver
-stop_link       the guard's two connections to the controller
 stopping        how the guard stops an arm, step by step; without socket, thread and clock
 arm_stopper     the guard at work
 guard_process   the guard's process: stops the arm when the driver dies or freezes

@@ -2,6 +2,7 @@
 import logging
 import threading
 import time
+from concurrent.futures import Future
 from typing import Any, Callable, List, Optional, Union
 
 from jaka_ros_driver import commands as c
@@ -10,11 +11,12 @@ from jaka_ros_driver.client.core.arm_core import AT_REST_ONLY, ArmCore
 from jaka_ros_driver.client.core.feed import FeedHealth
 from jaka_ros_driver.client.core.links import LinkHealth
 from jaka_ros_driver.client.core.motion import MotionOwner
+from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.client.core.procedures.procedure import Procedure
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
-from jaka_ros_driver.errors import ConnectionLost, JakaError
+from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState
 
@@ -40,26 +42,6 @@ class LoopTask:
     def run(self, now: float) -> None:
         """Do the task. It must not block."""
         raise NotImplementedError
-
-
-class _Call:
-    """One call of the core, and the thread that waits for its answer."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._lock.acquire()
-        self.result: Any = None
-        self.error: Optional[JakaError] = None
-
-    def end(self, result: Any, error: Optional[JakaError]) -> None:
-        self.result, self.error = result, error
-        self._lock.release()
-
-    def wait(self) -> Any:
-        self._lock.acquire()
-        if self.error is not None:
-            raise self.error
-        return self.result
 
 
 class ArmClient:
@@ -101,7 +83,7 @@ class ArmClient:
     def auto_enable(self) -> None:
         """Power and enable the arm once, as soon as the first state shows it without fault."""
         with self._lock:
-            self._core.auto_enable(time.monotonic())
+            self._core.run(None, power.auto_enable(self._core), time.monotonic())
             self._perform()
 
     def close(self) -> None:
@@ -157,23 +139,23 @@ class ArmClient:
     def link_health(self) -> LinkHealth:
         """State of the links to the controller."""
         with self._lock:
-            return self._core.link_health()
+            return self._core.links.health()
 
     @property
     def feed_health(self) -> FeedHealth:
         """State of the status feed."""
         with self._lock:
-            return self._core.feed_health(time.monotonic())
+            return self._core.links.feed_health(time.monotonic())
 
     @property
     def is_simulated(self) -> Optional[bool]:
         """The controller is a simulated one; None before that is known."""
-        return self._core.is_simulated
+        return self._core.links.about.is_simulated
 
     @property
     def is_servo_active(self) -> bool:
         """True while the controller is in servo mode; False while that is not known."""
-        return self._core.is_servo_active
+        return self._core.links.is_servo_active
 
     @property
     def motion_owner(self) -> Optional[MotionOwner]:
@@ -259,8 +241,8 @@ class ArmClient:
 
     # ---- inside ----
 
-    def _call(self, enter: Callable[[_Call, float], None]) -> Any:
-        call = _Call()
+    def _call(self, enter: Callable[["Future[Any]", float], None]) -> Any:
+        call: Future[Any] = Future()
         with self._lock:
             if self._is_closed:
                 raise ConnectionLost("driver shut down")
@@ -268,7 +250,7 @@ class ArmClient:
             self._perform()
             if self._core.next_deadline() < self._wakes_at:
                 self._transport.wake()
-        return call.wait()
+        return call.result()
 
     def _perform(self) -> None:
         """Carry out the core's actions; the caller holds the lock. Listeners get states later, without the lock."""
@@ -285,7 +267,7 @@ class ArmClient:
                 self._transport.send(b"".join(piece))
                 piece = []
             if isinstance(action, Answer):
-                action.call.end(action.result, action.error)
+                _end(action)
             elif isinstance(action, Tell):
                 if self._guard is not None:
                     self._guard.tell(action.is_moving)
@@ -345,3 +327,11 @@ class ArmClient:
             due = task.due()
             if due is not None and now >= due:
                 task.run(now)
+
+
+def _end(answer: Answer) -> None:
+    """Let the thread that made the call go on."""
+    if answer.error is None:
+        answer.call.set_result(answer.result)
+    else:
+        answer.call.set_exception(answer.error)

@@ -3,8 +3,6 @@ from dataclasses import dataclass
 
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 
-FEED_PERIOD_S = 0.008
-
 
 @dataclass(frozen=True)
 class ClientSettings:
@@ -42,7 +40,7 @@ class ClientSettings:
     reply_timeout: float = 0.9
     silence_timeout: float = 0.8
     stale_after: float = 0.5
-    feed_period: float = FEED_PERIOD_S
+    feed_period: float = 0.008
     motion_timeout: float = 300.0
     power_timeout: float = 30.0
     enable_timeout: float = 30.0

@@ -1,4 +1,4 @@
-"""The two non-blocking TCP connections of the driver to the controller, and one wait for both."""
+"""The two non-blocking TCP connections of driver or guard to the controller, and one wait for both."""
 import contextlib
 import errno
 import ipaddress
@@ -15,6 +15,7 @@ from jaka_ros_driver.client.core.actions import Port
 _RECEIVE_BYTES = 1 << 16
 _READS_A_TURN = 8
 _MAX_UNSENT_BYTES = 1 << 20
+_TURNED_AWAY = (errno.ECONNREFUSED, errno.ECONNRESET, errno.ECONNABORTED, errno.EPIPE)
 
 
 class Opened(NamedTuple):
@@ -24,17 +25,19 @@ class Opened(NamedTuple):
 
 
 class Failed(NamedTuple):
-    """The port could not be connected."""
+    """The port could not be connected; ``is_turned_away``: the controller is reachable and refused."""
 
     port: Port
     reason: str
+    is_turned_away: bool
 
 
 class Closed(NamedTuple):
-    """The connection has ended."""
+    """The connection has ended; ``is_turned_away``: the controller has closed or reset it."""
 
     port: Port
     reason: str
+    is_turned_away: bool
 
 
 class Received(NamedTuple):
@@ -80,16 +83,20 @@ class Transport:
         self._resolved: Deque[Tuple[Port, int, Union[str, OSError]]] = deque()
         self._tries: Dict[Port, int] = {}
 
-    def open(self, port: Port) -> None:
-        """Begin to connect; ``read`` tells how it went."""
+    def fileno(self) -> int:
+        """The descriptor, for ``select``: readable when ``read`` has something to do."""
+        return self._epoll.fileno()
+
+    def open(self, port: Port, address: str = "") -> None:
+        """Begin to connect; ``read`` tells how it went. ``address``: one of the host's, where it is known already."""
         self._tries[port] = self._tries.get(port, 0) + 1
         try:
-            ipaddress.ip_address(self._host)
+            ipaddress.ip_address(address or self._host)
         except ValueError:
             threading.Thread(target=self._resolve, args=(port, self._tries[port]), name="resolver",
                              daemon=True).start()
         else:
-            self._connect(port, self._host)
+            self._connect(port, address or self._host)
 
     def close(self, port: Port) -> None:
         """Close the connection or end the attempt to connect; ``read`` tells nothing more of it."""
@@ -154,8 +161,7 @@ class Transport:
 
     def _resolve(self, port: Port, number: int) -> None:
         try:
-            found: Union[str, OSError] = str(socket.getaddrinfo(self._host, None, socket.AF_INET,
-                                                                socket.SOCK_STREAM)[0][4][0])
+            found: Union[str, OSError] = addresses_of(self._host)[0]
         except OSError as error:
             found = error
         self._resolved.append((port, number, found))
@@ -184,14 +190,14 @@ class Transport:
         self._by_descriptor[sock.fileno()] = connection
         code = sock.connect_ex((address, self._ports[port]))
         if code not in (0, errno.EINPROGRESS):
-            self._fail(port, os.strerror(code))
+            self._fail(port, os.strerror(code), code in _TURNED_AWAY)
             return
         self._epoll.register(sock.fileno(), select.EPOLLOUT)
 
     def _connected(self, connection: _PortSocket) -> None:
         code = connection.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if code:
-            self._fail(connection.port, os.strerror(code))
+            self._fail(connection.port, os.strerror(code), code in _TURNED_AWAY)
             return
         connection.is_open = True
         self._epoll.modify(connection.socket.fileno(), select.EPOLLIN)
@@ -200,17 +206,17 @@ class Transport:
     def _receive(self, connection: _PortSocket) -> None:
         """Receive all bytes in one piece: only the last of several waiting status frames is current."""
         pieces: List[bytes] = []
-        reason = ""
+        reason, is_turned_away = "", False
         for _ in range(_READS_A_TURN):
             try:
                 data = connection.socket.recv(_RECEIVE_BYTES)
             except BlockingIOError:
                 break
             except OSError as error:
-                reason = "%s: %s" % (connection.port.value, error)
+                reason, is_turned_away = "%s: %s" % (connection.port.value, error), error.errno in _TURNED_AWAY
                 break
             if not data:
-                reason = "%s: closed by the controller" % connection.port.value
+                reason, is_turned_away = "%s: closed by the controller" % connection.port.value, True
                 break
             pieces.append(data)
             if len(data) < _RECEIVE_BYTES:
@@ -218,7 +224,7 @@ class Transport:
         if pieces:
             self._events.append(Received(connection.port, b"".join(pieces)))
         if reason:
-            self._end(connection, reason)
+            self._end(connection, reason, is_turned_away)
 
     def _flush(self, connection: _PortSocket) -> None:
         try:
@@ -227,25 +233,26 @@ class Transport:
         except BlockingIOError:
             pass
         except OSError as error:
-            self._end(connection, "%s: sending failed: %s" % (connection.port.value, error))
+            self._end(connection, "%s: sending failed: %s" % (connection.port.value, error),
+                      error.errno in _TURNED_AWAY)
             return
         if bool(connection.unsent) is not connection.waits_for_room:
             connection.waits_for_room = bool(connection.unsent)
             self._epoll.modify(connection.socket.fileno(),
                                select.EPOLLIN | (select.EPOLLOUT if connection.unsent else 0))
 
-    def _fail(self, port: Port, why: str) -> None:
+    def _fail(self, port: Port, why: str, is_turned_away: bool = False) -> None:
         connection = self._connections.pop(port, None)
         if connection is not None:
             self._forget(connection)
-        self._tell(Failed(port, "cannot connect to the %s of %s:%d: %s" % (
-            port.value, self._host, self._ports[port], why)))
+        self._tell(Failed(port, "%s: cannot connect to %s:%d: %s" % (port.value, self._host, self._ports[port], why),
+                          is_turned_away))
 
-    def _end(self, connection: _PortSocket, reason: str) -> None:
+    def _end(self, connection: _PortSocket, reason: str, is_turned_away: bool = False) -> None:
         if self._connections.get(connection.port) is connection:
             del self._connections[connection.port]
             self._forget(connection)
-            self._tell(Closed(connection.port, reason))
+            self._tell(Closed(connection.port, reason, is_turned_away))
 
     def _tell(self, event: Event) -> None:
         self._events.append(event)
@@ -257,3 +264,8 @@ class Transport:
         with contextlib.suppress(OSError):
             self._epoll.unregister(descriptor)
         connection.socket.close()
+
+
+def addresses_of(host: str) -> List[str]:
+    """The IPv4 addresses of a host; raises OSError where its name cannot be resolved."""
+    return [str(entry[4][0]) for entry in socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)]

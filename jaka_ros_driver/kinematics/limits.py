@@ -86,6 +86,13 @@ def tcp_speed_limit(model: ArmModel) -> float:
     return UNKNOWN_TCP_SPEED_CEILING if model.tcp_max_speed is None else model.tcp_max_speed
 
 
+def jog_speed_limit(command: commands.Jog, model: ArmModel) -> float:
+    """The highest speed of a jog of this axis: m/s along x, y and z, else rad/s."""
+    if command.frame is JogFrame.JOINT:
+        return min(model.joint_max_speed[command.axis], JOINT_SPEED_CEILING)
+    return tcp_speed_limit(model) if command.is_linear else joint_speed_limit(model)
+
+
 def _is_finite(value: Any) -> bool:
     if isinstance(value, float):
         return math.isfinite(value)
@@ -191,12 +198,7 @@ def _linear_move(command: commands.LinearMove, model: ArmModel, state: Optional[
 
 def _jog(command: commands.Jog, model: ArmModel, state: Optional[RobotState]) -> None:
     _jog_axis(command, model, state)
-    if command.frame is JogFrame.JOINT:
-        limit, unit = min(model.joint_max_speed[command.axis], JOINT_SPEED_CEILING), "rad/s"
-    elif command.axis < 3:
-        limit, unit = tcp_speed_limit(model), "m/s"
-    else:
-        limit, unit = joint_speed_limit(model), "rad/s"
+    limit, unit = jog_speed_limit(command, model), "m/s" if command.is_linear else "rad/s"
     _number("velocity", command.velocity, -limit, limit, unit)
     if command.velocity == 0.0:
         raise InvalidCommand("velocity is 0 %s; a jog needs a direction, up to %.9g %s" % (unit, limit, unit))

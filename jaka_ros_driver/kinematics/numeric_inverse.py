@@ -12,7 +12,7 @@ import numpy as np
 from jaka_ros_driver.kinematics.arm_models import ArmModel, DhRow
 from jaka_ros_driver.kinematics.closed_forms import Angles, Branches
 from jaka_ros_driver.kinematics.forward import forward, jacobian
-from jaka_ros_driver.kinematics.rotations import Transform, rotation_vector_from_matrix, wrap_angle
+from jaka_ros_driver.kinematics.rotations import Transform, turn_between, wrap_angle
 from jaka_ros_driver.state import Vector
 
 _REFINE_STEPS = 20
@@ -88,9 +88,7 @@ def _is_same(a: Vector, b: Vector) -> bool:
 def _twist(reached: Transform, target: Transform) -> Tuple[float, ...]:
     """The twist from ``reached`` to ``target`` in the base frame: translation, m (3), then rotation, rad (3)."""
     a, b = reached, target
-    turn = tuple(b[3 * i] * a[3 * j] + b[3 * i + 1] * a[3 * j + 1] + b[3 * i + 2] * a[3 * j + 2]
-                 for i in range(3) for j in range(3))
-    return (b[9] - a[9], b[10] - a[10], b[11] - a[11]) + rotation_vector_from_matrix(turn)
+    return (b[9] - a[9], b[10] - a[10], b[11] - a[11]) + turn_between(a, b)
 
 
 class _JointSixSearch:

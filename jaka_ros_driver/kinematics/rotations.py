@@ -128,6 +128,11 @@ def rotation_angle_between(a: Sequence[float], b: Sequence[float]) -> float:
     return math.atan2(math.sqrt(x * x + y * y + z * z), trace - 1.0)
 
 
+def turn_between(a: Transform, b: Transform) -> Vector3:
+    """The rotation vector, in the common frame, that turns a into b, rad."""
+    return rotation_vector_from_matrix(compose(b, invert(a)))
+
+
 def distance_between(a: Transform, b: Transform) -> float:
     """Distance of the two origins, m."""
     x, y, z = a[9] - b[9], a[10] - b[10], a[11] - b[11]

@@ -6,7 +6,6 @@ from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, ProtocolError
 from jaka_ros_driver.protocol.framing import JsonObject
 from jaka_ros_driver.protocol.texts import printable, shown, text_of
-from jaka_ros_driver.state import Vector
 from jaka_ros_driver.units import (
     all_deg_to_rad,
     all_m_to_mm,
@@ -126,10 +125,6 @@ def _require_finite(name: str, value: Any) -> None:
         raise InvalidCommand("%s: %s is not a finite number" % (name, value))
 
 
-def _joints(values: Vector) -> Tuple[float, ...]:
-    return all_rad_to_deg(values)
-
-
 def _pose(pose: c.Pose) -> Tuple[float, ...]:
     return all_m_to_mm(pose.position) + all_rad_to_deg(pose.rpy)
 
@@ -161,30 +156,26 @@ def _user_frame(command: c.SetUserFrame) -> Params:
     return {"userffset": pose, "useroffset": pose, "id": command.user_frame_id, "name": command.name}
 
 
-def _jog_rate(command: c.Jog) -> float:
-    linear = command.frame is not c.JogFrame.JOINT and command.axis < 3
-    return m_to_mm(command.velocity) if linear else rad_to_deg(command.velocity)
-
-
 def _terminal(command: Any) -> Params:
     return {"type": int(command.bank), "index": command.index}
 
 
 _ENCODERS: Dict[Type[Any], Tuple[Union[str, Callable[[Any], str]], Encoder]] = {
     c.JointMove: ("joint_move", lambda m: {
-        "relFlag": 0, "jointPosition": _joints(m.joint_position), "speed": rad_to_deg(m.speed),
+        "relFlag": 0, "jointPosition": all_rad_to_deg(m.joint_position), "speed": rad_to_deg(m.speed),
         "accel": rad_to_deg(m.acceleration)}),
     c.LinearMove: ("moveL", lambda m: {
         "relFlag": 0, "cartPosition": _pose(m.target), "speed": m_to_mm(m.speed), "accel": m_to_mm(m.acceleration),
         "ori_vel": rad_to_deg(m.turn_speed), "ori_acc": rad_to_deg(m.turn_acceleration), "tol": m_to_mm(m.tolerance)}),
     c.Jog: ("jog", lambda j: {
-        "jog_mode": _JOG_CONTINUOUS, "coord_map": _JOG_COORD_MAP[j.frame], "jnum": j.axis, "jogvel": _jog_rate(j)}),
+        "jog_mode": _JOG_CONTINUOUS, "coord_map": _JOG_COORD_MAP[j.frame], "jnum": j.axis,
+        "jogvel": m_to_mm(j.velocity) if j.is_linear else rad_to_deg(j.velocity)}),
     c.JogStop: ("jog", lambda j: {
         "jog_mode": _JOG_STOP, "coord_map": _JOG_COORD_MAP[j.frame], "jnum": j.axis}),
     c.Stop: ("stop_program", lambda _: {}),
     c.SetServoMode: ("servo_move", lambda s: {"relFlag": int(s.active)}),
     c.ServoJoint: ("servo_j", lambda s: {
-        "relFlag": int(s.relative), "jointPosition": _joints(s.joint_position), "stepNum": s.cycles}),
+        "relFlag": int(s.relative), "jointPosition": all_rad_to_deg(s.joint_position), "stepNum": s.cycles}),
     c.ServoPose: ("servo_p", lambda s: {
         "relFlag": int(s.relative), "catPosition": _pose(s.target), "stepNum": s.cycles}),
     c.SetPower: (lambda p: "power_on" if p.on else "power_off", lambda _: {}),
@@ -204,9 +195,9 @@ _ENCODERS: Dict[Type[Any], Tuple[Union[str, Callable[[Any], str]], Encoder]] = {
     c.SetFeedPeriod: ("set_port10000_delay_ms", lambda f: {"port10000_delay_ms": int(round(s_to_ms(f.period)))}),
     c.SetLinkLoss: ("set_network_exception_handle", lambda x: {
         "motType": _LINK_LOSS_ABORT if x.seconds > 0.0 else _LINK_LOSS_KEEP, "timeLimit": s_to_ms(float(x.seconds))}),
-    c.ForwardKinematics: ("kine_forward", lambda k: {"jointPosition": _joints(k.joint_position)}),
+    c.ForwardKinematics: ("kine_forward", lambda k: {"jointPosition": all_rad_to_deg(k.joint_position)}),
     c.InverseKinematics: ("kine_inverse", lambda k: {
-        "jointPosition": _joints(k.reference), "cartPosition": _pose(k.target)}),
+        "jointPosition": all_rad_to_deg(k.reference), "cartPosition": _pose(k.target)}),
     c.GetDigitalOutput: ("get_digital_output", _terminal),
     c.GetAnalogOutput: ("get_analog_output", _terminal),
 }

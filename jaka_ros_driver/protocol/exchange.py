@@ -1,27 +1,24 @@
 """Pairs the replies of the command port with requests, and tells which are overdue. The caller tells the time."""
 from collections import deque
+from dataclasses import dataclass
 from typing import Any, Deque, Generic, List, Mapping, Optional, TypeVar
 
 T = TypeVar("T")
 
 
+@dataclass(eq=False)
 class Request(Generic[T]):
     """A request that was sent and not answered yet.
 
     Attributes:
         name: Its ``cmdName``.
-        sent_at: Monotonic time it was sent, s.
         deadline: Monotonic time by which the reply is due, s.
         waiter: An object that the caller gets back with the reply; None where nobody waits for it.
     """
 
-    __slots__ = ("name", "sent_at", "deadline", "waiter")
-
-    def __init__(self, name: str, sent_at: float, deadline: float, waiter: Optional[T]) -> None:
-        self.name = name
-        self.sent_at = sent_at
-        self.deadline = deadline
-        self.waiter = waiter
+    name: str
+    deadline: float
+    waiter: Optional[T]
 
 
 class Exchange(Generic[T]):
@@ -39,27 +36,22 @@ class Exchange(Generic[T]):
 
     def sent(self, name: str, now: float, deadline_s: float, waiter: Optional[T] = None) -> Request[T]:
         """Note a request that is sent now, whose reply is due within ``deadline_s``."""
-        request = Request(name, now, now + deadline_s, waiter)
+        request = Request(name, now + deadline_s, waiter)
         self._outstanding.append(request)
         return request
 
     def answered(self, reply: Mapping[str, Any]) -> Optional[Request[T]]:
         """Take the request that this reply answers off the record and return it; None for a stale reply."""
         name = reply.get("cmdName")
-        if self._outstanding and (name is None or self._outstanding[0].name == name):
-            return self._outstanding.popleft()
         for request in self._outstanding:
-            if request.name == name:
+            if name is None or request.name == name:
                 self._outstanding.remove(request)
                 return request
         return None
 
     def overdue(self, now: float) -> Optional[Request[T]]:
         """An outstanding request whose reply is late, if there is one."""
-        for request in self._outstanding:
-            if request.deadline < now:
-                return request
-        return None
+        return next((request for request in self._outstanding if request.deadline < now), None)
 
     def abandon(self) -> List[Request[T]]:
         """Forget and return all outstanding requests, which will not be answered because the link is lost."""

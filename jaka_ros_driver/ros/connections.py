@@ -90,7 +90,6 @@ class ConnectionPool:
         return connection
 
     def remove(self, connection: PooledConnection) -> None:
-        """Remove a connection that was closed."""
         with self._lock:
             self._connections.pop(connection, None)
 

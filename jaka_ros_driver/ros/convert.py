@@ -99,16 +99,11 @@ class RequestDecoder:
         frame = _member("coord_mode", request.coord_mode, c.JogFrame)
         _whole("index", request.index, 0, 11)
         name = "mvacc" if request.mvvelo == 0.0 and request.mvacc != 0.0 else "mvvelo"
-        speed = _positive(name, getattr(request, name))
         axis, is_negative = divmod(request.index, 2)
-        if frame is c.JogFrame.JOINT:
-            limit = min(self._model.joint_max_speed[axis], limits.JOINT_SPEED_CEILING)
-        elif axis < 3:
-            speed, limit = mm_to_m(speed), limits.tcp_speed_limit(self._model)
-        else:
-            limit = limits.joint_speed_limit(self._model)
-        speed = _settled_speed(speed, limit)
-        return c.Jog(frame, axis, -speed if is_negative else speed)
+        jog = c.Jog(frame, axis, _positive(name, getattr(request, name)))
+        speed = _settled_speed(mm_to_m(jog.velocity) if jog.is_linear else jog.velocity,
+                               limits.jog_speed_limit(jog, self._model))
+        return replace(jog, velocity=-speed if is_negative else speed)
 
     def servo_mode(self, request: Any) -> bool:
         """Decode a ServoMoveEnable: True to enter servo mode."""

@@ -3,6 +3,7 @@
 It is a kernel lock on a file that is named after the controller's address and network namespace, whichever of its host
 names is used. The kernel releases it when the process ends, however that happens.
 """
+import contextlib
 import fcntl
 import ipaddress
 import os
@@ -43,18 +44,12 @@ class DriverLock:
             os.close(self._file)
             raise AlreadyDriven("the controller %s:%d is already driven by %s; one controller, one driver (lock %s)"
                                 % (host, port, other or "another driver", path)) from None
-        self._note("%s (pid %d)\n" % (holder, os.getpid()))
+        with contextlib.suppress(OSError):  # another user's file, open for reading: our name cannot be written into it
+            os.ftruncate(self._file, 0)
+            os.pwrite(self._file, ("%s (pid %d)\n" % (holder, os.getpid())).encode("utf-8"), 0)
 
     def release(self) -> None:
-        """Release the lock."""
         os.close(self._file)
-
-    def _note(self, text: str) -> None:
-        try:
-            os.ftruncate(self._file, 0)
-            os.pwrite(self._file, text.encode("utf-8"), 0)
-        except OSError:
-            return  # another user's file, open for reading: it can be locked, but our name cannot be written into it
 
 
 def _address(host: str) -> str:

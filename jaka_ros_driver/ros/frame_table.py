@@ -35,7 +35,6 @@ class FrameTable:
         self._thread = threading.Thread(target=self._run, name="frame table", daemon=True)
 
     def start(self) -> None:
-        """Begin to read."""
         self._thread.start()
 
     def close(self) -> None:

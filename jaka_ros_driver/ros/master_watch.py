@@ -34,7 +34,6 @@ class MasterWatch:
         self._thread = threading.Thread(target=self._run, name="master watch", daemon=True)
 
     def start(self) -> None:
-        """Begin to poll."""
         self._thread.start()
 
     def close(self) -> None:

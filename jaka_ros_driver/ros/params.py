@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Callable, Iterable, List, Mapping, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.errors import InvalidCommand, JakaError
+from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, load_model_file, model_names
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.units import ms_to_s, s_to_ms
@@ -34,7 +34,8 @@ class WrongParameter(JakaError, ValueError):
 class Parameter(NamedTuple):
     """What a private parameter may be.
 
-    ``check`` returns a value in the type that the driver uses, and raises ValueError where it is not valid.
+    ``check`` returns a value in the type that the driver uses, and raises ValueError, of which InvalidCommand is one,
+    where it is not valid.
     """
 
     kind: str
@@ -92,20 +93,14 @@ def _host(value: Any) -> str:
 def _model(value: Any) -> str:
     if type(value) is not str:
         raise ValueError
-    try:
-        return load_model(value).name
-    except InvalidCommand as error:
-        raise ValueError(str(error)) from error
+    return load_model(value).name
 
 
 def _model_file(value: Any) -> str:
     if type(value) is not str:
         raise ValueError
     if value:
-        try:
-            load_model_file(value)
-        except InvalidCommand as error:
-            raise ValueError(str(error)) from error
+        load_model_file(value)
     return value
 
 

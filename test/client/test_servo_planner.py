@@ -6,10 +6,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from jaka_ros_driver.client.core.servo_planner import MAX_JOINT_SPEED, JointServo, PoseServo
+from jaka_ros_driver.client.core.servo_planner import JointServo, PoseServo
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.kinematics.limits import JOINT_SPEED_CEILING
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 
 PERIOD = 0.008
@@ -48,7 +49,7 @@ def test_a_jump_is_driven_within_speed_and_reached_exactly(joint, jump):
     last = HOME
     for _ in range(200):
         frame = servo.next_frame().joint_position
-        assert max(abs(a - b) for a, b in zip(frame, last)) <= MAX_JOINT_SPEED * PERIOD * (1 + 1e-9)
+        assert max(abs(a - b) for a, b in zip(frame, last)) <= JOINT_SPEED_CEILING * PERIOD * (1 + 1e-9)
         last = frame
     assert last == pytest.approx(shifted(jump, joint), abs=1e-9)
 
@@ -64,7 +65,7 @@ def test_whatever_targets_come_no_step_breaks_the_limits(stream):
             frame = servo.next_frame().joint_position
             velocity = tuple((a - b) / PERIOD for a, b in zip(frame, last))
             for speed, was, limit in zip(velocity, before, SPEEDS):
-                assert abs(speed) <= min(limit, MAX_JOINT_SPEED) * (1 + 1e-6)
+                assert abs(speed) <= min(limit, JOINT_SPEED_CEILING) * (1 + 1e-6)
                 assert abs(speed - was) <= 4 * math.pi * PERIOD * (1 + 1e-6)
             last, before = frame, velocity
 
@@ -98,7 +99,7 @@ def test_a_pose_target_is_reached_within_its_limits():
         pose = servo.next_frame().target
         assert math.dist(pose.position, last.position) <= 1.0 * PERIOD * (1 + 1e-9)
         turn = rotation_angle_between(matrix_from_rpy(pose.rpy), matrix_from_rpy(last.rpy))
-        assert turn <= MAX_JOINT_SPEED * PERIOD * (1 + 1e-6)
+        assert turn <= JOINT_SPEED_CEILING * PERIOD * (1 + 1e-6)
         last = pose
     assert last.position == pytest.approx(goal.position, abs=1e-9)
     assert rotation_angle_between(matrix_from_rpy(last.rpy), matrix_from_rpy(goal.rpy)) < 1e-7

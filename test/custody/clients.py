@@ -6,6 +6,7 @@ from virtual_clock import Clock
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.procedures import power, settings
+from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.state import RobotState
@@ -20,6 +21,16 @@ _TURN_BACK_S = 0.4
 
 def _run(make: Callable[[Any], Any], exclusive: bool) -> Callable[[Any, Call, float], None]:
     return lambda core, call, now: core.run(call, make(core), now, exclusive)
+
+
+def _take_target(core: Any, call: Call, command: Any, now: float) -> None:
+    """The driver's shell takes the core's word at once: a servo target is no call that could wait."""
+    error: Optional[JakaError] = None
+    try:
+        core.set_servo_target(command, now)
+    except JakaError as refusal:
+        error = refusal
+    core.actions.answer(call, None, error)
 
 
 def _six(axis: int, value: float) -> Tuple[float, ...]:
@@ -65,7 +76,7 @@ class Clients:
 
     def auto_enable(self) -> None:
         """The driver is started so that it powers and enables the arm once."""
-        self.ask("auto_enable", None, lambda core, call, now: core.auto_enable(now))
+        self.ask("auto_enable", None, lambda core, call, now: core.run(None, power.auto_enable(core), now))
 
     def joint_move(self, caller: int, delta: Sequence[float], speed: float, acceleration: float, wait: bool) -> None:
         """By so much from where the arm was last shown, back into its limits."""
@@ -220,7 +231,7 @@ class Clients:
         self.servo_mode(caller, True, entered)
 
     def _target(self, command: Any, on_answer: Optional[Callable[[Call], None]]) -> None:
-        self.ask("servo_target", command, lambda core, call, now: core.servo_target(call, command, now),
+        self.ask("servo_target", command, lambda core, call, now: _take_target(core, call, command, now),
                  on_answer=on_answer)
 
     # ---- what they know ----

@@ -354,7 +354,7 @@ class Judge:
         """Everything has been well for a while: whoever wants to move the arm can."""
         if not self.driver.core.is_ready(self._clock.now):
             raise RuleBroken("l", self._clock.now, "all is well, and the driver is not ready: %s, %s" % (
-                self.driver.core.link_health(), self.driver.core.feed_health(self._clock.now)))
+                self.driver.core.links.health(), self.driver.core.links.feed_health(self._clock.now)))
 
     def all_are_answered(self) -> None:
         """The driver has ended."""

@@ -78,8 +78,15 @@ class Actions:
         self._actions.append(Log(level, text))
 
     def answer(self, call: Any, result: Any = None, error: Optional[JakaError] = None) -> None:
-        """Put the end of a call at the end."""
-        self._actions.append(Answer(call, result, error))
+        """Put the end of a call at the end; None is a call that nobody waits for."""
+        if call is not None:
+            self._actions.append(Answer(call, result, error))
+
+    def answer_all(self, calls: List[Any], error: Optional[JakaError] = None) -> None:
+        """End several calls, and leave none in the list."""
+        for call in calls:
+            self.answer(call, None, error)
+        calls.clear()
 
     def take(self) -> List[Action]:
         """All of them; none is left."""

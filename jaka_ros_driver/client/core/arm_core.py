@@ -9,15 +9,13 @@ from typing import Any, Callable, List, Optional, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.actions import Action, Actions, Port
-from jaka_ros_driver.client.core.channel import Channel, in_order
+from jaka_ros_driver.client.core.channel import Channel
 from jaka_ros_driver.client.core.custody import Admission, Custody, Enter
-from jaka_ros_driver.client.core.feed import FeedHealth
 from jaka_ros_driver.client.core.jog import Jog
-from jaka_ros_driver.client.core.links import LinkHealth, Links
+from jaka_ros_driver.client.core.links import Links
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.move import Move
-from jaka_ros_driver.client.core.procedures import power
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure, Running
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Running, Until
 from jaka_ros_driver.client.core.servo import Servo, left_servo_mode
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, MotionInterrupted, StopCause
@@ -46,18 +44,14 @@ class ArmCore:
         self.model = model
         self.actions = Actions()
         self.channel = Channel(self.actions, settings.reply_timeout)
-        self.custody = Custody(self.actions, self.channel, settings, self._freed)
-        self.links = Links(settings, self.actions, self.channel, self.custody, self._disturb)
+        self.custody = Custody(self.actions, self.channel, settings, lambda now: self._admission.retry(now))
+        self.links = Links(settings, self.actions, self.channel, self.custody, self.note_disturbance)
         self._admission = Admission(self.actions, self.custody, self.links)
         self._running: List[Running] = []
         self._is_closing = False
         self._servo_end = ""
         self.disturbances = 0
         self.last_disturbance = ""
-
-    def _disturb(self, what: str) -> None:
-        self.disturbances += 1
-        self.last_disturbance = what
 
     # ---- what is known ----
 
@@ -87,16 +81,6 @@ class ArmCore:
         state = self.links.state
         return self.links.is_up and state is not None and now - state.received_at <= self.settings.stale_after
 
-    @property
-    def is_servo_active(self) -> bool:
-        """The controller is in servo mode; False while that is not known."""
-        return self.links.is_servo_active
-
-    @property
-    def is_simulated(self) -> Optional[bool]:
-        """The controller is a simulated one; None before that is known."""
-        return self.links.about.is_simulated
-
     def fresh_state(self, now: float) -> RobotState:
         """The newest state.
 
@@ -104,14 +88,6 @@ class ArmCore:
             ConnectionLost: It is stale, or there is none.
         """
         return self.links.fresh_state(now)
-
-    def link_health(self) -> LinkHealth:
-        """How the links do."""
-        return self.links.health()
-
-    def feed_health(self, now: float) -> FeedHealth:
-        """How the status feed does."""
-        return self.links.feed_health(now)
 
     def take_actions(self) -> List[Action]:
         """What the shell is to do, in order, since it last asked."""
@@ -207,23 +183,15 @@ class ArmCore:
                 if self._admission.may_begin(call, enter, now, at):
                     self.custody.begin(Servo(self.custody, self.model, call, state, self._servo_mode_is), at)
             elif self._admission.may_begin(call, enter, now, at):
-                self._begin(Running(self._leave_servo_mode(), self.channel, self._answerer(call)), at)
+                self._carry_out(self._leave_servo_mode(), self._answerer(call), at)
         self._enter(call, enter, now)
 
-    def servo_target(self, call: Any, command: Union[c.ServoJoint, c.ServoPose], now: float) -> None:
-        """Take one target into the servo stream.
-
-        Errors: InvalidCommand (not in servo mode, outside the limits, or too far away; nothing moves).
-        """
-        try:
-            self.set_servo_target(command, now)
-        except JakaError as error:
-            self.actions.answer(call, None, error)
-        else:
-            self.actions.answer(call)
-
     def set_servo_target(self, command: Union[c.ServoJoint, c.ServoPose], now: float) -> None:
-        """As ``servo_target``, for a caller who need not wait: raises what that answers. Nothing is sent at once."""
+        """Take one target into the servo stream; no call, because nothing is sent at once.
+
+        Raises:
+            InvalidCommand: Not in servo mode, outside the limits, or too far away; nothing moves.
+        """
         self.links.note_time(now)
         running = self.custody.motion
         if not isinstance(running, Servo) or self.custody.is_ending:
@@ -240,7 +208,7 @@ class ArmCore:
         arm the stop is repeated all the same until the arm rests.
         """
         self.links.note_time(now)
-        self.note_operator("a stop")
+        self.note_disturbance("a stop")
         self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
         if not self.custody.is_free:
             self.custody.stop_for(call, now)
@@ -248,29 +216,25 @@ class ArmCore:
             self._stop_free_arm(call, now)
 
     def run(self, call: Any, procedure: Procedure, now: float, exclusive: bool = False) -> None:
-        """Carry out a procedure; answered with its result or its error.
+        """Carry out a procedure; answered with its result or its error. A ``call`` of None is not answered.
 
         ``exclusive``: only while nothing moves the arm, and nothing moves it meanwhile.
         """
         def enter(at: float) -> None:
             if not exclusive:
-                self._begin(Running(procedure, self.channel, self._answerer(call)), at)
+                self._carry_out(procedure, self._answerer(call), at)
             elif self._admission.may_begin(call, enter, now, at):
                 def ended(result: Any, error: Optional[JakaError], end: float) -> None:
                     self._admission.is_setting = False
                     self.actions.answer(call, result, error)
                     self._admission.retry(end)
                 self._admission.is_setting = True
-                self._begin(Running(procedure, self.channel, ended), at)
+                self._carry_out(procedure, ended, at)
         self._enter(call, enter, now)
 
     def ask(self, command: c.Command) -> Procedure:
         """A procedure of one command that moves nothing, after its audit."""
         return (yield Ask(self.audited(command)))
-
-    def auto_enable(self, now: float) -> None:
-        """Power and enable a healthy arm once, when it is first seen."""
-        self._begin(Running(power.auto_enable(self), self.channel, lambda *_: None), now)
 
     def close(self, now: float) -> None:
         """Stop what this driver moves, and answer every call; ``is_free`` tells when the arm rests."""
@@ -306,9 +270,24 @@ class ArmCore:
         else:
             self.custody.stop(MotionInterrupted(StopCause.STOPPED), now)
 
-    def note_operator(self, what: str) -> None:
-        """A call that ends what was begun without one."""
-        self._disturb(what)
+    def seen(self, holds: Callable[[RobotState], bool], timeout: float,
+             check: Callable[[], None] = lambda: None) -> Procedure:
+        """Wait, ``timeout`` s at most, for a state of later than now for which ``holds``; returns whether it came.
+
+        ``check`` is called each time before a state is looked at; what it raises is raised in the procedure.
+        """
+        begun = yield Now()
+
+        def is_seen(_now: float) -> bool:
+            check()
+            state = self.state
+            return state is not None and state.received_at > begun and holds(state)
+        return (yield Until(is_seen, timeout))
+
+    def note_disturbance(self, what: str) -> None:
+        """This ends what was begun without a call."""
+        self.disturbances += 1
+        self.last_disturbance = what
 
     def hand_guiding_was_set(self, active: bool) -> None:
         """The controller took it; not every feed tells."""
@@ -328,30 +307,25 @@ class ArmCore:
         except JakaError as error:
             self.actions.answer(call, None, error)
 
-    def _freed(self, now: float) -> None:
-        self._admission.retry(now)
-
     def _stop_free_arm(self, call: Any, now: float) -> None:
         """A stop where this driver moves nothing: a program, the pendant, or servo mode of somebody else."""
         def replied(_result: Any, error: Optional[JakaError], at: float) -> None:
             self._admission.stops_under_way -= 1
-            if call is not None:
-                self.actions.answer(call, None, error)
+            self.actions.answer(call, None, error)
             self._admission.retry(at)
-        halts: List[c.Command] = [c.SetServoMode(False)] if self.links.is_servo_active else []
-        halts.append(c.Stop())
         try:
-            self.channel.request_all(halts, now, in_order(replied, len(halts)))
+            self.channel.request_all(
+                [c.SetServoMode(False), c.Stop()] if self.links.is_servo_active else [c.Stop()], now, replied)
         except JakaError as error:
-            if call is not None:
-                self.actions.answer(call, None, error)
+            self.actions.answer(call, None, error)
             return
         self._admission.stops_under_way += 1
 
-    def _answerer(self, call: Any) -> Callable[[Any, Optional[JakaError], float], None]:
+    def _answerer(self, call: Any) -> OnEnd:
         return lambda result, error, _now: self.actions.answer(call, result, error)
 
-    def _begin(self, running: Running, now: float) -> None:
+    def _carry_out(self, procedure: Procedure, on_end: OnEnd, now: float) -> None:
+        running = Running(procedure, self.channel, on_end)
         running.begin(now)
         if not running.has_ended:
             self._running.append(running)

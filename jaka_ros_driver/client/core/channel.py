@@ -1,6 +1,6 @@
 """The command port's requests and replies, without its socket."""
 import logging
-from typing import Any, Callable, Iterable, List, Optional
+from typing import Any, Callable, Optional, Sequence
 
 from jaka_ros_driver.client.core.actions import Actions, Send
 from jaka_ros_driver.commands import Command
@@ -64,22 +64,20 @@ class Channel:
             InvalidCommand: A number in it is not finite; nothing was sent.
             ConnectionLost: There is no connection.
         """
-        self.request_all([command], now, [on_reply], asks_who)
+        self.request_all([command], now, on_reply, asks_who)
 
-    def request_all(self, commands: Iterable[Command], now: float, on_replies: Iterable[OnReply],
-                    asks_who: bool = False) -> None:
-        """Send the commands in one piece; errors as ``request``."""
-        pendings = [_Pending(command, on_reply) for command, on_reply in zip(commands, on_replies)]
-        texts = [encode_object(codec.encode(pending.command)) for pending in pendings]
+    def request_all(self, commands: Sequence[Command], now: float, on_last: OnReply, asks_who: bool = False) -> None:
+        """Send the commands in one piece, of which only the last one's reply matters; errors as ``request``."""
+        texts = [encode_object(codec.encode(command)) for command in commands]
         if not self.is_open or not (self.is_confirmed or asks_who):
             raise ConnectionLost("no link to the controller: " + (
                 "it has not said yet who it is" if self.is_open else self._down_reason))
-        for pending in pendings:
-            self._exchange.sent(codec.command_name(pending.command), now, self._reply_timeout, pending)
+        for command in commands[:-1]:
+            self._exchange.sent(codec.command_name(command), now, self._reply_timeout)
+        self._exchange.sent(codec.command_name(commands[-1]), now, self._reply_timeout, _Pending(commands[-1], on_last))
         self._actions.add(Send(b"".join(texts)))
 
     def received(self, data: bytes, now: float) -> None:
-        """Take bytes of the port."""
         for item in self._stream.feed(data):
             if isinstance(item, FramingError):
                 self.damaged_replies += 1
@@ -99,16 +97,3 @@ class Channel:
     def overdue(self, now: float) -> Optional[Any]:
         """A request whose reply is late, if there is one; hand it to ``close``."""
         return self._exchange.overdue(now)
-
-    def overdue_reason(self, late: Any) -> str:
-        """In words."""
-        return "no reply to %s within %.3g s" % (late.name, self._reply_timeout)
-
-
-def in_order(on_last: OnReply, count: int, on_other: Optional[OnReply] = None) -> List[OnReply]:
-    """Callbacks for so many commands of which only the last one's reply matters."""
-    return [on_other or _ignore] * (count - 1) + [on_last]
-
-
-def _ignore(_result: Any, _error: Optional[JakaError], _now: float) -> None:
-    pass

@@ -12,17 +12,18 @@ import logging
 from typing import Any, Callable, List, NamedTuple, Optional, Protocol
 
 from jaka_ros_driver.client.core.actions import Actions, Tell
-from jaka_ros_driver.client.core.channel import Channel, in_order
+from jaka_ros_driver.client.core.channel import Channel
 from jaka_ros_driver.client.core.motion import Motion, MotionOwner, require_drives
 from jaka_ros_driver.client.core.stillness import REST_TIME_S, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.commands import Command, SetLinkLoss, Stop
+from jaka_ros_driver.commands import SetLinkLoss, Stop
 from jaka_ros_driver.errors import (
     CommandRejected,
     ConnectionLost,
     InvalidCommand,
     JakaError,
     MotionInterrupted,
+    ReplyTimeout,
     StopCause,
 )
 from jaka_ros_driver.state import RobotState
@@ -145,6 +146,13 @@ class Custody:
             self._phase, self._began_at = _Phase.SETTLING, now
             self._is_told = True
 
+    def not_accepted(self, error: JakaError, now: float) -> None:
+        """The motion's command has failed; unless the controller refused it, what became of it is not known."""
+        if isinstance(error, CommandRejected):
+            self.settle(now)
+        elif not isinstance(error, (ConnectionLost, ReplyTimeout)):  # with these the link goes, and ``link_lost`` acts
+            self.stop(MotionInterrupted(StopCause.FAULT, str(error)), now)
+
     def stop(self, outcome: Optional[MotionInterrupted], now: float) -> None:
         """Stop the motion; its callers are told this outcome when the stop is accepted. The first one counts."""
         if self._phase in (_Phase.HELD, _Phase.SETTLING):
@@ -156,11 +164,9 @@ class Custody:
 
     def stop_for(self, call: Any, now: float) -> None:
         """Stop the motion for a caller, who is answered with the controller's word on this very stop."""
-        if self._phase is _Phase.STOPPING:
-            self._send_stop(now, call)
-            return
-        self._phase = _Phase.STOPPING
-        self._outcome, self._began_at = MotionInterrupted(StopCause.STOPPED), now
+        if self._phase is not _Phase.STOPPING:
+            self._phase = _Phase.STOPPING
+            self._outcome, self._began_at = MotionInterrupted(StopCause.STOPPED), now
         self._send_stop(now, call)
 
     # ---- events ----
@@ -187,7 +193,6 @@ class Custody:
                 self._send_stop(now)
 
     def tick(self, now: float) -> None:
-        """Let time pass."""
         motion = self.motion
         if motion is None:
             return
@@ -231,18 +236,15 @@ class Custody:
         number = self._number
 
         def replied(_result: Any, error: Optional[JakaError], at: float) -> None:
-            if call is not None:
-                self.actions.answer(call, None, error)
+            self.actions.answer(call, None, error)
             if number == self._number and self._phase is _Phase.STOPPING:
                 self._stop_replied(error, at)
 
-        halts: List[Command] = self.motion.halts() + [Stop()]
         try:
-            self.channel.request_all(halts, now, in_order(replied, len(halts)))
+            self.channel.request_all([*self.motion.halts(), Stop()], now, replied)
         except JakaError as error:
             self._say(logging.ERROR, "the arm could not be stopped: %s" % error, now)
-            if call is not None:
-                self.actions.answer(call, None, error)
+            self.actions.answer(call, None, error)
             return
         self._outstanding += 1
         self._sent_at, self._retry_at = now, _NEVER
@@ -394,6 +396,5 @@ class Admission:
 
     def end_waiting(self, error: JakaError) -> None:
         """Answer every call that waits with this error."""
-        waiting, self._waiting = self._waiting, []
-        for one in waiting:
-            self._actions.answer(one.call, None, error)
+        self._actions.answer_all([one.call for one in self._waiting], error)
+        self._waiting = []

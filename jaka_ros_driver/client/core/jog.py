@@ -5,22 +5,13 @@ from typing import Any, List, Optional
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner, rest_time_at
 from jaka_ros_driver.client.core.move import START_WINDOW_S
-from jaka_ros_driver.commands import Command, JogFrame, JogStop
+from jaka_ros_driver.commands import Command, JogStop
 from jaka_ros_driver.commands import Jog as JogCommand
-from jaka_ros_driver.errors import (
-    CommandRejected,
-    ConnectionLost,
-    JakaError,
-    MotionInterrupted,
-    ReplyTimeout,
-    StopCause,
-)
+from jaka_ros_driver.errors import JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
 
 _OVER_TIME_S = 0.5
 """s; a jog whose arm rests for so long, and is said to be in position, has been ended by somebody else."""
-_REACH = 1.5
-"""m; a joint turns at least by the tool's way divided by this."""
 
 
 class Jog(Motion):
@@ -39,8 +30,7 @@ class Jog(Motion):
         self._watch = InterruptionWatch(state)
         self._calls: List[Any] = [call]
         self._accepted_at: Optional[float] = None
-        is_line = command.frame is not JogFrame.JOINT and command.axis < 3
-        self.rest_time = rest_time_at(abs(command.velocity) / (_REACH if is_line else 1.0))
+        self.rest_time = rest_time_at(abs(command.velocity), command.is_linear)
 
     def begin(self, now: float) -> None:
         self.deadline = now + self._custody.settings.jog_timeout
@@ -75,7 +65,7 @@ class Jog(Motion):
         return [JogStop(self.command.frame, self.command.axis)]
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
-        self._answer(outcome)
+        self._custody.actions.answer_all(self._calls, outcome)
 
     def _replied(self, error: Optional[JakaError], now: float) -> None:
         if self._custody.motion is not self:
@@ -83,15 +73,7 @@ class Jog(Motion):
         if error is None:
             self._accepted_at = now
             if not self._custody.is_ending:
-                self._answer(None)
+                self._custody.actions.answer_all(self._calls)
             return
-        self._answer(error)
-        if isinstance(error, CommandRejected):
-            self._custody.settle(now)
-        elif not isinstance(error, (ConnectionLost, ReplyTimeout)):
-            self._custody.stop(MotionInterrupted(StopCause.FAULT, str(error)), now)
-
-    def _answer(self, error: Optional[JakaError]) -> None:
-        calls, self._calls = self._calls, []
-        for call in calls:
-            self._custody.actions.answer(call, None, error)
+        self._custody.actions.answer_all(self._calls, error)
+        self._custody.not_accepted(error, now)

@@ -1,6 +1,5 @@
 """Keeps one connection up: asks for it, and for a new one with growing pauses when it goes down."""
 import logging
-from typing import Optional
 
 from jaka_ros_driver.client.core.actions import Actions, Close, Open, Port
 
@@ -59,7 +58,7 @@ class Link:
     def failed(self, reason: str, now: float) -> None:
         """It could not be connected."""
         if reason != self.last_error:
-            self._actions.log(logging.WARNING, "%s: %s" % (self._port.value, reason))
+            self._actions.log(logging.WARNING, reason)
         self._again(reason, now)
 
     def lost(self, reason: str, now: float) -> None:
@@ -87,8 +86,3 @@ class Link:
         self.last_error = reason
         self._pause = min(_LONGEST_PAUSE_S, max(_FIRST_PAUSE_S, 2.0 * self._pause))
         self.retry_at = _NEVER if self._is_stopped else now + self._pause
-
-
-def first_error(*links: Link) -> Optional[str]:
-    """Why the first of these that is down is down; empty where all are up."""
-    return next((link.last_error for link in links if not link.is_up), "")

@@ -9,12 +9,12 @@ from jaka_ros_driver.client.core.actions import Actions, Port, Show
 from jaka_ros_driver.client.core.channel import Channel
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.feed import SILENCE_S, Feed, FeedHealth
-from jaka_ros_driver.client.core.link import Link, first_error
+from jaka_ros_driver.client.core.link import Link
 from jaka_ros_driver.client.core.procedures import session
 from jaka_ros_driver.client.core.procedures.procedure import Running
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Query
-from jaka_ros_driver.errors import ConnectionLost, JakaError
+from jaka_ros_driver.errors import ConnectionLost, JakaError, ReplyTimeout
 from jaka_ros_driver.state import RobotState
 
 _BEAT_PERIOD_S = 0.25
@@ -87,7 +87,7 @@ class Links:
     @property
     def last_error(self) -> str:
         """Why a link is down; empty when both are up."""
-        return first_error(self._command, self._status) or (
+        return self._command.last_error or self._status.last_error or (
             "" if self.is_ready else "the controller has not answered yet")
 
     @property
@@ -138,7 +138,6 @@ class Links:
             self._feed.held_up()
 
     def opened(self, port: Port, now: float) -> None:
-        """The port is connected."""
         if port is Port.STATUS:
             self._status.opened(now)
             self._feed.open(now)
@@ -152,11 +151,9 @@ class Links:
         self._handshake.begin(now)
 
     def failed(self, port: Port, reason: str, now: float) -> None:
-        """The port could not be connected."""
         (self._status if port is Port.STATUS else self._command).failed(reason, now)
 
     def closed(self, port: Port, reason: str, now: float) -> None:
-        """The connection has ended."""
         if port is Port.STATUS:
             self._status.lost(reason, now)
             self._sight_lost(reason, now)
@@ -165,7 +162,6 @@ class Links:
             self._command_lost(reason, now)
 
     def received(self, port: Port, data: bytes, now: float) -> None:
-        """Bytes have arrived."""
         if port is Port.COMMAND:
             self._channel.received(data, now)
             return
@@ -179,10 +175,9 @@ class Links:
             self._actions.add(Show(state, is_new))
 
     def tick(self, now: float) -> None:
-        """Let time pass."""
         late = self._channel.overdue(now) if self._channel.is_open else None
         if late is not None:
-            self._drop_command(self._channel.overdue_reason(late), now, late)
+            self._drop_command(str(ReplyTimeout(late.name, self._settings.reply_timeout)), now, late)
         self._watch_feed(now)
         if self._handshake is not None:
             self._handshake.tick(now)

@@ -9,6 +9,8 @@ from jaka_ros_driver.state import RobotState
 
 _NEVER = float("inf")
 _LONGEST_REST_TIME_S = 5.0
+_REACH = 1.5
+"""m; a joint turns at least by the tool's way divided by this."""
 
 
 class MotionOwner(enum.Enum):
@@ -111,6 +113,7 @@ def event_text(state: RobotState) -> str:
     return ("event 0x%X %s" % (state.error_code, state.error_message)).rstrip()
 
 
-def rest_time_at(joint_speed: float) -> float:
-    """How long the joints must be still, s, so that a motion of this speed, rad/s, would have been seen."""
+def rest_time_at(speed: float, is_linear: bool) -> float:
+    """How long the joints must be still, s, so that a motion of this speed, rad/s (m/s of the tool), would be seen."""
+    joint_speed = speed / _REACH if is_linear else speed
     return min(_LONGEST_REST_TIME_S, max(REST_TIME_S, 2.0 * MOVEMENT / joint_speed))

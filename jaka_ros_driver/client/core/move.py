@@ -7,14 +7,7 @@ from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, Motion
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.commands import JointMove
 from jaka_ros_driver.commands import Motion as MoveCommand
-from jaka_ros_driver.errors import (
-    CommandRejected,
-    ConnectionLost,
-    JakaError,
-    MotionInterrupted,
-    ReplyTimeout,
-    StopCause,
-)
+from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import RobotState
 
@@ -27,8 +20,6 @@ _POSITION_TOLERANCE = 0.002
 _ANGLE_TOLERANCE = 0.02
 _NO_DISTANCE = 0.03
 """Of a tolerance: an arm that is as near as this may be there without having moved."""
-_REACH = 1.5
-"""m; a joint turns at least by the tool's way divided by this."""
 
 
 class _Part:
@@ -116,18 +107,14 @@ class Move(Motion):
             return
         self._answer(part, error)
         self._parts.remove(part)
-        if isinstance(error, CommandRejected):
-            if not self._parts:
-                self._custody.settle(now)
-        elif not isinstance(error, (ConnectionLost, ReplyTimeout)):
-            self._custody.stop(MotionInterrupted(StopCause.FAULT, str(error)), now)
+        if not self._parts or not isinstance(error, CommandRejected):  # refused, it leaves the others of the queue
+            self._custody.not_accepted(error, now)
 
     def _accepted(self, part: _Part, now: float) -> None:
         self._target = part.command
         self._accepted_at = now
         self.deadline = now + self._custody.settings.motion_timeout
-        speed = part.command.speed if isinstance(part.command, JointMove) else part.command.speed / _REACH
-        self.rest_time = rest_time_at(speed)
+        self.rest_time = rest_time_at(part.command.speed, not isinstance(part.command, JointMove))
         distance = _relative_distance(part.command, self._start)
         self._must_move = self._must_move or (distance is not None and distance > _NO_DISTANCE)
         if not part.waits and not self._custody.is_ending:

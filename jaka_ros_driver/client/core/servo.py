@@ -10,10 +10,9 @@ from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import Command, Pose, Query, ServoJoint, ServoPose, SetServoMode
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
 from jaka_ros_driver.state import RobotState
 
-PERIOD_S = 0.008
-"""s, the controller's interpolation cycle (docs/controller-protocol.md section 5.6.5)."""
 _CONFIRM_TIMEOUT_S = 2.0
 _POLL_PERIOD_S = 0.02
 _TCP_SPEED_UNKNOWN = 1.0
@@ -144,7 +143,7 @@ class Servo(Motion):
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         self._on_mode(False, str(outcome) if outcome is not None else self._leave_reason or "")
-        self._answer(outcome)
+        self._custody.actions.answer_all(self._calls, outcome)
 
     # ---- inside ----
 
@@ -157,12 +156,12 @@ class Servo(Motion):
             self._stream = self._joint_stream()
             self._last_target_at = self._next_frame = now
             self._on_mode(True, "")
-            self._answer(None)
+            self._custody.actions.answer_all(self._calls)
             return
         if isinstance(error, MotionInterrupted):
             self._custody.stop(error, now)
             return
-        self._answer(error)
+        self._custody.actions.answer_all(self._calls, error)
         if isinstance(error, CommandRejected) and error.command == "servo_move":
             self._custody.settle(now)
         else:
@@ -178,20 +177,15 @@ class Servo(Motion):
         else:
             self._custody.stop(MotionInterrupted(StopCause.FAULT, "servo mode was not left: %s" % error), now)
 
-    def _answer(self, error: Optional[JakaError]) -> None:
-        calls, self._calls = self._calls, []
-        for call in calls:
-            self._custody.actions.answer(call, None, error)
-
     def _send_frame(self, stream: Union[JointServo, PoseServo], now: float) -> None:
         frame = stream.next_frame()
         self._trace.sent(stream.point, now)
-        self._next_frame += PERIOD_S
+        self._next_frame += SERVO_PERIOD_S
         late = now - self._next_frame
         if late > 0.0:
-            skipped = 1 + int(late / PERIOD_S)
+            skipped = 1 + int(late / SERVO_PERIOD_S)
             self.late_cycles += skipped
-            self._next_frame += PERIOD_S * skipped
+            self._next_frame += SERVO_PERIOD_S * skipped
         self._custody.channel.request(frame, now, self._frame_replied)
 
     def _frame_replied(self, _result: Any, error: Optional[JakaError], now: float) -> None:
@@ -226,7 +220,7 @@ class Servo(Motion):
         start = state.joint_position_commanded
         if start is None or max([abs(a - b) for a, b in zip(start, state.joint_position)]) > _MAX_JOINT_DEVIATION:
             start = state.joint_position
-        return JointServo(start, self._model, settings.servo_max_joint_jump, settings.servo_ahead, PERIOD_S)
+        return JointServo(start, self._model, settings.servo_max_joint_jump, settings.servo_ahead, SERVO_PERIOD_S)
 
     def _pose_stream_at_rest(self) -> PoseServo:
         self._require_rest()
@@ -235,7 +229,7 @@ class Servo(Motion):
             raise InvalidCommand("refused: the controller does not report the tool pose")
         return PoseServo(Pose(state.tcp_position, state.tcp_rpy), self._model.tcp_max_speed or _TCP_SPEED_UNKNOWN,
                          settings.servo_max_linear_jump, settings.servo_max_angular_jump, settings.servo_ahead,
-                         PERIOD_S)
+                         SERVO_PERIOD_S)
 
 
 def _entered() -> Procedure:

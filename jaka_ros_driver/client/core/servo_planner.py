@@ -10,31 +10,23 @@ from typing import Optional, Sequence, Tuple
 from jaka_ros_driver.commands import Pose, ServoJoint, ServoPose
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, TCP_ACCELERATION_CEILING
 from jaka_ros_driver.kinematics.rotations import (
     Transform,
-    Vector3,
     compose,
-    invert,
     matrix_from_rotation_vector,
     matrix_from_rpy,
-    rotation_vector_from_matrix,
     rpy_from_matrix,
     transform,
+    turn_between,
 )
 from jaka_ros_driver.state import RobotState, Vector
 
-MAX_JOINT_SPEED = math.pi
-"""rad/s, the controller's own ceiling for a servo step."""
-_JOINT_ACCELERATION = 4.0 * math.pi
-_LINEAR_ACCELERATION = 8.0
-_ANGULAR_ACCELERATION = 4.0 * math.pi
 _ORIGIN = (0.0, 0.0, 0.0)
 _LEVER = 0.3
 """m; how far from the tool's centre a turn is looked at."""
 _WIRE_ROUNDING = 1e-6
 """rad or m: targets come as float32, and one at the very limit is still allowed."""
-
-
 _ARRIVED = 1e-7
 """rad or m"""
 
@@ -70,7 +62,7 @@ class _Follower:
     @property
     def is_still(self) -> bool:
         """The last step was none."""
-        return not self._velocity or _norm(self._velocity) * self._period <= _ARRIVED
+        return not self._velocity or math.hypot(*self._velocity) * self._period <= _ARRIVED
 
     def arrives_within(self, away: Sequence[float], cycles: int) -> bool:
         """Whether it would reach a new target that is ``away`` from here within so many cycles."""
@@ -80,30 +72,22 @@ class _Follower:
         twin._velocity = self._velocity
         for cycle in range(cycles):
             away = tuple(a - s for a, s in zip(away, twin.step(away, is_new=cycle == 0)))
-            if _norm(away) <= _ARRIVED:
+            if math.hypot(*away) <= _ARRIVED:
                 return True
         return False
 
     def _limited(self, away: Sequence[float]) -> Vector:
         """Towards the target, no faster than lets it stop there in whole cycles."""
-        distance = _norm(away)
+        distance = math.hypot(*away)
         half = 0.5 * self._period
         stoppable = self._acceleration * (math.sqrt(half * half + 2.0 * distance / self._acceleration) - half)
         speed = min(self._max_speed, stoppable, distance / self._period)
         wanted = tuple(a * speed / distance if distance > 0.0 else 0.0 for a in away)
-        change = _distance(wanted, self._velocity)
+        change = math.dist(wanted, self._velocity)
         if change <= self._max_change:
             return wanted
         part = self._max_change / change
         return tuple(v + part * (w - v) for v, w in zip(self._velocity, wanted))
-
-
-def _norm(values: Sequence[float]) -> float:
-    return math.hypot(*values)
-
-
-def _distance(a: Sequence[float], b: Sequence[float]) -> float:
-    return math.dist(a, b)
 
 
 class JointServo:
@@ -119,7 +103,7 @@ class JointServo:
             ahead: A target must be reached within so long from that frame, s.
             period: Of a cycle, s.
         """
-        self._followers = [_Follower(min(speed, MAX_JOINT_SPEED), _JOINT_ACCELERATION, period)
+        self._followers = [_Follower(min(speed, JOINT_SPEED_CEILING), JOINT_ACCELERATION_CEILING, period)
                            for speed in model.joint_max_speed]
         self._limits = model.joint_limits
         self._max_jump = max_jump
@@ -157,7 +141,7 @@ class JointServo:
     @property
     def is_at_rest(self) -> bool:
         """The last frame was at the target, and so was the one before."""
-        return all(f.is_still for f in self._followers) and _distance(self._position, self._target) <= _ARRIVED
+        return all(f.is_still for f in self._followers) and math.dist(self._position, self._target) <= _ARRIVED
 
     @property
     def point(self) -> Tuple[float, ...]:
@@ -170,7 +154,6 @@ class JointServo:
         return state.joint_position
 
     def next_frame(self) -> ServoJoint:
-        """The frame of this cycle."""
         is_new, self._is_new = self._is_new, False
         self._position = tuple(
             p + follower.step((t - p,), is_new)[0]
@@ -184,8 +167,8 @@ class PoseServo:
     def __init__(self, pose: Pose, max_linear_speed: float, max_linear_jump: float, max_angular_jump: float,
                  ahead: float, period: float) -> None:
         """Begin at rest at ``pose``; speeds m/s, jumps m and rad, ahead and period s, as for joints."""
-        self._linear = _Follower(max_linear_speed, _LINEAR_ACCELERATION, period)
-        self._angular = _Follower(MAX_JOINT_SPEED, _ANGULAR_ACCELERATION, period)
+        self._linear = _Follower(max_linear_speed, TCP_ACCELERATION_CEILING, period)
+        self._angular = _Follower(JOINT_SPEED_CEILING, JOINT_ACCELERATION_CEILING, period)
         self._max_linear_jump = max_linear_jump
         self._max_angular_jump = max_angular_jump
         self._ahead = ahead
@@ -206,16 +189,16 @@ class PoseServo:
             rpy = tuple(t + s for t, s in zip(rpy_from_matrix(self._target_rotation), rpy))
         rotation = _rotation(rpy)
         away = [t - p for t, p in zip(position, self._position)]
-        turn = _turn_between(self._rotation, rotation)
-        if _norm(away) > self._max_linear_jump + _WIRE_ROUNDING or _norm(turn) > (
-                self._max_angular_jump + _WIRE_ROUNDING):
+        turn = turn_between(self._rotation, rotation)
+        distance, angle = math.hypot(*away), math.hypot(*turn)
+        if distance > self._max_linear_jump + _WIRE_ROUNDING or angle > self._max_angular_jump + _WIRE_ROUNDING:
             raise InvalidCommand(
                 "refused: the servo target is %.4f m and %.4f rad away, more than the allowed %.4f m or %.4f rad"
-                % (_norm(away), _norm(turn), self._max_linear_jump, self._max_angular_jump))
+                % (distance, angle, self._max_linear_jump, self._max_angular_jump))
         if not (self._linear.arrives_within(away, self._cycles) and self._angular.arrives_within(turn, self._cycles)):
             raise InvalidCommand(
                 "refused: the servo target is %.4f m and %.4f rad away; the arm would not be there within %.3g s "
-                "(servo_ahead); send smaller steps" % (_norm(away), _norm(turn), self._ahead))
+                "(servo_ahead); send smaller steps" % (distance, angle, self._ahead))
         self._target_position, self._target_rotation = position, rotation
         self._is_new = True
 
@@ -223,8 +206,8 @@ class PoseServo:
     def is_at_rest(self) -> bool:
         """The last frame was at the target, and so was the one before."""
         return (self._linear.is_still and self._angular.is_still
-                and _distance(self._position, self._target_position) <= _ARRIVED
-                and _norm(_turn_between(self._rotation, self._target_rotation)) <= 1e-6)
+                and math.dist(self._position, self._target_position) <= _ARRIVED
+                and math.hypot(*turn_between(self._rotation, self._target_rotation)) <= 1e-6)
 
     @property
     def point(self) -> Tuple[float, ...]:
@@ -239,11 +222,10 @@ class PoseServo:
         return _points_of(transform(matrix_from_rpy(state.tcp_rpy), state.tcp_position))
 
     def next_frame(self) -> ServoPose:
-        """The frame of this cycle."""
         is_new, self._is_new = self._is_new, False
         step = self._linear.step([t - p for t, p in zip(self._target_position, self._position)], is_new)
         self._position = tuple(p + s for p, s in zip(self._position, step))
-        turn = self._angular.step(_turn_between(self._rotation, self._target_rotation), is_new)
+        turn = self._angular.step(turn_between(self._rotation, self._target_rotation), is_new)
         self._rotation = compose(transform(matrix_from_rotation_vector(turn), _ORIGIN), self._rotation)
         return ServoPose(Pose(self._position, rpy_from_matrix(self._rotation)))
 
@@ -260,8 +242,3 @@ def _points_of(base_t_tool: Transform) -> Tuple[float, ...]:
 
 def _rotation(rpy: Sequence[float]) -> Transform:
     return transform(matrix_from_rpy(rpy), _ORIGIN)
-
-
-def _turn_between(start: Transform, end: Transform) -> Vector3:
-    """The rotation vector, in the common frame, that turns start into end, rad."""
-    return rotation_vector_from_matrix(compose(end, invert(start)))

@@ -140,7 +140,6 @@ class Services:
         self._servers: List[ServiceServer] = []
 
     def offer(self) -> None:
-        """Register all services."""
         for spec in SERVICES:
             self._servers.append(ServiceServer(
                 "~" + spec.name, spec.srv_type, self._handler(spec), self._calls,

@@ -1,7 +1,6 @@
 """What takes several requests, one after the other, each on a condition: written as generators.
 
 procedure   the steps of which procedures are made, and what drives them
-arm_access  what procedures may use of the core
 session     what is asked of a controller when it is connected
 power       power, enabling and alarms
 settings    settings that are read back

@@ -3,8 +3,8 @@ import logging
 from typing import Callable, List
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import event_text
-from jaka_ros_driver.client.core.procedures.arm_access import ArmAccess
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
@@ -28,7 +28,7 @@ def missing_for_motion(state: RobotState) -> List[str]:
     return missing
 
 
-def set_power(core: ArmAccess, on: bool) -> Procedure:
+def set_power(core: ArmCore, on: bool) -> Procedure:
     """Energise the drives, or stop, disable and de-energise them; ends when the arm reports it.
 
     Raises:
@@ -36,7 +36,7 @@ def set_power(core: ArmAccess, on: bool) -> Procedure:
         MotionInterrupted: The controller took the command and did not follow in time.
         JakaError: As ``Ask``; ConnectionLost where the arm's state is not known.
     """
-    core.note_operator("a call of power")
+    core.note_disturbance("a call of power")
     if on:
         _refuse_under_stop((yield from _state(core)), "power on")
         yield from _switch_power(core, True)
@@ -47,13 +47,13 @@ def set_power(core: ArmAccess, on: bool) -> Procedure:
     yield from _switch_power(core, False)
 
 
-def set_enabled(core: ArmAccess, on: bool) -> Procedure:
+def set_enabled(core: ArmCore, on: bool) -> Procedure:
     """Release the brakes and hold torque, or the reverse; ends when the arm reports it.
 
     Raises:
         As ``set_power``; InvalidCommand when the drives have no power.
     """
-    core.note_operator("a call of enable")
+    core.note_disturbance("a call of enable")
     if on:
         state = yield from _state(core)
         _refuse_under_stop(state, "enable")
@@ -64,7 +64,7 @@ def set_enabled(core: ArmAccess, on: bool) -> Procedure:
     yield from _switch_drives(core, on)
 
 
-def clear_error(core: ArmAccess) -> Procedure:
+def clear_error(core: ArmCore) -> Procedure:
     """Clear alarms and the protective stop; energises nothing.
 
     Returns:
@@ -74,10 +74,10 @@ def clear_error(core: ArmAccess) -> Procedure:
         JakaError: As ``Ask``; MotionInterrupted where an alarm stands again at once; ConnectionLost where the arm's
             state is not known: then nothing is sent.
     """
-    core.note_operator("a call of clear_err")
+    core.note_disturbance("a call of clear_err")
     yield from _state(core)
     yield Ask(c.ClearError())
-    cleared = yield from _seen(core, lambda s: not s.protective_stop and not s.has_fault, _CLEAR_TIMEOUT_S)
+    cleared = yield from core.seen(lambda s: not s.protective_stop and not s.has_fault, _CLEAR_TIMEOUT_S)
     state = yield from _state(core)
     if not cleared and not state.emergency_stop:
         raise MotionInterrupted(StopCause.FAULT, "an alarm still stands: 0x%X %s" % (state.error_code,
@@ -85,7 +85,7 @@ def clear_error(core: ArmAccess) -> Procedure:
     return missing_for_motion(state)
 
 
-def auto_enable(core: ArmAccess) -> Procedure:
+def auto_enable(core: ArmCore) -> Procedure:
     """Power and enable a healthy arm once, as soon as it is seen for the first time; a sick one is left alone.
 
     It is one act: whatever disturbs it (a stop, a fault, a restart, a lost link, an operator's call) ends it for good.
@@ -111,27 +111,27 @@ def auto_enable(core: ArmAccess) -> Procedure:
     core.actions.log(logging.INFO, "auto_enable: the arm is powered and enabled")
 
 
-def _nothing() -> None:
-    pass
-
-
-def _switch_power(core: ArmAccess, on: bool, check: Callable[[], None] = _nothing) -> Procedure:
+def _switch_power(core: ArmCore, on: bool, check: Callable[[], None] = lambda: None) -> Procedure:
     return _switch(core, c.SetPower(on), lambda s: s.is_powered is on, core.settings.power_timeout,
                    "power on" if on else "power off", check)
 
 
-def _switch_drives(core: ArmAccess, on: bool, check: Callable[[], None] = _nothing) -> Procedure:
+def _switch_drives(core: ArmCore, on: bool, check: Callable[[], None] = lambda: None) -> Procedure:
     return _switch(core, c.SetEnabled(on), lambda s: s.is_enabled is on, core.settings.enable_timeout,
                    "enable" if on else "disable", check)
 
 
-def _switch(core: ArmAccess, command: c.Command, is_done: Callable[[RobotState], bool], timeout: float, what: str,
+def _switch(core: ArmCore, command: c.Command, is_done: Callable[[RobotState], bool], timeout: float, what: str,
             check: Callable[[], None]) -> Procedure:
     """Send the command unless the state has it already, and wait until it has; ``check`` may raise before each step."""
     check()
-    if not is_done((yield from _state(core))):
-        yield Ask(command)
-        yield from _await(core, is_done, timeout, what, check)
+    if is_done((yield from _state(core))):
+        return
+    yield Ask(command)
+    if not (yield from core.seen(is_done, timeout, check)):
+        state = core.state
+        raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not %s within %.0f s (%s)" % (
+            what, timeout, "no status" if state is None else event_text(state) or "no event"))
 
 
 def _refuse_under_stop(state: RobotState, what: str) -> None:
@@ -141,7 +141,7 @@ def _refuse_under_stop(state: RobotState, what: str) -> None:
         raise InvalidCommand("refused to %s: protective stop; clear_err first" % what)
 
 
-def _come_to_rest(core: ArmAccess) -> Procedure:
+def _come_to_rest(core: ArmCore) -> Procedure:
     """The controller disables an arm at rest only (docs/controller-protocol.md section 5.1)."""
     if not core.custody.is_free or not (yield from _state(core)).is_in_position:
         now = yield Now()
@@ -153,25 +153,5 @@ def _come_to_rest(core: ArmAccess) -> Procedure:
         raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not come to rest within %.0f s" % _CLEAR_TIMEOUT_S)
 
 
-def _state(core: ArmAccess) -> Procedure:
+def _state(core: ArmCore) -> Procedure:
     return core.fresh_state((yield Now()))
-
-
-def _seen(core: ArmAccess, predicate: Callable[[RobotState], bool], timeout: float,
-          check: Callable[[], None] = _nothing) -> Procedure:
-    """Wait for a state, that comes after now, of which the predicate holds; False after the time-out."""
-    begun = yield Now()
-
-    def holds(_now: float) -> bool:
-        check()
-        state = core.state
-        return state is not None and state.received_at > begun and predicate(state)
-    return (yield Until(holds, timeout))
-
-
-def _await(core: ArmAccess, predicate: Callable[[RobotState], bool], timeout: float, what: str,
-           check: Callable[[], None]) -> Procedure:
-    if not (yield from _seen(core, predicate, timeout, check)):
-        state = core.state
-        raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not %s within %.0f s (%s)" % (
-            what, timeout, "no status" if state is None else event_text(state) or "no event"))

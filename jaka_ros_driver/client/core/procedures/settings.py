@@ -1,14 +1,14 @@
 """Settings that are read back: the controller's "accepted" is not yet "set". Each ends in a sentence for the user."""
 import math
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Callable, Dict, Optional, Type, Union
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import require_drives
-from jaka_ros_driver.client.core.procedures.arm_access import ArmAccess
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
-from jaka_ros_driver.state import IoBank, RobotState
+from jaka_ros_driver.state import IoBank, RobotState, Vector
 
 _TIMEOUT_S = 2.0
 _LENGTH_TOLERANCE = 1e-5
@@ -22,7 +22,7 @@ class ReadBackMismatch(JakaError):
     """The controller accepted a setting and holds another value."""
 
 
-def set_tool_frame(core: ArmAccess, command: c.SetToolFrame, activate: bool) -> Procedure:
+def set_tool_frame(core: ArmCore, command: c.SetToolFrame, activate: bool) -> Procedure:
     """Store a tool frame and, with ``activate``, make it the active one.
 
     Raises:
@@ -37,7 +37,7 @@ def set_tool_frame(core: ArmAccess, command: c.SetToolFrame, activate: bool) -> 
     return "tool %d %s%s" % (command.tool_id, "set and active" if activate else "set", told)
 
 
-def set_user_frame(core: ArmAccess, command: c.SetUserFrame, activate: bool) -> Procedure:
+def set_user_frame(core: ArmCore, command: c.SetUserFrame, activate: bool) -> Procedure:
     """Store a user frame and, with ``activate``, make it the active one; errors as ``set_tool_frame``."""
     yield Ask(core.audited(command))
     told = yield from _compare(c.Query.USER_FRAMES, "user frame %d" % command.user_frame_id,
@@ -48,7 +48,7 @@ def set_user_frame(core: ArmAccess, command: c.SetUserFrame, activate: bool) -> 
     return "user frame %d %s%s" % (command.user_frame_id, "set and active" if activate else "set", told)
 
 
-def set_payload(core: ArmAccess, tool_id: int, command: c.SetPayload) -> Procedure:
+def set_payload(core: ArmCore, tool_id: int, command: c.SetPayload) -> Procedure:
     """Select the tool and set the load at it; errors as ``set_tool_frame``."""
     core.audited(command)
     unseen = yield from _select_tool(core, tool_id)
@@ -57,7 +57,7 @@ def set_payload(core: ArmAccess, tool_id: int, command: c.SetPayload) -> Procedu
     return "payload of tool %d set: %g kg%s" % (tool_id, command.mass, told or unseen)
 
 
-def set_collision_level(core: ArmAccess, level: int) -> Procedure:
+def set_collision_level(core: ArmCore, level: int) -> Procedure:
     """Set the collision sensitivity, 0 off; errors as ``set_tool_frame``."""
     yield Ask(core.audited(c.SetCollisionLevel(level)))
     told = yield from _compare(c.Query.COLLISION_LEVEL, "collision level",
@@ -65,7 +65,7 @@ def set_collision_level(core: ArmAccess, level: int) -> Procedure:
     return ("collision detection off" if level == 0 else "collision level %d" % level) + told
 
 
-def set_hand_guiding(core: ArmAccess, active: bool) -> Procedure:
+def set_hand_guiding(core: ArmCore, active: bool) -> Procedure:
     """Switch hand guiding; ends when the arm reports it.
 
     Raises:
@@ -73,7 +73,7 @@ def set_hand_guiding(core: ArmAccess, active: bool) -> Procedure:
         ReadBackMismatch: The controller accepted and the arm did not follow.
         JakaError: As ``Ask``.
     """
-    core.note_operator("a call of drag_mode")
+    core.note_disturbance("a call of drag_mode")
     if active:
         state = core.fresh_state((yield Now()))
         if state.is_hand_guided:
@@ -85,23 +85,19 @@ def set_hand_guiding(core: ArmAccess, active: bool) -> Procedure:
     return "hand guiding %s%s" % ("on" if active else "off", told)
 
 
-def set_digital_output(core: ArmAccess, command: c.SetDigitalOutput) -> Procedure:
+def set_digital_output(core: ArmCore, command: c.SetDigitalOutput) -> Procedure:
     """Switch an output and see it switched; errors as ``set_tool_frame``."""
-    yield Ask(core.audited(command))
-    told = yield from _await_output(core, lambda s: s.io.digital_outputs, command.bank, command.index,
-                                    float(command.value), 0.0, c.GetDigitalOutput(command.bank, command.index))
+    told = yield from _set_output(core, command, lambda s: s.io.digital_outputs, c.GetDigitalOutput, 0.0)
     return "digital output %d of %s is %d%s" % (command.index, command.bank.name.lower(), command.value, told)
 
 
-def set_analog_output(core: ArmAccess, command: c.SetAnalogOutput) -> Procedure:
+def set_analog_output(core: ArmCore, command: c.SetAnalogOutput) -> Procedure:
     """Set an output and see it set; errors as ``set_tool_frame``."""
-    yield Ask(core.audited(command))
-    told = yield from _await_output(core, lambda s: s.io.analog_outputs, command.bank, command.index, command.value,
-                                    _ANALOG_TOLERANCE, c.GetAnalogOutput(command.bank, command.index))
+    told = yield from _set_output(core, command, lambda s: s.io.analog_outputs, c.GetAnalogOutput, _ANALOG_TOLERANCE)
     return "analog output %d of %s is %g%s" % (command.index, command.bank.name.lower(), command.value, told)
 
 
-def _select_tool(core: ArmAccess, tool_id: int) -> Procedure:
+def _select_tool(core: ArmCore, tool_id: int) -> Procedure:
     yield Ask(core.audited(c.SelectTool(tool_id)))
     return (yield from _await(core, lambda s: s.tool_id, tool_id, "tool"))
 
@@ -116,7 +112,7 @@ def _compare(query: c.Query, what: str, difference: Callable[[Any], str]) -> Pro
     return ""
 
 
-def _await(core: ArmAccess, read: Callable[[RobotState], Any], wanted: Any, what: str,
+def _await(core: ArmCore, read: Callable[[RobotState], Any], wanted: Any, what: str,
            query: Optional[c.Query] = None) -> Procedure:
     """See the feed show the value; where it does not carry it, ask, or say that it could not be verified."""
     if read(core.fresh_state((yield Now()))) is None:
@@ -136,27 +132,23 @@ def _ask_instead(query: c.Command, wanted: Any, what: str, tolerance: float = 0.
     return ""
 
 
-def _await_feed(core: ArmAccess, holds: Callable[[RobotState], bool],
+def _await_feed(core: ArmCore, holds: Callable[[RobotState], bool],
                 otherwise: Callable[[RobotState], str]) -> Procedure:
-    begun = yield Now()
-
-    def is_seen(_now: float) -> bool:
-        state = core.state
-        return state is not None and state.received_at > begun and holds(state)
-    if not (yield Until(is_seen, _TIMEOUT_S)):
+    if not (yield from core.seen(holds, _TIMEOUT_S)):
         raise ReadBackMismatch("the controller accepted it but " + otherwise(core.fresh_state((yield Now()))))
 
 
-def _await_output(core: ArmAccess, bank_of: Callable[[RobotState], Any], bank: IoBank, index: int, value: float,
-                  tolerance: float, query: c.Command) -> Procedure:
-    """Look at the status feed, or ask where the feed does not carry the output."""
-    values: Sequence[float] = bank_of(core.fresh_state((yield Now()))).get(bank, ())
-    if index >= len(values):
-        return (yield from _ask_instead(query, value, "the output", tolerance))
-
+def _set_output(core: ArmCore, command: Union[c.SetDigitalOutput, c.SetAnalogOutput],
+                banks_of: Callable[[RobotState], Dict[IoBank, Vector]],
+                query: Type[Union[c.GetDigitalOutput, c.GetAnalogOutput]], tolerance: float) -> Procedure:
+    """Set it and look at the status feed, or ask where the feed does not carry the output."""
     def output(state: RobotState) -> float:
-        held = bank_of(state).get(bank, ())
-        return float(held[index]) if index < len(held) else math.nan
+        held = banks_of(state).get(command.bank, ())
+        return float(held[command.index]) if command.index < len(held) else math.nan
+    yield Ask(core.audited(command))
+    value = float(command.value)
+    if math.isnan(output(core.fresh_state((yield Now())))):
+        return (yield from _ask_instead(query(command.bank, command.index), value, "the output", tolerance))
     yield from _await_feed(core, lambda s: abs(output(s) - value) <= tolerance,
                            lambda s: "the output is %g" % output(s))
     return ""
