@@ -13,6 +13,7 @@ from ..messages.connection import Connection
 from ..messages.selection import MessageFilter
 from ..output_file import OutputFile
 from ..paths import PathLike
+from .compression import check_codec, compressor
 from .index import AttachmentIndex, Buffer, ChunkRef, LogIndex, MetadataIndex, read_at
 
 Self = TypeVar("Self", bound="LogWriter")
@@ -266,10 +267,14 @@ class LogWriter:
 
     Args:
         target: Final path.
-        chunk_size: Single messages are collected up to this many bytes before a chunk is closed.
+        compression: One of ``codecs``; None for ``usual_codec``.
+        level: The codec's level; None for its default.
+        chunk_size: Single messages are collected up to this many bytes before a chunk is closed; None for
+            ``usual_chunk_size``.
         overwrite: Replace an existing file.
         suffix: What the working name has more than the final one.
         keep_leftover: Refuse to take over the working file of a killed program.
+        profile: MCAP profile, ``ros1`` or ``ros2``; a .bag has no place for it.
 
     Attributes:
         format_name: What users call the format.
@@ -280,20 +285,35 @@ class LogWriter:
         pending_bytes: Bytes of payload collected for the chunk that is not closed yet.
 
     Raises:
-        BagError: The output cannot be created.
+        BagError: The compression is not the format's, or the output cannot be created.
     """
 
     format_name = ""
     capabilities = Capabilities(False, False, False, False)
+    codecs: Tuple[str, ...] = ()
+    usual_codec = "none"
+    usual_chunk_size = 1 << 20
+    is_for_ros1 = False
+    """Whether ROS 1's own tools must be able to decompress the chunks."""
 
-    def __init__(self, target: PathLike, chunk_size: int, overwrite: bool, suffix: str, keep_leftover: bool) -> None:
+    def __init__(self, target: PathLike, compression: Optional[str] = None, level: Optional[int] = None,
+                 chunk_size: Optional[int] = None, overwrite: bool = False, suffix: str = ".part",
+                 keep_leftover: bool = False, profile: str = "ros1") -> None:
+        self._codec = compression or self.usual_codec
+        check_codec(self._codec, self.codecs, self.format_name)
+        self._compress = compressor(self._codec, level, self.is_for_ros1)
         self._output = OutputFile(target, overwrite, suffix, keep_leftover)
         self.name = str(target)
-        self.chunk_size = chunk_size
+        self.chunk_size = self.usual_chunk_size if chunk_size is None else chunk_size
         self.position = 0
         self.message_count = 0
         self._closed = False
         self._reset_pending()
+        self._begin(profile)
+
+    def _begin(self, profile: str) -> None:
+        """Set up what the format needs besides, and write what precedes the first chunk."""
+        raise NotImplementedError
 
     def _reset_pending(self) -> None:
         self._payloads: List[bytes] = []

@@ -19,7 +19,6 @@ class Format(NamedTuple):
         name: As ``LogIndex.format`` has it.
         suffix: Of its files.
         magic: First bytes of its files.
-        compression: Codec where none is asked for.
         records: Module with ``read_index(path, descriptor)``, which may give None for a whole file without an index,
             ``read_codecs(index)`` and, for formats with metadata, ``read_metadata(descriptor, entry)``; no numpy.
         reader: ``module:class`` of its ``LogReader``.
@@ -31,7 +30,6 @@ class Format(NamedTuple):
     name: str
     suffix: str
     magic: bytes
-    compression: str
     records: str
     reader: str
     writer: str
@@ -40,10 +38,10 @@ class Format(NamedTuple):
 
 
 FORMATS = (
-    Format("bag", ".bag", b"#ROSBAG V2.0\n", "none", "jaka_bag.containers.bag.records",
+    Format("bag", ".bag", b"#ROSBAG V2.0\n", "jaka_bag.containers.bag.records",
            "jaka_bag.containers.bag.reader:BagReader", "jaka_bag.containers.bag.writer:BagWriter",
            "jaka_bag.containers.bag.recovery:BagRecovery"),
-    Format("mcap", ".mcap", b"\x89MCAP", "zstd", "jaka_bag.containers.mcap.records",
+    Format("mcap", ".mcap", b"\x89MCAP", "jaka_bag.containers.mcap.records",
            "jaka_bag.containers.mcap.reader:McapReader", "jaka_bag.containers.mcap.writer:McapWriter",
            "jaka_bag.containers.mcap.recovery:McapRecovery", "jaka_bag.containers.mcap.recovery:walk_index"),
 )
@@ -176,11 +174,10 @@ def create_log(path: PathLike, compression: Optional[str] = None, level: Optiona
     if as_rosbag2:
         if suffix:
             raise BagError("the output of the profile ros2 is a folder: %s has a suffix" % path)
-        writer = load(ROSBAG2_WRITER)(path, compression or "zstd", level, overwrite)
+        writer = load(ROSBAG2_WRITER)(path, compression, level, overwrite)
         return writer
     for entry in FORMATS:
         if suffix == entry.suffix:
-            writer = load(entry.writer)(path, compression or entry.compression, level, overwrite=overwrite,
-                                        profile=profile, **options)
+            writer = load(entry.writer)(path, compression, level, overwrite=overwrite, profile=profile, **options)
             return writer
     raise BagError("%s: the name of an output ends in .bag or .mcap" % path)

@@ -20,7 +20,8 @@ from . import records as fmt
 
 _HEAD = 46
 """Bytes in front of a payload: header length, 38 bytes of header, data length."""
-_ENTRY_TYPE = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
+ENTRY_TYPE = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
+"""What an index record says of each message."""
 _U32 = struct.Struct("<I")
 
 
@@ -107,10 +108,10 @@ def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
     result = []
     for record in fmt.whole_records(raw, begin, "the index of a chunk is cut off"):
         if record.kind == fmt.OP_INDEX:
-            count, rest = divmod(record.end - record.begin, _ENTRY_TYPE.itemsize)
+            count, rest = divmod(record.end - record.begin, ENTRY_TYPE.itemsize)
             if rest or fmt.u32(record.fields, "ver") != 1:
                 raise BagFormatError("the index of a chunk is damaged")
-            result.append((fmt.u32(record.fields, "conn"), np.frombuffer(raw, _ENTRY_TYPE, count, record.begin)))
+            result.append((fmt.u32(record.fields, "conn"), np.frombuffer(raw, ENTRY_TYPE, count, record.begin)))
     return result
 
 

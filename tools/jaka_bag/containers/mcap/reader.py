@@ -21,7 +21,6 @@ _HEAD = fmt.MESSAGE_HEAD.size
 HEAD_TYPE = np.dtype([("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("sequence", "<u4"),
                       ("log_time", "<u8"), ("publish_time", "<u8")])
 """What stands in front of a message's payload."""
-"""What stands in front of a message's payload."""
 Schemas = Dict[int, fmt.Schema]
 
 
