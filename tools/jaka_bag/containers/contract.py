@@ -2,8 +2,7 @@
 
 A format subclasses both, and says in ``LogWriter.capabilities`` what its files have a place for.
 """
-import os
-from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Type, TypeVar
+from typing import BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Type, TypeVar
 
 import numpy as np
 
@@ -108,7 +107,7 @@ class LogReader:
     """A log open for reading; ``load`` may be called by several threads at once. ``open_log`` makes it.
 
     Args:
-        descriptor: Of the open file; it is closed with the reader.
+        file: The open file; it is closed with the reader.
         index: What the log says about itself.
 
     Attributes:
@@ -117,8 +116,8 @@ class LogReader:
         chunks: Its chunks in the order of the file.
     """
 
-    def __init__(self, descriptor: int, index: LogIndex) -> None:
-        self._descriptor = descriptor
+    def __init__(self, file: BinaryIO, index: LogIndex) -> None:
+        self._file = file
         self.index = index
         self.path = index.path
         self.connections: List[Connection] = index.connections
@@ -136,7 +135,7 @@ class LogReader:
         Raises:
             BagFormatError: The chunk is damaged.
         """
-        raw = read_at(self._descriptor, chunk.position, chunk.end - chunk.position)
+        raw = read_at(self._file.fileno(), chunk.position, chunk.end - chunk.position)
         try:
             batch = self._parse(chunk, raw)
             return batch.replace(connection=self._renumber(batch.connection))
@@ -188,9 +187,7 @@ class LogReader:
 
     def close(self) -> None:
         """Close the file."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
+        self._file.close()
 
     def __enter__(self) -> "LogReader":
         return self

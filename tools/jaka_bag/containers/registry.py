@@ -89,11 +89,8 @@ def read_index(path: PathLike) -> LogIndex:
         BagError: It cannot be read.
         BagFormatError: It is damaged, or has no index because the recording was cut off.
     """
-    descriptor = open_for_reading(path)
-    try:
-        return _index_of(detect_format(path, descriptor), path, descriptor)
-    finally:
-        os.close(descriptor)
+    with open_for_reading(path) as file:
+        return _index_of(detect_format(path, file.fileno()), path, file.fileno())
 
 
 def _records_module(index: LogIndex) -> Any:
@@ -116,11 +113,8 @@ def read_metadata(index: LogIndex, entry: MetadataIndex) -> Dict[str, str]:
     Raises:
         BagFormatError: It is damaged.
     """
-    descriptor = open_for_reading(index.path)
-    try:
-        values: Dict[str, str] = _records_module(index).read_metadata(descriptor, entry)
-    finally:
-        os.close(descriptor)
+    with open_for_reading(index.path) as file:
+        values: Dict[str, str] = _records_module(index).read_metadata(file.fileno(), entry)
     return values
 
 
@@ -131,12 +125,12 @@ def open_log(path: PathLike) -> "LogReader":
         BagError: It cannot be read.
         BagFormatError: It is damaged, or has no index because the recording was cut off.
     """
-    descriptor = open_for_reading(path)
+    file = open_for_reading(path)
     try:
-        entry = detect_format(path, descriptor)
-        reader: LogReader = load(entry.reader)(descriptor, _index_of(entry, path, descriptor))
+        entry = detect_format(path, file.fileno())
+        reader: LogReader = load(entry.reader)(file, _index_of(entry, path, file.fileno()))
     except BaseException:
-        os.close(descriptor)
+        file.close()
         raise
     return reader
 

@@ -1,5 +1,4 @@
 """Makes a whole log of what can be read of a cut-off, unindexed or damaged one."""
-import os
 import time
 from pathlib import Path
 from typing import Any, Dict, Iterator, NamedTuple, Optional, Set, Tuple
@@ -139,12 +138,9 @@ def recover(source: PathLike, target: PathLike, compression: Optional[str] = Non
     """
     begin = time.monotonic()
     refuse_same_file(source, target)
-    descriptor = open_for_reading(source)
-    try:
-        recovery, written, unknown = _attempt(str(source), descriptor, target, compression, level, overwrite, {},
+    with open_for_reading(source) as file:
+        recovery, written, unknown = _attempt(str(source), file.fileno(), target, compression, level, overwrite, {},
                                               on_progress)
-    finally:
-        os.close(descriptor)
     losses = recovery.losses + [
         Loss(0, recovery.size, "%d messages of connection %d, whose description is lost" % (count, file_id))
         for file_id, count in unknown.items()]

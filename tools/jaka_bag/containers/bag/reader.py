@@ -132,7 +132,7 @@ class BagReader(LogReader):
         return parse_chunk(data, offsets_in(index_entries(raw, data_end))).batch
 
     def _times_in_index(self, chunk: ChunkRef) -> List[Tuple[int, Array]]:
-        head = fmt.parse_chunk_head(read_at(self._descriptor, chunk.position, 4096))
+        head = fmt.parse_chunk_head(read_at(self._file.fileno(), chunk.position, 4096))
         begin = chunk.position + head.data_start + head.data_size
         return [(number, entry["seconds"].astype(np.int64) * NS_PER_S + entry["nanoseconds"])
-                for number, entry in index_entries(read_at(self._descriptor, begin, chunk.end - begin), 0)]
+                for number, entry in index_entries(read_at(self._file.fileno(), begin, chunk.end - begin), 0)]

@@ -273,11 +273,9 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
 
 def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
     """The totals of each codec, from the heads of the chunks."""
-    descriptor = open_for_reading(index.path)
-    try:
-        heads = [parse_chunk_head(read_at(descriptor, chunk.position, 256)) for chunk in index.chunks]
-    except BagFormatError as error:
-        raise BagFormatError("%s: %s" % (index.path, error)) from error
-    finally:
-        os.close(descriptor)
+    with open_for_reading(index.path) as file:
+        try:
+            heads = [parse_chunk_head(read_at(file.fileno(), chunk.position, 256)) for chunk in index.chunks]
+        except BagFormatError as error:
+            raise BagFormatError("%s: %s" % (index.path, error)) from error
     return codec_totals((head.codec, head.data_size, head.size) for head in heads)

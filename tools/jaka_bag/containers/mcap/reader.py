@@ -113,20 +113,20 @@ class McapReader(LogReader):
     def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
         if chunk.is_loose:
             return None
-        head = fmt.parse_chunk_head(read_at(self._descriptor, chunk.position, 256))
+        head = fmt.parse_chunk_head(read_at(self._file.fileno(), chunk.position, 256))
         begin = chunk.position + head.data_start + head.data_size
         if begin == chunk.end:
             return None
-        entries = index_entries(read_at(self._descriptor, begin, chunk.end - begin), 0)
+        entries = index_entries(read_at(self._file.fileno(), begin, chunk.end - begin), 0)
         return [(channel, entry[:, 0].copy().view(np.int64)) for channel, entry in entries]
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
         """See ``LogReader``; checks the attachment's CRC."""
         try:
-            return fmt.read_attachment(self._descriptor, entry)
+            return fmt.read_attachment(self._file.fileno(), entry)
         except BagFormatError as error:
             raise BagFormatError("%s: %s" % (self.path, error)) from error
 
     def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
         """See ``LogReader``."""
-        return fmt.read_metadata(self._descriptor, entry)
+        return fmt.read_metadata(self._file.fileno(), entry)
