@@ -222,8 +222,7 @@ def _neighbours(chunks: Iterable[ChunkRef]) -> Iterator[List[ChunkRef]]:
 
 def _latched_before(reader: LogReader, message_filter: MessageFilter, start_time: int) -> MessageBatch:
     """The newest message before a time, ns, of each wanted latched connection, in the order of time."""
-    latched = np.array([bool(c.latching) for c in reader.connections] or [False], bool) & (
-        message_filter.wanted if len(message_filter.wanted) else np.zeros(1, bool))
+    latched = np.array([bool(c.latching) for c in reader.connections], bool) & message_filter.wanted
     newest: Dict[int, MessageBatch] = {}
     for chunk in reader.chunks:
         if chunk.start_time >= start_time or not (not chunk.counts or any(latched[n] for n in chunk.counts)):
