@@ -106,6 +106,8 @@ class _Renumbering:
 class LogReader:
     """A log open for reading; ``load`` may be called by several threads at once. ``open_log`` makes it.
 
+    What reads raises ``BagFormatError`` where a chunk, its index, an attachment or metadata is damaged.
+
     Args:
         file: The open file; it is closed with the reader.
         index: What the log says about itself.
@@ -130,11 +132,7 @@ class LogReader:
         return sum(self.index.counts)
 
     def load(self, chunk: ChunkRef) -> MessageBatch:
-        """The messages of one chunk, in the order of the file.
-
-        Raises:
-            BagFormatError: The chunk is damaged.
-        """
+        """The messages of one chunk, in the order of the file."""
         raw = read_at(self._file.fileno(), chunk.position, chunk.end - chunk.position)
         try:
             batch = self._parse(chunk, raw)
@@ -144,11 +142,7 @@ class LogReader:
                                  % (self.path, chunk.position, error)) from error
 
     def load_times(self, chunk: ChunkRef) -> Tuple[Array, Array]:
-        """Connection numbers (int32) and log times, ns (int64), of a chunk's messages, in any order.
-
-        Raises:
-            BagFormatError: The chunk, or the index behind it where that has the times, is damaged.
-        """
+        """Connection numbers (int32) and log times, ns (int64), of a chunk's messages, in any order."""
         entries = self._times_in_index(chunk)
         if entries is None:
             batch = self.load(chunk)
@@ -170,19 +164,11 @@ class LogReader:
                 if message_filter.may_be_in(chunk.start_time, chunk.end_time, chunk.counts)]
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
-        """The content of one of ``index.attachments``.
-
-        Raises:
-            BagFormatError: It is damaged.
-        """
+        """The content of one of ``index.attachments``."""
         raise NotImplementedError
 
     def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
-        """The content of one of ``index.metadata``.
-
-        Raises:
-            BagFormatError: It is damaged.
-        """
+        """The content of one of ``index.metadata``."""
         raise NotImplementedError
 
     def close(self) -> None:

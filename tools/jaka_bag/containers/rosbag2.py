@@ -93,11 +93,7 @@ class Rosbag2Writer(McapWriter):
         return channel
 
     def encode(self, batch: MessageBatch, channel_ids: Array) -> Optional[EncodedChunk]:
-        """Convert a batch to CDR and make a chunk of it; see ``LogWriter.encode``.
-
-        Raises:
-            DefinitionError: A definition does not describe a message.
-        """
+        """Convert a batch to CDR and make a chunk of it; see ``LogWriter.encode``."""
         numbered = cdr_batch(batch.with_connections(channel_ids), self._converters)
         return super().encode(numbered, np.arange(int(channel_ids.max(initial=0)) + 1))
 
