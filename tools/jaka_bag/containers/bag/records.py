@@ -142,15 +142,12 @@ def file_header(index_position: int, connections: int, chunks: int) -> bytes:
 
 def connection_record(number: int, connection: Connection) -> bytes:
     """One connection as record, its connection header inside."""
-    extra = dict(connection.extra)
-    fields = {"topic": extra.pop("topic", connection.topic), "type": connection.datatype,
+    fields = {"topic": connection.topic, **dict(connection.extra), "type": connection.datatype,
               "md5sum": connection.md5sum, "message_definition": connection.definition}
     if connection.callerid is not None:
         fields["callerid"] = connection.callerid
     if connection.latching is not None:
         fields["latching"] = "1" if connection.latching else "0"
-    for name, value in extra.items():
-        fields.setdefault(name, value)
     return pack_record(
         [("conn", _U32.pack(number)), ("op", bytes([OP_CONNECTION])), ("topic", _encode(connection.topic))],
         pack_header((name, _encode(value)) for name, value in sorted(fields.items())))
@@ -168,16 +165,14 @@ def parse_connection(fields: Header, data: Buffer) -> Tuple[int, Connection]:
         raise BagFormatError("a connection lacks its topic")
     topic = raw_topic.decode("utf-8", "surrogateescape")
     inner = {name: value.decode("utf-8", "surrogateescape") for name, value in parse_header(data).items()}
-    own_topic: Optional[str] = inner.pop("topic", topic)
+    if inner.get("topic") == topic:  # else it was remapped while recording
+        del inner["topic"]
     datatype, md5sum = inner.pop("type", ""), inner.pop("md5sum", "")
     definition, callerid = inner.pop("message_definition", ""), inner.pop("callerid", None)
-    latching = inner.get("latching")
-    if latching in ("0", "1"):
+    latching = {"0": False, "1": True}.get(inner.get("latching", ""))
+    if latching is not None:
         del inner["latching"]
-    if own_topic is not None and own_topic != topic:  # remapped while recording
-        inner["topic"] = own_topic
-    return number, Connection(topic, datatype, md5sum, definition, callerid,
-                              latching == "1" if latching in ("0", "1") else None, tuple(sorted(inner.items())))
+    return number, Connection(topic, datatype, md5sum, definition, callerid, latching, tuple(sorted(inner.items())))
 
 
 def index_record(number: int, count: int, entries: bytes) -> bytes:
