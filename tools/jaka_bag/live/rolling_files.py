@@ -201,7 +201,7 @@ class RollingFiles:
         return s.is_split and (has_split_age or self._has_split_size())
 
     def _split(self, log_time: int) -> None:
-        self._finish_file()
+        self.close()
         if self.settings.max_splits and len(self.finished) >= self.settings.max_splits:
             oldest = self.finished.pop(0)
             oldest.unlink()
@@ -261,7 +261,12 @@ class RollingFiles:
             self.messages -= count
         self._chunk_done()
 
-    def _finish_file(self) -> None:
+    def close(self) -> None:
+        """Finish the file that is being written and give it its name.
+
+        Raises:
+            BagError: It could not be finished; what it holds stays under its working name.
+        """
         writer = self._writer
         if writer is None:
             return
@@ -277,11 +282,3 @@ class RollingFiles:
         writer.close()
         self._writer = None
         self.finished.append(self.settings.path(self._serial - 1))
-
-    def close(self) -> None:
-        """Finish the file that is being written and give it its name.
-
-        Raises:
-            BagError: It could not be finished; what it holds stays under its working name.
-        """
-        self._finish_file()
