@@ -90,8 +90,7 @@ def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> Parsed:
                 columns.append((record.begin, record.end - record.begin, fmt.u32(record.fields, "conn"),
                                 fmt.time_ns(record.fields, "time")))
             elif record.kind == fmt.OP_CONNECTION:
-                number, connection = fmt.parse_connection(record.fields, raw[record.begin:record.end])
-                connections[number] = connection
+                connections.update([fmt.parse_connection(record, raw)])
         except BagFormatError:
             break
         at = record.end

@@ -157,14 +157,15 @@ def _encode(value: str) -> bytes:
     return value.encode("utf-8", "surrogateescape")
 
 
-def parse_connection(fields: Header, data: Buffer) -> Tuple[int, Connection]:
-    """Id and connection of a connection record."""
-    number = u32(fields, "conn")
-    raw_topic = fields.get("topic")
+def parse_connection(record: Record, raw: Buffer) -> Tuple[int, Connection]:
+    """Id and connection of a connection record of a buffer."""
+    number = u32(record.fields, "conn")
+    raw_topic = record.fields.get("topic")
     if raw_topic is None:
         raise BagFormatError("a connection lacks its topic")
     topic = raw_topic.decode("utf-8", "surrogateescape")
-    inner = {name: value.decode("utf-8", "surrogateescape") for name, value in parse_header(data).items()}
+    inner = {name: value.decode("utf-8", "surrogateescape")
+             for name, value in parse_header(raw[record.begin:record.end]).items()}
     if inner.get("topic") == topic:  # else it was remapped while recording
         del inner["topic"]
     datatype, md5sum = inner.pop("type", ""), inner.pop("md5sum", "")
@@ -189,12 +190,12 @@ def chunk_info_record(info: ChunkInfo) -> bytes:
                         ("start_time", pack_time(info.start_time)), ("ver", _U32.pack(1))], data)
 
 
-def parse_chunk_info(fields: Header, data: Buffer) -> ChunkInfo:
-    """A chunk info record."""
-    if len(data) % 8:
+def parse_chunk_info(record: Record, raw: Buffer) -> ChunkInfo:
+    """A chunk info record of a buffer."""
+    if (record.end - record.begin) % _TIME.size:
         raise BagFormatError("the index is damaged")
-    return ChunkInfo(u64(fields, "chunk_pos"), time_ns(fields, "start_time"), time_ns(fields, "end_time"),
-                     dict(_TIME.iter_unpack(data)))
+    return ChunkInfo(u64(record.fields, "chunk_pos"), time_ns(record.fields, "start_time"),
+                     time_ns(record.fields, "end_time"), dict(_TIME.iter_unpack(raw[record.begin:record.end])))
 
 
 def chunk_head(codec: str, uncompressed_size: int, stored: int) -> bytes:
@@ -242,10 +243,9 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
     section = read_at(descriptor, index_position, size - index_position)
     for record in whole_records(section):
         if record.kind == OP_CONNECTION:
-            number, connection = parse_connection(record.fields, section[record.begin:record.end])
-            by_id[number] = connection
+            by_id.update([parse_connection(record, section)])
         elif record.kind == OP_CHUNK_INFO:
-            infos.append(parse_chunk_info(record.fields, section[record.begin:record.end]))
+            infos.append(parse_chunk_info(record, section))
     if len(by_id) != u32(fields, "conn_count") or len(infos) != u32(fields, "chunk_count"):
         raise BagFormatError(_DAMAGED)
     numbers = {file_id: number for number, file_id in enumerate(by_id)}

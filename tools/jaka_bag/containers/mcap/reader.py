@@ -58,11 +58,9 @@ def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = Non
                 channel, sequence, log_time, publish_time = fmt.MESSAGE_HEAD.unpack_from(raw, at)[2:]
                 columns.append((at + _HEAD, body_end - at - _HEAD, channel, log_time, publish_time, sequence))
             elif opcode == fmt.SCHEMA:
-                schema_id, schema = fmt.parse_schema(raw[body:body_end])
-                schemas[schema_id] = schema
+                schemas.update([fmt.parse_schema(raw[body:body_end])])
             elif opcode == fmt.CHANNEL:
-                channel, connection = fmt.parse_channel(raw[body:body_end], schemas)
-                connections[channel] = connection
+                connections.update([fmt.parse_channel(raw[body:body_end], schemas)])
             elif opcode == 0 or is_loose:
                 break
         except BagFormatError:

@@ -240,11 +240,9 @@ def parse_summary(data: bytes) -> _Summary:
     for opcode, begin, end in whole_records(data):
         bodies.setdefault(opcode, []).append(data[begin:end])
     for body in bodies.get(SCHEMA, []):
-        schema_id, schema = parse_schema(body)
-        summary.schemas[schema_id] = schema
+        summary.schemas.update([parse_schema(body)])
     for body in bodies.get(CHANNEL, []):
-        channel_id, connection = parse_channel(body, summary.schemas)
-        summary.channels[channel_id] = connection
+        summary.channels.update([parse_channel(body, summary.schemas)])
     summary.chunks.extend(map(parse_chunk_index, bodies.get(CHUNK_INDEX, [])))
     summary.attachments.extend(map(parse_attachment_index, bodies.get(ATTACHMENT_INDEX, [])))
     summary.metadata.extend(map(parse_metadata_index, bodies.get(METADATA_INDEX, [])))
