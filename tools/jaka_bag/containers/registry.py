@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Dict, NamedTuple, Optional, Tuple
 
 from ..errors import BagError, BagFormatError
 from ..paths import PathLike
-from .index import CodecTotals, LogIndex, MetadataIndex, open_for_reading, read_at
+from .index import CodecTotals, LogIndex, MetadataIndex, codec_totals, open_for_reading, read_at
 
 if TYPE_CHECKING:  # an index is read without numpy
     from .contract import LogReader, LogWriter
@@ -20,7 +20,7 @@ class Format(NamedTuple):
         suffix: Of its files.
         magic: First bytes of its files.
         records: Module with ``read_index(path, descriptor)``, which may give None for a whole file without an index,
-            ``read_codecs(index)`` and, for formats with metadata, ``read_metadata(descriptor, entry)``; no numpy.
+            ``parse_chunk_head(raw)`` and, for formats with metadata, ``read_metadata(descriptor, entry)``; no numpy.
         reader: ``module:class`` of its ``LogReader``.
         writer: ``module:class`` of its ``LogWriter``.
         recovery: ``module:class`` of its ``LogRecovery``.
@@ -103,8 +103,16 @@ def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
     Raises:
         BagFormatError: A chunk's head is damaged.
     """
-    totals: Tuple[CodecTotals, ...] = _records_module(index).read_codecs(index)
-    return totals
+    if index.codecs:
+        return index.codecs
+    parse_chunk_head = _records_module(index).parse_chunk_head
+    with open_for_reading(index.path) as file:
+        try:
+            heads = [parse_chunk_head(read_at(file.fileno(), chunk.position, 256))
+                     for chunk in index.chunks if not chunk.is_loose]
+        except BagFormatError as error:
+            raise BagFormatError("%s: %s" % (index.path, error)) from error
+    return codec_totals((head.codec, head.data_size, head.size) for head in heads)
 
 
 def read_metadata(index: LogIndex, entry: MetadataIndex) -> Dict[str, str]:

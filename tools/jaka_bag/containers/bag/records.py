@@ -10,7 +10,7 @@ from ...errors import BagFormatError
 from ...messages.connection import Connection
 from ...paths import PathLike
 from ...units import NS_PER_S
-from ..index import Buffer, ChunkHead, ChunkRef, CodecTotals, LogIndex, codec_totals, open_for_reading, read_at
+from ..index import Buffer, ChunkHead, ChunkRef, LogIndex, read_at
 
 MAGIC = b"#ROSBAG V2.0\n"
 OP_MESSAGE, OP_FILE_HEADER, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION = range(2, 8)
@@ -264,13 +264,3 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
     return LogIndex("bag", "2.0", str(path), size, list(by_id.values()), numbers, chunks, counts,
                     min((c.start_time for c in filled), default=None),
                     max((c.end_time for c in filled), default=None))
-
-
-def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
-    """The totals of each codec, from the heads of the chunks."""
-    with open_for_reading(index.path) as file:
-        try:
-            heads = [parse_chunk_head(read_at(file.fileno(), chunk.position, 256)) for chunk in index.chunks]
-        except BagFormatError as error:
-            raise BagFormatError("%s: %s" % (index.path, error)) from error
-    return codec_totals((head.codec, head.data_size, head.size) for head in heads)

@@ -10,17 +10,7 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 from ...errors import BagFormatError
 from ...messages.connection import Connection
 from ...paths import PathLike
-from ..index import (
-    AttachmentIndex,
-    Buffer,
-    ChunkHead,
-    ChunkRef,
-    CodecTotals,
-    LogIndex,
-    MetadataIndex,
-    codec_totals,
-    read_at,
-)
+from ..index import AttachmentIndex, Buffer, ChunkHead, ChunkRef, LogIndex, MetadataIndex, codec_totals, read_at
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
@@ -323,8 +313,3 @@ def read_index(path: PathLike, descriptor: int) -> Optional[LogIndex]:
                     profile, library, tuple(summary.attachments), tuple(summary.metadata),
                     codec_totals((c.compression or "none", c.compressed_size, c.uncompressed_size)
                                  for c in summary.chunks))
-
-
-def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
-    """The totals of each codec, which the index has."""
-    return index.codecs
