@@ -262,6 +262,8 @@ class LogWriter:
     Attributes:
         format_name: What users call the format.
         capabilities: What the format has a place for.
+        codecs: What its chunks may be compressed with; ``usual_codec`` where nothing is asked for.
+        usual_chunk_size: Where nothing is asked for, byte.
         name: The final name, for messages.
         position: Bytes written to the file so far.
         message_count: Messages in closed chunks so far.
