@@ -1,4 +1,7 @@
-"""The codecs of both formats; each library is imported when it is first used, and releases the GIL at work."""
+"""The codecs of both formats; each library is imported when it is first used, and releases the GIL at work.
+
+``MissingDependency`` is raised where the library of a codec is not installed.
+"""
 import threading
 from typing import Any, Callable, Dict, Optional, Tuple
 
@@ -21,11 +24,7 @@ def _import(name: str, what: str) -> Any:
 
 
 def check_codec(codec: str, allowed: Tuple[str, ...], container: str) -> None:
-    """Refuse a codec that the container does not have.
-
-    Raises:
-        BagError: It does not have it.
-    """
+    """Refuse a codec that the container does not have, by ``BagError``."""
     if codec not in allowed:
         raise BagError("%s has no %s compression: choose one of %s" % (container, codec, ", ".join(allowed)))
 
@@ -60,9 +59,6 @@ def compressor(codec: str, level: Optional[int] = None, for_bag: bool = False) -
         codec: ``none``, ``lz4``, ``zstd`` or ``bz2``.
         level: The codec's own level; None for the fast default.
         for_bag: Keep to the lz4 frames that ROS 1 can read.
-
-    Raises:
-        MissingDependency: The codec's library is not installed.
     """
     if codec == "zstd":
         return _zstd(ZSTD_LEVEL if level is None else level)
@@ -79,7 +75,6 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
 
     Raises:
         BagFormatError: The data is damaged, or its size is not ``size``.
-        MissingDependency: The codec's library is not installed.
     """
     if not 0 <= size < _MAX_UNCOMPRESSED:
         raise BagFormatError("a chunk claims %d bytes" % size)
@@ -110,11 +105,7 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
 
 
 def decompress_partly(codec: str, data: Buffer) -> bytes:
-    """As many bytes from the start of a damaged or cut-off chunk as its codec gives back.
-
-    Raises:
-        MissingDependency: The codec's library is not installed.
-    """
+    """As many bytes from the start of a damaged or cut-off chunk as its codec gives back."""
     decoder: Any
     if codec in ("none", ""):
         return bytes(data)

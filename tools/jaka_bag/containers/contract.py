@@ -2,8 +2,7 @@
 
 A format subclasses both, and says in ``LogWriter.capabilities`` what its files have a place for.
 """
-import os
-from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Type, TypeVar
+from typing import BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Type, TypeVar
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from ..messages.connection import Connection
 from ..messages.selection import MessageFilter
 from ..output_file import OutputFile
 from ..paths import PathLike
+from .compression import check_codec, compressor
 from .index import AttachmentIndex, Buffer, ChunkRef, LogIndex, MetadataIndex, read_at
 
 Self = TypeVar("Self", bound="LogWriter")
@@ -106,8 +106,10 @@ class _Renumbering:
 class LogReader:
     """A log open for reading; ``load`` may be called by several threads at once. ``open_log`` makes it.
 
+    What reads raises ``BagFormatError`` where a chunk, its index, an attachment or metadata is damaged.
+
     Args:
-        descriptor: Of the open file; it is closed with the reader.
+        file: The open file; it is closed with the reader.
         index: What the log says about itself.
 
     Attributes:
@@ -116,8 +118,8 @@ class LogReader:
         chunks: Its chunks in the order of the file.
     """
 
-    def __init__(self, descriptor: int, index: LogIndex) -> None:
-        self._descriptor = descriptor
+    def __init__(self, file: BinaryIO, index: LogIndex) -> None:
+        self._file = file
         self.index = index
         self.path = index.path
         self.connections: List[Connection] = index.connections
@@ -130,12 +132,8 @@ class LogReader:
         return sum(self.index.counts)
 
     def load(self, chunk: ChunkRef) -> MessageBatch:
-        """The messages of one chunk, in the order of the file.
-
-        Raises:
-            BagFormatError: The chunk is damaged.
-        """
-        raw = read_at(self._descriptor, chunk.position, chunk.end - chunk.position)
+        """The messages of one chunk, in the order of the file."""
+        raw = read_at(self._file.fileno(), chunk.position, chunk.end - chunk.position)
         try:
             batch = self._parse(chunk, raw)
             return batch.replace(connection=self._renumber(batch.connection))
@@ -144,11 +142,7 @@ class LogReader:
                                  % (self.path, chunk.position, error)) from error
 
     def load_times(self, chunk: ChunkRef) -> Tuple[Array, Array]:
-        """Connection numbers (int32) and log times, ns (int64), of a chunk's messages, in any order.
-
-        Raises:
-            BagFormatError: The chunk, or the index behind it where that has the times, is damaged.
-        """
+        """Connection numbers (int32) and log times, ns (int64), of a chunk's messages, in any order."""
         entries = self._times_in_index(chunk)
         if entries is None:
             batch = self.load(chunk)
@@ -170,26 +164,16 @@ class LogReader:
                 if message_filter.may_be_in(chunk.start_time, chunk.end_time, chunk.counts)]
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
-        """The content of one of ``index.attachments``.
-
-        Raises:
-            BagFormatError: It is damaged.
-        """
+        """The content of one of ``index.attachments``."""
         raise NotImplementedError
 
     def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
-        """The content of one of ``index.metadata``.
-
-        Raises:
-            BagFormatError: It is damaged.
-        """
+        """The content of one of ``index.metadata``."""
         raise NotImplementedError
 
     def close(self) -> None:
         """Close the file."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
+        self._file.close()
 
     def __enter__(self) -> "LogReader":
         return self
@@ -266,34 +250,55 @@ class LogWriter:
 
     Args:
         target: Final path.
-        chunk_size: Single messages are collected up to this many bytes before a chunk is closed.
+        compression: One of ``codecs``; None for ``usual_codec``.
+        level: The codec's level; None for its default.
+        chunk_size: Single messages are collected up to this many bytes before a chunk is closed; None for
+            ``usual_chunk_size``.
         overwrite: Replace an existing file.
         suffix: What the working name has more than the final one.
         keep_leftover: Refuse to take over the working file of a killed program.
+        profile: MCAP profile, ``ros1`` or ``ros2``; a .bag has no place for it.
 
     Attributes:
         format_name: What users call the format.
         capabilities: What the format has a place for.
+        codecs: What its chunks may be compressed with; ``usual_codec`` where nothing is asked for.
+        usual_chunk_size: Where nothing is asked for, byte.
         name: The final name, for messages.
         position: Bytes written to the file so far.
         message_count: Messages in closed chunks so far.
         pending_bytes: Bytes of payload collected for the chunk that is not closed yet.
 
     Raises:
-        BagError: The output cannot be created.
+        BagError: The compression is not the format's, or the output cannot be created.
     """
 
     format_name = ""
     capabilities = Capabilities(False, False, False, False)
+    codecs: Tuple[str, ...] = ()
+    usual_codec = "none"
+    usual_chunk_size = 1 << 20
+    is_for_ros1 = False
+    """Whether ROS 1's own tools must be able to decompress the chunks."""
 
-    def __init__(self, target: PathLike, chunk_size: int, overwrite: bool, suffix: str, keep_leftover: bool) -> None:
+    def __init__(self, target: PathLike, compression: Optional[str] = None, level: Optional[int] = None,
+                 chunk_size: Optional[int] = None, overwrite: bool = False, suffix: str = ".part",
+                 keep_leftover: bool = False, profile: str = "ros1") -> None:
+        self._codec = compression or self.usual_codec
+        check_codec(self._codec, self.codecs, self.format_name)
+        self._compress = compressor(self._codec, level, self.is_for_ros1)
         self._output = OutputFile(target, overwrite, suffix, keep_leftover)
         self.name = str(target)
-        self.chunk_size = chunk_size
+        self.chunk_size = self.usual_chunk_size if chunk_size is None else chunk_size
         self.position = 0
         self.message_count = 0
         self._closed = False
         self._reset_pending()
+        self._begin(profile)
+
+    def _begin(self, profile: str) -> None:
+        """Set up what the format needs besides, and write what precedes the first chunk."""
+        raise NotImplementedError
 
     def _reset_pending(self) -> None:
         self._payloads: List[bytes] = []

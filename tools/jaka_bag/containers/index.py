@@ -1,6 +1,6 @@
 """What a log says about itself at its end: connections, chunks, totals; read without numpy and without messages."""
 import os
-from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
+from typing import BinaryIO, Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
 
 from ..errors import BagError
 from ..messages.connection import Connection
@@ -110,8 +110,8 @@ class LogIndex(NamedTuple):
     codecs: Tuple[CodecTotals, ...] = ()
 
 
-def open_for_reading(path: PathLike) -> int:
-    """A descriptor of a file that must exist.
+def open_for_reading(path: PathLike) -> BinaryIO:
+    """Open a file that must exist, unbuffered.
 
     Raises:
         BagError: It cannot be opened, or is a folder.
@@ -123,7 +123,7 @@ def open_for_reading(path: PathLike) -> int:
     if not os.path.isfile("/dev/fd/%d" % descriptor):
         os.close(descriptor)
         raise BagError("cannot read %s: it is %s" % (path, "a folder" if os.path.isdir(str(path)) else "no plain file"))
-    return descriptor
+    return os.fdopen(descriptor, "rb", buffering=0)
 
 
 def read_at(descriptor: int, position: int, size: int) -> bytes:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Dict, NamedTuple, Optional, Tuple
 
 from ..errors import BagError, BagFormatError
 from ..paths import PathLike
-from .index import CodecTotals, LogIndex, MetadataIndex, open_for_reading, read_at
+from .index import CodecTotals, LogIndex, MetadataIndex, codec_totals, open_for_reading, read_at
 
 if TYPE_CHECKING:  # an index is read without numpy
     from .contract import LogReader, LogWriter
@@ -19,9 +19,8 @@ class Format(NamedTuple):
         name: As ``LogIndex.format`` has it.
         suffix: Of its files.
         magic: First bytes of its files.
-        compression: Codec where none is asked for.
         records: Module with ``read_index(path, descriptor)``, which may give None for a whole file without an index,
-            ``read_codecs(index)`` and, for formats with metadata, ``read_metadata(descriptor, entry)``; no numpy.
+            ``parse_chunk_head(raw)`` and, for formats with metadata, ``read_metadata(descriptor, entry)``; no numpy.
         reader: ``module:class`` of its ``LogReader``.
         writer: ``module:class`` of its ``LogWriter``.
         recovery: ``module:class`` of its ``LogRecovery``.
@@ -31,7 +30,6 @@ class Format(NamedTuple):
     name: str
     suffix: str
     magic: bytes
-    compression: str
     records: str
     reader: str
     writer: str
@@ -40,10 +38,10 @@ class Format(NamedTuple):
 
 
 FORMATS = (
-    Format("bag", ".bag", b"#ROSBAG V2.0\n", "none", "jaka_bag.containers.bag.records",
+    Format("bag", ".bag", b"#ROSBAG V2.0\n", "jaka_bag.containers.bag.records",
            "jaka_bag.containers.bag.reader:BagReader", "jaka_bag.containers.bag.writer:BagWriter",
            "jaka_bag.containers.bag.recovery:BagRecovery"),
-    Format("mcap", ".mcap", b"\x89MCAP", "zstd", "jaka_bag.containers.mcap.records",
+    Format("mcap", ".mcap", b"\x89MCAP", "jaka_bag.containers.mcap.records",
            "jaka_bag.containers.mcap.reader:McapReader", "jaka_bag.containers.mcap.writer:McapWriter",
            "jaka_bag.containers.mcap.recovery:McapRecovery", "jaka_bag.containers.mcap.recovery:walk_index"),
 )
@@ -91,11 +89,8 @@ def read_index(path: PathLike) -> LogIndex:
         BagError: It cannot be read.
         BagFormatError: It is damaged, or has no index because the recording was cut off.
     """
-    descriptor = open_for_reading(path)
-    try:
-        return _index_of(detect_format(path, descriptor), path, descriptor)
-    finally:
-        os.close(descriptor)
+    with open_for_reading(path) as file:
+        return _index_of(detect_format(path, file.fileno()), path, file.fileno())
 
 
 def _records_module(index: LogIndex) -> Any:
@@ -108,8 +103,16 @@ def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
     Raises:
         BagFormatError: A chunk's head is damaged.
     """
-    totals: Tuple[CodecTotals, ...] = _records_module(index).read_codecs(index)
-    return totals
+    if index.codecs:
+        return index.codecs
+    parse_chunk_head = _records_module(index).parse_chunk_head
+    with open_for_reading(index.path) as file:
+        try:
+            heads = [parse_chunk_head(read_at(file.fileno(), chunk.position, 256))
+                     for chunk in index.chunks if not chunk.is_loose]
+        except BagFormatError as error:
+            raise BagFormatError("%s: %s" % (index.path, error)) from error
+    return codec_totals((head.codec, head.data_size, head.size) for head in heads)
 
 
 def read_metadata(index: LogIndex, entry: MetadataIndex) -> Dict[str, str]:
@@ -118,11 +121,8 @@ def read_metadata(index: LogIndex, entry: MetadataIndex) -> Dict[str, str]:
     Raises:
         BagFormatError: It is damaged.
     """
-    descriptor = open_for_reading(index.path)
-    try:
-        values: Dict[str, str] = _records_module(index).read_metadata(descriptor, entry)
-    finally:
-        os.close(descriptor)
+    with open_for_reading(index.path) as file:
+        values: Dict[str, str] = _records_module(index).read_metadata(file.fileno(), entry)
     return values
 
 
@@ -133,12 +133,12 @@ def open_log(path: PathLike) -> "LogReader":
         BagError: It cannot be read.
         BagFormatError: It is damaged, or has no index because the recording was cut off.
     """
-    descriptor = open_for_reading(path)
+    file = open_for_reading(path)
     try:
-        entry = detect_format(path, descriptor)
-        reader: LogReader = load(entry.reader)(descriptor, _index_of(entry, path, descriptor))
+        entry = detect_format(path, file.fileno())
+        reader: LogReader = load(entry.reader)(file, _index_of(entry, path, file.fileno()))
     except BaseException:
-        os.close(descriptor)
+        file.close()
         raise
     return reader
 
@@ -176,11 +176,10 @@ def create_log(path: PathLike, compression: Optional[str] = None, level: Optiona
     if as_rosbag2:
         if suffix:
             raise BagError("the output of the profile ros2 is a folder: %s has a suffix" % path)
-        writer = load(ROSBAG2_WRITER)(path, compression or "zstd", level, overwrite)
+        writer = load(ROSBAG2_WRITER)(path, compression, level, overwrite)
         return writer
     for entry in FORMATS:
         if suffix == entry.suffix:
-            writer = load(entry.writer)(path, compression or entry.compression, level, overwrite=overwrite,
-                                        profile=profile, **options)
+            writer = load(entry.writer)(path, compression, level, overwrite=overwrite, profile=profile, **options)
             return writer
     raise BagError("%s: the name of an output ends in .bag or .mcap" % path)

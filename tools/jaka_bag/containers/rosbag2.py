@@ -40,7 +40,7 @@ class Rosbag2Writer(McapWriter):
 
     Args:
         folder: Final path of the folder.
-        compression: ``none``, ``lz4`` or ``zstd``, of the chunks.
+        compression: Of the chunks, as of ``LogWriter``.
         level: The codec's level; None for the fast default.
         overwrite: Replace an existing rosbag2 folder.
 
@@ -49,7 +49,7 @@ class Rosbag2Writer(McapWriter):
         BagError: The compression is not MCAP's, or the output cannot be created.
     """
 
-    def __init__(self, folder: PathLike, compression: str = "zstd", level: Optional[int] = None,
+    def __init__(self, folder: PathLike, compression: Optional[str] = None, level: Optional[int] = None,
                  overwrite: bool = False) -> None:
         self.folder = Path(os.path.abspath(str(folder)))
         self._overwrite = overwrite
@@ -78,11 +78,7 @@ class Rosbag2Writer(McapWriter):
             raise OutputExists("%s exists and is no rosbag2 folder: it is not overwritten" % self.folder)
 
     def add_channel(self, connection: Connection) -> int:
-        """Channel id of a ROS 1 connection; those of one topic, type and quality of service share it.
-
-        Raises:
-            DefinitionError: The type's definition is not understood.
-        """
+        """Channel id of a ROS 1 connection; those of one topic, type and quality of service share it."""
         known = self._channel_of.get(connection)
         if known is not None:
             return known
@@ -97,11 +93,7 @@ class Rosbag2Writer(McapWriter):
         return channel
 
     def encode(self, batch: MessageBatch, channel_ids: Array) -> Optional[EncodedChunk]:
-        """Convert a batch to CDR and make a chunk of it; see ``LogWriter.encode``.
-
-        Raises:
-            DefinitionError: A definition does not describe a message.
-        """
+        """Convert a batch to CDR and make a chunk of it; see ``LogWriter.encode``."""
         numbered = cdr_batch(batch.with_connections(channel_ids), self._converters)
         return super().encode(numbered, np.arange(int(channel_ids.max(initial=0)) + 1))
 

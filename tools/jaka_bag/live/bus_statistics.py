@@ -5,27 +5,12 @@ rospy gives ``[topic, bytes, [[id, bytes, messages, connected], ...]]``, within 
 roscpp gives ``[topic, [[id, bytes, payload bytes, messages, 0], ...]]``, without it in older releases.
 """
 from concurrent.futures import ThreadPoolExecutor, wait
-from typing import Any, Dict, Iterable, List, Tuple
+from typing import Any, Dict, Iterable, Tuple
 
 from ..errors import ConnectionLost, ProtocolError
 from .graph import RemoteNode
 
 _ASK_TIMEOUT_S = 1.0
-
-
-def _links_to(subscriber: str, bus_info: Any) -> Dict[int, str]:
-    """Topic of each of the publisher's connections that leads to ``subscriber``, by connection id."""
-    links: Dict[int, str] = {}
-    for entry in bus_info:
-        if len(entry) >= 5 and entry[1] == subscriber and entry[2] == "o":
-            links[int(entry[0])] = str(entry[4])
-    return links
-
-
-def _publish_statistics(reply: Any) -> List[Any]:
-    if len(reply) == 3 and isinstance(reply[0], int):
-        reply = reply[2]
-    return list(reply[0])
 
 
 def sent_messages(subscriber: str, bus_info: Any, bus_stats: Any) -> Dict[str, int]:
@@ -41,11 +26,13 @@ def sent_messages(subscriber: str, bus_info: Any, bus_stats: Any) -> Dict[str, i
     """
     sent: Dict[str, int] = {}
     try:
-        links = _links_to(subscriber, bus_info)
-        for entry in _publish_statistics(bus_stats):
+        topics = {int(entry[0]): str(entry[4]) for entry in bus_info
+                  if len(entry) >= 5 and entry[1] == subscriber and entry[2] == "o"}  # by the connection's number
+        has_status = len(bus_stats) == 3 and isinstance(bus_stats[0], int)
+        for entry in (bus_stats[2] if has_status else bus_stats)[0]:
             is_roscpp = isinstance(entry[1], (list, tuple))
             for connection in entry[1] if is_roscpp else entry[2]:
-                topic = links.get(int(connection[0]))
+                topic = topics.get(int(connection[0]))
                 if topic is not None:
                     sent[topic] = sent.get(topic, 0) + int(connection[3 if is_roscpp else 2])
     except (TypeError, ValueError, IndexError, KeyError) as error:

@@ -8,7 +8,7 @@ import socketserver
 import threading
 import xmlrpc.client
 import xmlrpc.server
-from typing import Any, Callable, List, Optional, Tuple
+from typing import Any, Callable, Dict, List, Optional, Tuple
 from xml.parsers.expat import ExpatError
 
 from ..errors import ConnectionLost, ProtocolError
@@ -137,9 +137,14 @@ class SlaveServer:
         self.topic_address: Callable[[str], Optional[Tuple[str, int]]] = lambda topic: None
         self._server = _Server((bind, 0), requestHandler=_Handler, logRequests=False, allow_none=True)
         self.uri = "http://%s:%d/" % (host, self._server.server_address[1])
+        questions: Dict[str, Callable[[], Any]] = {
+            "getPid": os.getpid, "getMasterUri": master_uri, "getSubscriptions": lambda: self.subscriptions(),
+            "getPublications": lambda: self.publications(), "getBusInfo": lambda: self.bus_info(),
+            "getBusStats": lambda: [self.publish_statistics(), [], []]}
+        for name, answer in questions.items():
+            self._server.register_function(lambda caller_id, answer=answer: (1, "", answer()), name)
         methods: Tuple[Callable[..., Any], ...] = (
-            self.publisherUpdate, self.paramUpdate, self.requestTopic, self.getPid, self.getMasterUri,
-            self.getSubscriptions, self.getPublications, self.getBusInfo, self.getBusStats, self.shutdown)
+            self.publisherUpdate, self.paramUpdate, self.requestTopic, self.shutdown)
         for method in methods:
             self._server.register_function(method)
         self._thread = threading.Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.05},
@@ -166,24 +171,6 @@ class SlaveServer:
         if address is None or not any(protocol and protocol[0] == "TCPROS" for protocol in protocols):
             return 0, "%s is not published here over TCPROS" % topic, []
         return 1, "", ["TCPROS", address[0], address[1]]
-
-    def getPid(self, caller_id: str) -> Tuple[int, str, int]:
-        return 1, "", os.getpid()
-
-    def getMasterUri(self, caller_id: str) -> Tuple[int, str, str]:
-        return 1, "", master_uri()
-
-    def getSubscriptions(self, caller_id: str) -> Tuple[int, str, List[List[str]]]:
-        return 1, "", self.subscriptions()
-
-    def getPublications(self, caller_id: str) -> Tuple[int, str, List[List[str]]]:
-        return 1, "", self.publications()
-
-    def getBusInfo(self, caller_id: str) -> Tuple[int, str, List[List[Any]]]:
-        return 1, "", self.bus_info()
-
-    def getBusStats(self, caller_id: str) -> Tuple[int, str, List[List[Any]]]:
-        return 1, "", [self.publish_statistics(), [], []]
 
     def shutdown(self, caller_id: str, reason: str = "") -> Tuple[int, str, int]:
         self._on_shutdown("%s: %s" % (caller_id, reason))

@@ -3,6 +3,7 @@ import os
 import select
 import sys
 import termios
+import tty
 from typing import Any, List, Optional
 
 
@@ -28,11 +29,7 @@ class Keyboard:
         if is_ours:
             self._descriptor = descriptor
             self._before = termios.tcgetattr(descriptor)
-            mode = termios.tcgetattr(descriptor)
-            mode[3] &= ~(termios.ICANON | termios.ECHO)
-            mode[6][termios.VMIN] = 0
-            mode[6][termios.VTIME] = 0
-            termios.tcsetattr(descriptor, termios.TCSANOW, mode)
+            tty.setcbreak(descriptor, termios.TCSANOW)
         return self
 
     def __exit__(self, *error: object) -> None:

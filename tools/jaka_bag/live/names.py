@@ -1,6 +1,7 @@
 """Names of the ROS graph without rospy: resolving, remapping, anonymous node names, this host's address.
 
-After the ROS wiki pages "Names", "Remapping Arguments" and "ROS/EnvironmentVariables".
+After the ROS wiki pages "Names", "Remapping Arguments" and "ROS/EnvironmentVariables". ``BagError`` is raised where a
+name is not legal.
 """
 import os
 import random
@@ -51,11 +52,7 @@ class NodeNames:
     remappings: Mapping[str, str] = field(default_factory=dict)
 
     def resolve(self, name: str) -> str:
-        """The global name that ``name`` stands for, after remapping.
-
-        Raises:
-            BagError: ``name`` is no legal name.
-        """
+        """The global name that ``name`` stands for, after remapping."""
         if not _LEGAL_NAME.match(name):
             raise BagError("%r is not a legal ROS name" % name)
         resolved = _globalise(name, self.namespace, self.node)
@@ -77,9 +74,6 @@ def node_names(default: str, remappings: Mapping[str, str], environment: Mapping
         default: The node's name unless ``__name:=`` gives one.
         remappings: Words of the command line; those that begin with ``__`` are special, ``_x`` parameters are ignored.
         environment: The process environment.
-
-    Raises:
-        BagError: A name is not legal.
     """
     namespace = _globalise(remappings.get("__ns", environment.get("ROS_NAMESPACE", "/")), "/", "/")
     base = remappings.get("__name", default)

@@ -120,10 +120,12 @@ class Publisher:
             link_socket.settimeout(_HANDSHAKE_TIMEOUT_S)
             link_socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             link_socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            size = _LENGTH.unpack(_receive_exactly(link_socket, 4))[0]
-            if size > _MAX_HEADER:
-                raise ProtocolError("connection header of %d bytes" % size)
-            request = decode_header(_receive_exactly(link_socket, size))
+            with link_socket.makefile("rb") as stream:
+                size = _LENGTH.unpack(stream.read(_LENGTH.size))[0]
+                header = stream.read(min(size, _MAX_HEADER))
+            if len(header) != size:
+                raise ProtocolError("a connection header of %d bytes is too long or cut off" % size)
+            request = decode_header(header)
             offer = self._offer_for(request)
             if isinstance(offer, str):
                 link_socket.sendall(encode_header({"error": offer}))
@@ -252,14 +254,3 @@ class Publisher:
         self._acceptor.join()
         self._slave.close()
         self.master.close()
-
-
-def _receive_exactly(link_socket: socket.socket, size: int) -> bytes:
-    parts = []
-    while size:
-        part = link_socket.recv(size)
-        if not part:
-            raise ConnectionLost("closed in mid-header")
-        parts.append(part)
-        size -= len(part)
-    return b"".join(parts)

@@ -185,24 +185,23 @@ class RollingFiles:
         self._chunk_born = None
         self._chunk_streams.clear()
 
+    def _has_split_size(self) -> bool:
+        limit, writer = self.settings.split_bytes, self._writer
+        return limit is not None and writer is not None and writer.position + writer.pending_bytes >= limit
+
     @property
     def is_large_enough(self) -> bool:
         """True where the only file wanted has reached its size."""
-        s, writer = self.settings, self._writer
-        return not s.is_split and s.split_bytes is not None and writer is not None \
-            and writer.position + writer.pending_bytes >= s.split_bytes
+        return not self.settings.is_split and self._has_split_size()
 
     def _is_time_to_split(self, log_time: int) -> bool:
         s = self.settings
-        assert self._begin_time is not None and self._writer is not None
-        if not s.is_split:
-            return False
-        if s.split_s is not None and log_time - self._begin_time >= s.split_s * NS_PER_S:
-            return True
-        return s.split_bytes is not None and self._writer.position + self._writer.pending_bytes >= s.split_bytes
+        assert self._begin_time is not None
+        has_split_age = s.split_s is not None and log_time - self._begin_time >= s.split_s * NS_PER_S
+        return s.is_split and (has_split_age or self._has_split_size())
 
     def _split(self, log_time: int) -> None:
-        self._finish_file()
+        self.close()
         if self.settings.max_splits and len(self.finished) >= self.settings.max_splits:
             oldest = self.finished.pop(0)
             oldest.unlink()
@@ -262,7 +261,12 @@ class RollingFiles:
             self.messages -= count
         self._chunk_done()
 
-    def _finish_file(self) -> None:
+    def close(self) -> None:
+        """Finish the file that is being written and give it its name.
+
+        Raises:
+            BagError: It could not be finished; what it holds stays under its working name.
+        """
         writer = self._writer
         if writer is None:
             return
@@ -278,11 +282,3 @@ class RollingFiles:
         writer.close()
         self._writer = None
         self.finished.append(self.settings.path(self._serial - 1))
-
-    def close(self) -> None:
-        """Finish the file that is being written and give it its name.
-
-        Raises:
-            BagError: It could not be finished; what it holds stays under its working name.
-        """
-        self._finish_file()

@@ -1,4 +1,7 @@
-"""One recording from start to end: finds the topics, keeps them subscribed, asks publishers, ends in order."""
+"""One recording from start to end: finds the topics, keeps them subscribed, asks publishers, ends in order.
+
+What asks the master raises ``ConnectionLost`` where it does not answer, ``ProtocolError`` where it refuses.
+"""
 import json
 import threading
 import time
@@ -222,11 +225,7 @@ def _knows(master: RemoteNode, node: str) -> bool:
 
 
 def read_parameter(master: RemoteNode, name: str) -> Any:
-    """A parameter of the master's server; None where it is not set.
-
-    Raises:
-        ConnectionLost: The master cannot be reached.
-    """
+    """A parameter of the master's server; None where it is not set."""
     try:
         return master.call("getParam", name)
     except ProtocolError:
@@ -234,11 +233,7 @@ def read_parameter(master: RemoteNode, name: str) -> Any:
 
 
 def parameter_dump(master: RemoteNode) -> bytes:
-    """All parameters, as JSON, which ``rosparam load`` reads as YAML; what JSON lacks becomes its text.
-
-    Raises:
-        JakaBagError: The master does not answer.
-    """
+    """All parameters, as JSON, which ``rosparam load`` reads as YAML; what JSON lacks becomes its text."""
     return json.dumps(master.call("getParam", "/"), indent=1, sort_keys=True, default=str).encode() + b"\n"
 
 

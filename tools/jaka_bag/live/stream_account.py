@@ -122,16 +122,11 @@ class TopicDrops(NamedTuple):
 
     def describe(self) -> str:
         """One line: what was lost and how that is known."""
-        parts = []
-        if self.missing:
-            parts.append("%d missing by header.seq" % self.missing)
-        if self.undelivered:
-            parts.append("%d sent but not received (publisher's bus statistics)" % self.undelivered)
-        if self.overflowed:
-            parts.append("%d thrown away, the recorder's buffer was full" % self.overflowed)
-        if self.unwritten:
-            parts.append("%d received but not written" % self.unwritten)
-        return "; ".join(parts) if parts else "nothing lost"
+        losses = ((self.missing, "%d missing by header.seq"),
+                  (self.undelivered, "%d sent but not received (publisher's bus statistics)"),
+                  (self.overflowed, "%d thrown away, the recorder's buffer was full"),
+                  (self.unwritten, "%d received but not written"))
+        return "; ".join(text % count for count, text in losses if count) or "nothing lost"
 
 
 def _sum_known(values: Sequence[Optional[int]]) -> Optional[int]:

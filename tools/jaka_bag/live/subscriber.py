@@ -12,7 +12,7 @@ import select
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
 
 from ..errors import ConnectionLost, JakaBagError, ProtocolError
 from ..messages.connection import Connection
@@ -50,11 +50,6 @@ class _Publisher:
         self.noticed = ""
 
 
-class _Topic(NamedTuple):
-    accept: Accept
-    publishers: Dict[str, _Publisher]
-
-
 class Subscriber:
     """Subscriptions of one node, served by one loop.
 
@@ -79,7 +74,7 @@ class Subscriber:
         self._notice = notice
         self._tcp_nodelay = tcp_nodelay
         self._kernel_stamps = kernel_stamps
-        self._topics: Dict[str, _Topic] = {}
+        self._topics: Dict[str, Dict[str, _Publisher]] = {}
         self._links: Dict[int, Tuple[PublisherLink, _Publisher]] = {}
         self._commands: Deque[Tuple[Callable[..., None], Tuple[Any, ...]]] = collections.deque()
         self._epoll = select.epoll()
@@ -189,10 +184,9 @@ class Subscriber:
             function(*arguments)
 
     def _apply_publishers(self, topic: str, uris: List[str], is_complete: bool) -> None:
-        accept = self._accepts.get(topic)
-        if accept is None:
+        if topic not in self._accepts:
             return
-        known = self._topics.setdefault(topic, _Topic(accept, {})).publishers
+        known = self._topics.setdefault(topic, {})
         if is_complete:
             for uri in [uri for uri in known if uri not in uris]:
                 known[uri].is_listed = False  # its link is read to the end
@@ -203,8 +197,7 @@ class Subscriber:
         self._keep_house(time.monotonic())
 
     def _drop_topic(self, topic: str) -> None:
-        dropped = self._topics.pop(topic, None)
-        for publisher in dropped.publishers.values() if dropped is not None else ():
+        for publisher in self._topics.pop(topic, {}).values():
             if publisher.link is not None:
                 self._forget_link(publisher)
 
@@ -216,7 +209,7 @@ class Subscriber:
         publisher.link = None
 
     def _keep_house(self, now: float) -> None:
-        for topic, (_, publishers) in self._topics.items():
+        for topic, publishers in self._topics.items():
             for uri, publisher in list(publishers.items()):
                 link = publisher.link
                 if link is not None:
@@ -239,25 +232,22 @@ class Subscriber:
         except JakaBagError as error:
             self._command(self._ask_failed, topic, uri, error)
 
-    def _publisher(self, topic: str, uri: str) -> Optional[_Publisher]:
-        entry = self._topics.get(topic)
-        return None if entry is None else entry.publishers.get(uri)
-
     def _ask_failed(self, topic: str, uri: str, error: JakaBagError) -> None:
-        publisher = self._publisher(topic, uri)
+        publisher = self._topics.get(topic, {}).get(uri)
         if publisher is not None:
             publisher.is_asked = False
             self._retry_later(publisher, topic, error)
 
     def _connect(self, topic: str, uri: str, address: Tuple[str, int]) -> None:
-        publisher = self._publisher(topic, uri)
+        publisher = self._topics.get(topic, {}).get(uri)
         if publisher is None or publisher.link is not None:
             return
         publisher.is_asked = False
 
         def on_open(link: PublisherLink) -> Any:
             assert link.connection is not None and publisher is not None
-            if not self._topics[topic].accept(link.connection):
+            accept = self._accepts.get(topic)
+            if accept is None or not accept(link.connection):
                 publisher.is_refused = True
                 raise ProtocolError("not wanted")
             publisher.delay_s = _FIRST_RETRY_S

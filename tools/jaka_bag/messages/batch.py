@@ -154,11 +154,7 @@ def uncovered(start: Array, end: Array, total: int) -> Optional[List[Tuple[int, 
 
 def batch_of_rows(data: Array, columns: List[Tuple[int, ...]], has_publish: bool) -> MessageBatch:
     """A batch from (start, length, connection, log time[, publish time, sequence]) of each message."""
-    if not columns:
-        columns_array = np.zeros((6 if has_publish else 4, 0), np.uint64)
-    else:
-        columns_array = np.array(columns, np.uint64).T
-    signed = columns_array.view(np.int64) if columns_array.flags.c_contiguous else np.ascontiguousarray(
-        columns_array).view(np.int64)
-    return MessageBatch(data, signed[0], signed[1], signed[2], signed[3], signed[4] if has_publish else None,
-                 signed[5].astype(np.uint32) if has_publish else None)
+    table = np.array(columns, np.uint64).reshape(-1, 6 if has_publish else 4)
+    signed = np.ascontiguousarray(table.T).view(np.int64)
+    optional = (signed[4], signed[5].astype(np.uint32)) if has_publish else ()
+    return MessageBatch(data, signed[0], signed[1], signed[2], signed[3], *optional)

@@ -45,10 +45,8 @@ def learn_map(layout: Layout, kind: Ros2Type) -> ByteMap:
     template = low.copy()
     template[copied] = 0
     breaks = np.flatnonzero((np.diff(copied) != 1) | (np.diff(source) != 1)) + 1
-    starts = np.concatenate([[0], breaks]).astype(np.int64) if len(copied) else breaks
-    ends = np.concatenate([breaks, [len(copied)]]).astype(np.int64) if len(copied) else breaks
-    stretches = tuple((int(source[a]), int(copied[a]), int(b - a)) for a, b in zip(starts, ends))
-    return ByteMap(template, stretches)
+    runs = np.split(np.arange(len(copied)), breaks)
+    return ByteMap(template, tuple((int(source[run[0]]), int(copied[run[0]]), len(run)) for run in runs if len(run)))
 
 
 class CdrConverter:
@@ -67,21 +65,19 @@ class CdrConverter:
     def __init__(self, connection: Connection) -> None:
         self.kind = Ros2Type(connection)
         self._finder = LayoutFinder(connection)
-        self._maps: Dict[int, ByteMap] = {}
-        self._seen: Dict[int, Tuple[Layout, int]] = {}
+        self._maps: Dict[Layout, ByteMap] = {}
+        self._seen: Dict[Layout, int] = {}
 
     def _map_of(self, group: Group) -> Optional[ByteMap]:
         """The byte map of a group; None where one is not worth learning."""
         layout = group.layout
         if layout.length > _MAP_LIMIT:
             return None
-        known = self._maps.get(id(layout))
-        if known is None:
-            seen = self._seen.get(id(layout), (layout, 0))[1] + len(group.which)
-            self._seen[id(layout)] = (layout, seen)  # holds the layout, so that its id stays its own
-            if seen >= _WORTH_A_MAP:
-                known = self._maps[id(layout)] = learn_map(layout, self.kind)
-        return known
+        if layout not in self._maps:
+            self._seen[layout] = self._seen.get(layout, 0) + len(group.which)
+            if self._seen[layout] >= _WORTH_A_MAP:
+                self._maps[layout] = learn_map(layout, self.kind)
+        return self._maps.get(layout)
 
     def convert(self, batch: MessageBatch, which: Array) -> List[Tuple[Array, Array]]:
         """(positions in the batch, CDR messages of one length, one a row) that cover ``which``."""

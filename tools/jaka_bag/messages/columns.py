@@ -1,5 +1,5 @@
 """Fields of messages as numpy columns; all messages of one layout are decoded at once."""
-from typing import Dict, List, NamedTuple, Sequence
+from typing import Dict, List, NamedTuple
 
 import numpy as np
 
@@ -8,10 +8,10 @@ from .batch import Array, MessageBatch
 from .connection import Connection
 from .layout import Group, Leaf
 
-_TYPES = {"bool": "?", "byte": "i1", "char": "u1", "time": "<u4", "duration": "<i4", "int8": "i1", "uint8": "u1",
-          "int16": "<i2", "uint16": "<u2", "int32": "<i4", "uint32": "<u4", "int64": "<i8", "uint64": "<u8",
-          "float32": "<f4", "float64": "<f8"}
-_SIZES = {"time": 8, "duration": 8}
+_TYPES = {name: np.dtype(code) for name, code in {
+    "bool": "?", "byte": "i1", "char": "u1", "time": "<u4,<u4", "duration": "<i4,<i4", "int8": "i1", "uint8": "u1",
+    "int16": "<i2", "uint16": "<u2", "int32": "<i4", "uint32": "<u4", "int64": "<i8", "uint64": "<u8",
+    "float32": "<f4", "float64": "<f8"}.items()}
 
 
 class Columns(NamedTuple):
@@ -33,14 +33,6 @@ class Columns(NamedTuple):
     fields: Dict[str, Array]
 
 
-def _runs(matrix: Array, offsets: Sequence[int], counts: Sequence[int], size: int) -> Array:
-    """The bytes of equal-sized values at several places of each row, contiguous, shape (n, values x size)."""
-    if len(offsets) == 1:
-        return np.ascontiguousarray(matrix[:, offsets[0]:offsets[0] + counts[0] * size])
-    return np.ascontiguousarray(np.concatenate(
-        [matrix[:, at:at + count * size] for at, count in zip(offsets, counts)], axis=1))
-
-
 def _strings(matrix: Array, leaf: Leaf) -> Array:
     width = max(leaf.counts, default=0)
     if width == 0:
@@ -55,23 +47,14 @@ def leaf_values(matrix: Array, leaf: Leaf) -> Array:
     """A field of messages of one layout: shape (n,), or (n, values) for an array."""
     if leaf.type == "string":
         values = _strings(matrix, leaf)
-    elif not leaf.offsets:
-        values = np.zeros((len(matrix), 0), np.int64 if leaf.type in _SIZES else _TYPES[leaf.type])
     else:
-        kind = np.dtype(_TYPES[leaf.type])
-        raw = _runs(matrix, leaf.offsets, leaf.counts, _SIZES.get(leaf.type, kind.itemsize))
-        if raw.shape[1] == 0:
-            values = np.zeros((len(matrix), 0), np.int64 if leaf.type in _SIZES else kind)
-        else:
-            values = raw.view(kind)
-            if leaf.type in _SIZES:
-                parts = values.astype(np.int64)
-                values = parts[:, 0::2] * NS_PER_S + parts[:, 1::2]
+        kind = _TYPES[leaf.type]
+        runs = [matrix[:, at:at + count * kind.itemsize] for at, count in zip(leaf.offsets, leaf.counts)]
+        raw = np.ascontiguousarray(runs[0] if len(runs) == 1 else np.concatenate([matrix[:, :0], *runs], axis=1))
+        values = raw.view(kind) if raw.shape[1] else np.zeros(raw.shape, kind)
+        if kind.names:  # seconds and nanoseconds
+            values = values["f0"].astype(np.int64) * NS_PER_S + values["f1"]
     return values if leaf.is_array else values[:, 0]
-
-
-def _fields(group: Group) -> Dict[str, Array]:
-    return {name: leaf_values(group.rows, leaf) for name, leaf in group.layout.leaves.items()}
 
 
 class _Taken(NamedTuple):
@@ -109,8 +92,10 @@ def _join(where: List[Array], values: List[Array], count: int) -> Array:
 def part_of(batch: MessageBatch, groups: List[Group]) -> Part:
     """The messages of one topic in a batch, given by layout."""
     among = np.sort(np.concatenate([group.which for group in groups])) if len(groups) > 1 else groups[0].which
-    return Part(batch.log_time[among], batch.publish_time[among],
-                [_Taken(np.searchsorted(among, group.which), _fields(group)) for group in groups])
+    return Part(batch.log_time[among], batch.publish_time[among], [
+        _Taken(np.searchsorted(among, group.which),
+               {name: leaf_values(group.rows, leaf) for name, leaf in group.layout.leaves.items()})
+        for group in groups])
 
 
 def columns_of(connection: Connection, parts: List[Part]) -> Columns:

@@ -1,4 +1,7 @@
-"""ROS 1 message definitions: text to fields, and the md5 of a type."""
+"""ROS 1 message definitions: text to fields, and the md5 of a type.
+
+``DefinitionError`` is raised where a text is not understood, or a type in it is missing or contains itself.
+"""
 import hashlib
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
@@ -68,11 +71,7 @@ def _parse_field(type_name: str, name: str, package: str) -> Field:
 
 
 def parse_type(datatype: str, text: str) -> MessageType:
-    """The fields and constants of one ``.msg`` text (without those of the types in it).
-
-    Raises:
-        DefinitionError: A line that is neither field nor constant.
-    """
+    """The fields and constants of one ``.msg`` text (without those of the types in it)."""
     package = datatype.split("/")[0]
     constants: List[Constant] = []
     fields: List[Field] = []
@@ -97,11 +96,7 @@ def parse_type(datatype: str, text: str) -> MessageType:
 
 
 def parse_definition(datatype: str, text: str) -> Dict[str, MessageType]:
-    """All types of a full definition (``====`` between them), by full name; the first is ``datatype`` itself.
-
-    Raises:
-        DefinitionError: The text is not understood, or a type in it is missing or contains itself.
-    """
+    """All types of a full definition (``====`` between them), by full name; the first is ``datatype`` itself."""
     types: Dict[str, MessageType] = {}
     name = datatype
     lines: List[str] = []
@@ -143,9 +138,5 @@ def md5_of(datatype: str, types: Dict[str, MessageType]) -> str:
 
 
 def definition_md5(datatype: str, text: str) -> str:
-    """md5 of the type that a full definition text describes.
-
-    Raises:
-        DefinitionError: The text is not understood.
-    """
+    """md5 of the type that a full definition text describes."""
     return md5_of(datatype, parse_definition(datatype, text))

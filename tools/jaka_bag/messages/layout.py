@@ -3,7 +3,7 @@
 ``DefinitionError`` is raised where the definition is not understood or does not describe a message.
 """
 import struct
-from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Dict, Iterator, List, NamedTuple, Tuple
 
 import numpy as np
 
@@ -152,17 +152,14 @@ class LayoutFinder:
             rest = which[length == size]
             matrix = rows(batch, rest, size)
             known = self._known.setdefault(size, [])
-            tried = 0
+            untried = iter(known[:])
             while len(rest):
-                if tried < len(known):
-                    layout: Optional[Layout] = known[tried]
-                else:
+                layout = next(untried, None)
+                if layout is None:
                     layout = self._new_layout(matrix[0].tobytes())
                     if self._count < _MAX_CACHED:
                         known.append(layout)
                         self._count += 1
-                tried += 1
-                assert layout is not None
                 fits = (matrix[:, layout.lengths_at] == layout.lengths).all(axis=1)
                 if fits.all():
                     yield Group(layout, rest, matrix)

@@ -1,4 +1,7 @@
-"""Which messages of a log are wanted: topics, types, times."""
+"""Which messages of a log are wanted: topics, types, times.
+
+``BagError`` is raised where a pattern is no regular expression.
+"""
 import re
 from typing import Collection, List, NamedTuple, Optional, Pattern, Sequence
 
@@ -29,11 +32,7 @@ class Selection(NamedTuple):
     end_time: Optional[int] = None
 
     def wanted(self, connections: Sequence[Connection]) -> Array:
-        """Whether each connection is wanted, bool.
-
-        Raises:
-            BagError: A pattern is not a regular expression.
-        """
+        """Whether each connection is wanted, bool."""
         patterns, exclude = compile_patterns(self.patterns), compile_patterns(self.exclude)
         result = []
         for connection in connections:
@@ -43,18 +42,9 @@ class Selection(NamedTuple):
                           and (not self.types or connection.datatype in self.types))
         return np.array(result, bool)
 
-    @property
-    def has_times(self) -> bool:
-        """True where the time is limited."""
-        return self.start_time is not None or self.end_time is not None
-
 
 def compile_patterns(patterns: Sequence[str]) -> List[Pattern[str]]:
-    """Regular expressions, to be matched against whole names.
-
-    Raises:
-        BagError: One is none.
-    """
+    """Regular expressions, to be matched against whole names."""
     try:
         return [re.compile(p) for p in patterns]
     except re.error as error:
@@ -97,9 +87,6 @@ class MessageFilter:
 
     Attributes:
         wanted: Whether each of the log's connections is wanted, bool.
-
-    Raises:
-        BagError: A pattern is not a regular expression.
     """
 
     def __init__(self, selection: Selection, connections: Sequence[Connection]) -> None:
@@ -115,7 +102,7 @@ class MessageFilter:
     @property
     def takes_all(self) -> bool:
         """True where every message is wanted."""
-        return self._all and not self._selection.has_times
+        return self._all and self._selection.start_time is None and self._selection.end_time is None
 
     def may_be_in(self, start_time: int, end_time: int, numbers: Collection[int]) -> bool:
         """Whether a chunk may hold a wanted message.

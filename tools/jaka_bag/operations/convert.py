@@ -84,11 +84,7 @@ class WriteResult(NamedTuple):
 
 
 def refuse_same_file(source: object, target: object) -> None:
-    """Refuse a target that is the source under any name.
-
-    Raises:
-        BagError: It is.
-    """
+    """Refuse, by ``BagError``, a target that is the source under any name."""
     try:
         is_same = os.path.samefile(str(source), str(target))
     except OSError:
@@ -222,8 +218,7 @@ def _neighbours(chunks: Iterable[ChunkRef]) -> Iterator[List[ChunkRef]]:
 
 def _latched_before(reader: LogReader, message_filter: MessageFilter, start_time: int) -> MessageBatch:
     """The newest message before a time, ns, of each wanted latched connection, in the order of time."""
-    latched = np.array([bool(c.latching) for c in reader.connections] or [False], bool) & (
-        message_filter.wanted if len(message_filter.wanted) else np.zeros(1, bool))
+    latched = np.array([bool(c.latching) for c in reader.connections], bool) & message_filter.wanted
     newest: Dict[int, MessageBatch] = {}
     for chunk in reader.chunks:
         if chunk.start_time >= start_time or not (not chunk.counts or any(latched[n] for n in chunk.counts)):
@@ -243,16 +238,8 @@ def _copy(reader: LogReader, writer: LogWriter, message_filter: MessageFilter, o
           workers: int, latched_from: Optional[int]) -> Tuple[int, Tuple[str, ...]]:
     """Copy the wanted messages of one log in the order of the file, and what stands beside them.
 
-    Args:
-        reader: The log.
-        writer: The output; it stays open.
-        message_filter: Which messages.
-        on_progress: Is told how far it is.
-        workers: Threads.
-        latched_from: Copy also the newest message before this time, ns, of each latched connection.
-
-    Returns:
-        Messages written, and what was left out.
+    Also the newest message before ``latched_from``, ns (None: not), of each latched connection. Gives how many messages
+    were written, and what was left out.
     """
     ids = add_channels(reader.connections, writer, message_filter.wanted)
     losses = LossNotes(writer)

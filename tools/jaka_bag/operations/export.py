@@ -1,6 +1,7 @@
 """Writes the fields of messages as CSV, NPZ or Parquet; one table a topic."""
 import contextlib
 import csv
+import functools
 import importlib
 import io
 import re
@@ -81,11 +82,7 @@ def _cells(leaf: Leaf, rows: Array, width: int) -> List[List[Any]]:
 
 def _widths(source: Iterator[Table]) -> Dict[str, Tuple[Leaf, int]]:
     widths: Dict[str, Tuple[Leaf, int]] = {}
-    seen = set()
     for table in source:
-        if id(table.layout) in seen:
-            continue
-        seen.add(id(table.layout))
         for name, leaf in table.layout.leaves.items():
             count = 1 if _is_bytes(leaf) or not leaf.is_array else (
                 len(leaf.counts) if leaf.type == "string" else sum(leaf.counts))
@@ -153,10 +150,6 @@ def _write_parquet(output: OutputFile, again: Callable[[], Iterator[Table]]) -> 
     return count
 
 
-def _tables_writer(suffix: str) -> Callable[[OutputFile, Callable[[], Iterator[Table]]], int]:
-    return _write_csv if suffix == ".csv" else _write_parquet
-
-
 def _add_array(archive: zipfile.ZipFile, name: str, values: Array) -> None:
     with archive.open(name + ".npy", "w", force_zip64=True) as member:
         np.save(member, np.ascontiguousarray(values), allow_pickle=False)
@@ -217,13 +210,10 @@ def export(reader: LogReader, target: PathLike, selection: Optional[Selection] =
             counts = _write_npz(outputs.enter_context(OutputFile(path, overwrite)), reader, topics)
             result = {topic: (str(path), counts[topic]) for topic in topics}
         else:
+            write = _write_csv if path.suffix == ".csv" else _write_parquet
             for topic in topics:
                 file = table_path(path, topic, len(topics) == 1)
                 output = outputs.enter_context(OutputFile(file, overwrite))
                 own = ColumnReader(reader, Selection(topics=(topic,)))
-
-                def again(topic: str = topic, own: ColumnReader = own) -> Iterator[Table]:
-                    return tables(reader, own, topic)
-
-                result[topic] = (str(file), _tables_writer(path.suffix)(output, again))
+                result[topic] = (str(file), write(output, functools.partial(tables, reader, own, topic)))
     return result

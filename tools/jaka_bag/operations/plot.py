@@ -1,7 +1,7 @@
 """Pictures of a state log: joints, TCP position and path, states over time (SVG or PNG, by matplotlib)."""
 import importlib
 from pathlib import Path
-from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -55,18 +55,17 @@ def _seconds(columns: Columns, start_ns: int) -> Array:
     return (columns.log_time - start_ns) / NS_PER_S
 
 
-def _joint_panel(topic: str, columns: Columns, start_ns: int) -> Optional[Panel]:
+def _joint_panels(topic: str, columns: Columns, start_ns: int) -> List[Panel]:
     position = columns.fields.get("position")
     if position is None or position.dtype == object or position.ndim != 2 or not position.shape[1]:
-        return None
+        return []
+    labels = ["[%d]" % i for i in range(position.shape[1])]
     names = columns.fields.get("name")
+    if names is not None and names.dtype != object and names.shape[1] == len(labels):
+        labels = [name.decode("utf-8", "replace") for name in names[0]]
     time = _seconds(columns, start_ns)
-    lines = []
-    for i in range(position.shape[1]):
-        has_name = names is not None and names.dtype != object and names.shape[1] == position.shape[1]
-        name = names[0, i].decode("utf-8", "replace") if has_name and names is not None else "[%d]" % i
-        lines.append((name, *thin(time, position[:, i])))
-    return Panel(topic + "  position", "rad", tuple(lines))
+    lines = tuple((label, *thin(time, position[:, i])) for i, label in enumerate(labels))
+    return [Panel(topic + "  position", "rad", lines)]
 
 
 def _tcp_panels(topic: str, columns: Columns, start_ns: int) -> List[Panel]:
@@ -124,8 +123,7 @@ def panels_of(data: Dict[str, Columns], fields: Sequence[Tuple[str, str]] = ()) 
     paths: List[str] = []
     for topic, columns in sorted(data.items()):
         if columns.connection.datatype == "sensor_msgs/JointState":
-            panel = _joint_panel(topic, columns, start_ns)
-            joints += [panel] if panel is not None else []
+            joints += _joint_panels(topic, columns, start_ns)
         elif columns.connection.datatype == "geometry_msgs/TwistStamped":
             positions += _tcp_panels(topic, columns, start_ns)
             paths.append(topic)

@@ -1,5 +1,4 @@
 """Makes a whole log of what can be read of a cut-off, unindexed or damaged one."""
-import os
 import time
 from pathlib import Path
 from typing import Any, Dict, Iterator, NamedTuple, Optional, Set, Tuple
@@ -48,46 +47,27 @@ class Recovered(NamedTuple):
         return dict(self._asdict(), losses=[loss._asdict() for loss in self.losses], is_whole=self.is_whole)
 
 
-class _Channels:
-    """The file's ids of connections to the new log's numbers, as they become known."""
-
-    def __init__(self, writer: LogWriter) -> None:
-        self._writer = writer
-        self._seen: Dict[int, Connection] = {}
-        self._numbers: Dict[int, int] = {}
-
-    def number(self, file_id: int, connections: Dict[int, Connection]) -> int:
-        """The new log's number; -1 where the connection is not described."""
-        connection = connections.get(file_id)
-        if connection is None:
-            return -1
-        if self._seen.get(file_id) is not connection:
-            self._seen[file_id] = connection
-            self._numbers[file_id] = self._writer.add_channel(with_md5(connection))
-        return self._numbers[file_id]
-
-    def renumber(self, batch: MessageBatch, connections: Dict[int, Connection],
-                 unknown: Dict[int, int]) -> MessageBatch:
-        """The messages of described connections with new numbers; the others are counted by id."""
-        ids = distinct(batch.connection)
-        numbers = np.array([self.number(i, connections) for i in ids.tolist()], np.int64)
-        new = numbers[np.searchsorted(ids, batch.connection)]
-        for file_id, number in zip(ids.tolist(), numbers.tolist()):
-            if number < 0:
-                unknown[file_id] = unknown.get(file_id, 0) + int((batch.connection == file_id).sum())
-        kept = batch.replace(connection=new)
-        return kept if (new >= 0).all() else kept.take(new >= 0)
+def _renumbered(batch: MessageBatch, connections: Dict[int, Connection], writer: LogWriter,
+                unknown: Dict[int, int]) -> MessageBatch:
+    """The messages of described connections with the new log's numbers; the others are counted by the file's id."""
+    ids = distinct(batch.connection)
+    numbers = np.array([writer.add_channel(with_md5(connections[i])) if i in connections else -1
+                        for i in ids.tolist()], np.int64)
+    for file_id in ids[numbers < 0].tolist():
+        unknown[file_id] = unknown.get(file_id, 0) + int((batch.connection == file_id).sum())
+    new = numbers[np.searchsorted(ids, batch.connection)]
+    kept = batch.replace(connection=new)
+    return kept if (new >= 0).all() else kept.take(new >= 0)
 
 
 def _write(recovery: LogRecovery, writer: LogWriter, unknown: Dict[int, int],
            on_progress: Optional[OnProgress]) -> int:
-    channels = _Channels(writer)
-
     def batches() -> Iterator[Tuple[int, MessageBatch]]:
         done = 0
         for stretch in recovery.stretches():
             if len(stretch.batch):
-                for piece in pieces_of(channels.renumber(stretch.batch, recovery.connections, unknown), _MAX_PIECE):
+                batch = _renumbered(stretch.batch, recovery.connections, writer, unknown)
+                for piece in pieces_of(batch, _MAX_PIECE):
                     yield stretch.end - done, piece
                     done = stretch.end
 
@@ -103,8 +83,7 @@ def _attempt(path: str, descriptor: int, target: PathLike, compression: Optional
     for file_id, connection in known.items():
         recovery.connections.setdefault(file_id, connection)
     unknown: Dict[int, int] = {}
-    writer = create_log(target, compression, level, overwrite, recovery.profile)
-    try:
+    with create_log(target, compression, level, overwrite, recovery.profile) as writer:
         written = _write(recovery, writer, unknown, on_progress)
         if not written and recovery.losses:
             raise BagFormatError("%s: no message could be read (%s)" % (path, recovery.losses[0].describe()))
@@ -114,10 +93,6 @@ def _attempt(path: str, descriptor: int, target: PathLike, compression: Optional
             return _attempt(path, descriptor, target, compression, level, overwrite, dict(recovery.connections),
                             on_progress)
         copy_extras(recovery, writer)
-        writer.close()
-    except BaseException:
-        writer.abort()
-        raise
     return recovery, written, unknown
 
 
@@ -139,12 +114,9 @@ def recover(source: PathLike, target: PathLike, compression: Optional[str] = Non
     """
     begin = time.monotonic()
     refuse_same_file(source, target)
-    descriptor = open_for_reading(source)
-    try:
-        recovery, written, unknown = _attempt(str(source), descriptor, target, compression, level, overwrite, {},
+    with open_for_reading(source) as file:
+        recovery, written, unknown = _attempt(str(source), file.fileno(), target, compression, level, overwrite, {},
                                               on_progress)
-    finally:
-        os.close(descriptor)
     losses = recovery.losses + [
         Loss(0, recovery.size, "%d messages of connection %d, whose description is lost" % (count, file_id))
         for file_id, count in unknown.items()]

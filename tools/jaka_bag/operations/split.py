@@ -125,7 +125,7 @@ def split(source: PathLike, stem: PathLike, limits: Limits, compression: Optiona
     with open_log(source) as reader:
         parts = _Parts(Path(stem), compression, level, overwrite, reader.index.profile or "ros1")
         check_output(parts.path(0), overwrite)
-        latched = _Latched(np.array([bool(c.latching) for c in reader.connections] or [False], bool))
+        latched = _Latched(np.array([bool(c.latching) for c in reader.connections], bool))
         losses: Optional[LossNotes] = None
         ids = np.zeros(1, np.int64)
         piece = 1 << 20 if limits.size is None else max(min(1 << 20, limits.size // _FINEST), 1)

@@ -20,7 +20,8 @@ from . import records as fmt
 
 _HEAD = 46
 """Bytes in front of a payload: header length, 38 bytes of header, data length."""
-_ENTRY_TYPE = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
+ENTRY_TYPE = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
+"""What an index record says of each message."""
 _U32 = struct.Struct("<I")
 
 
@@ -89,8 +90,7 @@ def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> Parsed:
                 columns.append((record.begin, record.end - record.begin, fmt.u32(record.fields, "conn"),
                                 fmt.time_ns(record.fields, "time")))
             elif record.kind == fmt.OP_CONNECTION:
-                number, connection = fmt.parse_connection(record.fields, raw[record.begin:record.end])
-                connections[number] = connection
+                connections.update([fmt.parse_connection(record, raw)])
         except BagFormatError:
             break
         at = record.end
@@ -107,10 +107,10 @@ def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
     result = []
     for record in fmt.whole_records(raw, begin, "the index of a chunk is cut off"):
         if record.kind == fmt.OP_INDEX:
-            count, rest = divmod(record.end - record.begin, _ENTRY_TYPE.itemsize)
+            count, rest = divmod(record.end - record.begin, ENTRY_TYPE.itemsize)
             if rest or fmt.u32(record.fields, "ver") != 1:
                 raise BagFormatError("the index of a chunk is damaged")
-            result.append((fmt.u32(record.fields, "conn"), np.frombuffer(raw, _ENTRY_TYPE, count, record.begin)))
+            result.append((fmt.u32(record.fields, "conn"), np.frombuffer(raw, ENTRY_TYPE, count, record.begin)))
     return result
 
 
@@ -131,7 +131,7 @@ class BagReader(LogReader):
         return parse_chunk(data, offsets_in(index_entries(raw, data_end))).batch
 
     def _times_in_index(self, chunk: ChunkRef) -> List[Tuple[int, Array]]:
-        head = fmt.parse_chunk_head(read_at(self._descriptor, chunk.position, 4096))
+        head = fmt.parse_chunk_head(read_at(self._file.fileno(), chunk.position, 4096))
         begin = chunk.position + head.data_start + head.data_size
         return [(number, entry["seconds"].astype(np.int64) * NS_PER_S + entry["nanoseconds"])
-                for number, entry in index_entries(read_at(self._descriptor, begin, chunk.end - begin), 0)]
+                for number, entry in index_entries(read_at(self._file.fileno(), begin, chunk.end - begin), 0)]

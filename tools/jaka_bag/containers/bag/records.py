@@ -10,7 +10,7 @@ from ...errors import BagFormatError
 from ...messages.connection import Connection
 from ...paths import PathLike
 from ...units import NS_PER_S
-from ..index import Buffer, ChunkHead, ChunkRef, CodecTotals, LogIndex, codec_totals, open_for_reading, read_at
+from ..index import Buffer, ChunkHead, ChunkRef, LogIndex, read_at
 
 MAGIC = b"#ROSBAG V2.0\n"
 OP_MESSAGE, OP_FILE_HEADER, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION = range(2, 8)
@@ -142,15 +142,12 @@ def file_header(index_position: int, connections: int, chunks: int) -> bytes:
 
 def connection_record(number: int, connection: Connection) -> bytes:
     """One connection as record, its connection header inside."""
-    extra = dict(connection.extra)
-    fields = {"topic": extra.pop("topic", connection.topic), "type": connection.datatype,
+    fields = {"topic": connection.topic, **dict(connection.extra), "type": connection.datatype,
               "md5sum": connection.md5sum, "message_definition": connection.definition}
     if connection.callerid is not None:
         fields["callerid"] = connection.callerid
     if connection.latching is not None:
         fields["latching"] = "1" if connection.latching else "0"
-    for name, value in extra.items():
-        fields.setdefault(name, value)
     return pack_record(
         [("conn", _U32.pack(number)), ("op", bytes([OP_CONNECTION])), ("topic", _encode(connection.topic))],
         pack_header((name, _encode(value)) for name, value in sorted(fields.items())))
@@ -160,24 +157,23 @@ def _encode(value: str) -> bytes:
     return value.encode("utf-8", "surrogateescape")
 
 
-def parse_connection(fields: Header, data: Buffer) -> Tuple[int, Connection]:
-    """Id and connection of a connection record."""
-    number = u32(fields, "conn")
-    raw_topic = fields.get("topic")
+def parse_connection(record: Record, raw: Buffer) -> Tuple[int, Connection]:
+    """Id and connection of a connection record of a buffer."""
+    number = u32(record.fields, "conn")
+    raw_topic = record.fields.get("topic")
     if raw_topic is None:
         raise BagFormatError("a connection lacks its topic")
     topic = raw_topic.decode("utf-8", "surrogateescape")
-    inner = {name: value.decode("utf-8", "surrogateescape") for name, value in parse_header(data).items()}
-    own_topic: Optional[str] = inner.pop("topic", topic)
+    inner = {name: value.decode("utf-8", "surrogateescape")
+             for name, value in parse_header(raw[record.begin:record.end]).items()}
+    if inner.get("topic") == topic:  # else it was remapped while recording
+        del inner["topic"]
     datatype, md5sum = inner.pop("type", ""), inner.pop("md5sum", "")
     definition, callerid = inner.pop("message_definition", ""), inner.pop("callerid", None)
-    latching = inner.get("latching")
-    if latching in ("0", "1"):
+    latching = {"0": False, "1": True}.get(inner.get("latching", ""))
+    if latching is not None:
         del inner["latching"]
-    if own_topic is not None and own_topic != topic:  # remapped while recording
-        inner["topic"] = own_topic
-    return number, Connection(topic, datatype, md5sum, definition, callerid,
-                              latching == "1" if latching in ("0", "1") else None, tuple(sorted(inner.items())))
+    return number, Connection(topic, datatype, md5sum, definition, callerid, latching, tuple(sorted(inner.items())))
 
 
 def index_record(number: int, count: int, entries: bytes) -> bytes:
@@ -194,12 +190,12 @@ def chunk_info_record(info: ChunkInfo) -> bytes:
                         ("start_time", pack_time(info.start_time)), ("ver", _U32.pack(1))], data)
 
 
-def parse_chunk_info(fields: Header, data: Buffer) -> ChunkInfo:
-    """A chunk info record."""
-    if len(data) % 8:
+def parse_chunk_info(record: Record, raw: Buffer) -> ChunkInfo:
+    """A chunk info record of a buffer."""
+    if (record.end - record.begin) % _TIME.size:
         raise BagFormatError("the index is damaged")
-    return ChunkInfo(u64(fields, "chunk_pos"), time_ns(fields, "start_time"), time_ns(fields, "end_time"),
-                     dict(_TIME.iter_unpack(data)))
+    return ChunkInfo(u64(record.fields, "chunk_pos"), time_ns(record.fields, "start_time"),
+                     time_ns(record.fields, "end_time"), dict(_TIME.iter_unpack(raw[record.begin:record.end])))
 
 
 def chunk_head(codec: str, uncompressed_size: int, stored: int) -> bytes:
@@ -247,10 +243,9 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
     section = read_at(descriptor, index_position, size - index_position)
     for record in whole_records(section):
         if record.kind == OP_CONNECTION:
-            number, connection = parse_connection(record.fields, section[record.begin:record.end])
-            by_id[number] = connection
+            by_id.update([parse_connection(record, section)])
         elif record.kind == OP_CHUNK_INFO:
-            infos.append(parse_chunk_info(record.fields, section[record.begin:record.end]))
+            infos.append(parse_chunk_info(record, section))
     if len(by_id) != u32(fields, "conn_count") or len(infos) != u32(fields, "chunk_count"):
         raise BagFormatError(_DAMAGED)
     numbers = {file_id: number for number, file_id in enumerate(by_id)}
@@ -269,15 +264,3 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
     return LogIndex("bag", "2.0", str(path), size, list(by_id.values()), numbers, chunks, counts,
                     min((c.start_time for c in filled), default=None),
                     max((c.end_time for c in filled), default=None))
-
-
-def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
-    """The totals of each codec, from the heads of the chunks."""
-    descriptor = open_for_reading(index.path)
-    try:
-        heads = [parse_chunk_head(read_at(descriptor, chunk.position, 256)) for chunk in index.chunks]
-    except BagFormatError as error:
-        raise BagFormatError("%s: %s" % (index.path, error)) from error
-    finally:
-        os.close(descriptor)
-    return codec_totals((head.codec, head.data_size, head.size) for head in heads)

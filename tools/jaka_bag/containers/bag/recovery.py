@@ -62,12 +62,10 @@ class BagRecovery(LogRecovery):
         expected = 0
         try:
             for record in fmt.whole_records(raw):
-                data = raw[record.begin:record.end]
                 if record.kind == fmt.OP_CONNECTION:
-                    number, connection = fmt.parse_connection(record.fields, data)
-                    self.connections[number] = connection
+                    self.connections.update([fmt.parse_connection(record, raw)])
                 elif record.kind == fmt.OP_CHUNK_INFO:
-                    expected += sum(fmt.parse_chunk_info(record.fields, data).counts.values())
+                    expected += sum(fmt.parse_chunk_info(record, raw).counts.values())
                 else:
                     return
         except BagFormatError:
@@ -92,18 +90,13 @@ class BagRecovery(LogRecovery):
             elif end > self.size:
                 end = self._skip_damage(at, "a record is cut off or damaged")
             elif record.kind == fmt.OP_CONNECTION:
-                self._declare(record.fields, read_at(self.descriptor, at + record.begin, record.end - record.begin),
-                              at, end)
+                try:
+                    self.connections.update([fmt.parse_connection(record, read_at(self.descriptor, at, record.end))])
+                except BagFormatError as error:
+                    self.lose(at, end, str(error))
             elif not fmt.OP_MESSAGE <= record.kind <= fmt.OP_CONNECTION:
                 end = self._skip_damage(at, "a record of unknown kind %d" % record.kind)
             at = end
-
-    def _declare(self, fields: fmt.Header, data: bytes, begin: int, end: int) -> None:
-        try:
-            number, connection = fmt.parse_connection(fields, data)
-            self.connections[number] = connection
-        except BagFormatError as error:
-            self.lose(begin, end, str(error))
 
     def _next_chunk(self, begin: int, stop: int) -> int:
         at = begin

@@ -6,58 +6,36 @@ import numpy as np
 from ...errors import BagError
 from ...messages.batch import Array, MessageBatch
 from ...messages.connection import Connection
-from ...paths import PathLike
 from ...units import NS_PER_S
-from ..compression import BAG_CODECS, check_codec, compressor
+from ..compression import BAG_CODECS
 from ..contract import EncodedChunk, LogWriter, by_connection, message_records
 from . import records as fmt
+from .reader import ENTRY_TYPE
 
 _HEAD_TYPE = np.dtype([("header_size", "<u4"), ("size1", "<u4"), ("name1", "S5"), ("connection", "<u4"),
                        ("size2", "<u4"), ("name2", "S3"), ("op", "u1"), ("size3", "<u4"), ("name3", "S5"),
                        ("seconds", "<u4"), ("nanoseconds", "<u4"), ("data_size", "<u4")])
 _HEAD = np.array([(38, 9, b"conn=", 0, 4, b"op=", fmt.OP_MESSAGE, 13, b"time=", 0, 0, 0)], _HEAD_TYPE)
-_ENTRY_TYPE = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
 _MAX_CHUNK = 0xFFFFFFFF
 
 
 class BagWriter(LogWriter):
-    """A ROS bag being written; nothing of the final name exists before ``close``.
-
-    Args:
-        target: As of ``LogWriter``.
-        compression: ``none``, ``lz4`` or ``bz2``.
-        level: The codec's level; None for its default.
-        chunk_size: As of ``LogWriter``, as all that follow.
-        overwrite: See there.
-        suffix: See there.
-        keep_leftover: See there.
-        profile: A .bag has no place for it.
-
-    Raises:
-        BagError: The compression is not the format's, or the output cannot be created.
-    """
+    """A ROS bag being written; see ``LogWriter``."""
 
     format_name = "a .bag"
+    codecs = BAG_CODECS
+    usual_chunk_size = 768 * 1024
+    is_for_ros1 = True
 
-    def __init__(self, target: PathLike, compression: str = "none", level: Optional[int] = None,
-                 chunk_size: int = 768 * 1024, overwrite: bool = False, suffix: str = ".part",
-                 keep_leftover: bool = False, profile: str = "ros1") -> None:
-        check_codec(compression, BAG_CODECS, "a .bag")
-        self._codec = compression
-        self._compress = compressor(compression, level, for_bag=True)
+    def _begin(self, profile: str) -> None:
         self._channels: Dict[Connection, int] = {}
         self._records: List[bytes] = []
         self._undeclared: Tuple[int, ...] = ()
         self._chunk_infos: List[bytes] = []
-        super().__init__(target, chunk_size, overwrite, suffix, keep_leftover)
         self._write(fmt.MAGIC, fmt.file_header(0, 0, 0))
 
     def add_channel(self, connection: Connection) -> int:
-        """Number of a connection in this file; see ``LogWriter.add_channel``.
-
-        Raises:
-            BagError: The messages are not ROS 1 messages.
-        """
+        """See ``LogWriter.add_channel``; a .bag holds ROS 1 messages only."""
         if connection.encoding != "ros1":
             raise BagError("%s is encoded as %s: a .bag holds ROS 1 messages only"
                            % (connection.topic, connection.encoding))
@@ -91,7 +69,7 @@ class BagWriter(LogWriter):
         heads["nanoseconds"] = nanoseconds
         heads["data_size"] = batch.length
         data, offset = message_records(batch, heads, prefix)
-        entries = np.empty(len(batch), _ENTRY_TYPE)
+        entries = np.empty(len(batch), ENTRY_TYPE)
         entries["seconds"] = seconds
         entries["nanoseconds"] = nanoseconds
         entries["offset"] = offset

@@ -21,7 +21,6 @@ _HEAD = fmt.MESSAGE_HEAD.size
 HEAD_TYPE = np.dtype([("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("sequence", "<u4"),
                       ("log_time", "<u8"), ("publish_time", "<u8")])
 """What stands in front of a message's payload."""
-"""What stands in front of a message's payload."""
 Schemas = Dict[int, fmt.Schema]
 
 
@@ -59,11 +58,9 @@ def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = Non
                 channel, sequence, log_time, publish_time = fmt.MESSAGE_HEAD.unpack_from(raw, at)[2:]
                 columns.append((at + _HEAD, body_end - at - _HEAD, channel, log_time, publish_time, sequence))
             elif opcode == fmt.SCHEMA:
-                schema_id, schema = fmt.parse_schema(raw[body:body_end])
-                schemas[schema_id] = schema
+                schemas.update([fmt.parse_schema(raw[body:body_end])])
             elif opcode == fmt.CHANNEL:
-                channel, connection = fmt.parse_channel(raw[body:body_end], schemas)
-                connections[channel] = connection
+                connections.update([fmt.parse_channel(raw[body:body_end], schemas)])
             elif opcode == 0 or is_loose:
                 break
         except BagFormatError:
@@ -114,20 +111,20 @@ class McapReader(LogReader):
     def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
         if chunk.is_loose:
             return None
-        head = fmt.parse_chunk_head(read_at(self._descriptor, chunk.position, 256))
+        head = fmt.parse_chunk_head(read_at(self._file.fileno(), chunk.position, 256))
         begin = chunk.position + head.data_start + head.data_size
         if begin == chunk.end:
             return None
-        entries = index_entries(read_at(self._descriptor, begin, chunk.end - begin), 0)
+        entries = index_entries(read_at(self._file.fileno(), begin, chunk.end - begin), 0)
         return [(channel, entry[:, 0].copy().view(np.int64)) for channel, entry in entries]
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
         """See ``LogReader``; checks the attachment's CRC."""
         try:
-            return fmt.read_attachment(self._descriptor, entry)
+            return fmt.read_attachment(self._file.fileno(), entry)
         except BagFormatError as error:
             raise BagFormatError("%s: %s" % (self.path, error)) from error
 
     def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
         """See ``LogReader``."""
-        return fmt.read_metadata(self._descriptor, entry)
+        return fmt.read_metadata(self._file.fileno(), entry)

@@ -10,17 +10,7 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 from ...errors import BagFormatError
 from ...messages.connection import Connection
 from ...paths import PathLike
-from ..index import (
-    AttachmentIndex,
-    Buffer,
-    ChunkHead,
-    ChunkRef,
-    CodecTotals,
-    LogIndex,
-    MetadataIndex,
-    codec_totals,
-    read_at,
-)
+from ..index import AttachmentIndex, Buffer, ChunkHead, ChunkRef, LogIndex, MetadataIndex, codec_totals, read_at
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
@@ -126,8 +116,7 @@ def parse_schema(body: Buffer) -> Tuple[int, Schema]:
     """Id and content of a schema record's body."""
     c = Cursor(body)
     schema_id = c.number("H")
-    name, encoding = c.text(), c.text()
-    return schema_id, Schema(name, encoding, c.raw(c.number("I")).decode("utf-8", "surrogateescape"))
+    return schema_id, Schema(c.text(), c.text(), c.text())
 
 
 def parse_channel(body: Buffer, schemas: Dict[int, Schema]) -> Tuple[int, Connection]:
@@ -148,11 +137,7 @@ def parse_chunk_index(body: Buffer) -> ChunkIndex:
     """A chunk index record's body."""
     c = Cursor(body)
     start, end, position, size = c.unpack("QQQQ")
-    offsets = c.number_map()
-    index_size = c.number("Q")
-    compression = c.text()
-    compressed, uncompressed = c.unpack("QQ")
-    return ChunkIndex(start, end, position, size, offsets, index_size, compression, compressed, uncompressed)
+    return ChunkIndex(start, end, position, size, c.number_map(), c.number("Q"), c.text(), c.number("Q"), c.number("Q"))
 
 
 def parse_statistics(body: Buffer) -> Statistics:
@@ -165,8 +150,7 @@ def parse_attachment_index(body: Buffer) -> AttachmentIndex:
     """An attachment index record's body."""
     c = Cursor(body)
     position, size, log_time, create_time, data_size = c.unpack("QQQQQ")
-    name = c.text()
-    return AttachmentIndex(position, size, log_time, create_time, data_size, name, c.text())
+    return AttachmentIndex(position, size, log_time, create_time, data_size, c.text(), c.text())
 
 
 def parse_metadata_index(body: Buffer) -> MetadataIndex:
@@ -246,17 +230,13 @@ def parse_summary(data: bytes) -> _Summary:
     for opcode, begin, end in whole_records(data):
         bodies.setdefault(opcode, []).append(data[begin:end])
     for body in bodies.get(SCHEMA, []):
-        schema_id, schema = parse_schema(body)
-        summary.schemas[schema_id] = schema
+        summary.schemas.update([parse_schema(body)])
     for body in bodies.get(CHANNEL, []):
-        channel_id, connection = parse_channel(body, summary.schemas)
-        summary.channels[channel_id] = connection
+        summary.channels.update([parse_channel(body, summary.schemas)])
     summary.chunks.extend(map(parse_chunk_index, bodies.get(CHUNK_INDEX, [])))
     summary.attachments.extend(map(parse_attachment_index, bodies.get(ATTACHMENT_INDEX, [])))
     summary.metadata.extend(map(parse_metadata_index, bodies.get(METADATA_INDEX, [])))
-    for body in bodies.get(STATISTICS, []):
-        return summary._replace(statistics=parse_statistics(body))
-    return summary
+    return summary._replace(statistics=next(map(parse_statistics, bodies.get(STATISTICS, [])), None))
 
 
 def read_file_head(descriptor: int) -> Tuple[str, str, int]:
@@ -271,8 +251,7 @@ def read_file_head(descriptor: int) -> Tuple[str, str, int]:
     if opcode != HEADER or size > len(raw) - begin:
         raise BagFormatError("the first record is cut off or damaged")
     cursor = Cursor(raw[begin:begin + size])
-    profile = cursor.text()
-    return profile, cursor.text(), begin + size
+    return cursor.text(), cursor.text(), begin + size
 
 
 def read_footer(descriptor: int, size: int) -> Tuple[int, int]:
@@ -329,14 +308,8 @@ def read_index(path: PathLike, descriptor: int) -> Optional[LogIndex]:
     counts = [statistics.channel_messages.get(channel_id, 0) for channel_id in summary.channels]
     if sum(counts) != statistics.messages:
         raise BagFormatError(_DAMAGED)
-    has_messages = statistics.messages > 0
-    return LogIndex("mcap", "0", str(path), size, list(summary.channels.values()), numbers, chunks, counts,
-                    statistics.start_time if has_messages else None, statistics.end_time if has_messages else None,
+    first, last = (statistics.start_time, statistics.end_time) if statistics.messages else (None, None)
+    return LogIndex("mcap", "0", str(path), size, list(summary.channels.values()), numbers, chunks, counts, first, last,
                     profile, library, tuple(summary.attachments), tuple(summary.metadata),
                     codec_totals((c.compression or "none", c.compressed_size, c.uncompressed_size)
                                  for c in summary.chunks))
-
-
-def read_codecs(index: LogIndex) -> Tuple[CodecTotals, ...]:
-    """The totals of each codec, which the index has."""
-    return index.codecs

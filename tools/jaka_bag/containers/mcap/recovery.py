@@ -5,12 +5,11 @@ What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import os
 import zlib
-from typing import Dict, Iterator, Optional, Tuple
+from typing import Dict, Iterator, Tuple
 
 import numpy as np
 
 from ...errors import BagFormatError
-from ...messages.batch import Array
 from ...paths import PathLike
 from ..compression import decompress, decompress_partly
 from ..contract import Parsed
@@ -166,29 +165,20 @@ class McapRecovery(LogRecovery):
             parsed = scan(part, self._schemas)
             self.lose(at, end, "%s; %d messages of it were read" % (error, len(parsed.batch)))
             return parsed, region_end
-        return self._records(at, end, full, head.crc, self._offset(region, end - at)), region_end
-
-    @staticmethod
-    def _offset(region: bytes, begin: int) -> Optional[Array]:
-        """Offsets of messages from the message indexes behind a chunk; None where they are not usable."""
         try:
-            return offsets_in(index_entries(region, begin))
-        except BagFormatError:
-            return None
-
-    def _records(self, at: int, end: int, raw: Buffer, crc: int, offset: Optional[Array]) -> Parsed:
-        """The records of a chunk's uncompressed bytes, as far as they are whole."""
-        is_right = not crc or zlib.crc32(raw) == crc
+            offset = offsets_in(index_entries(region, end - at))
+        except BagFormatError:  # the message indexes behind the chunk are not usable
+            offset = None
         try:
-            parsed = parse_chunk(raw, offset, self._schemas)
+            parsed = parse_chunk(full, offset, self._schemas)
         except BagFormatError as error:
-            parsed = scan(raw, self._schemas)
+            parsed = scan(full, self._schemas)
             self.lose(at, end, "%s; %d messages before it were kept" % (error, len(parsed.batch)))
-            return parsed
-        if not is_right:
+            return parsed, region_end
+        if head.crc and zlib.crc32(full) != head.crc:
             self.lose(at, end, "the chunk's CRC is wrong: some of its %d messages, which were kept, are not as recorded"
                       % len(parsed.batch))
-        return parsed
+        return parsed, region_end
 
     def read_attachment(self, entry: AttachmentIndex) -> bytes:
         """See ``LogRecovery``."""
@@ -212,21 +202,20 @@ def walk_index(path: PathLike, descriptor: int) -> LogIndex:
     size = os.fstat(descriptor).st_size
     walk = _Whole(descriptor, size)
     found = []
+    totals: Dict[int, int] = {}
     for stretch in walk.stretches():
         if len(stretch.batch):
             channels, counts = np.unique(stretch.batch.connection, return_counts=True)
-            found.append((ChunkRef(stretch.begin, stretch.end, int(stretch.batch.log_time.min()),
-                                   int(stretch.batch.log_time.max()), {}, stretch.is_loose),
-                          dict(zip(channels.tolist(), counts.tolist()))))
+            by_channel = dict(zip(channels.tolist(), counts.tolist()))
+            totals.update({channel: totals.get(channel, 0) + count for channel, count in by_channel.items()})
+            found.append(ChunkRef(stretch.begin, stretch.end, int(stretch.batch.log_time.min()),
+                                  int(stretch.batch.log_time.max()), by_channel, stretch.is_loose))
     numbers = {channel: number for number, channel in enumerate(walk.connections)}
-    totals = [0] * len(numbers)
-    chunks = []
-    for chunk, by_channel in found:
-        for channel, count in by_channel.items():
-            if channel not in numbers:
-                raise BagFormatError("messages of channel %d, which is not described" % channel)
-            totals[numbers[channel]] += count
-        chunks.append(chunk._replace(counts={numbers[channel]: count for channel, count in by_channel.items()}))
-    return LogIndex("mcap", "0", str(path), size, list(walk.connections.values()), numbers, chunks, totals,
+    for channel in totals.keys() - numbers.keys():
+        raise BagFormatError("messages of channel %d, which is not described" % channel)
+    chunks = [chunk._replace(counts={numbers[channel]: count for channel, count in chunk.counts.items()})
+              for chunk in found]
+    return LogIndex("mcap", "0", str(path), size, list(walk.connections.values()), numbers, chunks,
+                    [totals[channel] for channel in numbers],
                     min((c.start_time for c in chunks), default=None), max((c.end_time for c in chunks), default=None),
                     walk.profile, walk.library, tuple(walk.attachments), tuple(walk.metadata))

@@ -8,8 +8,7 @@ import numpy as np
 from ...errors import BagError
 from ...messages.batch import Array, MessageBatch
 from ...messages.connection import Connection
-from ...paths import PathLike
-from ..compression import MCAP_CODECS, check_codec, compressor
+from ..compression import MCAP_CODECS
 from ..contract import Capabilities, EncodedChunk, LogWriter, by_connection, message_records
 from . import records as fmt
 from .reader import HEAD_TYPE
@@ -79,46 +78,26 @@ def _number_map(values: Dict[int, int]) -> bytes:
 
 
 class McapWriter(LogWriter):
-    """An MCAP file being written; nothing of the final name exists before ``close``.
+    """An MCAP file being written; see ``LogWriter``.
 
     Schemas and channels go to the data section ahead of their first message, so that a file that was cut off
     can be read to its last whole chunk.
-
-    Args:
-        target: As of ``LogWriter``.
-        compression: ``none``, ``lz4`` or ``zstd``.
-        level: The codec's level; None for the fast default.
-        chunk_size: As of ``LogWriter``, as those that follow.
-        overwrite: See there.
-        suffix: See there.
-        keep_leftover: See there.
-        profile: MCAP profile; ``ros1`` or ``ros2``.
-
-    Raises:
-        BagError: The compression is not MCAP's, or the output cannot be created.
     """
 
     format_name = "MCAP"
     capabilities = Capabilities(True, True, True, True)
+    codecs = MCAP_CODECS
+    usual_codec = "zstd"
 
-    def __init__(self, target: PathLike, compression: str = "zstd", level: Optional[int] = None,
-                 chunk_size: int = 1 << 20, overwrite: bool = False, suffix: str = ".part",
-                 keep_leftover: bool = False, profile: str = "ros1") -> None:
-        check_codec(compression, MCAP_CODECS, "MCAP")
-        self._codec = compression
-        self._compress = compressor(compression, level)
+    def _begin(self, profile: str) -> None:
         self._schemas: Dict[Tuple[str, str, str], int] = {}
-        self._schema_records: List[bytes] = []
         self._channels: Dict[Connection, int] = {}
-        self._channel_records: List[bytes] = []
         self._channel_counts: Dict[int, int] = {}
-        self._chunk_records: List[bytes] = []
-        self._attachment_indexes: List[bytes] = []
-        self._metadata_indexes: List[bytes] = []
+        self._summary: Dict[int, List[bytes]] = {opcode: [] for opcode in (
+            fmt.SCHEMA, fmt.CHANNEL, fmt.STATISTICS, fmt.CHUNK_INDEX, fmt.ATTACHMENT_INDEX, fmt.METADATA_INDEX)}
         self._start_time: Optional[int] = None
         self._end_time = 0
         self._crc = 0
-        super().__init__(target, chunk_size, overwrite, suffix, keep_leftover)
         self._write(fmt.MAGIC, header_record(profile, LIBRARY))
 
     def _write(self, *pieces: bytes) -> int:
@@ -128,11 +107,7 @@ class McapWriter(LogWriter):
         return begin
 
     def add_channel(self, connection: Connection) -> int:
-        """Channel id of a connection; an equal connection gets the same id.
-
-        Raises:
-            BagError: More channels or types than MCAP can number.
-        """
+        """See ``LogWriter.add_channel``; MCAP can number only so many."""
         known = self._channels.get(connection)
         if known is not None:
             return known
@@ -149,8 +124,8 @@ class McapWriter(LogWriter):
         self._write(*pieces)
         if len(pieces) == 2:
             self._schemas[key] = schema_id
-            self._schema_records.append(pieces[0])
-        self._channel_records.append(pieces[-1])
+            self._summary[fmt.SCHEMA].append(pieces[0])
+        self._summary[fmt.CHANNEL].append(pieces[-1])
         self._channels[connection] = channel_id
         return channel_id
 
@@ -193,7 +168,7 @@ class McapWriter(LogWriter):
             index_offsets[channel] = at
             at += len(raw)
         self._write(chunk.head, chunk.body, b"".join(raw for _, raw in chunk.indexes))
-        self._chunk_records.append(record(
+        self._summary[fmt.CHUNK_INDEX].append(record(
             fmt.CHUNK_INDEX, struct.pack("<QQQQ", chunk.start_time, chunk.end_time, begin, chunk_end - begin)
             + _number_map(index_offsets) + struct.pack("<Q", at - chunk_end)
             + text("" if self._codec == "none" else self._codec) + struct.pack("<QQ", len(chunk.body), chunk.size)))
@@ -207,7 +182,8 @@ class McapWriter(LogWriter):
         """Add named facts; see ``LogWriter.add_metadata``."""
         raw = record(fmt.METADATA, text(name) + text_map(values))
         begin = self._write(raw)
-        self._metadata_indexes.append(record(fmt.METADATA_INDEX, struct.pack("<QQ", begin, len(raw)) + text(name)))
+        self._summary[fmt.METADATA_INDEX].append(
+            record(fmt.METADATA_INDEX, struct.pack("<QQ", begin, len(raw)) + text(name)))
 
     def add_attachment(self, name: str, data: bytes, media_type: str = "application/octet-stream",
                        log_time: int = 0, create_time: int = 0) -> None:
@@ -216,29 +192,28 @@ class McapWriter(LogWriter):
                 + struct.pack("<Q", len(data)) + data)
         raw = record(fmt.ATTACHMENT, body + struct.pack("<I", zlib.crc32(body)))
         begin = self._write(raw)
-        self._attachment_indexes.append(record(
+        self._summary[fmt.ATTACHMENT_INDEX].append(record(
             fmt.ATTACHMENT_INDEX, struct.pack("<QQQQQ", begin, len(raw), log_time, create_time, len(data))
             + text(name) + text(media_type)))
 
     def _statistics(self) -> bytes:
+        counts = (len(self._summary[opcode]) for opcode in (
+            fmt.SCHEMA, fmt.CHANNEL, fmt.ATTACHMENT_INDEX, fmt.METADATA_INDEX, fmt.CHUNK_INDEX))
         return record(fmt.STATISTICS, struct.pack(
-            "<QHIIIIQQ", self.message_count, len(self._schema_records), len(self._channel_records),
-            len(self._attachment_indexes), len(self._metadata_indexes), len(self._chunk_records),
-            self._start_time or 0, self._end_time) + _number_map(dict(sorted(self._channel_counts.items()))))
+            "<QHIIIIQQ", self.message_count, *counts, self._start_time or 0, self._end_time)
+            + _number_map(dict(sorted(self._channel_counts.items()))))
 
     def _finish(self) -> None:
         self._write(record(fmt.DATA_END, struct.pack("<I", self._crc)))
         summary_start = self.position
         self._crc = 0
-        groups = ((fmt.SCHEMA, self._schema_records), (fmt.CHANNEL, self._channel_records),
-                  (fmt.STATISTICS, [self._statistics()]), (fmt.CHUNK_INDEX, self._chunk_records),
-                  (fmt.ATTACHMENT_INDEX, self._attachment_indexes), (fmt.METADATA_INDEX, self._metadata_indexes))
+        self._summary[fmt.STATISTICS].append(self._statistics())
         offsets = []
-        for opcode, records in groups:
+        for opcode, records in self._summary.items():
             if records:
                 begin = self._write(*records)
-                offsets.append(record(fmt.SUMMARY_OFFSET, struct.pack("<BQQ", opcode, begin,
-                                                                          self.position - begin)))
+                size = self.position - begin
+                offsets.append(record(fmt.SUMMARY_OFFSET, struct.pack("<BQQ", opcode, begin, size)))
         offset_start = self._write(*offsets)
         self._write(fmt.RECORD_HEAD.pack(fmt.FOOTER, 20) + struct.pack("<QQ", summary_start, offset_start))
         self._write(struct.pack("<I", self._crc), fmt.MAGIC)
