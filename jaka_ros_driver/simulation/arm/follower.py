@@ -95,7 +95,7 @@ class Follower:
         joints = self.route.joints_at(way, self.joints)
         if joints is None or not all(
                 -limit <= (b - a) / dt <= limit for a, b, limit in zip(self.joints, joints, self._joint_limits)):
-            self.fault = events.event(events.SINGULARITY)
+            self.fault = events.SINGULARITY
             return self.joints
         self.joints = joints
         return joints

@@ -64,7 +64,7 @@ def _joint_route(frames: ArmFrames, start: Vector, mode: JogMode, axis: int, vel
     upwards = velocity > 0.0 if mode == JogMode.CONTINUOUS else way > 0.0
     if not low - _ALREADY_THERE <= target <= high + _ALREADY_THERE or (
             mode == JogMode.CONTINUOUS and abs(way) < _ALREADY_THERE):
-        raise _rejected(events.jog_beyond_limit(axis, upwards))
+        raise TargetRejected(events.jog_beyond_limit(axis, upwards))
     if abs(way) < _ALREADY_THERE:
         return None
     end = start[:axis] + (target,) + start[axis + 1:]
@@ -96,8 +96,7 @@ def _cartesian_route(frames: ArmFrames, start: Vector, mode: JogMode, frame: Jog
     route = CartesianRoute(frames, Line(tool, end, pace, rotation_vector=turn), start)
     cause = route.break_event
     if cause is not None and (mode != JogMode.CONTINUOUS or route.length < 1e-6):
-        raise _rejected(cause if cause.joint is None
-                        else events.jog_beyond_limit(cause.joint, cause == events.on_soft_limit(cause.joint, True)))
+        raise TargetRejected(events.of_jog(cause))
     return route
 
 
@@ -126,7 +125,3 @@ def _to_coordinate(frames: ArmFrames, tool: Transform, axis: int, value: float) 
 def _twice_reach(frames: ArmFrames) -> float:
     """Twice the arm's reach, m: a path of this length leaves the reach wherever it begins."""
     return 2.0 * (sum(math.hypot(row.a, row.d) for row in frames.model.dh) + norm(frames.flange_t_tool[9:]))
-
-
-def _rejected(cause: events.PlantEvent) -> TargetRejected:
-    return TargetRejected(cause.code, cause.text)

@@ -96,7 +96,7 @@ class MotionQueue:
                 return
         route = CartesianRoute(self._frames, leg, start_joints)
         if route.break_event is not None and route.length < 1e-6:
-            raise TargetRejected(*_of_move(route.break_event)[:2])
+            raise TargetRejected(_of_move(route.break_event))
         self._enter(_Entry(route))
 
     @property
@@ -170,7 +170,7 @@ class MotionQueue:
         happened: List[PlantEvent] = []
         if broken is not None:
             self._waiting.clear()
-            happened.append(_of_jog(broken) if jog else _of_move(broken))
+            happened.append(events.of_jog(broken) if jog else _of_move(broken))
         if not self._waiting:
             self.is_paused = False
         return happened
@@ -198,10 +198,4 @@ class MotionQueue:
 
 def _of_move(cause: PlantEvent) -> PlantEvent:
     """The event that a planned move reports where its path ends for this cause."""
-    singular = cause.code == events.SINGULARITY
-    return events.event(events.SINGULARITY_PROTECTIVE_STOP if singular else events.LINEAR_MOVE_FAILED)
-
-
-def _of_jog(cause: PlantEvent) -> PlantEvent:
-    """The event that a jog reports where its path, or a joint's range, ends for this cause."""
-    return cause if cause.joint is None else events.jog_beyond_limit(cause.joint, cause.code & 0xFF == 0x31)
+    return events.SINGULARITY_PROTECTIVE_STOP if cause == events.SINGULARITY else events.LINEAR_MOVE_FAILED

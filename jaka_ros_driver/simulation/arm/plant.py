@@ -419,7 +419,7 @@ class Plant:
     def _guided(self, guiding: HandGuiding, dt: float) -> Vector:
         joints = guiding.step(dt)
         if guiding.hit_limit is not None:
-            self._events += [events.on_soft_limit(*guiding.hit_limit), events.event(events.HAND_GUIDING_HIT_SOFT_LIMIT)]
+            self._events += [events.on_soft_limit(*guiding.hit_limit), events.HAND_GUIDING_HIT_SOFT_LIMIT]
             self._come_to_rest(joints, guiding.velocity)
             self._guiding = None
         return joints

@@ -86,7 +86,7 @@ class ServoStream:
         outside = self._frames.joint_outside(end)
         if outside is not None:
             cause = events.on_soft_limit(*outside)
-            raise TargetRejected(cause.code, "servo point: " + cause.text)
+            raise TargetRejected(cause, "servo point: " + cause.text)
         duration = cycles * CYCLE_TIME_S
         longest = max(abs(b - a) for a, b in zip(self._end, end))
         if longest > MAX_STEP_SPEED * duration * (1.0 + 1e-9) or len(self._points) >= MAX_POINTS:

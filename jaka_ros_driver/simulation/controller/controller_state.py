@@ -154,7 +154,7 @@ class ControllerState:
 
     def _take_event(self, event: PlantEvent) -> None:
         self.alarms.raise_event(event, self.now)
-        if event.code == events.SINGULARITY_PROTECTIVE_STOP:
+        if event == events.SINGULARITY_PROTECTIVE_STOP:
             self.protective_stop = True
             self.plant.halt_protective()
 
@@ -231,7 +231,7 @@ class ControllerState:
         level = self.memory.collision_level
         if not self.is_enabled or level == 0 or force < level * FORCE_PER_LEVEL_N:
             return False
-        event = alarms.COLLISION if joint is None else alarms.joint_collision(joint)
+        event = alarms.COLLISION if joint is None else events.joint_collision(joint)
         self.alarms.raise_event(event, self.now)
         self.protective_stop = True
         self.program_state = ProgramState.IDLE

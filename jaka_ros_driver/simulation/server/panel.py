@@ -182,8 +182,8 @@ ACTIONS: Dict[str, Action] = {
     "fields": Action(_fields, "drop: names, add: object", "leave fields out of every frame and put others in"),
     "state": Action(_state, "", "what is true of the arm: joints, speeds, stops, outputs"),
     "events": Action(lambda server, request: {"events": [
-        {"simulated_s": round(past.at, 6), "code": errcode_text(past.event.code), "text": past.event.text}
-        for past in server.controller.state.alarms.past]}, "",
+        {"simulated_s": round(at, 6), "code": errcode_text(event.code), "text": event.text}
+        for at, event in server.controller.state.alarms.past]}, "",
                      "the last events, also those that errcode does not show"),
     "wire": Action(lambda server, request: {"wire": server.described()}, "",
                    "connections, rules in force, lateness of the cycle"),
