@@ -227,8 +227,7 @@ class FaultScript:
                 offset = int(rule.params["offset"])
                 length = _LEN.search(text)
                 if length:
-                    text = b"".join((text[:length.start(1)], b"%d" % (int(length.group(1)) + offset),
-                                     text[length.end(1):]))
+                    text = b"%s%d%s" % (text[:length.start(1)], int(length.group(1)) + offset, text[length.end(1):])
         return text
 
     def _strikes(self, rule: FaultRule, port: str, command: Optional[str]) -> bool:
