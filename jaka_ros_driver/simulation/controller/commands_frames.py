@@ -2,7 +2,7 @@
 from typing import Callable, List, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, query
+from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Frame, FrameTable, Memory, Payload
 from jaka_ros_driver.simulation.controller.replies import Refused, Reply
@@ -66,23 +66,23 @@ def _sensitivity(state: ControllerState) -> Reply:
 
 FRAME_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("set_tool_offsets", "5.7", _set_offsets(lambda memory: memory.tools, "tooloffset")),
-    CommandSpec("get_tool_offsets", "sdk-client.md 6", query(
+    CommandSpec("get_tool_offsets", "sdk-client.md 6", plain(
         lambda state: {"tool_offsets": _offsets(state.memory.tools)})),
     CommandSpec("set_tool_id", "5.7", lambda state, arguments: state.select_frame(
         state.memory.tools, arguments.integer("tool_id"))),
-    CommandSpec("get_curr_tool_id", "5.7", query(lambda state: {"id": state.memory.tools.active})),
+    CommandSpec("get_curr_tool_id", "5.7", plain(lambda state: {"id": state.memory.tools.active})),
     # The maker's key is misspelt userffset; some clients send useroffset (docs/controller-protocol.md section 5.7).
     CommandSpec("set_user_offsets", "5.7", _set_offsets(
         lambda memory: memory.user_frames, "userffset", "useroffset")),
-    CommandSpec("get_user_offsets", "sdk-client.md 6", query(
+    CommandSpec("get_user_offsets", "sdk-client.md 6", plain(
         lambda state: {"user_offsets": _offsets(state.memory.user_frames)})),
     CommandSpec("set_user_id", "5.7", lambda state, arguments: state.select_frame(
         state.memory.user_frames, arguments.integer("user_frame_id"))),
-    CommandSpec("get_curr_user_id", "5.7", query(lambda state: {"id": state.memory.user_frames.active})),
+    CommandSpec("get_curr_user_id", "5.7", plain(lambda state: {"id": state.memory.user_frames.active})),
     CommandSpec("set_payload", "5.7", _set_load("payload")),
-    CommandSpec("get_payload", "5.7", query(lambda state: _load(state.memory.payload))),
+    CommandSpec("get_payload", "5.7", plain(lambda state: _load(state.memory.payload))),
     CommandSpec("set_tool_payload", "5.7", _set_load("sensor_payload")),
-    CommandSpec("get_tool_payload", "sdk-client.md 8", query(lambda state: _load(state.memory.sensor_payload))),
+    CommandSpec("get_tool_payload", "sdk-client.md 8", plain(lambda state: _load(state.memory.sensor_payload))),
     CommandSpec("set_clsn_sensitivity", "5.9", _set_sensitivity),
-    CommandSpec("get_clsn_sensitivity", "5.9", query(_sensitivity)),
+    CommandSpec("get_clsn_sensitivity", "5.9", plain(_sensitivity)),
 )

@@ -6,7 +6,7 @@ Where the keys of a reply are not known, the setter's keys are used; the SDK rea
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, query
+from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused, Reply
 
@@ -212,23 +212,23 @@ def _identify_payload(state: ControllerState, arguments: Arguments) -> None:
 SETTING_COMMANDS: Tuple[CommandSpec, ...] = (
     *_rows(),
     CommandSpec("set_torque_sensor_soft_limit", "sdk-client.md 8", _set_soft_limit),
-    CommandSpec("get_torque_sensor_soft_limit", "sdk-client.md 8", query(_soft_limit)),
+    CommandSpec("get_torque_sensor_soft_limit", "sdk-client.md 8", plain(_soft_limit)),
     CommandSpec("set_admit_ctrl_config", "sdk-client.md 8", _set_admittance),
-    CommandSpec("get_admit_ctrl_config", "sdk-client.md 8", query(_admittance)),
+    CommandSpec("get_admit_ctrl_config", "sdk-client.md 8", plain(_admittance)),
     CommandSpec("add_tio_rs_signal", "5.11", _add_signal),
     CommandSpec("del_tio_rs_signal", "5.11", _delete_signal),
-    CommandSpec("get_rs485_signal_list", "5.11", query(_signals)),
-    CommandSpec("get_tio_signals", "5.11", query(_signals)),
+    CommandSpec("get_rs485_signal_list", "5.11", plain(_signals)),
+    CommandSpec("get_tio_signals", "5.11", plain(_signals)),
     CommandSpec("set_traj_sample_mode", "sdk-client.md 8", _sample_mode),
-    CommandSpec("get_traj_sample_status", "sdk-client.md 8", query(
+    CommandSpec("get_traj_sample_status", "sdk-client.md 8", plain(
         lambda state: {"sampleStatus": state.memory.settings.get(("set_traj_sample_mode", 0), {}).get("mode", 0)})),
-    CommandSpec("get_exist_traj_file_name", "sdk-client.md 8", query(
+    CommandSpec("get_exist_traj_file_name", "sdk-client.md 8", plain(
         lambda state: {"trajFileName": list(_names(state, "trajectories"))})),
     CommandSpec("rename_traj_file_name", "sdk-client.md 8", _rename_trajectory),
     CommandSpec("remove_traj_file", "sdk-client.md 8", _with_file(lambda files, name: files.pop(name, None))),
     CommandSpec("generate_traj_exe_file", "sdk-client.md 8", _with_file(lambda files, name: None)),
     CommandSpec("start_torq_sensor_payload_identify", "sdk-client.md 8", _identify_payload),
-    CommandSpec("get_torq_sensor_identify_staus", "sdk-client.md 8", query(lambda state: {"identify_status": 0})),
-    CommandSpec("get_torq_sensor_payload_identify_result", "sdk-client.md 8", query(
+    CommandSpec("get_torq_sensor_identify_staus", "sdk-client.md 8", plain(lambda state: {"identify_status": 0})),
+    CommandSpec("get_torq_sensor_payload_identify_result", "sdk-client.md 8", plain(
         lambda state: {"mass": 0.0, "centroid": [0.0, 0.0, 0.0]})),
 )

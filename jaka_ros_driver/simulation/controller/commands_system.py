@@ -4,7 +4,7 @@ from typing import Tuple
 
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import SIMULATED_ONLY, CommandSpec, Handler, Then, plain, query
+from jaka_ros_driver.simulation.controller.command_spec import SIMULATED_ONLY, CommandSpec, Handler, Then, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState, LinkLoss
 from jaka_ros_driver.simulation.controller.replies import Refused, Reply
 from jaka_ros_driver.simulation.controller.status_frame import errcode_text
@@ -79,11 +79,11 @@ def _dh_param(state: ControllerState) -> Reply:
 
 
 def _joints(key: str) -> Handler:
-    return query(lambda state: {key: joints_to_wire(state.plant.joint_position, QUERY_DECIMALS)})
+    return plain(lambda state: {key: joints_to_wire(state.plant.joint_position, QUERY_DECIMALS)})
 
 
 def _tool(key: str) -> Handler:
-    return query(lambda state: {key: pose_to_wire(state.plant.tcp_pose(), QUERY_DECIMALS)})
+    return plain(lambda state: {key: pose_to_wire(state.plant.tcp_pose(), QUERY_DECIMALS)})
 
 
 SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
@@ -93,21 +93,21 @@ SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("disable_robot", "5.1", plain(ControllerState.disable)),
     CommandSpec("shutdown", "5.1", _shutdown, then=Then.SHUT_DOWN),
     CommandSpec("quit", "5.1", plain(lambda state: None), then=Then.CLOSE),
-    CommandSpec("get_robot_state", "5.1", query(_robot_state)),
-    CommandSpec("get_version", "5.1", query(lambda state: {"version": state.firmware.version})),
+    CommandSpec("get_robot_state", "5.1", plain(_robot_state)),
+    CommandSpec("get_version", "5.1", plain(lambda state: {"version": state.firmware.version})),
     CommandSpec("set_installation_angle", "5.1", _set_installation_angle),
-    CommandSpec("get_installation_angle", "sdk-client.md 6", query(_installation_angle)),
+    CommandSpec("get_installation_angle", "sdk-client.md 6", plain(_installation_angle)),
     CommandSpec("set_network_exception_handle", "sdk-client.md 2", _set_network_exception_handle),
-    CommandSpec("get_simulator_identity", SIMULATED_ONLY, query(
+    CommandSpec("get_simulator_identity", SIMULATED_ONLY, plain(
         lambda state: {"identity": state.options.identity})),
     CommandSpec("clear_error", "5.10", plain(ControllerState.clear_error)),
-    CommandSpec("protective_stop_status", "5.10", query(
+    CommandSpec("protective_stop_status", "5.10", plain(
         lambda state: {"protective_stop": int(state.protective_stop)})),
-    CommandSpec("emergency_stop_status", "5.10", query(
+    CommandSpec("emergency_stop_status", "5.10", plain(
         lambda state: {"emergency_stop": int(state.emergency_stop)}), modern_only=True),
     CommandSpec("kine_forward", "5.12", _kine_forward),
     CommandSpec("kine_inverse", "5.12", _kine_inverse),
-    CommandSpec("get_dh_param", "sdk-client.md 6", query(_dh_param)),
+    CommandSpec("get_dh_param", "sdk-client.md 6", plain(_dh_param)),
     CommandSpec("get_joint_pos", "5.13", _joints("joint_pos")),
     CommandSpec("get_tcp_pos", "5.13", _tool("tcp_pos")),
     CommandSpec("get_actual_joint_pos", "5.13", _joints("position")),

@@ -27,9 +27,7 @@ class BadParameter(Exception):
 
 def accepted(command: str, fields: Reply) -> Reply:
     """The reply to an accepted command; its own fields come first."""
-    reply = dict(fields)
-    reply.update(errorCode="0", errorMsg="", cmdName=command)
-    return reply
+    return {**fields, "errorCode": "0", "errorMsg": "", "cmdName": command}
 
 
 def refused(command: str, refusal: Refused) -> Reply:
