@@ -185,7 +185,7 @@ class Plant:
     # missing, surplus or not finite, speed or acceleration not above 0, and in servo mode, hand guiding or a jog.
 
     def add_joint_move(self, target: Sequence[float], speed: float, acceleration: Optional[float] = None,
-                       relative: bool = False, line_id: Optional[int] = None) -> bool:
+                       relative: bool = False, line_id: int = 0) -> bool:
         """Queue a synchronised joint motion (docs/controller-protocol.md section 5.2).
 
         Args:
@@ -202,7 +202,7 @@ class Plant:
         return self._queue_joint_motion(start, end, speed, acceleration, line_id)
 
     def add_end_move(self, target: Pose, speed: float, acceleration: Optional[float] = None,
-                     line_id: Optional[int] = None) -> bool:
+                     line_id: int = 0) -> bool:
         """Queue a joint motion to a pose in the user frame (docs/controller-protocol.md section 5.3); speed rad/s."""
         self._check_planned_mode()
         start = self._queue_end()
@@ -210,8 +210,8 @@ class Plant:
         return self._queue_joint_motion(start, end, speed, acceleration, line_id)
 
     def add_linear_move(self, target: Pose, speed: float, acceleration: Optional[float] = None, relative: bool = False,
-                        tolerance: Optional[float] = None, rotation_speed: Optional[float] = None,
-                        rotation_acceleration: Optional[float] = None, line_id: Optional[int] = None) -> bool:
+                        tolerance: float = 0.0, rotation_speed: Optional[float] = None,
+                        rotation_acceleration: Optional[float] = None, line_id: int = 0) -> bool:
         """Queue a straight line of the active tool (docs/controller-protocol.md section 5.4.1).
 
         Args:
@@ -220,14 +220,14 @@ class Plant:
             speed: m/s.
             acceleration: m/s2.
             relative: See target.
-            tolerance: How far the rounded corner to the next line may leave the lines, m; None or 0 for a full stop.
+            tolerance: How far the rounded corner to the next line may leave the lines, m; 0 for a full stop.
             rotation_speed: rad/s.
             rotation_acceleration: rad/s2.
             line_id: ``executing_line_id``.
         """
         self._check_planned_mode()
         pace = tool_pace(self._frames.model, speed, acceleration, rotation_speed, rotation_acceleration)
-        if tolerance is not None and not 0.0 <= tolerance < math.inf:
+        if not 0.0 <= tolerance < math.inf:
             raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "tolerance must be finite and not below 0")
         joints = self._queue_end()
         start = self._frames.tool_at(joints)
@@ -235,12 +235,12 @@ class Plant:
         self._frames.reachable_joints(end, joints)
         if same_pose(start, end):
             return self._already_there(line_id)
-        self._queue_leg(Line(start, end, pace, line_id or 0, tolerance or 0.0), joints)
+        self._queue_leg(Line(start, end, pace, line_id, tolerance), joints)
         return True
 
     def add_arc_move(self, via: Pose, target: Pose, speed: float, acceleration: Optional[float] = None,
                      relative: bool = False, turns: int = 0, circle_mode: int = 0,
-                     line_id: Optional[int] = None) -> bool:
+                     line_id: int = 0) -> bool:
         """Queue an arc from the end of the queue through via to target (docs/controller-protocol.md section 5.4.2);
         m/s, m/s2.
 
@@ -255,7 +255,7 @@ class Plant:
         self._frames.reachable_joints(through, joints)
         if same_pose(start, end) and same_pose(start, through):
             return self._already_there(line_id)
-        arc = arc_through(start, through, end, turns, circle_mode, pace, line_id or 0)
+        arc = arc_through(start, through, end, turns, circle_mode, pace, line_id)
         self._frames.reachable_joints(arc.end, joints)
         self._queue_leg(arc, joints)
         return True
@@ -459,7 +459,7 @@ class Plant:
             raise TargetRejected(events.NOT_ALLOWED_IN_MODE, "not in servo mode or hand guiding")
 
     def _queue_joint_motion(self, start: Vector, end: Vector, speed: float, acceleration: Optional[float],
-                            line_id: Optional[int]) -> bool:
+                            line_id: int) -> bool:
         top = positive("speed", speed, 0.0)
         strongest = positive("acceleration", acceleration, DEFAULT_JOINT_ACCELERATION)
         outside = self._frames.joint_outside(end)
@@ -471,7 +471,7 @@ class Plant:
         tool_top = self._frames.model.tcp_max_speed
         if tool_top is not None:
             top = min(top, tool_top / max(tool_rate(self._frames, start, end), 1e-9))
-        self.queue.add_joint_route(JointRoute(self._frames.model, start, end, top, strongest, line_id or 0))
+        self.queue.add_joint_route(JointRoute(self._frames.model, start, end, top, strongest, line_id))
         self._accepted()
         return True
 
@@ -483,6 +483,6 @@ class Plant:
         self._unsettled = self.settle_time
         self._add_error_line = 0
 
-    def _already_there(self, line_id: Optional[int]) -> bool:
-        self._add_error_line = line_id or 0
+    def _already_there(self, line_id: int) -> bool:
+        self._add_error_line = line_id
         return False

@@ -27,10 +27,6 @@ def _move(command: str, queue: Callable[[ControllerState, Arguments], bool]) -> 
     return handle
 
 
-def _optional(arguments: Arguments, key: str, to_si: Callable[[float], float]) -> Optional[float]:
-    return to_si(arguments.number(key)) if arguments.has(key) else None
-
-
 def _rate(arguments: Arguments, key: str) -> float:
     """A speed or acceleration; its sign is not checked here."""
     rate = arguments.number(key)
@@ -43,8 +39,8 @@ def _optional_rate(arguments: Arguments, key: str, to_si: Callable[[float], floa
     return to_si(_rate(arguments, key)) if arguments.has(key) else None
 
 
-def _line(arguments: Arguments) -> Optional[int]:
-    return arguments.integer("executing_line_id") if arguments.has("executing_line_id") else None
+def _line(arguments: Arguments) -> int:
+    return arguments.integer("executing_line_id", 0)
 
 
 def _joint_move(state: ControllerState, arguments: Arguments) -> bool:
@@ -64,7 +60,7 @@ def _linear_move(state: ControllerState, arguments: Arguments) -> bool:
     return state.plant.add_linear_move(
         pose_from_wire(arguments.vector("cartPosition", 6)), mm_to_m(_rate(arguments, "speed")),
         _optional_rate(arguments, "accel", mm_to_m), arguments.flag("relFlag", False),
-        _optional(arguments, "tol", mm_to_m), _optional_rate(arguments, "ori_vel", deg_to_rad),
+        mm_to_m(arguments.number("tol", 0.0)), _optional_rate(arguments, "ori_vel", deg_to_rad),
         _optional_rate(arguments, "ori_acc", deg_to_rad), _line(arguments))
 
 
