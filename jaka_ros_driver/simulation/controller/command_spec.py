@@ -33,8 +33,8 @@ class CommandSpec(NamedTuple):
         name: ``cmdName``.
         section: Where it is described: a section of docs/controller-protocol.md, or "sdk-client.md" and a section of
             docs/sdk-client.md; ``SIMULATED_ONLY`` where no real controller knows it.
-        handler: Carries it out and returns the fields of the reply; raises Refused, BadParameter or TargetRejected,
-            which is answered as ``Refused()``.
+        handler: Carries it out and returns the fields of the reply; raises Refused or BadParameter, or
+            TargetRejected or InvalidCommand, which are answered as ``Refused()``.
         modern_only: True where firmware 1.5.14 does not know it.
         then: What follows the reply.
     """

@@ -4,7 +4,7 @@ from typing import Callable, List, Tuple
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Frame, FrameTable, Memory, Payload
+from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, FrameTable, Memory, Payload
 from jaka_ros_driver.simulation.controller.replies import Refused, Reply
 from jaka_ros_driver.simulation.controller.wire_units import QUERY_DECIMALS, pose_from_wire, pose_to_wire, rounded
 from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m
@@ -24,17 +24,17 @@ def _set_offsets(table_of: Callable[[Memory], FrameTable], *keys: str) -> Handle
         if frame_id == table.active:
             state.require_standstill()
         pose = pose_from_wire(arguments.vector(arguments.first_of(*keys), 6))
-        name = arguments.text("name", "")
+        arguments.text("name", "")  # checked only: no query returns it
         if not 1 <= frame_id < FRAME_COUNT:
             raise Refused()
-        table.frames[frame_id] = Frame(pose, name)
+        table.frames[frame_id] = pose
         if frame_id == table.active:
             state.apply_frames()
     return handle
 
 
 def _offsets(table: FrameTable) -> List[List[float]]:
-    return [pose_to_wire(frame.pose, QUERY_DECIMALS) for frame in table.frames]
+    return [pose_to_wire(pose, QUERY_DECIMALS) for pose in table.frames]
 
 
 def _set_load(payload_of: str) -> Handler:

@@ -4,7 +4,7 @@ import sys
 import traceback
 from typing import Any, Callable, Mapping, NamedTuple, Optional, Tuple, Union
 
-from jaka_ros_driver.errors import FramingError
+from jaka_ros_driver.errors import FramingError, InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.protocol.framing import JsonObject, encode_object
 from jaka_ros_driver.protocol.status import encode_frame
@@ -102,7 +102,7 @@ class Controller:
             fields = spec.handler(self.state, Arguments(request))  # type: ignore[arg-type]
         except BadParameter:
             return RequestResult(spec.name, encode_object(not_understood()))
-        except (Refused, TargetRejected) as error:
+        except (Refused, TargetRejected, InvalidCommand) as error:
             refusal = error if isinstance(error, Refused) else Refused()
             return RequestResult(spec.name, encode_object(refused(spec.name, refusal)))
         except Exception:

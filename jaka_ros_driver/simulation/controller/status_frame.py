@@ -51,10 +51,6 @@ def _torque_sensor(force_rows: int) -> Callable[[ControllerState], Any]:
     return value
 
 
-def _velocity(state: ControllerState) -> List[float]:
-    return joints_to_wire(state.plant.joint_velocity, FEED_DECIMALS)
-
-
 def _task_mode(state: ControllerState) -> int:
     """1 manual, 2 automatic, 4 hand guiding (docs/controller-protocol.md section 6.2)."""
     if state.plant.is_hand_guided:
@@ -71,7 +67,7 @@ _EXTENSION: _Field = ("extio", lambda state: _EXTENSION_OFF)
 _LINES: Tuple[_Field, ...] = (
     ("motion_line", lambda state: state.executing_lines()[0]),
     ("err_add_line", lambda state: state.executing_lines()[1]))
-_VELOCITY: _Field = ("instVel", _velocity)
+_VELOCITY: _Field = ("instVel", lambda state: joints_to_wire(state.plant.joint_velocity, FEED_DECIMALS))
 _FIELD_BUS: Tuple[_Field, ...] = tuple(_io(key) for key in (
     "relay_io", "mb_slave_din", "mb_slave_dout", "mb_slave_ain", "mb_slave_aout", "pn_dev_din", "pn_dev_dout",
     "pn_dev_ain", "pn_dev_aout", "eip_adpt_din", "eip_adpt_dout", "eip_adpt_ain", "eip_adpt_aout"))
