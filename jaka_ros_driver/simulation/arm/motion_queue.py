@@ -27,15 +27,15 @@ class MotionQueue:
     """Runs routes one after the other. A route that is told to stop slows down first; then the next one begins.
 
     Attributes:
-        jerk_limited: True where moves and jogs that are added from now on have a limited jerk.
+        jerk_limited: True where moves and jogs that are added from now on have a limited jerk, given ruckig.
         is_paused: True from ``pause`` until ``resume`` or the end of the queue.
         motion_line: ``executing_line_id`` of the move running or last run.
         fault: Set where the arm cannot go on along the running path; the owner then brings it to rest and calls
             ``clear``.
     """
 
-    def __init__(self, frames: ArmFrames, jerk_limited: bool) -> None:
-        self.jerk_limited = jerk_limited
+    def __init__(self, frames: ArmFrames) -> None:
+        self.jerk_limited = True
         self.is_paused = False
         self.motion_line = 0
         self.fault: Optional[PlantEvent] = None

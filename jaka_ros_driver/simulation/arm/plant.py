@@ -39,32 +39,24 @@ class Plant:
         joint_position: Measured joint angles, rad (6,); the commanded ones, too, because the drives are ideal.
         joint_velocity: Mean over the last cycle, rad/s (6,).
         rapid_rate: Speed override in force, 0 to 1.
+        settle_time: How long is_in_position stays False at least after a move was accepted, s. With the period of the
+            status feed, the first frame after the acceptance shows it.
         add_error_line: ``executing_line_id`` of the last move not queued because its target is the end of the queue; 0
             for none. The next move that is queued clears it: ids restart at 2 in every client (docs/sdk-client.md
             section 1, point 7).
     """
 
     def __init__(self, model: ArmModel, joint_position: Sequence[float] = HOME, *,
-                 starvation: Starvation = Starvation.HOLD, settle_time: float = 0.04, jerk_limited: bool = True
-                 ) -> None:
-        """An arm at rest.
-
-        Args:
-            model: Geometry, joint limits and speeds.
-            joint_position: Where the arm stands at first, rad (6,).
-            starvation: What to do when a servo stream has no more points.
-            settle_time: How long is_in_position stays False at least after a move was accepted, s. With the period of
-                the status feed, the first frame after the acceptance shows it.
-            jerk_limited: Limit the jerk of moves and jogs, where ruckig is installed.
-        """
-        self.settle_time = settle_time
-        self.starvation = starvation
+                 starvation: Starvation = Starvation.HOLD) -> None:
+        """An arm at rest at these joints, rad (6,); starvation: what to do when a servo stream has no more points."""
+        self.settle_time = 0.04
+        self._starvation = starvation
         self._frames = ArmFrames(model)
         self.joint_position: Vector = finite_six("joint_position", joint_position)
         self._before = self.joint_position
         self._dt = CYCLE_TIME_S
         self.joint_velocity = _STILL
-        self.queue = MotionQueue(self._frames, jerk_limited)
+        self.queue = MotionQueue(self._frames)
         self._servo: Optional[ServoStream] = None
         self._guiding: Optional[HandGuiding] = None
         self._coast: Optional[Coast] = None
@@ -419,7 +411,7 @@ class Plant:
     def _new_stream(self) -> ServoStream:
         joints = self._queue_end()
         servo_filter = make_filter(self._filter_kind, self._filter_parameters, self._frames, joints)
-        return ServoStream(self._frames, joints, servo_filter, self.starvation)
+        return ServoStream(self._frames, joints, servo_filter, self._starvation)
 
     def _streaming(self) -> ServoStream:
         if self._servo is None:

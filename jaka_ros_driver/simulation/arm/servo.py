@@ -43,12 +43,11 @@ class ServoStream:
 
     Attributes:
         joints: Commanded, rad (6,).
-        starvation: What happens when the points run out.
     """
 
     def __init__(self, frames: ArmFrames, joints: Vector, servo_filter: Filter, starvation: Starvation) -> None:
         self.joints = joints
-        self.starvation = starvation
+        self._starvation = starvation
         self._frames, self._filter = frames, servo_filter
         self._points: Deque[_Point] = deque()
         self._target = joints  # interpolated, before the filter
@@ -101,7 +100,7 @@ class ServoStream:
             before = self._target
             self._interpolate(dt)
             self._increment = tuple(b - a for a, b in zip(before, self._target))
-        elif self.starvation is Starvation.REPEAT:
+        elif self._starvation is Starvation.REPEAT:
             self._repeat()
         filtered = self._filter.step(self._target, dt)
         self.joints = self._within_limits(filtered)

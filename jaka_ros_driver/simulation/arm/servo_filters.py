@@ -153,15 +153,14 @@ class CartesianLimits(Filter):
 class Tracker:
     """Several coordinates, each of which follows its target within the same limits of speed, acceleration and jerk."""
 
-    def __init__(self, positions: Sequence[float], limits: Tuple[float, float, float], jerk_limited: bool = True
-                 ) -> None:
+    def __init__(self, positions: Sequence[float], limits: Tuple[float, float, float]) -> None:
         """limits: speed, acceleration, jerk in the unit of the coordinates per s, s2, s3."""
         self._position = list(positions)
         self._velocity = [0.0] * len(self._position)
         self._acceleration = [0.0] * len(self._position)
         self._speed_limit, self._acceleration_limit, jerk = limits
         self._plan: Any = None
-        if RUCKIG is not None and jerk_limited:
+        if RUCKIG is not None:
             size = len(self._position)
             self._solver, self._trajectory = RUCKIG.Ruckig(size), RUCKIG.Trajectory(size)
             self._plan = RUCKIG.InputParameter(size)

@@ -6,7 +6,7 @@ from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Hand
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, FrameTable, Memory, Payload
 from jaka_ros_driver.simulation.controller.replies import Refused, Reply
-from jaka_ros_driver.simulation.controller.wire_units import QUERY_DECIMALS, pose_from_wire, pose_to_wire, rounded
+from jaka_ros_driver.simulation.controller.wire_units import pose_from_wire, pose_to_wire, rounded
 from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m
 
 MAX_COLLISION_LEVEL = 5
@@ -34,7 +34,7 @@ def _set_offsets(table_of: Callable[[Memory], FrameTable], *keys: str) -> Handle
 
 
 def _offsets(table: FrameTable) -> List[List[float]]:
-    return [pose_to_wire(pose, QUERY_DECIMALS) for pose in table.frames]
+    return [pose_to_wire(pose) for pose in table.frames]
 
 
 def _set_load(payload_of: str) -> Handler:
@@ -47,7 +47,7 @@ def _set_load(payload_of: str) -> Handler:
 
 
 def _load(payload: Payload) -> Reply:
-    return {"mass": payload.mass, "centroid": rounded(all_m_to_mm(payload.centroid), QUERY_DECIMALS)}
+    return {"mass": payload.mass, "centroid": rounded(all_m_to_mm(payload.centroid))}
 
 
 def _set_sensitivity(state: ControllerState, arguments: Arguments) -> None:

@@ -8,13 +8,7 @@ from jaka_ros_driver.simulation.controller.command_spec import SIMULATED_ONLY, C
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState, LinkLoss
 from jaka_ros_driver.simulation.controller.replies import Refused, Reply
 from jaka_ros_driver.simulation.controller.status_frame import errcode_text
-from jaka_ros_driver.simulation.controller.wire_units import (
-    QUERY_DECIMALS,
-    joints_to_wire,
-    pose_from_wire,
-    pose_to_wire,
-    rounded,
-)
+from jaka_ros_driver.simulation.controller.wire_units import joints_to_wire, pose_from_wire, pose_to_wire, rounded
 from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, m_to_mm, ms_to_s, rad_to_deg
 
 
@@ -43,7 +37,7 @@ def _installation_angle(state: ControllerState) -> Reply:
     about_x, about_z = state.memory.installation_angles
     cx, sx = math.cos(deg_to_rad(about_x) / 2.0), math.sin(deg_to_rad(about_x) / 2.0)
     cz, sz = math.cos(deg_to_rad(about_z) / 2.0), math.sin(deg_to_rad(about_z) / 2.0)
-    quaternion = rounded((cz * cx, cz * sx, sz * sx, sz * cx), QUERY_DECIMALS)
+    quaternion = rounded((cz * cx, cz * sx, sz * sx, sz * cx))
     return {"installation_angle": [quaternion, [about_x, 0.0, about_z]]}
 
 
@@ -56,7 +50,7 @@ def _set_network_exception_handle(state: ControllerState, arguments: Arguments) 
 
 def _kine_forward(state: ControllerState, arguments: Arguments) -> Reply:
     pose = state.plant.forward(all_deg_to_rad(arguments.vector("jointPosition", 6)))
-    return {"cartPosition": pose_to_wire(pose, QUERY_DECIMALS)}
+    return {"cartPosition": pose_to_wire(pose)}
 
 
 def _kine_inverse(state: ControllerState, arguments: Arguments) -> Reply:
@@ -66,7 +60,7 @@ def _kine_inverse(state: ControllerState, arguments: Arguments) -> Reply:
         joints = state.plant.inverse_nearest(pose, reference)
     except TargetRejected as error:
         raise Refused("-4", "inverse kinematics failed") from error
-    return {"jointPosition": joints_to_wire(joints, QUERY_DECIMALS)}
+    return {"jointPosition": joints_to_wire(joints)}
 
 
 def _dh_param(state: ControllerState) -> Reply:
@@ -74,16 +68,16 @@ def _dh_param(state: ControllerState) -> Reply:
     rows = state.model.dh
     alphas = [0.0] + [rad_to_deg(row.alpha) for row in rows[:-1]]
     lengths = [0.0] + [m_to_mm(row.a) for row in rows[:-1]]
-    return {"dh_param": [rounded(values, QUERY_DECIMALS) for values in (
+    return {"dh_param": [rounded(values) for values in (
         alphas, lengths, [m_to_mm(row.d) for row in rows], [rad_to_deg(row.theta_offset) for row in rows])]}
 
 
 def _joints(key: str) -> Handler:
-    return plain(lambda state: {key: joints_to_wire(state.plant.joint_position, QUERY_DECIMALS)})
+    return plain(lambda state: {key: joints_to_wire(state.plant.joint_position)})
 
 
 def _tool(key: str) -> Handler:
-    return plain(lambda state: {key: pose_to_wire(state.plant.tcp_pose(), QUERY_DECIMALS)})
+    return plain(lambda state: {key: pose_to_wire(state.plant.tcp_pose())})
 
 
 SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (

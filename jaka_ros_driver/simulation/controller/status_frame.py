@@ -40,10 +40,6 @@ def _io(key: str) -> _Field:
     return key, lambda state: state.io.array(key)
 
 
-def _flag(test: Callable[[ControllerState], Any]) -> Callable[[ControllerState], int]:
-    return lambda state: int(bool(test(state)))
-
-
 def _torque_sensor(force_rows: int) -> Callable[[ControllerState], Any]:
     def value(state: ControllerState) -> Any:
         load = state.memory.sensor_payload
@@ -99,15 +95,15 @@ def _feed_fields(modern: bool) -> Tuple[_Field, ...]:
         ("rapidrate", lambda state: float(state.plant.rapid_rate)),
         ("current_tool_id", lambda state: state.memory.tools.active),
         ("current_user_id", lambda state: state.memory.user_frames.active),
-        ("on_soft_limit", _flag(lambda state: state.plant.on_soft_limit)),
-        ("emergency_stop", _flag(lambda state: state.emergency_stop)),
+        ("on_soft_limit", lambda state: int(state.plant.on_soft_limit)),
+        ("emergency_stop", lambda state: int(state.emergency_stop)),
         ("drag_near_limit", lambda state: [int(near) for near in state.plant.near_limit]),
         ("funcdi", lambda state: _FUNCTION_INPUTS),
-        ("powered_on", _flag(lambda state: state.is_powered)),
+        ("powered_on", lambda state: int(state.is_powered)),
         ("inpos", lambda state: state.plant.is_in_position),
         ("motion_mode", lambda state: 1),
         ("curr_tcp_trans_vel", lambda state: round(m_to_mm(state.plant.tcp_speed), FEED_DECIMALS)),
-        ("protective_stop", _flag(lambda state: state.protective_stop)),
+        ("protective_stop", lambda state: int(state.protective_stop)),
         ("point_key", lambda state: 0),
         ("netState", lambda state: 1),
         *only(*_LINES, _VELOCITY, *_FIELD_BUS, ("tio_rs_signals", lambda state: _NO_SIGNALS), _EXTENSION),

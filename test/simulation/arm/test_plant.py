@@ -79,7 +79,7 @@ def test_moves_queue_and_relative_ones_start_at_the_end_of_the_queue(watch):
 
 
 def test_in_position_is_false_from_acceptance_and_for_the_settle_time():
-    plant = Plant(ZU7, settle_time=0.04)
+    plant = Plant(ZU7)
     plant.add_joint_move((2e-6, 0, 0, 0, 0, 0), 1.0, relative=True)
     assert not plant.is_in_position
     false_cycles = 0

@@ -4,6 +4,7 @@ import math
 import pytest
 from plant_watch import ZU7, PlantWatch
 
+from jaka_ros_driver.simulation.arm import servo_filters
 from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S, HOME, Plant
@@ -98,9 +99,11 @@ def test_mean_smooths_a_step_over_its_buffer():
     assert out[:40] == pytest.approx([0.1 * n / 40 for n in range(1, 41)])
 
 
-@pytest.mark.parametrize("jerk_limited", [True, False])
-def test_tracker_without_ruckig_keeps_speed_and_acceleration_too(jerk_limited):
-    tracker = Tracker((0.0,), (1.0, 4.0, 80.0), jerk_limited)
+@pytest.mark.parametrize("has_ruckig", [True, False])
+def test_tracker_without_ruckig_keeps_speed_and_acceleration_too(has_ruckig, monkeypatch):
+    if not has_ruckig:
+        monkeypatch.setattr(servo_filters, "RUCKIG", None)
+    tracker = Tracker((0.0,), (1.0, 4.0, 80.0))
     out = [tracker.step((0.5 if n < 150 else -0.5,), CYCLE_TIME_S)[0] for n in range(500)]
     speeds = differences(out)
     assert max(map(abs, speeds)) <= 1.0 + 1e-6
