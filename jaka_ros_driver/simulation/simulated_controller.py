@@ -100,12 +100,7 @@ class SimulatedController:
         self.panel_port = numbers.get(PANEL)
 
     def panel(self, action: str, **parameters: Any) -> Dict[str, Any]:
-        """One action of the panel, carried out in the server's thread.
-
-        Raises:
-            InvalidCommand: The panel refuses it.
-            ConnectionLost: The controller does not run.
-        """
+        """One action of the panel; raises InvalidCommand where it is refused, ConnectionLost where nothing runs."""
         answer: Dict[str, Any] = self.server.call(lambda: panel.handle(self.server, {"action": action, **parameters}))
         if not answer["ok"]:
             raise InvalidCommand("panel: %s" % answer["error"])

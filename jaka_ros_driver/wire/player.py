@@ -222,11 +222,7 @@ def _arguments(argv: Optional[List[str]]) -> argparse.Namespace:
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run the program.
-
-    Returns:
-        0 ended by a signal, 1 failed, 2 wrong usage.
-    """
+    """Run the program; returns 0 when a signal ended it, 1 failed, 2 wrong usage."""
     options = _arguments(argv)
     try:
         script = wire_script(read_log(options.log))

@@ -64,11 +64,9 @@ class ArmFrames:
         self.user_t_base: Transform = IDENTITY
 
     def set_tool(self, flange_t_tool: Transform) -> None:
-        """Make this the active tool."""
         self.flange_t_tool, self.tool_t_flange = flange_t_tool, invert(flange_t_tool)
 
     def set_user_frame(self, base_t_user: Transform) -> None:
-        """Make this the active user frame."""
         self.base_t_user, self.user_t_base = base_t_user, invert(base_t_user)
 
     def tool_at(self, joint_position: Sequence[float]) -> Transform:

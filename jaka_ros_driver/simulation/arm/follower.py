@@ -49,7 +49,6 @@ class Follower:
 
     @property
     def is_at_end(self) -> bool:
-        """True at the end of the route."""
         return self.way >= self.route.length
 
     def take_limits_of(self, route: Route) -> bool:

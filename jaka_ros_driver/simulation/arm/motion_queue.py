@@ -129,7 +129,6 @@ class MotionQueue:
         self.is_paused = self.length > 0
 
     def resume(self) -> None:
-        """Continue after ``pause``."""
         self.is_paused = False
 
     def stop(self) -> None:

@@ -106,12 +106,10 @@ class Plant:
 
     @property
     def is_hand_guided(self) -> bool:
-        """True while hand guiding is on."""
         return self._guiding is not None
 
     @property
     def on_soft_limit(self) -> bool:
-        """True while a joint stands on a soft limit."""
         return self._frames.joint_on_limit(self.joint_position) is not None
 
     @property
@@ -149,17 +147,14 @@ class Plant:
     # Each returns True when the move was queued, False when its target is where the queue ends (add_error_line then
     # holds its line_id), and raises TargetRejected for a target out of reach or outside limits, numbers that are
     # missing, surplus or not finite, speed or acceleration not above 0, and in servo mode, hand guiding or a jog.
+    # line_id is the ``executing_line_id`` of the wire.
 
     def add_joint_move(self, target: Sequence[float], speed: float, acceleration: Optional[float] = None,
                        relative: bool = False, line_id: int = 0) -> bool:
         """Queue a synchronised joint motion (docs/controller-protocol.md section 5.2).
 
-        Args:
-            target: rad (6,); increments on the end of the queue where relative.
-            speed: Of the joint with the longest way, rad/s; cut to what every joint can do.
-            acceleration: rad/s2; None for the default, cut as speed.
-            relative: See target.
-            line_id: ``executing_line_id``.
+        target, rad (6,): increments on the end of the queue where relative. speed, rad/s, and acceleration, rad/s2: of
+        the joint with the longest way, cut to what every joint can do.
         """
         self._check_planned_mode()
         start = self._queue_end()
@@ -177,18 +172,11 @@ class Plant:
     def add_linear_move(self, target: Pose, speed: float, acceleration: Optional[float] = None, relative: bool = False,
                         tolerance: float = 0.0, rotation_speed: Optional[float] = None,
                         rotation_acceleration: Optional[float] = None, line_id: int = 0) -> bool:
-        """Queue a straight line of the active tool (docs/controller-protocol.md section 5.4.1).
+        """Queue a straight line of the tool (docs/controller-protocol.md section 5.4.1): m/s, m/s2, rad/s, rad/s2.
 
-        Args:
-            target: In the active user frame; where relative, position is added along the axes of the user frame and
-                the rotation turns about them.
-            speed: m/s.
-            acceleration: m/s2.
-            relative: See target.
-            tolerance: How far the rounded corner to the next line may leave the lines, m; 0 for a full stop.
-            rotation_speed: rad/s.
-            rotation_acceleration: rad/s2.
-            line_id: ``executing_line_id``.
+        target, in the active user frame: where relative, its position is added along the axes of that frame and its
+        rotation turns about them. tolerance, m: how far the rounded corner to the next line may leave the lines; 0 for
+        a full stop.
         """
         self._check_planned_mode()
         pace = tool_pace(self._frames.model, speed, acceleration, rotation_speed, rotation_acceleration)
@@ -205,8 +193,7 @@ class Plant:
 
     def add_arc_move(self, via: Pose, target: Pose, speed: float, acceleration: Optional[float] = None,
                      relative: bool = False, turns: int = 0, circle_mode: int = 0, line_id: int = 0) -> bool:
-        """Queue an arc from the end of the queue through via to target (docs/controller-protocol.md section 5.4.2);
-        m/s, m/s2.
+        """Queue an arc from the queue's end by via to target (docs/controller-protocol.md section 5.4.2): m/s, m/s2.
 
         turns (``circle_cnt``): full circles before the arc. circle_mode: how the tool turns, see ``legs.arc_through``.
         """
@@ -261,13 +248,8 @@ class Plant:
             velocity: rad/s or m/s.
             position: Step or target, rad or m; step and absolute only.
 
-        Returns:
-            False where it is ignored because another motion runs. A continuous jog that runs already gets the new
-                velocity.
-
-        Raises:
-            TargetRejected: A number is not finite or out of range, or the jog would leave the limits or the reach at
-                once.
+        Returns False where it is ignored because another motion runs; raises as ``jog_route``. A continuous jog that
+        runs already gets the new velocity.
         """
         self._check_planned_mode()
         key = (frame, axis, velocity > 0.0)

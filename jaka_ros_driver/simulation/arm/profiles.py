@@ -52,7 +52,6 @@ class Profile:
 
     @property
     def at_rest(self) -> bool:
-        """True while nothing moves."""
         return self.velocity == 0.0
 
     def aim(self, target: float, max_velocity: float, max_acceleration: float) -> None:

@@ -23,7 +23,6 @@ class Arguments:
         self._request = request
 
     def has(self, key: str) -> bool:
-        """True where the request has the key."""
         return key in self._request
 
     def number(self, key: str, default: Optional[float] = None) -> float:

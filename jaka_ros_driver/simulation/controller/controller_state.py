@@ -304,7 +304,6 @@ class ControllerState:
         return self.plant.queue.is_paused or self.program_state is ProgramState.PAUSED
 
     def jogged(self, frame: JogFrame, axis: int) -> None:
-        """A jog was accepted."""
         self._jogged = (frame, axis)
 
     def stop_jog(self) -> None:

@@ -41,11 +41,7 @@ class IoBanks:
     def get(self, signal: str, output: bool, bank: int, index: int) -> float:
         """One terminal; raises InvalidCommand where there is no such terminal.
 
-        Args:
-            signal: "digital" or "analog".
-            output: False for inputs.
-            bank: Index into ``BANK_NAMES``.
-            index: Terminal, from 0.
+        signal: "digital" or "analog". bank: index into ``BANK_NAMES``. index: from 0.
         """
         return self._values[self._key(signal, output, bank, index)][index]
 

@@ -198,7 +198,6 @@ class FaultScript:
         return rule
 
     def clear(self) -> None:
-        """Drop every rule."""
         self._rules.clear()
 
     def active(self) -> Tuple[FaultRule, ...]:

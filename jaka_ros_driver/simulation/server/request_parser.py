@@ -91,7 +91,6 @@ class _ObjectGrammar:
 
     @property
     def in_string(self) -> bool:
-        """True between the quotes of a string."""
         return self._state in _IN_STRING
 
     def accepts(self, byte: int) -> bool:
