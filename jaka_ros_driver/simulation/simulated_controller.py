@@ -29,8 +29,7 @@ _IDENTITY = re.compile(r"[!-~]{1,256}\Z")
 
 
 class SimulatedController:
-    """A simulated controller. It listens as soon as it is made, and serves inside ``with``, or from ``start`` to
-    ``close``.
+    """A simulated controller: it listens as soon as it is made, and serves inside ``with``, or from start to close.
 
     Attributes:
         server: Its sockets; ``server.controller`` is what it serves. While it runs, use both only through ``panel`` or

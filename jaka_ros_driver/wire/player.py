@@ -44,9 +44,7 @@ class _Client:
         self.requests = 0
 
     def end_at(self) -> Optional[float]:
-        """When the connection is to be ended, s of the recording; None for never. A client that has made fewer requests
-        than the recorded one gets ``grace`` more.
-        """
+        """When to end the connection, s of the recording; None for never. A client that lacks requests gets longer."""
         if self.recorded.ended is None:
             return None
         grace = self._grace if self.requests < self.recorded.requests else 0.0
@@ -85,9 +83,7 @@ class WirePlayer(PortServer):
             self._drop(client, "close")
 
     def _now(self) -> float:
-        """Time of the replay, s of the recording since its first connection. It stands still while a request that moves
-        the arm is missing.
-        """
+        """Time of the replay, s of the recording; it stands still while a request that moves the arm is missing."""
         if self._begin is None:
             return 0.0
         clock = time.monotonic()

@@ -183,8 +183,7 @@ def _name(value: Dict[str, Any]) -> str:
 
 
 def _paired(requests: Sequence[Piece], replies: Sequence[Piece]) -> List[Tuple[float, str, Reply]]:
-    """Pair requests with replies: the n-th reply of a name belongs to the n-th request of that name. Returns (time of
-    the request, s; its name; the reply) for each pair.
+    """Pair the n-th request of a name with its n-th reply: time of the request, s; its name; the reply.
 
     A reply that tells no name (a request that the controller did not understand) belongs to the oldest open request.
     """

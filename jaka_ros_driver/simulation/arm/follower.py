@@ -61,9 +61,7 @@ class Follower:
         return True
 
     def end(self) -> Vector:
-        """Slow down and stop for good; returns the joints where the arm will come to rest, rad (6,): the present ones
-        where the route has no solution there.
-        """
+        """Slow down and stop for good; returns the joints where the arm will rest, rad (6,), else the present ones."""
         self.is_ending = True
         return self.route.joints_at(self._brake(), self.joints) or self.joints
 

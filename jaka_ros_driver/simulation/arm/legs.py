@@ -15,9 +15,7 @@ _TINY = 1e-9
 
 
 class Pace(NamedTuple):
-    """How fast a leg is run: speed m/s, acceleration m/s2, rotation speed rad/s, rotation acceleration rad/s2; and
-    braking, m/s2, the tool's deceleration in a stop.
-    """
+    """How fast a leg is run, m/s, m/s2, rad/s, rad/s2; braking is the tool's deceleration in a stop, m/s2."""
 
     speed: float
     acceleration: float

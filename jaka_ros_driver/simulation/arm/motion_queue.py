@@ -78,11 +78,9 @@ class MotionQueue:
         self._enter(_Entry(route))
 
     def add_leg(self, leg: Leg, start_joints: Vector) -> None:
-        """Queue a Cartesian motion. The corner before it is rounded where the tolerance allows it and the arm is not
-        too near already.
+        """Queue a Cartesian motion; the corner before it is rounded where tolerance and the way left allow it.
 
-        Raises:
-            TargetRejected: A jog runs, the queue is full, or the path breaks off where it begins.
+        Raises TargetRejected where a jog runs, the queue is full, or the path breaks off where it begins.
         """
         self._check_room()
         if self._waiting:

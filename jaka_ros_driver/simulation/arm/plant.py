@@ -174,9 +174,8 @@ class Plant:
                         rotation_acceleration: Optional[float] = None, line_id: int = 0) -> bool:
         """Queue a straight line of the tool (docs/controller-protocol.md section 5.4.1): m/s, m/s2, rad/s, rad/s2.
 
-        target, in the active user frame: where relative, its position is added along the axes of that frame and its
-        rotation turns about them. tolerance, m: how far the rounded corner to the next line may leave the lines; 0 for
-        a full stop.
+        target, in the active user frame: where relative, added along the axes of that frame and turned about them.
+        tolerance, m: how far the rounded corner to the next line may leave the lines; 0 for a full stop.
         """
         self._check_planned_mode()
         pace = tool_pace(self._frames.model, speed, acceleration, rotation_speed, rotation_acceleration)

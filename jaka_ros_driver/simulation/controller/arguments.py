@@ -1,5 +1,4 @@
-"""Takes typed parameters out of a request. A missing or mistyped one raises BadParameter (docs/controller-protocol.md
-section 4.3, code 1).
+"""Takes typed parameters out of a request; others raise BadParameter (docs/controller-protocol.md section 4.3, code 1).
 
 Keys that nobody asks for are ignored (docs/controller-protocol.md section 2).
 """

@@ -358,9 +358,7 @@ class ControllerState:
             raise Refused()
 
     def set_feed_period(self, period: float) -> None:
-        """Set the period of the status feed, s of simulated time; a move then shows in at least one frame
-        (docs/sdk-client.md section 1, point 7).
-        """
+        """Set the feed's period, s of simulated time; each move shows in it (docs/sdk-client.md section 1, point 7)."""
         self.asked_feed_period = period
         self.plant.settle_time = self.feed_period
 

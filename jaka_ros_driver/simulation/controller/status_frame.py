@@ -1,5 +1,4 @@
-"""Status frames: every field of the controller's state, in the order of a real controller, as text with an exact
-``len``.
+"""Status frames: every field of the controller's state, in the order of a real controller, with an exact ``len``.
 
 Order, lengths and types: docs/controller-protocol.md sections 6.2 to 6.4. The frame of the polled port is that of the
 feed and, behind it, what the maker's SDK needs and this firmware's feed lacks (docs/sdk-client.md section 3). The text
@@ -116,9 +115,7 @@ _POLLED_INSTEAD: Dict[str, Callable[[ControllerState], Any]] = {
     "torqsensor": _torque_sensor(3),
     "extio": lambda state: None,
 }
-"""Fields that make the SDK crash where their shape is not the one it expects; it accepts null (docs/sdk-client.md
-section 1, point 8).
-"""
+"""Fields whose unexpected shape makes the SDK crash; it accepts null (docs/sdk-client.md section 1, point 8)."""
 
 
 def all_field_names(firmware: Firmware) -> Tuple[str, ...]:

@@ -58,8 +58,7 @@ _IN_STRING = frozenset((_STRING, _ESCAPE) + _HEX)
 
 
 def _whole_object(data: bytes, text: str, start: int) -> Tuple[Optional[JsonObject], int]:
-    """The object at ``start`` where the data holds all of it, and where it ends; None where it must be parsed byte by
-    byte.
+    """The object at ``start`` and where it ends; None where it is not all there or must be parsed byte by byte.
 
     Args:
         data: Bytes as received; an object with other than ASCII bytes is parsed byte by byte.

@@ -1,5 +1,4 @@
-"""The sockets of the simulated controller: its three ports and the panel, served by one thread that also runs the
-cycles.
+"""The sockets of the simulated controller: its ports and the panel, served by one thread that also runs the cycles.
 
 One loop does everything, so that nothing needs a lock: it wakes up for cycles, status frames, bytes, and calls from
 other threads. It never waits for a client: one that does not read misses frames or is dropped.
