@@ -15,8 +15,6 @@ try:
 except ImportError:
     RUCKIG = None
 
-HAS_RUCKIG = RUCKIG is not None
-
 _REST_SPEED = 1e-9
 _STEEPER = 1.25
 _STEEPER_TRIES = 16
@@ -24,7 +22,7 @@ _STEEPER_TRIES = 16
 
 def jerk_time(jerk_limited: bool) -> float:
     """Time in which acceleration builds up, s; 0 where the profile is not jerk-limited."""
-    return JERK_TIME_S if jerk_limited and HAS_RUCKIG else 0.0
+    return JERK_TIME_S if jerk_limited and RUCKIG is not None else 0.0
 
 
 class Profile:

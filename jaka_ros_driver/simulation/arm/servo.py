@@ -2,7 +2,7 @@
 import enum
 import math
 from collections import deque
-from typing import Deque, List, NamedTuple, Optional
+from typing import Deque, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.simulation.arm import events
@@ -54,7 +54,7 @@ class ServoStream:
         self._end = joints  # of the last point taken
         self._elapsed = 0.0
         self._increment: Vector = (0.0,) * 6
-        self._clamped: Optional[int] = None
+        self._clamped: Optional[Tuple[int, bool]] = None
 
     @property
     def is_idle(self) -> bool:
@@ -131,8 +131,7 @@ class ServoStream:
 
     def _limit_events(self) -> List[PlantEvent]:
         reached = self._frames.joint_on_limit(self.joints)
-        joint = None if reached is None else reached[0]
-        if joint == self._clamped:
+        if reached == self._clamped:
             return []
-        self._clamped = joint
+        self._clamped = reached
         return [] if reached is None else [events.on_soft_limit(*reached)]
