@@ -17,13 +17,9 @@ from jaka_ros_driver.wire.sockets import LOOPBACK
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run the command line.
+    """Run the command line; returns 0 done, 1 failed, 2 wrong usage.
 
-    Args:
-        argv: Without the program's name; None for those of the process, without what roslaunch adds (__name:=...).
-
-    Returns:
-        0 done, 1 failed, 2 wrong usage.
+    argv: Without the program's name; None for those of the process, without what roslaunch adds (__name:=...).
     """
     arguments = [word for word in sys.argv[1:] if ":=" not in word] if argv is None else argv
     if arguments[:1] == ["panel"]:

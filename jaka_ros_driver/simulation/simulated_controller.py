@@ -13,6 +13,7 @@ from typing import Any, Dict, Optional, Type
 
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
+from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.simulation.arm.plant import Starvation
 from jaka_ros_driver.simulation.controller.controller import Controller
 from jaka_ros_driver.simulation.controller.controller_state import Options, Start
@@ -28,12 +29,13 @@ _IDENTITY = re.compile(r"[!-~]{1,256}\Z")
 
 
 class SimulatedController:
-    """A simulated controller. It listens as soon as it is made, and serves inside ``with``, or from ``start`` to
-    ``close``.
+    """A simulated controller: it listens as soon as it is made, and serves inside ``with``, or from start to close.
 
     Attributes:
         server: Its sockets; ``server.controller`` is what it serves. While it runs, use both only through ``panel`` or
             ``server.call``.
+        command_port: Number of its TCP port, as status_port and poll_port.
+        panel_port: Number of the panel's port; None where it has none.
     """
 
     def __init__(self, model: str = "zu7", dh_file: Optional[str] = None, *, time_scale: float = 1.0,
@@ -85,43 +87,19 @@ class SimulatedController:
         ports = {"command": command_port, "status": status_port, "poll": poll_port}
         if panel_port is not None:
             ports[PANEL] = panel_port
-        self.server = Server(controller, host, ports, time_scale=time_scale, refuse_second_client=refuse, seed=seed,
-                             log=self._log)
         self._thread: Optional[threading.Thread] = None
         try:
-            self.server.open(lambda request: panel.handle(self.server, request))
+            self.server = Server(controller, host, ports, time_scale=time_scale, refuse_second_client=refuse, seed=seed,
+                                 log=self._log, panel_handler=lambda request: panel.handle(self.server, request))
         except OSError:
-            if self._log:
-                self._log.close()
+            self._close_log()
             raise
-
-    @property
-    def command_port(self) -> int:
-        """Number of the command port."""
-        return self.server.port_numbers["command"]
-
-    @property
-    def status_port(self) -> int:
-        """Number of the status feed's port."""
-        return self.server.port_numbers["status"]
-
-    @property
-    def poll_port(self) -> int:
-        """Number of the polled status port."""
-        return self.server.port_numbers["poll"]
-
-    @property
-    def panel_port(self) -> Optional[int]:
-        """Number of the panel's port; None where it has none."""
-        return self.server.port_numbers.get("panel")
+        numbers = self.server.port_numbers
+        self.command_port, self.status_port, self.poll_port = (numbers[port] for port in PORTS)
+        self.panel_port = numbers.get(PANEL)
 
     def panel(self, action: str, **parameters: Any) -> Dict[str, Any]:
-        """One action of the panel, carried out in the server's thread.
-
-        Raises:
-            InvalidCommand: The panel refuses it.
-            ConnectionLost: The controller does not run.
-        """
+        """One action of the panel; raises InvalidCommand where it is refused, ConnectionLost where nothing runs."""
         answer: Dict[str, Any] = self.server.call(lambda: panel.handle(self.server, {"action": action, **parameters}))
         if not answer["ok"]:
             raise InvalidCommand("panel: %s" % answer["error"])

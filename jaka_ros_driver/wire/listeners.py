@@ -41,7 +41,6 @@ class Listeners:
             self._listeners[port] = (host, _bound(host, self.numbers[port]))
 
     def close(self) -> None:
-        """Close them all."""
         for _, listener in self._listeners.values():
             listener.close()
         self._listeners.clear()

@@ -1,5 +1,4 @@
-"""Plays a wire log to a driver: sends the recorded controller's status bytes at their times, or faster, and its
-replies.
+"""Plays a wire log to a driver: the recorded controller's status bytes at their times, or faster, and its replies.
 
 ``python3 -m jaka_ros_driver.wire.player LOG.mcap`` prints a line of JSON with its ports, one when the first
 client has connected, and one when all has been played. A port is open while the recorded one was connected. Time
@@ -12,7 +11,7 @@ import socket
 import sys
 import time
 from collections import deque
-from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional
+from typing import Any, Callable, Deque, Dict, List, Optional
 
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.protocol.framing import ObjectStream
@@ -45,20 +44,11 @@ class _Client:
         self.requests = 0
 
     def end_at(self) -> Optional[float]:
-        """When the connection is to be ended, s of the recording; None for never. A client that has made fewer requests
-        than the recorded one gets ``grace`` more.
-        """
+        """When to end the connection, s of the recording; None for never. A client that lacks requests gets longer."""
         if self.recorded.ended is None:
             return None
         grace = self._grace if self.requests < self.recorded.requests else 0.0
         return self.recorded.ended + self.shift + grace
-
-
-class Progress(NamedTuple):
-    """An event of the replay, for the program's output."""
-
-    event: str
-    facts: Dict[str, Any]
 
 
 class WirePlayer(PortServer):
@@ -68,14 +58,14 @@ class WirePlayer(PortServer):
         script: What is played. It can be played once.
         speed: Factor by which it is played faster than recorded.
         ports: TCP port by name, 0 for a free one.
-        notice: Called when the replay begins and when it ends.
+        notice: Called with "begin" and with "end", and with what there is to tell as keywords.
 
     Attributes:
         port_numbers: TCP port by name.
     """
 
     def __init__(self, script: WireScript, speed: float, ports: Dict[str, int],
-                 notice: Callable[[Progress], None]) -> None:
+                 notice: Callable[..., None]) -> None:
         self._script = script
         self._speed = speed
         self._notice = notice
@@ -88,17 +78,12 @@ class WirePlayer(PortServer):
         self._is_over = False
         super().__init__(LOOPBACK, {port: ports.get(port, 0) for port in PORTS})
 
-    def _serve(self, data: _Client, events: int) -> None:
-        self._read(data)
-
     def _close_all(self) -> None:
         for client in list(self._clients.values()):
             self._drop(client, "close")
 
     def _now(self) -> float:
-        """Time of the replay, s of the recording since its first connection. It stands still while a request that moves
-        the arm is missing.
-        """
+        """Time of the replay, s of the recording; it stands still while a request that moves the arm is missing."""
         if self._begin is None:
             return 0.0
         clock = time.monotonic()
@@ -115,13 +100,6 @@ class WirePlayer(PortServer):
         before = self._causes[0].at
         self._held += now - before
         return before
-
-    def _has_come(self, name: str) -> None:
-        """A request has come: time goes on where it waited for this one."""
-        for number, cause in enumerate(self._causes):
-            if cause.name == name:
-                del self._causes[number]
-                return
 
     def _wait_s(self) -> float:
         if self._begin is None:
@@ -146,12 +124,12 @@ class WirePlayer(PortServer):
         recorded = self._coming[port].popleft()
         if self._begin is None:
             self._begin = time.monotonic() - recorded.opened / self._speed
-            self._notice(Progress("begin", {"monotonic_s": self._begin, "start_ns": self._script.start_ns}))
+            self._notice("begin", monotonic_s=self._begin, start_ns=self._script.start_ns)
         client = _Client(link, recorded, max(0.0, self._now() - recorded.opened), _GRACE_S * self._speed)
         self._clients[link] = client
         self._selector.register(link, selectors.EVENT_READ, client)
 
-    def _read(self, client: _Client) -> None:
+    def _serve(self, client: _Client, events: int) -> None:
         data = sockets.receive(client.link)
         if data is None:
             return
@@ -164,7 +142,9 @@ class WirePlayer(PortServer):
 
     def _answer(self, client: _Client, name: str) -> None:
         client.requests += 1
-        self._has_come(name)
+        cause = next((cause for cause in self._causes if cause.name == name), None)
+        if cause is not None:
+            self._causes.remove(cause)  # time goes on where it waited for this request
         reply = self._script.replies.next(name)
         if reply is not None:
             at = self._now() + reply.after
@@ -192,8 +172,8 @@ class WirePlayer(PortServer):
         if not self._is_over and self._is_done(now):
             self._is_over = True
             replies = self._script.replies
-            self._notice(Progress("end", {"answered": replies.answered, "repeated": replies.repeated,
-                                          "unanswered": sorted(set(replies.unanswered))}))
+            self._notice("end", answered=replies.answered, repeated=replies.repeated,
+                         unanswered=sorted(set(replies.unanswered)))
 
     def _is_done(self, now: float) -> bool:
         """True once everything was played. A driver that is slower than the recorded one gets a little longer."""
@@ -212,18 +192,17 @@ class WirePlayer(PortServer):
     def _drop(self, client: _Client, how: str) -> None:
         if client.link not in self._clients:
             return
+        sockets.watch(self._selector, client.link, 0)
         if how == "half open":
-            sockets.watch(self._selector, client.link, 0)
             client.due.clear()
             client.recorded = client.recorded._replace(ended=None)
             return
         del self._clients[client.link]
-        sockets.watch(self._selector, client.link, 0)
         sockets.close(client.link, is_reset=how == "reset")
 
 
-def _print(progress: Progress) -> None:
-    print(json.dumps({"event": progress.event, **progress.facts}), flush=True)
+def _print(event: str, **facts: Any) -> None:
+    print(json.dumps({"event": event, **facts}), flush=True)
 
 
 def _arguments(argv: Optional[List[str]]) -> argparse.Namespace:
@@ -239,11 +218,7 @@ def _arguments(argv: Optional[List[str]]) -> argparse.Namespace:
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run the program.
-
-    Returns:
-        0 ended by a signal, 1 failed, 2 wrong usage.
-    """
+    """Run the program; returns 0 when a signal ended it, 1 failed, 2 wrong usage."""
     options = _arguments(argv)
     try:
         script = wire_script(read_log(options.log))

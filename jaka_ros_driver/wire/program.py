@@ -13,10 +13,7 @@ _NICENESS = -10
 def raise_priority(realtime: bool) -> None:
     """Have this process served before others, so that it keeps the controller's times on a busy host.
 
-    Where the system does not allow it, a warning is printed only if real-time priority was asked for.
-
-    Args:
-        realtime: Real-time priority (SCHED_FIFO) instead of a niceness of -10.
+    realtime: real-time priority (SCHED_FIFO) instead of a niceness of -10; only then a refusal is printed.
     """
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     try:

@@ -151,11 +151,7 @@ class Proxy(PortServer):
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run ``jaka_sim proxy``.
-
-    Returns:
-        0 ended by a signal, 1 failed, 2 wrong usage.
-    """
+    """Run ``jaka_sim proxy``; returns 0 when a signal ended it, 1 failed, 2 wrong usage."""
     parser = argparse.ArgumentParser(
         prog="jaka_sim proxy", description="Stands between a driver and a real controller, forwards every byte "
         "unchanged and logs it. Its first line of output is JSON with its ports. Start the driver with this computer's "

@@ -4,6 +4,8 @@ Status bytes are sent at their times. On the command port, the n-th request of a
 that name, byte for byte, after the recorded time. What the arm does after a request that moves it, or changes whether
 it can move, is not shown before that request has come.
 """
+import bisect
+import itertools
 import json
 from collections import deque
 from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
@@ -69,18 +71,11 @@ def cut_objects(pieces: Sequence[Piece]) -> List[Tuple[float, bytes, Dict[str, A
         For each object: the time of its last byte, s; its raw bytes, with those that stand before it; the object.
     """
     raw = b"".join(piece.data for piece in pieces)
-    ends: List[Tuple[int, float]] = []
-    total = 0
-    for piece in pieces:
-        total += len(piece.data)
-        ends.append((total, piece.at))
+    ends = list(itertools.accumulate(len(piece.data) for piece in pieces))
     text, decoder = raw.decode("latin-1"), json.JSONDecoder()
     found: List[Tuple[float, bytes, Dict[str, Any]]] = []
-    begin = position = number = 0
-    while True:
-        position = text.find("{", position)
-        if position < 0:
-            break
+    begin = position = 0
+    while (position := text.find("{", position)) >= 0:
         try:
             value, end = decoder.raw_decode(text, position)
         except ValueError:
@@ -88,9 +83,7 @@ def cut_objects(pieces: Sequence[Piece]) -> List[Tuple[float, bytes, Dict[str, A
             continue
         if text[end:end + 1] == "\n":
             end += 1
-        while number < len(ends) - 1 and ends[number][0] < end:
-            number += 1
-        found.append((ends[number][1], raw[begin:end], value))
+        found.append((pieces[bisect.bisect_left(ends, end)].at, raw[begin:end], value))
         begin = position = end
     return found
 
@@ -190,8 +183,7 @@ def _name(value: Dict[str, Any]) -> str:
 
 
 def _paired(requests: Sequence[Piece], replies: Sequence[Piece]) -> List[Tuple[float, str, Reply]]:
-    """Pair requests with replies: the n-th reply of a name belongs to the n-th request of that name. Returns (time of
-    the request, s; its name; the reply) for each pair.
+    """Pair the n-th request of a name with its n-th reply: time of the request, s; its name; the reply.
 
     A reply that tells no name (a request that the controller did not understand) belongs to the oldest open request.
     """

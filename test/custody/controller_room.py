@@ -295,7 +295,7 @@ class ControllerRoom:
 
     def guide_at_arm(self, joint: int, velocity: float, duration: float) -> None:
         """Somebody takes the arm by the hand, with the button on it."""
-        with contextlib.suppress(Refused):
+        with contextlib.suppress(Refused, TargetRejected):
             self.controller.state.set_hand_guiding(True)
             self.push(joint, velocity, 0.5 * duration)
             self.clock.after(duration, lambda: self.controller.state.set_hand_guiding(False))

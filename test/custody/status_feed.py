@@ -126,8 +126,8 @@ class StatusFeed:
         key = (plant.joint_position, plant.is_in_position, plant.is_hand_guided, plant.is_moving, state.is_powered,
                state.is_enabled, state.emergency_stop, state.protective_stop, state.program_state,
                state.is_paused, memory.tools.active, memory.user_frames.active, state.alarms.shown(),
-               plant.queue.motion_line, plant.add_error_line, memory.tools.frames[memory.tools.active].pose,
-               memory.user_frames.frames[memory.user_frames.active].pose, self.restarts)
+               plant.queue.motion_line, plant.add_error_line, memory.tools.frames[memory.tools.active],
+               memory.user_frames.frames[memory.user_frames.active], self.restarts)
         if key != self._kept_text[0]:
             self._kept_text = key, self._controller.feed_frame.text()
         return self._kept_text[1]

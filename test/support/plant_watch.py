@@ -23,9 +23,10 @@ class PlantWatch:
         hardest: Highest share of a joint's acceleration limit seen.
     """
 
-    def __init__(self, joint_position=HOME, model=ZU7, checks_acceleration=True, **options):
+    def __init__(self, joint_position=HOME, model=ZU7, checks_acceleration=True, jerk_limited=True, **options):
         self.model = model
         self.plant = Plant(model, joint_position, **options)
+        self.plant.queue.jerk_limited = jerk_limited
         self.joints: List[tuple] = [self.plant.joint_position]
         self.events: List[PlantEvent] = []
         self.fastest = self.hardest = 0.0

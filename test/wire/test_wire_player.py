@@ -44,7 +44,11 @@ def listen(port, count):
 @contextlib.contextmanager
 def playing(path, speed=1.0):
     heard = []
-    player = WirePlayer(wire_script(read_log(str(path))), speed, {}, heard.append)
+
+    def notice(event, **facts):
+        heard.append((event, facts))
+
+    player = WirePlayer(wire_script(read_log(str(path))), speed, {}, notice)
     thread = threading.Thread(target=player.run)
     thread.start()
     try:
@@ -87,8 +91,8 @@ def test_the_end_is_told_with_what_was_answered(recorded):
             if len(heard) == 2:
                 break
             wait.wait(0.05)
-    assert [progress.event for progress in heard] == ["begin", "end"]
-    assert heard[1].facts == {"answered": 4, "repeated": 0, "unanswered": []}
+    assert [event for event, _ in heard] == ["begin", "end"]
+    assert heard[1][1] == {"answered": 4, "repeated": 0, "unanswered": []}
 
 
 def test_a_log_tells_real_time(tmp_path):

@@ -1,6 +1,6 @@
 """Kinematics of the active tool in the active user frame, on top of the kinematics of the flange."""
 import math
-from typing import Optional, Sequence, Tuple
+from typing import List, Optional, Sequence, Tuple
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import PoseOutsideLimits, UnreachablePose
@@ -11,11 +11,13 @@ from jaka_ros_driver.kinematics.numeric_inverse import refine
 from jaka_ros_driver.kinematics.rotations import (
     IDENTITY,
     Transform,
+    Vector3,
     compose,
     invert,
     matrix_from_rotation_vector,
     matrix_from_rpy,
     pose_from_transform,
+    rotation_vector_from_matrix,
     transform,
     transform_from_pose,
 )
@@ -62,11 +64,9 @@ class ArmFrames:
         self.user_t_base: Transform = IDENTITY
 
     def set_tool(self, flange_t_tool: Transform) -> None:
-        """Make this the active tool."""
         self.flange_t_tool, self.tool_t_flange = flange_t_tool, invert(flange_t_tool)
 
     def set_user_frame(self, base_t_user: Transform) -> None:
-        """Make this the active user frame."""
         self.base_t_user, self.user_t_base = base_t_user, invert(base_t_user)
 
     def tool_at(self, joint_position: Sequence[float]) -> Transform:
@@ -88,14 +88,10 @@ class ArmFrames:
         """
         finite_six("increment", tuple(increment.position) + tuple(increment.rpy))
         turn = compose(self.base_t_user, transform(matrix_from_rpy(increment.rpy), (0.0, 0.0, 0.0)))
-        turned = compose(compose(turn, self.user_t_base), transform(base_t_tool[:9], (0.0, 0.0, 0.0)))
-        shift = self.in_base_axes(increment.position)
+        turned = compose(compose(turn, self.user_t_base), base_t_tool)
         x, y, z = base_t_tool[9:]
-        return transform(turned[:9], (x + shift[0], y + shift[1], z + shift[2]))
-
-    def in_base_axes(self, vector: Sequence[float]) -> Tuple[float, float, float]:
-        """A direction of the active user frame in the axes of the base."""
-        return rotated(self.base_t_user, vector)
+        dx, dy, dz = rotated(self.base_t_user, increment.position)
+        return transform(turned[:9], (x + dx, y + dy, z + dz))
 
     def nearest_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Optional[Vector]:
         """Joints for a tool pose, rad (6,), nearest to the reference, limits not checked; None where out of reach."""
@@ -113,36 +109,37 @@ class ArmFrames:
         except UnreachablePose as error:
             raise TargetRejected(events.TARGET_UNREACHABLE, str(error)) from error
 
+    def joints_outside(self, joint_position: Sequence[float], margin: float) -> List[Tuple[int, bool]]:
+        """The joints more than ``margin``, rad, outside their limits, each with True where that is the upper one."""
+        return [(joint, value > high + margin)
+                for joint, (value, (low, high)) in enumerate(zip(joint_position, self.model.joint_limits))
+                if not low - margin <= value <= high + margin]
+
     def joint_outside(self, joint_position: Sequence[float], margin: float = 1e-9) -> Optional[Tuple[int, bool]]:
-        """The first joint more than ``margin``, rad, outside its limits, and True where it is above the upper one."""
-        for joint, (value, (low, high)) in enumerate(zip(joint_position, self.model.joint_limits)):
-            if value > high + margin:
-                return joint, True
-            if value < low - margin:
-                return joint, False
-        return None
+        """The first of ``joints_outside``; None if there is none."""
+        return next(iter(self.joints_outside(joint_position, margin)), None)
 
     def joint_on_limit(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
         """The first joint on a soft limit, and True where that is the upper one; None if there is none."""
         return self.joint_outside(joint_position, -LIMIT_TOLERANCE)
 
 
-def rotated(frame: Transform, vector: Sequence[float]) -> Tuple[float, float, float]:
+def rotated(frame: Transform, vector: Sequence[float]) -> Vector3:
     """A direction of the frame in the axes of its parent."""
     x, y, z = vector
     return (frame[0] * x + frame[1] * y + frame[2] * z, frame[3] * x + frame[4] * y + frame[5] * z,
             frame[6] * x + frame[7] * y + frame[8] * z)
 
 
-def turned(matrix: Sequence[float], rotation_vector: Sequence[float], position: Sequence[float]) -> Transform:
-    """A Transform at position whose rotation is matrix, turned about the parent's axes by rotation_vector."""
-    m00, m01, m02, m10, m11, m12, m20, m21, m22 = matrix[:9]
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = matrix_from_rotation_vector(rotation_vector)
-    x, y, z = position
-    return (r00 * m00 + r01 * m10 + r02 * m20, r00 * m01 + r01 * m11 + r02 * m21, r00 * m02 + r01 * m12 + r02 * m22,
-            r10 * m00 + r11 * m10 + r12 * m20, r10 * m01 + r11 * m11 + r12 * m21, r10 * m02 + r11 * m12 + r12 * m22,
-            r20 * m00 + r21 * m10 + r22 * m20, r20 * m01 + r21 * m11 + r22 * m21, r20 * m02 + r21 * m12 + r22 * m22,
-            x, y, z)
+def turned(start: Transform, rotation_vector: Sequence[float], position: Sequence[float]) -> Transform:
+    """A Transform at position with the rotation of start, turned about the parent's axes by rotation_vector."""
+    turn = transform(matrix_from_rotation_vector(rotation_vector), (0.0, 0.0, 0.0))
+    return transform(compose(turn, start)[:9], position)
+
+
+def rotation_between(start: Transform, end: Transform) -> Vector3:
+    """The shortest rotation vector, about the axes of the base, that turns start's orientation into end's, rad."""
+    return rotation_vector_from_matrix(compose(end, invert(start)))
 
 
 def nearest_joints(model: ArmModel, base_t_flange: Transform, reference: Sequence[float]) -> Optional[Vector]:

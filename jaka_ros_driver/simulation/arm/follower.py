@@ -45,11 +45,10 @@ class Follower:
     @property
     def is_done(self) -> bool:
         """True at the end of the route, or at rest after ``end``."""
-        return self.way >= self.route.length or (self.is_ending and self._profile.at_rest)
+        return self.is_at_end or (self.is_ending and self._profile.at_rest)
 
     @property
     def is_at_end(self) -> bool:
-        """True at the end of the route."""
         return self.way >= self.route.length
 
     def take_limits_of(self, route: Route) -> bool:
@@ -62,13 +61,9 @@ class Follower:
         return True
 
     def end(self) -> Vector:
-        """Slow down and stop for good; returns the joints where the arm will come to rest, rad (6,)."""
+        """Slow down and stop for good; returns the joints where the arm will rest, rad (6,), else the present ones."""
         self.is_ending = True
-        return self.joints_at_rest(self._brake())
-
-    def joints_at_rest(self, way: float) -> Vector:
-        """Joints at a parameter ahead, rad (6,); the present ones where the route has no solution there."""
-        return self.route.joints_at(way, self.joints) or self.joints
+        return self.route.joints_at(self._brake(), self.joints) or self.joints
 
     def _brake(self) -> float:
         """Slow down along the path; returns the parameter where the arm will come to rest."""
@@ -95,7 +90,7 @@ class Follower:
         joints = self.route.joints_at(way, self.joints)
         if joints is None or not all(
                 -limit <= (b - a) / dt <= limit for a, b, limit in zip(self.joints, joints, self._joint_limits)):
-            self.fault = events.event(events.SINGULARITY)
+            self.fault = events.SINGULARITY
             return self.joints
         self.joints = joints
         return joints

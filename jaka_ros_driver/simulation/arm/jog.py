@@ -3,12 +3,12 @@ import enum
 import math
 from typing import Optional, Tuple
 
-from jaka_ros_driver.commands import JogFrame
-from jaka_ros_driver.kinematics.rotations import Transform, compose, matrix_from_rpy, rpy_from_matrix, transform
+from jaka_ros_driver.commands import JogFrame, Pose
+from jaka_ros_driver.kinematics.rotations import Transform, Vector3, compose, pose_from_transform
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, rotated, turned
+from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, rotated, rotation_between, turned
 from jaka_ros_driver.simulation.arm.events import TargetRejected
-from jaka_ros_driver.simulation.arm.legs import Line, Pace, Vector3, norm, rotation_between
+from jaka_ros_driver.simulation.arm.legs import Line, Pace, along, norm
 from jaka_ros_driver.simulation.arm.moves import FASTEST, SLOWEST
 from jaka_ros_driver.simulation.arm.routes import CartesianRoute, JointRoute, Route
 from jaka_ros_driver.state import Vector
@@ -64,7 +64,7 @@ def _joint_route(frames: ArmFrames, start: Vector, mode: JogMode, axis: int, vel
     upwards = velocity > 0.0 if mode == JogMode.CONTINUOUS else way > 0.0
     if not low - _ALREADY_THERE <= target <= high + _ALREADY_THERE or (
             mode == JogMode.CONTINUOUS and abs(way) < _ALREADY_THERE):
-        raise _rejected(events.jog_beyond_limit(axis, upwards))
+        raise TargetRejected(events.jog_beyond_limit(axis, upwards))
     if abs(way) < _ALREADY_THERE:
         return None
     end = start[:axis] + (target,) + start[axis + 1:]
@@ -92,12 +92,11 @@ def _cartesian_route(frames: ArmFrames, start: Vector, mode: JogMode, frame: Jog
     speed = min(abs(velocity), FASTEST if axis >= 3 or top is None else top)
     acceleration = TCP_ACCELERATION if axis < 3 else JOINT_ACCELERATION
     pace = Pace(speed, acceleration, speed, acceleration, frames.model.tcp_max_acceleration)
-    end = turned(tool, turn, (tool[9] + shift[0], tool[10] + shift[1], tool[11] + shift[2]))
+    end = turned(tool, turn, along(tool[9:], shift, 1.0))
     route = CartesianRoute(frames, Line(tool, end, pace, rotation_vector=turn), start)
     cause = route.break_event
     if cause is not None and (mode != JogMode.CONTINUOUS or route.length < 1e-6):
-        raise _rejected(cause if cause.joint is None
-                        else events.jog_beyond_limit(cause.joint, cause == events.on_soft_limit(cause.joint, True)))
+        raise TargetRejected(events.of_jog(cause))
     return route
 
 
@@ -106,27 +105,21 @@ def _displacement(frames: ArmFrames, tool: Transform, frame: JogFrame, axis: int
     """Shift, m (3,), and rotation vector, rad (3,), in base axes, for an extent along or about an axis of the frame."""
     unit = [0.0, 0.0, 0.0]
     unit[axis % 3] = extent
-    way = rotated(tool, unit) if frame == JogFrame.TOOL else frames.in_base_axes(unit)
+    way = rotated(tool if frame == JogFrame.TOOL else frames.base_t_user, unit)
     return (way, (0.0, 0.0, 0.0)) if axis < 3 else ((0.0, 0.0, 0.0), way)
 
 
 def _to_coordinate(frames: ArmFrames, tool: Transform, axis: int, value: float) -> Tuple[Vector3, Vector3]:
     """Shift, m (3,), and rotation vector, rad (3,), in base axes, that bring one user frame coordinate to a value."""
-    user = compose(frames.user_t_base, tool)
+    pose = pose_from_transform(compose(frames.user_t_base, tool))
     if axis < 3:
-        unit = [0.0, 0.0, 0.0]
-        unit[axis] = value - user[9 + axis]
-        return frames.in_base_axes(unit), (0.0, 0.0, 0.0)
-    rpy = list(rpy_from_matrix(user))
+        return _displacement(frames, tool, JogFrame.BASE, axis, value - pose.position[axis])
+    rpy = list(pose.rpy)
     rpy[axis - 3] = value
-    target = compose(frames.base_t_user, transform(matrix_from_rpy(rpy), user[9:]))
+    target = frames.in_base(Pose(pose.position, tuple(rpy)))
     return (0.0, 0.0, 0.0), rotation_between(tool, target)
 
 
 def _twice_reach(frames: ArmFrames) -> float:
     """Twice the arm's reach, m: a path of this length leaves the reach wherever it begins."""
     return 2.0 * (sum(math.hypot(row.a, row.d) for row in frames.model.dh) + norm(frames.flange_t_tool[9:]))
-
-
-def _rejected(cause: events.PlantEvent) -> TargetRejected:
-    return TargetRejected(cause.code, cause.text)

@@ -4,22 +4,18 @@ The parameter of a leg is its length in metre-equivalents: the larger of its tra
 times speed over rotation speed. At ``speed`` along it neither translation nor rotation is faster than asked for.
 """
 import math
-from typing import NamedTuple, Optional, Sequence, Tuple
+from typing import NamedTuple, Optional, Sequence
 
-from jaka_ros_driver.kinematics.rotations import Transform, rotation_angle_between, rotation_vector_from_matrix
+from jaka_ros_driver.kinematics.rotations import Transform, Vector3, rotation_angle_between
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import turned
+from jaka_ros_driver.simulation.arm.arm_frames import rotation_between, turned
 from jaka_ros_driver.simulation.arm.events import TargetRejected
-
-Vector3 = Tuple[float, float, float]
 
 _TINY = 1e-9
 
 
 class Pace(NamedTuple):
-    """How fast a leg is run: speed m/s, acceleration m/s2, rotation speed rad/s, rotation acceleration rad/s2; and
-    braking, m/s2, the tool's deceleration in a stop.
-    """
+    """How fast a leg is run, m/s, m/s2, rad/s, rad/s2; braking is the tool's deceleration in a stop, m/s2."""
 
     speed: float
     acceleration: float
@@ -74,23 +70,20 @@ class Line(Leg):
     def __init__(self, start: Transform, end: Transform, pace: Pace, line_id: int = 0, tolerance: float = 0.0,
                  rotation_vector: Optional[Vector3] = None) -> None:
         """rotation_vector: The rotation from start to end, rad (3,); None for the shortest one."""
-        shift = (end[9] - start[9], end[10] - start[10], end[11] - start[11])
+        shift = difference(end[9:], start[9:])
         turn = rotation_between(start, end) if rotation_vector is None else rotation_vector
         super().__init__(start, end, norm(shift), norm(turn), pace, line_id, tolerance)
         scale = 1.0 / self.length if self.length > 0.0 else 0.0
-        self.position_rate = (shift[0] * scale, shift[1] * scale, shift[2] * scale)
-        self.rotation_rate = (turn[0] * scale, turn[1] * scale, turn[2] * scale)
+        self.position_rate = scaled(shift, scale)
+        self.rotation_rate = scaled(turn, scale)
 
     def at(self, parameter: float) -> Transform:
         if parameter >= self.length:
             return self.end
-        x, y, z = self.position_rate
-        s = self.start
-        position = (s[9] + parameter * x, s[10] + parameter * y, s[11] + parameter * z)
+        position = along(self.start[9:], self.position_rate, parameter)
         if self.angle < 1e-12:
-            return (s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8]) + position
-        u, v, w = self.rotation_rate
-        return turned(s, (parameter * u, parameter * v, parameter * w), position)
+            return self.start[:9] + position
+        return turned(self.start, scaled(self.rotation_rate, parameter), position)
 
 
 class Arc(Leg):
@@ -113,9 +106,7 @@ class Arc(Leg):
             return self.end
         share = parameter / self.length
         c, s = math.cos(share * self._sweep), math.sin(share * self._sweep)
-        position = (self._centre[0] + c * self._arm[0] + s * self._across[0],
-                    self._centre[1] + c * self._arm[1] + s * self._across[1],
-                    self._centre[2] + c * self._arm[2] + s * self._across[2])
+        position = along(along(self._centre, self._arm, c), self._across, s)
         return turned(self.start, scaled(self._turn, share), position)
 
 
@@ -149,13 +140,10 @@ class Corner:
         share = 0.5 * (offset / self.half + 1.0)
         back = self.half * (1.0 - share) * (1.0 - share)
         ahead = self.half * share * share
-        b, a = self._before.position_rate, self._after.position_rate
-        corner = self._before.end
-        position = (corner[9] - back * b[0] + ahead * a[0], corner[10] - back * b[1] + ahead * a[1],
-                    corner[11] - back * b[2] + ahead * a[2])
-        u, v = self._before.rotation_rate, self._after.rotation_rate
-        entry = turned(corner, (-back * u[0], -back * u[1], -back * u[2]), position)
-        return turned(entry, (ahead * v[0], ahead * v[1], ahead * v[2]), position)
+        before, after = self._before, self._after
+        position = along(along(before.end[9:], before.position_rate, -back), after.position_rate, ahead)
+        entry = turned(before.end, scaled(before.rotation_rate, -back), position)
+        return turned(entry, scaled(after.rotation_rate, ahead), position)
 
 
 def corner_half(before: Leg, after: Leg) -> float:
@@ -195,10 +183,9 @@ def arc_through(start: Transform, via: Transform, end: Transform, turns: int, ci
         raise TargetRejected(events.TARGET_UNREACHABLE, "no circle through these three points")
     if turns < 0 or circle_mode not in (0, 1, 2, 3):
         raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "circle_cnt %d, circle_mode %d" % (turns, circle_mode))
-    normal = (plane[0] / area, plane[1] / area, plane[2] / area)
+    normal = scaled(plane, 1.0 / area)
     to_centre = cross(difference(scaled(ac, dot(ab, ab)), scaled(ab, dot(ac, ac))), plane)
-    centre = (a[0] + to_centre[0] / (2.0 * area * area), a[1] + to_centre[1] / (2.0 * area * area),
-              a[2] + to_centre[2] / (2.0 * area * area))
+    centre = along(a, to_centre, 0.5 / (area * area))
     arm = difference(a, centre)
     sweep = _angle_from(arm, difference(c, centre), normal) + math.tau * turns
     turn = scaled(normal, sweep) if circle_mode == 3 else rotation_between(start, end)
@@ -216,19 +203,9 @@ def _angle_from(arm: Vector3, other: Vector3, normal: Vector3) -> float:
     return math.atan2(dot(cross(arm, other), normal), dot(arm, other)) % math.tau
 
 
-def rotation_between(start: Transform, end: Transform) -> Vector3:
-    """The shortest rotation vector, about the axes of the base, that turns start's orientation into end's, rad."""
-    s00, s01, s02, s10, s11, s12, s20, s21, s22 = start[:9]
-    e00, e01, e02, e10, e11, e12, e20, e21, e22 = end[:9]
-    return rotation_vector_from_matrix((
-        e00 * s00 + e01 * s01 + e02 * s02, e00 * s10 + e01 * s11 + e02 * s12, e00 * s20 + e01 * s21 + e02 * s22,
-        e10 * s00 + e11 * s01 + e12 * s02, e10 * s10 + e11 * s11 + e12 * s12, e10 * s20 + e11 * s21 + e12 * s22,
-        e20 * s00 + e21 * s01 + e22 * s02, e20 * s10 + e21 * s11 + e22 * s12, e20 * s20 + e21 * s21 + e22 * s22))
-
-
 def norm(v: Sequence[float]) -> float:
     """Euclidean length."""
-    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    return math.hypot(*v)
 
 
 def dot(a: Sequence[float], b: Sequence[float]) -> float:
@@ -249,3 +226,8 @@ def difference(a: Sequence[float], b: Sequence[float]) -> Vector3:
 def scaled(v: Sequence[float], factor: float) -> Vector3:
     """v times factor."""
     return v[0] * factor, v[1] * factor, v[2] * factor
+
+
+def along(start: Sequence[float], direction: Sequence[float], way: float) -> Vector3:
+    """start plus way times direction."""
+    return start[0] + way * direction[0], start[1] + way * direction[1], start[2] + way * direction[2]

@@ -27,15 +27,15 @@ class MotionQueue:
     """Runs routes one after the other. A route that is told to stop slows down first; then the next one begins.
 
     Attributes:
-        jerk_limited: True where moves and jogs that are added from now on have a limited jerk.
+        jerk_limited: True where moves and jogs that are added from now on have a limited jerk, given ruckig.
         is_paused: True from ``pause`` until ``resume`` or the end of the queue.
         motion_line: ``executing_line_id`` of the move running or last run.
         fault: Set where the arm cannot go on along the running path; the owner then brings it to rest and calls
             ``clear``.
     """
 
-    def __init__(self, frames: ArmFrames, jerk_limited: bool) -> None:
-        self.jerk_limited = jerk_limited
+    def __init__(self, frames: ArmFrames) -> None:
+        self.jerk_limited = True
         self.is_paused = False
         self.motion_line = 0
         self.fault: Optional[PlantEvent] = None
@@ -78,11 +78,9 @@ class MotionQueue:
         self._enter(_Entry(route))
 
     def add_leg(self, leg: Leg, start_joints: Vector) -> None:
-        """Queue a Cartesian motion. The corner before it is rounded where the tolerance allows it and the arm is not
-        too near already.
+        """Queue a Cartesian motion; the corner before it is rounded where tolerance and the way left allow it.
 
-        Raises:
-            TargetRejected: A jog runs, the queue is full, or the path breaks off where it begins.
+        Raises TargetRejected where a jog runs, the queue is full, or the path breaks off where it begins.
         """
         self._check_room()
         if self._waiting:
@@ -96,7 +94,7 @@ class MotionQueue:
                 return
         route = CartesianRoute(self._frames, leg, start_joints)
         if route.break_event is not None and route.length < 1e-6:
-            raise TargetRejected(*_of_move(route.break_event)[:2])
+            raise TargetRejected(_of_move(route.break_event))
         self._enter(_Entry(route))
 
     @property
@@ -129,7 +127,6 @@ class MotionQueue:
         self.is_paused = self.length > 0
 
     def resume(self) -> None:
-        """Continue after ``pause``."""
         self.is_paused = False
 
     def stop(self) -> None:
@@ -170,7 +167,7 @@ class MotionQueue:
         happened: List[PlantEvent] = []
         if broken is not None:
             self._waiting.clear()
-            happened.append(_of_jog(broken) if jog else _of_move(broken))
+            happened.append(events.of_jog(broken) if jog else _of_move(broken))
         if not self._waiting:
             self.is_paused = False
         return happened
@@ -198,10 +195,4 @@ class MotionQueue:
 
 def _of_move(cause: PlantEvent) -> PlantEvent:
     """The event that a planned move reports where its path ends for this cause."""
-    singular = cause.code == events.SINGULARITY
-    return events.event(events.SINGULARITY_PROTECTIVE_STOP if singular else events.LINEAR_MOVE_FAILED)
-
-
-def _of_jog(cause: PlantEvent) -> PlantEvent:
-    """The event that a jog reports where its path, or a joint's range, ends for this cause."""
-    return cause if cause.joint is None else events.jog_beyond_limit(cause.joint, cause.code & 0xFF == 0x31)
+    return events.SINGULARITY_PROTECTIVE_STOP if cause == events.SINGULARITY else events.LINEAR_MOVE_FAILED

@@ -95,7 +95,7 @@ class PathScan:
         middle = self._joints_of(self._at(begin + 0.5 * width), start)
         last = self._joints_of(self._at(end), middle) if middle is not None else None
         if middle is None or last is None:
-            problem: Optional[PlantEvent] = events.event(events.TARGET_UNREACHABLE)
+            problem: Optional[PlantEvent] = events.TARGET_UNREACHABLE
         else:
             problem = self._outside(middle) or self._outside(last)
         if problem is not None:
@@ -110,7 +110,7 @@ class PathScan:
             return self._walk(begin, begin + 0.5 * width) and self._walk(begin + 0.5 * width, end)
         stretch = self._limited(start, middle, last, width)
         if stretch.speed < self._slowest:
-            self.broken = Break(begin, events.event(events.SINGULARITY))
+            self.broken = Break(begin, events.SINGULARITY)
             return False
         self.stretches.append(stretch)
         self._starts.append(start)

@@ -1,13 +1,4 @@
-"""The simulated arm: where its joints are over time. No sockets, threads, clock or wire units; SI throughout.
-
-Which module does what:
-
-moves, legs, routes, path_scan   a move's numbers, its geometry, its limits along the way
-profiles, follower               progress along a route over time
-motion_queue, jog                what runs now and next
-servo, servo_filters             streaming
-hand_guiding, coasting           pushed by hand; coming to rest
-"""
+"""The simulated arm: where its joints are over time. No sockets, threads, clock or wire units; SI throughout."""
 import math
 from typing import Dict, List, Optional, Sequence, Tuple
 
@@ -20,7 +11,7 @@ from jaka_ros_driver.simulation.arm.coasting import Coast
 from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
 from jaka_ros_driver.simulation.arm.hand_guiding import HandGuiding
 from jaka_ros_driver.simulation.arm.jog import JogMode, jog_route
-from jaka_ros_driver.simulation.arm.legs import Leg, Line, arc_through
+from jaka_ros_driver.simulation.arm.legs import Line, arc_through
 from jaka_ros_driver.simulation.arm.limit_watch import NEAR_LIMIT, LimitWatch
 from jaka_ros_driver.simulation.arm.motion_queue import MotionQueue
 from jaka_ros_driver.simulation.arm.moves import DEFAULT_JOINT_ACCELERATION, positive, same_pose, tool_pace, tool_rate
@@ -45,79 +36,68 @@ class Plant:
 
     Attributes:
         queue: The accepted moves and the jog; pauses, resumes and ends them along their paths.
+        joint_position: Measured joint angles, rad (6,); the commanded ones, too, because the drives are ideal.
+        joint_velocity: Mean over the last cycle, rad/s (6,).
+        rapid_rate: Speed override in force, 0 to 1.
+        settle_time: How long is_in_position stays False at least after a move was accepted, s. With the period of the
+            status feed, the first frame after the acceptance shows it.
+        add_error_line: ``executing_line_id`` of the last move not queued because its target is the end of the queue; 0
+            for none. The next move that is queued clears it: ids restart at 2 in every client (docs/sdk-client.md
+            section 1, point 7).
     """
 
     def __init__(self, model: ArmModel, joint_position: Sequence[float] = HOME, *,
-                 starvation: Starvation = Starvation.HOLD, settle_time: float = 0.04, jerk_limited: bool = True
-                 ) -> None:
-        """An arm at rest.
-
-        Args:
-            model: Geometry, joint limits and speeds.
-            joint_position: Where the arm stands at first, rad (6,).
-            starvation: What to do when a servo stream has no more points.
-            settle_time: How long is_in_position stays False at least after a move was accepted, s. With the period of
-                the status feed, the first frame after the acceptance shows it.
-            jerk_limited: Limit the jerk of moves and jogs, where ruckig is installed.
-        """
-        self.settle_time = settle_time
-        self.starvation = starvation
+                 starvation: Starvation = Starvation.HOLD) -> None:
+        """An arm at rest at these joints, rad (6,); starvation: what to do when a servo stream has no more points."""
+        self.settle_time = 0.04
+        self._starvation = starvation
         self._frames = ArmFrames(model)
-        self._joints: Vector = finite_six("joint_position", joint_position)
-        self._before = self._joints
+        self.joint_position: Vector = finite_six("joint_position", joint_position)
+        self._before = self.joint_position
         self._dt = CYCLE_TIME_S
-        self._velocity = _STILL
-        self.queue = MotionQueue(self._frames, jerk_limited)
+        self.joint_velocity = _STILL
+        self.queue = MotionQueue(self._frames)
         self._servo: Optional[ServoStream] = None
         self._guiding: Optional[HandGuiding] = None
         self._coast: Optional[Coast] = None
         self._filter_kind = ServoFilter.NONE
         self._filter_parameters: Dict[str, float] = {}
-        self._rapid_rate = 1.0
+        self.rapid_rate = 1.0
         self._unsettled = 0.0
-        self._add_error_line = 0
+        self.add_error_line = 0
         self._events: List[PlantEvent] = []
-        self._watch = LimitWatch(model, self._joints)
+        self._watch = LimitWatch(self._frames, self.joint_position)
         self._pose: Optional[Pose] = None
 
     # --- what can be seen -------------------------------------------------------------------------------------------
 
-    @property
-    def joint_position(self) -> Vector:
-        """Measured joint angles, rad (6,); the commanded ones, too, because the drives are ideal."""
-        return self._joints
-
-    @property
-    def joint_velocity(self) -> Vector:
-        """Mean joint velocity over the last cycle, rad/s (6,)."""
-        return self._velocity
-
     def tcp_pose(self) -> Pose:
         """Measured pose of the active tool in the active user frame, m and rpy rad."""
         if self._pose is None:
-            self._pose = self._frames.pose_at(self._joints)
+            self._pose = self._frames.pose_at(self.joint_position)
         return self._pose
 
     @property
     def tcp_speed(self) -> float:
         """Speed of the tool centre point over the last cycle, m/s."""
-        if self._velocity is _STILL:
+        if self.joint_velocity is _STILL:
             return 0.0
-        return distance_between(self._frames.tool_at(self._before), self._frames.tool_at(self._joints)) / self._dt
+        before, now = self._frames.tool_at(self._before), self._frames.tool_at(self.joint_position)
+        return distance_between(before, now) / self._dt
 
     @property
     def is_in_position(self) -> bool:
         """True when nothing is queued, running or coasting and settle_time has passed since the last acceptance."""
         if self._unsettled > 0.0 or self._coast is not None or not self.queue.is_empty:
             return False
-        if self._guiding is None and self._velocity is not _STILL:
+        if self._guiding is None and self.joint_velocity is not _STILL:
             return False
         return self._servo is None or self._servo.is_idle
 
     @property
     def is_moving(self) -> bool:
         """True while any joint moves, for whatever reason."""
-        return self._velocity is not _STILL
+        return self.joint_velocity is not _STILL
 
     @property
     def is_servo_active(self) -> bool:
@@ -126,33 +106,17 @@ class Plant:
 
     @property
     def is_hand_guided(self) -> bool:
-        """True while hand guiding is on."""
         return self._guiding is not None
 
     @property
     def on_soft_limit(self) -> bool:
-        """True while a joint stands on a soft limit."""
-        return self._frames.joint_on_limit(self._joints) is not None
+        return self._frames.joint_on_limit(self.joint_position) is not None
 
     @property
     def near_limit(self) -> Tuple[bool, ...]:
         """For each joint, True close to a soft limit (feed field ``drag_near_limit``)."""
-        near = [joint for joint, _ in self._watch.near(self._joints)]
+        near = [joint for joint, _ in self._watch.near(self.joint_position)]
         return tuple(joint in near for joint in range(6))
-
-    @property
-    def rapid_rate(self) -> float:
-        """Speed override in force, 0 to 1."""
-        return self._rapid_rate
-
-    @property
-    def add_error_line(self) -> int:
-        """``executing_line_id`` of the last move not queued because its target is the end of the queue; 0 for none.
-
-        The next move that is queued clears it: ids restart at 2 in every client (docs/sdk-client.md section 1, point
-        7).
-        """
-        return self._add_error_line
 
     def take_events(self) -> List[PlantEvent]:
         """The events since the last call, oldest first."""
@@ -183,17 +147,14 @@ class Plant:
     # Each returns True when the move was queued, False when its target is where the queue ends (add_error_line then
     # holds its line_id), and raises TargetRejected for a target out of reach or outside limits, numbers that are
     # missing, surplus or not finite, speed or acceleration not above 0, and in servo mode, hand guiding or a jog.
+    # line_id is the ``executing_line_id`` of the wire.
 
     def add_joint_move(self, target: Sequence[float], speed: float, acceleration: Optional[float] = None,
-                       relative: bool = False, line_id: Optional[int] = None) -> bool:
+                       relative: bool = False, line_id: int = 0) -> bool:
         """Queue a synchronised joint motion (docs/controller-protocol.md section 5.2).
 
-        Args:
-            target: rad (6,); increments on the end of the queue where relative.
-            speed: Of the joint with the longest way, rad/s; cut to what every joint can do.
-            acceleration: rad/s2; None for the default, cut as speed.
-            relative: See target.
-            line_id: ``executing_line_id``.
+        target, rad (6,): increments on the end of the queue where relative. speed, rad/s, and acceleration, rad/s2: of
+        the joint with the longest way, cut to what every joint can do.
         """
         self._check_planned_mode()
         start = self._queue_end()
@@ -201,8 +162,7 @@ class Plant:
         end = tuple(a + b for a, b in zip(start, values)) if relative else values
         return self._queue_joint_motion(start, end, speed, acceleration, line_id)
 
-    def add_end_move(self, target: Pose, speed: float, acceleration: Optional[float] = None,
-                     line_id: Optional[int] = None) -> bool:
+    def add_end_move(self, target: Pose, speed: float, acceleration: Optional[float] = None, line_id: int = 0) -> bool:
         """Queue a joint motion to a pose in the user frame (docs/controller-protocol.md section 5.3); speed rad/s."""
         self._check_planned_mode()
         start = self._queue_end()
@@ -210,24 +170,16 @@ class Plant:
         return self._queue_joint_motion(start, end, speed, acceleration, line_id)
 
     def add_linear_move(self, target: Pose, speed: float, acceleration: Optional[float] = None, relative: bool = False,
-                        tolerance: Optional[float] = None, rotation_speed: Optional[float] = None,
-                        rotation_acceleration: Optional[float] = None, line_id: Optional[int] = None) -> bool:
-        """Queue a straight line of the active tool (docs/controller-protocol.md section 5.4.1).
+                        tolerance: float = 0.0, rotation_speed: Optional[float] = None,
+                        rotation_acceleration: Optional[float] = None, line_id: int = 0) -> bool:
+        """Queue a straight line of the tool (docs/controller-protocol.md section 5.4.1): m/s, m/s2, rad/s, rad/s2.
 
-        Args:
-            target: In the active user frame; where relative, position is added along the axes of the user frame and
-                the rotation turns about them.
-            speed: m/s.
-            acceleration: m/s2.
-            relative: See target.
-            tolerance: How far the rounded corner to the next line may leave the lines, m; None or 0 for a full stop.
-            rotation_speed: rad/s.
-            rotation_acceleration: rad/s2.
-            line_id: ``executing_line_id``.
+        target, in the active user frame: where relative, added along the axes of that frame and turned about them.
+        tolerance, m: how far the rounded corner to the next line may leave the lines; 0 for a full stop.
         """
         self._check_planned_mode()
         pace = tool_pace(self._frames.model, speed, acceleration, rotation_speed, rotation_acceleration)
-        if tolerance is not None and not 0.0 <= tolerance < math.inf:
+        if not 0.0 <= tolerance < math.inf:
             raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "tolerance must be finite and not below 0")
         joints = self._queue_end()
         start = self._frames.tool_at(joints)
@@ -235,14 +187,12 @@ class Plant:
         self._frames.reachable_joints(end, joints)
         if same_pose(start, end):
             return self._already_there(line_id)
-        self._queue_leg(Line(start, end, pace, line_id or 0, tolerance or 0.0), joints)
-        return True
+        self.queue.add_leg(Line(start, end, pace, line_id, tolerance), joints)
+        return self._accepted()
 
     def add_arc_move(self, via: Pose, target: Pose, speed: float, acceleration: Optional[float] = None,
-                     relative: bool = False, turns: int = 0, circle_mode: int = 0,
-                     line_id: Optional[int] = None) -> bool:
-        """Queue an arc from the end of the queue through via to target (docs/controller-protocol.md section 5.4.2);
-        m/s, m/s2.
+                     relative: bool = False, turns: int = 0, circle_mode: int = 0, line_id: int = 0) -> bool:
+        """Queue an arc from the queue's end by via to target (docs/controller-protocol.md section 5.4.2): m/s, m/s2.
 
         turns (``circle_cnt``): full circles before the arc. circle_mode: how the tool turns, see ``legs.arc_through``.
         """
@@ -255,10 +205,10 @@ class Plant:
         self._frames.reachable_joints(through, joints)
         if same_pose(start, end) and same_pose(start, through):
             return self._already_there(line_id)
-        arc = arc_through(start, through, end, turns, circle_mode, pace, line_id or 0)
+        arc = arc_through(start, through, end, turns, circle_mode, pace, line_id)
         self._frames.reachable_joints(arc.end, joints)
-        self._queue_leg(arc, joints)
-        return True
+        self.queue.add_leg(arc, joints)
+        return self._accepted()
 
     def stop(self) -> None:
         """Slow down along the path, empty the queue and end a jog; in servo mode drop the points and stop."""
@@ -283,7 +233,7 @@ class Plant:
         """Set the speed override, 0 to 1, also during a motion; raises TargetRejected for other values."""
         if not 0.0 <= rate <= 1.0:
             raise TargetRejected(events.BAD_SPEED, "rapid rate must be within 0 to 1")
-        self._rapid_rate = rate
+        self.rapid_rate = rate
 
     # --- jog --------------------------------------------------------------------------------------------------------
 
@@ -297,13 +247,8 @@ class Plant:
             velocity: rad/s or m/s.
             position: Step or target, rad or m; step and absolute only.
 
-        Returns:
-            False where it is ignored because another motion runs. A continuous jog that runs already gets the new
-                velocity.
-
-        Raises:
-            TargetRejected: A number is not finite or out of range, or the jog would leave the limits or the reach at
-                once.
+        Returns False where it is ignored because another motion runs; raises as ``jog_route``. A continuous jog that
+        runs already gets the new velocity.
         """
         self._check_planned_mode()
         key = (frame, axis, velocity > 0.0)
@@ -367,7 +312,7 @@ class Plant:
             raise TargetRejected(events.HAND_GUIDING_REFUSED_MOVING, "the arm moves or is in servo mode")
         if self.on_soft_limit:
             raise TargetRejected(events.HAND_GUIDING_ON_SOFT_LIMIT, "a joint is on its soft limit")
-        self._guiding = HandGuiding(self._frames.model, self._joints)
+        self._guiding = HandGuiding(self._frames.model, self.joint_position)
 
     def stop_hand_guiding(self) -> None:
         """End hand guiding; joints that move come to rest."""
@@ -388,14 +333,14 @@ class Plant:
         """Run one cycle of ``dt`` s."""
         self._unsettled -= dt
         joints = self._next_joints(dt)
-        if joints is None or joints == self._joints:
-            if self._velocity is not _STILL:
-                self._velocity, self._before, self._pose = _STILL, self._joints, None
+        if joints is None or joints == self.joint_position:
+            if self.joint_velocity is not _STILL:
+                self.joint_velocity, self._before, self._pose = _STILL, self.joint_position, None
             return
-        self._before, self._joints, self._dt, self._pose = self._joints, joints, dt, None
-        self._velocity = tuple([(b - a) / dt for a, b in zip(self._before, joints)])
+        self._before, self.joint_position, self._dt, self._pose = self.joint_position, joints, dt, None
+        self.joint_velocity = tuple([(b - a) / dt for a, b in zip(self._before, joints)])
         if self._servo is not None or self._guiding is not None or self.queue.is_jogging:
-            self._events += self._watch.look(self._joints)
+            self._events += self._watch.look(self.joint_position)
 
     def _next_joints(self, dt: float) -> Optional[Vector]:
         """The joints after this cycle; None where nothing drives them."""
@@ -408,7 +353,7 @@ class Plant:
             return self._guided(self._guiding, dt)
         if self._servo is not None:
             return self._streamed(self._servo, dt)
-        queued, happened = self.queue.step(dt, self._rapid_rate)
+        queued, happened = self.queue.step(dt, self.rapid_rate)
         self._events += happened
         if self.queue.fault is not None:
             self._come_to_rest()
@@ -419,7 +364,7 @@ class Plant:
     def _guided(self, guiding: HandGuiding, dt: float) -> Vector:
         joints = guiding.step(dt)
         if guiding.hit_limit is not None:
-            self._events += [events.on_soft_limit(*guiding.hit_limit), events.event(events.HAND_GUIDING_HIT_SOFT_LIMIT)]
+            self._events += [events.on_soft_limit(*guiding.hit_limit), events.HAND_GUIDING_HIT_SOFT_LIMIT]
             self._come_to_rest(joints, guiding.velocity)
             self._guiding = None
         return joints
@@ -427,27 +372,27 @@ class Plant:
     def _streamed(self, stream: ServoStream, dt: float) -> Vector:
         self._events += stream.step(dt)
         for joint, (before, after, limit) in enumerate(
-                zip(self._joints, stream.joints, self._frames.model.joint_max_speed)):
+                zip(self.joint_position, stream.joints, self._frames.model.joint_max_speed)):
             if abs(after - before) > limit * dt * 1.001:
                 self._events.append(events.overspeed(joint))
                 self.leave_servo()
-                return self._joints if self._coast is None else self._coast.step(dt)
+                return self.joint_position if self._coast is None else self._coast.step(dt)
         return stream.joints
 
     def _come_to_rest(self, joints: Optional[Vector] = None, velocity: Optional[Vector] = None) -> None:
         """Let the joints slow down from their present positions and speeds, unless they do so already."""
         if self._coast is None:
-            coast = Coast(self._frames.model, joints or self._joints, velocity or self._velocity)
+            coast = Coast(self._frames.model, joints or self.joint_position, velocity or self.joint_velocity)
             self._coast = None if coast.is_done else coast
 
     def _queue_end(self) -> Vector:
-        standing_at = self._joints if self._coast is None else self._coast.end_joints
+        standing_at = self.joint_position if self._coast is None else self._coast.end_joints
         return self.queue.end_joints(standing_at)
 
     def _new_stream(self) -> ServoStream:
         joints = self._queue_end()
         servo_filter = make_filter(self._filter_kind, self._filter_parameters, self._frames, joints)
-        return ServoStream(self._frames, joints, servo_filter, self.starvation)
+        return ServoStream(self._frames, joints, servo_filter, self._starvation)
 
     def _streaming(self) -> ServoStream:
         if self._servo is None:
@@ -459,7 +404,7 @@ class Plant:
             raise TargetRejected(events.NOT_ALLOWED_IN_MODE, "not in servo mode or hand guiding")
 
     def _queue_joint_motion(self, start: Vector, end: Vector, speed: float, acceleration: Optional[float],
-                            line_id: Optional[int]) -> bool:
+                            line_id: int) -> bool:
         top = positive("speed", speed, 0.0)
         strongest = positive("acceleration", acceleration, DEFAULT_JOINT_ACCELERATION)
         outside = self._frames.joint_outside(end)
@@ -471,18 +416,14 @@ class Plant:
         tool_top = self._frames.model.tcp_max_speed
         if tool_top is not None:
             top = min(top, tool_top / max(tool_rate(self._frames, start, end), 1e-9))
-        self.queue.add_joint_route(JointRoute(self._frames.model, start, end, top, strongest, line_id or 0))
-        self._accepted()
+        self.queue.add_joint_route(JointRoute(self._frames.model, start, end, top, strongest, line_id))
+        return self._accepted()
+
+    def _accepted(self) -> bool:
+        self._unsettled = self.settle_time
+        self.add_error_line = 0
         return True
 
-    def _queue_leg(self, leg: Leg, joints: Vector) -> None:
-        self.queue.add_leg(leg, joints)
-        self._accepted()
-
-    def _accepted(self) -> None:
-        self._unsettled = self.settle_time
-        self._add_error_line = 0
-
-    def _already_there(self, line_id: Optional[int]) -> bool:
-        self._add_error_line = line_id or 0
+    def _already_there(self, line_id: int) -> bool:
+        self.add_error_line = line_id
         return False

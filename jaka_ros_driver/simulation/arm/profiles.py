@@ -11,11 +11,9 @@ JERK_TIME_S = 0.05
 """s; with ruckig, the time in which acceleration builds up or fades. No vendor value exists."""
 
 try:
-    RUCKIG: Optional[Any] = importlib.import_module("ruckig")
+    RUCKIG: Any = importlib.import_module("ruckig")
 except ImportError:
     RUCKIG = None
-
-HAS_RUCKIG = RUCKIG is not None
 
 _REST_SPEED = 1e-9
 _STEEPER = 1.25
@@ -24,7 +22,7 @@ _STEEPER_TRIES = 16
 
 def jerk_time(jerk_limited: bool) -> float:
     """Time in which acceleration builds up, s; 0 where the profile is not jerk-limited."""
-    return JERK_TIME_S if jerk_limited and HAS_RUCKIG else 0.0
+    return JERK_TIME_S if jerk_limited and RUCKIG is not None else 0.0
 
 
 class Profile:
@@ -52,7 +50,6 @@ class Profile:
 
     @property
     def at_rest(self) -> bool:
-        """True while nothing moves."""
         return self.velocity == 0.0
 
     def aim(self, target: float, max_velocity: float, max_acceleration: float) -> None:
@@ -133,8 +130,6 @@ class Profile:
             self._rest_at(target)
 
     def _plan_to(self, target: float) -> None:
-        if RUCKIG is None:
-            return
         acceleration = self._max_acceleration
         for _ in range(_STEEPER_TRIES):
             plan = self._request(acceleration)
@@ -149,15 +144,12 @@ class Profile:
             acceleration *= _STEEPER
 
     def _plan_brake(self) -> None:
-        if RUCKIG is None:
-            return
         plan = self._request(self._max_acceleration)
         plan.control_interface = RUCKIG.ControlInterface.Velocity
         plan.target_velocity = [0.0]
         self._trajectory, self._elapsed, self._jerk = self._solve(plan), 0.0, plan.max_jerk[0]
 
     def _request(self, acceleration: float) -> Any:
-        assert RUCKIG is not None
         plan = RUCKIG.InputParameter(1)
         plan.current_position = [self.position]
         plan.current_velocity = [self.velocity]
@@ -170,14 +162,12 @@ class Profile:
 
     def _solve(self, plan: Any) -> Any:
         """The trajectory, or None where ruckig finds none; the trapezoid then takes over."""
-        assert RUCKIG is not None
         trajectory = RUCKIG.Trajectory(1)
         return trajectory if ruckig_solves(RUCKIG.Ruckig(1), plan, trajectory) else None
 
 
 def ruckig_solves(solver: Any, plan: Any, trajectory: Any) -> bool:
     """Let ruckig compute the trajectory of the plan; False where it fails, as with numbers of very different size."""
-    assert RUCKIG is not None
     try:
         return int(solver.calculate(plan, trajectory).value) >= 0
     except (RUCKIG.RuckigError, ValueError):  # ValueError: a result that its own enumeration lacks

@@ -3,6 +3,7 @@
 The parameter of a route grows from 0 to ``length``: rad of the joint with the longest way for joint motion,
 metre-equivalents (see ``legs``) for Cartesian motion.
 """
+import itertools
 import math
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
@@ -49,7 +50,8 @@ class Route:
 
     def stopping_acceleration(self, way: float, ahead: float) -> float:
         """The strongest deceleration that is allowed everywhere between ``way`` and ``way + ahead``."""
-        raise NotImplementedError
+        return min((stretch.braking for begin, stretch in zip(self._begins, self._stretches)
+                    if begin <= way + ahead and begin + stretch.way >= way), default=math.inf)
 
     def line_id_at(self, way: float) -> int:
         """``executing_line_id`` of the move to which this place belongs."""
@@ -94,11 +96,8 @@ class Route:
 
     def _set_stretches(self, stretches: Sequence[Stretch]) -> None:
         self._stretches = merged(stretches)
-        self._begins = []
-        begin = 0.0
-        for stretch in self._stretches:
-            self._begins.append(begin)
-            begin += stretch.way
+        ends = list(itertools.accumulate(stretch.way for stretch in self._stretches))
+        self._begins = [0.0, *ends[:-1]]
         self._entry_jerk_time = -1.0
         self._index = 0
 
@@ -126,9 +125,6 @@ class JointRoute(Route):
         if way >= self.length:
             return self.end_joints
         return tuple([a + way * rate for a, rate in zip(self.start_joints, self._rates)])
-
-    def stopping_acceleration(self, way: float, ahead: float) -> float:
-        return self._stretches[0].braking
 
     def line_id_at(self, way: float) -> int:
         return self._line_id
@@ -240,14 +236,6 @@ class CartesianRoute(Route):
 
     def joints_at(self, way: float, reference: Sequence[float]) -> Optional[Vector]:
         return self._joints_of(self.tool_at(way), reference)
-
-    def stopping_acceleration(self, way: float, ahead: float) -> float:
-        begin, weakest = 0.0, math.inf
-        for stretch in self._stretches:
-            if begin <= way + ahead and begin + stretch.way >= way:
-                weakest = min(weakest, stretch.braking)
-            begin += stretch.way
-        return weakest
 
     def line_id_at(self, way: float) -> int:
         return self._pieces[self._piece_at(way)].leg.line_id

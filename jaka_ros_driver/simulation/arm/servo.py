@@ -2,7 +2,7 @@
 import enum
 import math
 from collections import deque
-from typing import Deque, List, NamedTuple, Optional
+from typing import Deque, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.simulation.arm import events
@@ -43,19 +43,18 @@ class ServoStream:
 
     Attributes:
         joints: Commanded, rad (6,).
-        starvation: What happens when the points run out.
     """
 
     def __init__(self, frames: ArmFrames, joints: Vector, servo_filter: Filter, starvation: Starvation) -> None:
         self.joints = joints
-        self.starvation = starvation
+        self._starvation = starvation
         self._frames, self._filter = frames, servo_filter
         self._points: Deque[_Point] = deque()
         self._target = joints  # interpolated, before the filter
         self._end = joints  # of the last point taken
         self._elapsed = 0.0
         self._increment: Vector = (0.0,) * 6
-        self._clamped: Optional[int] = None
+        self._clamped: Optional[Tuple[int, bool]] = None
 
     @property
     def is_idle(self) -> bool:
@@ -86,7 +85,7 @@ class ServoStream:
         outside = self._frames.joint_outside(end)
         if outside is not None:
             cause = events.on_soft_limit(*outside)
-            raise TargetRejected(cause.code, "servo point: " + cause.text)
+            raise TargetRejected(cause, "servo point: " + cause.text)
         duration = cycles * CYCLE_TIME_S
         longest = max(abs(b - a) for a, b in zip(self._end, end))
         if longest > MAX_STEP_SPEED * duration * (1.0 + 1e-9) or len(self._points) >= MAX_POINTS:
@@ -101,7 +100,7 @@ class ServoStream:
             before = self._target
             self._interpolate(dt)
             self._increment = tuple(b - a for a, b in zip(before, self._target))
-        elif self.starvation is Starvation.REPEAT:
+        elif self._starvation is Starvation.REPEAT:
             self._repeat()
         filtered = self._filter.step(self._target, dt)
         self.joints = self._within_limits(filtered)
@@ -132,8 +131,7 @@ class ServoStream:
 
     def _limit_events(self) -> List[PlantEvent]:
         reached = self._frames.joint_on_limit(self.joints)
-        joint = None if reached is None else reached[0]
-        if joint == self._clamped:
+        if reached == self._clamped:
             return []
-        self._clamped = joint
+        self._clamped = reached
         return [] if reached is None else [events.on_soft_limit(*reached)]

@@ -19,9 +19,8 @@ from typing import Any, Deque, Dict, List, Sequence, Tuple
 
 from jaka_ros_driver.kinematics.rotations import Transform
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, turned
+from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, rotation_between, turned
 from jaka_ros_driver.simulation.arm.events import TargetRejected
-from jaka_ros_driver.simulation.arm.legs import rotation_between
 from jaka_ros_driver.simulation.arm.profiles import RUCKIG, ruckig_solves
 from jaka_ros_driver.state import Vector
 
@@ -154,15 +153,14 @@ class CartesianLimits(Filter):
 class Tracker:
     """Several coordinates, each of which follows its target within the same limits of speed, acceleration and jerk."""
 
-    def __init__(self, positions: Sequence[float], limits: Tuple[float, float, float], jerk_limited: bool = True
-                 ) -> None:
+    def __init__(self, positions: Sequence[float], limits: Tuple[float, float, float]) -> None:
         """limits: speed, acceleration, jerk in the unit of the coordinates per s, s2, s3."""
         self._position = list(positions)
         self._velocity = [0.0] * len(self._position)
         self._acceleration = [0.0] * len(self._position)
         self._speed_limit, self._acceleration_limit, jerk = limits
         self._plan: Any = None
-        if RUCKIG is not None and jerk_limited:
+        if RUCKIG is not None:
             size = len(self._position)
             self._solver, self._trajectory = RUCKIG.Ruckig(size), RUCKIG.Trajectory(size)
             self._plan = RUCKIG.InputParameter(size)
@@ -213,11 +211,9 @@ def make_filter(kind: ServoFilter, parameters: Dict[str, float], frames: ArmFram
         return LowPass(joints, p["lpf_cf"])
     if kind == ServoFilter.JOINT_LIMITS:
         return JointLimits(joints, (p["nlf_max_vr"], p["nlf_max_ar"], p["nlf_max_jr"]))
-    if kind == ServoFilter.JOINT_MEAN:
-        return Mean(joints, int(p["mmf_max_buf"]), p["mmf_kp"], p["mmf_kv"], p["mmf_ka"])
+    if kind in (ServoFilter.JOINT_MEAN, ServoFilter.FORESIGHT):
+        return Mean(joints, int(p["mmf_max_buf"]), p["mmf_kp"], p.get("mmf_kv", 1.0), p.get("mmf_ka", 0.0))
     if kind == ServoFilter.CARTESIAN_LIMITS:
         return CartesianLimits(joints, frames, (p["nlf_max_vp"], p["nlf_max_ap"], p["nlf_max_jp"]),
                                (p["nlf_max_vr"], p["nlf_max_ar"], p["nlf_max_jr"]))
-    if kind == ServoFilter.FORESIGHT:
-        return Mean(joints, int(p["mmf_max_buf"]), p["mmf_kp"], 1.0, 0.0)
     return Filter(joints)

@@ -1,5 +1,4 @@
-"""Takes typed parameters out of a request. A missing or mistyped one raises BadParameter (docs/controller-protocol.md
-section 4.3, code 1).
+"""Takes typed parameters out of a request; others raise BadParameter (docs/controller-protocol.md section 4.3, code 1).
 
 Keys that nobody asks for are ignored (docs/controller-protocol.md section 2).
 """
@@ -23,7 +22,6 @@ class Arguments:
         self._request = request
 
     def has(self, key: str) -> bool:
-        """True where the request has the key."""
         return key in self._request
 
     def number(self, key: str, default: Optional[float] = None) -> float:

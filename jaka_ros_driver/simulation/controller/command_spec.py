@@ -1,6 +1,6 @@
 """One row of the command table."""
 import enum
-from typing import Any, Callable, Dict, NamedTuple, Optional, Union
+from typing import Callable, NamedTuple, Optional, Union
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
@@ -23,7 +23,7 @@ class Then(enum.Enum):
     SHUT_DOWN = "turn the cabinet off"
 
 
-Handler = Callable[[ControllerState, Arguments], Union[None, Dict[str, Any], Held]]
+Handler = Callable[[ControllerState, Arguments], Union[None, Reply, Held]]
 
 
 class CommandSpec(NamedTuple):
@@ -33,8 +33,8 @@ class CommandSpec(NamedTuple):
         name: ``cmdName``.
         section: Where it is described: a section of docs/controller-protocol.md, or "sdk-client.md" and a section of
             docs/sdk-client.md; ``SIMULATED_ONLY`` where no real controller knows it.
-        handler: Carries it out and returns the fields of the reply; raises Refused, BadParameter or TargetRejected,
-            which is answered as ``Refused()``.
+        handler: Carries it out and returns the fields of the reply; raises Refused or BadParameter, or
+            TargetRejected or InvalidCommand, which are answered as ``Refused()``.
         modern_only: True where firmware 1.5.14 does not know it.
         then: What follows the reply.
     """
@@ -46,16 +46,8 @@ class CommandSpec(NamedTuple):
     then: Then = Then.NOTHING
 
 
-def plain(action: Callable[[ControllerState], None]) -> Handler:
-    """Make a handler of an action that takes no parameters and has no fields for the reply."""
+def plain(act: Callable[[ControllerState], Optional[Reply]]) -> Handler:
+    """Make a handler of a function that takes no parameters; it returns the fields of the reply, None for none."""
     def handle(state: ControllerState, _arguments: Arguments) -> Optional[Reply]:
-        action(state)
-        return None
-    return handle
-
-
-def query(answer: Callable[[ControllerState], Reply]) -> Handler:
-    """Make a handler of a function that takes no parameters and returns the fields of the reply."""
-    def handle(state: ControllerState, _arguments: Arguments) -> Optional[Reply]:
-        return answer(state)
+        return act(state)
     return handle

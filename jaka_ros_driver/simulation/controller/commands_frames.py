@@ -2,11 +2,11 @@
 from typing import Callable, List, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, query
+from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Frame, FrameTable, Memory, Payload
+from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, FrameTable, Memory, Payload
 from jaka_ros_driver.simulation.controller.replies import Refused, Reply
-from jaka_ros_driver.simulation.controller.wire_units import QUERY_DECIMALS, pose_from_wire, pose_to_wire, rounded
+from jaka_ros_driver.simulation.controller.wire_units import pose_from_wire, pose_to_wire, rounded
 from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m
 
 MAX_COLLISION_LEVEL = 5
@@ -24,17 +24,17 @@ def _set_offsets(table_of: Callable[[Memory], FrameTable], *keys: str) -> Handle
         if frame_id == table.active:
             state.require_standstill()
         pose = pose_from_wire(arguments.vector(arguments.first_of(*keys), 6))
-        name = arguments.text("name", "")
+        arguments.text("name", "")  # checked only: no query returns it
         if not 1 <= frame_id < FRAME_COUNT:
             raise Refused()
-        table.frames[frame_id] = Frame(pose, name)
+        table.frames[frame_id] = pose
         if frame_id == table.active:
             state.apply_frames()
     return handle
 
 
 def _offsets(table: FrameTable) -> List[List[float]]:
-    return [pose_to_wire(frame.pose, QUERY_DECIMALS) for frame in table.frames]
+    return [pose_to_wire(pose) for pose in table.frames]
 
 
 def _set_load(payload_of: str) -> Handler:
@@ -47,7 +47,7 @@ def _set_load(payload_of: str) -> Handler:
 
 
 def _load(payload: Payload) -> Reply:
-    return {"mass": payload.mass, "centroid": rounded(all_m_to_mm(payload.centroid), QUERY_DECIMALS)}
+    return {"mass": payload.mass, "centroid": rounded(all_m_to_mm(payload.centroid))}
 
 
 def _set_sensitivity(state: ControllerState, arguments: Arguments) -> None:
@@ -66,23 +66,23 @@ def _sensitivity(state: ControllerState) -> Reply:
 
 FRAME_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("set_tool_offsets", "5.7", _set_offsets(lambda memory: memory.tools, "tooloffset")),
-    CommandSpec("get_tool_offsets", "sdk-client.md 6", query(
+    CommandSpec("get_tool_offsets", "sdk-client.md 6", plain(
         lambda state: {"tool_offsets": _offsets(state.memory.tools)})),
     CommandSpec("set_tool_id", "5.7", lambda state, arguments: state.select_frame(
         state.memory.tools, arguments.integer("tool_id"))),
-    CommandSpec("get_curr_tool_id", "5.7", query(lambda state: {"id": state.memory.tools.active})),
+    CommandSpec("get_curr_tool_id", "5.7", plain(lambda state: {"id": state.memory.tools.active})),
     # The maker's key is misspelt userffset; some clients send useroffset (docs/controller-protocol.md section 5.7).
     CommandSpec("set_user_offsets", "5.7", _set_offsets(
         lambda memory: memory.user_frames, "userffset", "useroffset")),
-    CommandSpec("get_user_offsets", "sdk-client.md 6", query(
+    CommandSpec("get_user_offsets", "sdk-client.md 6", plain(
         lambda state: {"user_offsets": _offsets(state.memory.user_frames)})),
     CommandSpec("set_user_id", "5.7", lambda state, arguments: state.select_frame(
         state.memory.user_frames, arguments.integer("user_frame_id"))),
-    CommandSpec("get_curr_user_id", "5.7", query(lambda state: {"id": state.memory.user_frames.active})),
+    CommandSpec("get_curr_user_id", "5.7", plain(lambda state: {"id": state.memory.user_frames.active})),
     CommandSpec("set_payload", "5.7", _set_load("payload")),
-    CommandSpec("get_payload", "5.7", query(lambda state: _load(state.memory.payload))),
+    CommandSpec("get_payload", "5.7", plain(lambda state: _load(state.memory.payload))),
     CommandSpec("set_tool_payload", "5.7", _set_load("sensor_payload")),
-    CommandSpec("get_tool_payload", "sdk-client.md 8", query(lambda state: _load(state.memory.sensor_payload))),
+    CommandSpec("get_tool_payload", "sdk-client.md 8", plain(lambda state: _load(state.memory.sensor_payload))),
     CommandSpec("set_clsn_sensitivity", "5.9", _set_sensitivity),
-    CommandSpec("get_clsn_sensitivity", "5.9", query(_sensitivity)),
+    CommandSpec("get_clsn_sensitivity", "5.9", plain(_sensitivity)),
 )

@@ -5,7 +5,7 @@ from jaka_ros_driver.commands import JogFrame
 from jaka_ros_driver.simulation.arm.plant import JogMode, ServoFilter
 from jaka_ros_driver.simulation.arm.servo_filters import PARAMETERS
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain, query
+from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import SERVO_ONLY, Refused, Reply
 from jaka_ros_driver.simulation.controller.wire_units import pose_from_wire
@@ -27,10 +27,6 @@ def _move(command: str, queue: Callable[[ControllerState, Arguments], bool]) -> 
     return handle
 
 
-def _optional(arguments: Arguments, key: str, to_si: Callable[[float], float]) -> Optional[float]:
-    return to_si(arguments.number(key)) if arguments.has(key) else None
-
-
 def _rate(arguments: Arguments, key: str) -> float:
     """A speed or acceleration; its sign is not checked here."""
     rate = arguments.number(key)
@@ -43,8 +39,8 @@ def _optional_rate(arguments: Arguments, key: str, to_si: Callable[[float], floa
     return to_si(_rate(arguments, key)) if arguments.has(key) else None
 
 
-def _line(arguments: Arguments) -> Optional[int]:
-    return arguments.integer("executing_line_id") if arguments.has("executing_line_id") else None
+def _line(arguments: Arguments) -> int:
+    return arguments.integer("executing_line_id", 0)
 
 
 def _joint_move(state: ControllerState, arguments: Arguments) -> bool:
@@ -64,7 +60,7 @@ def _linear_move(state: ControllerState, arguments: Arguments) -> bool:
     return state.plant.add_linear_move(
         pose_from_wire(arguments.vector("cartPosition", 6)), mm_to_m(_rate(arguments, "speed")),
         _optional_rate(arguments, "accel", mm_to_m), arguments.flag("relFlag", False),
-        _optional(arguments, "tol", mm_to_m), _optional_rate(arguments, "ori_vel", deg_to_rad),
+        mm_to_m(arguments.number("tol", 0.0)), _optional_rate(arguments, "ori_vel", deg_to_rad),
         _optional_rate(arguments, "ori_acc", deg_to_rad), _line(arguments))
 
 
@@ -179,20 +175,20 @@ MOTION_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("pause_program", "5.4.5", plain(ControllerState.pause)),
     CommandSpec("resume_program", "5.4.5", plain(ControllerState.resume)),
     CommandSpec("wait_complete", "5.4.6", lambda state, arguments: Held(lambda: state.plant.is_in_position)),
-    CommandSpec("get_motion_state", "5.4.7", query(_motion_state)),
+    CommandSpec("get_motion_state", "5.4.7", plain(_motion_state)),
     CommandSpec("jog", "5.5", _jog),
     CommandSpec("servo_move", "5.6.1", _servo_move),
-    CommandSpec("is_in_servomove", "5.6.2", query(lambda state: {"in_servomove": state.plant.is_servo_active})),
+    CommandSpec("is_in_servomove", "5.6.2", plain(lambda state: {"in_servomove": state.plant.is_servo_active})),
     CommandSpec("servo_j", "5.6.3", _servo_point("servoj", _servo_joint)),
     CommandSpec("servo_p", "5.6.4", _servo_point("servop", _servo_pose)),
     CommandSpec("set_servo_move_filter", "5.6.6", _set_servo_filter),
     CommandSpec("torque_control_enable", "5.8", lambda state, arguments: state.set_hand_guiding(
         arguments.flag("enable_flag"))),
     CommandSpec("torque_feedforward", "5.8", _torque_feedforward),
-    CommandSpec("drag_status", "5.8", query(_drag_status)),
-    CommandSpec("get_drag_status", "5.8", query(_drag_status)),
+    CommandSpec("drag_status", "5.8", plain(_drag_status)),
+    CommandSpec("get_drag_status", "5.8", plain(_drag_status)),
     CommandSpec("rapid_rate", "5.10", lambda state, arguments: state.plant.set_rapid_rate(
         round(arguments.number("rate_value"), _RAPID_RATE_DECIMALS))),
-    CommandSpec("get_rapid_rate", "5.10", query(lambda state: {
+    CommandSpec("get_rapid_rate", "5.10", plain(lambda state: {
         "rapid_rate": state.plant.rapid_rate, "rate_value": state.plant.rapid_rate})),
 )

@@ -2,7 +2,7 @@
 from typing import Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, query
+from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState, ProgramState
 from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused, Reply
 from jaka_ros_driver.simulation.controller.status_frame import StatusFrame, all_field_names
@@ -83,18 +83,18 @@ def _get_optional_info(state: ControllerState, arguments: Arguments) -> Reply:
 
 PROGRAM_COMMANDS: Tuple[CommandSpec, ...] = (
     # The whole status frame; len becomes the size of the reply.
-    CommandSpec("get_data", "5.13", query(lambda state: {"len": 0, **StatusFrame(state).fields()})),
+    CommandSpec("get_data", "5.13", plain(lambda state: {"len": 0, **StatusFrame(state).fields()})),
     CommandSpec("load_program", "5.14", _load),
-    CommandSpec("get_loaded_program", "5.14", query(lambda state: {"programName": state.memory.program_name})),
+    CommandSpec("get_loaded_program", "5.14", plain(lambda state: {"programName": state.memory.program_name})),
     CommandSpec("play_program", "5.14", _play),
-    CommandSpec("get_program_state", "5.14", query(
+    CommandSpec("get_program_state", "5.14", plain(
         lambda state: {"programState": state.program_state.name.lower()})),
-    CommandSpec("get_current_line", "sdk-client.md 6", query(
+    CommandSpec("get_current_line", "sdk-client.md 6", plain(
         lambda state: {"current_line": int(state.program_state is not ProgramState.IDLE)})),
-    CommandSpec("query_user_defined_variable", "5.14", query(_variables)),
+    CommandSpec("query_user_defined_variable", "5.14", plain(_variables)),
     CommandSpec("modify_user_defined_variable", "5.14", _modify_variable),
     CommandSpec("set_port10000_delay_ms", "6.1", lambda state, arguments: _set_delay(state, arguments.integer(_DELAY))),
-    CommandSpec("get_port10000_delay_ms", "6.1", query(
+    CommandSpec("get_port10000_delay_ms", "6.1", plain(
         lambda state: {_DELAY: int(round(s_to_ms(state.asked_feed_period)))})),
     CommandSpec("setOptionalInfoConfig", "6.1", _set_optional_info),
     CommandSpec("getOptionalInfoConfig", "6.1", _get_optional_info),

@@ -6,11 +6,10 @@ Where the keys of a reply are not known, the setter's keys are used; the SDK rea
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, query
+from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused, Reply
 
-_MAX_INDEX = 63
 _MAX_SIGNALS = 8
 _MAX_TRAJECTORIES = 64
 
@@ -53,7 +52,8 @@ class _Setting(NamedTuple):
         getter: Name of the command that returns; "" for none.
         section: Where both are described.
         keys: The parameters that are stored.
-        selector: Key that chooses one of several sets of values; "" where there is only one.
+        selector: Key that chooses one of several sets of values, from 0; "" where there is only one.
+        places: How many such sets there are at most.
     """
 
     setter: str
@@ -61,8 +61,10 @@ class _Setting(NamedTuple):
     section: str
     keys: Tuple[_Key, ...]
     selector: str = ""
+    places: int = 64
 
 
+_ADMITTANCE_KEYS = ("opt", "ftUser", "ftConstant", "ftNnormalTrack", "ftReboundFK")
 _SETTINGS: Tuple[_Setting, ...] = (
     _Setting("set_tio_vout_param", "get_tio_vout_param", "5.11",
              (_Key("tio_vout_ena", 0, 0, 1), _Key("tio_vout_vol", 0, 0, 1))),
@@ -89,26 +91,28 @@ _SETTINGS: Tuple[_Setting, ...] = (
     _Setting("set_vel_compliant_ctrl", "", "sdk-client.md 8", (_Key("compliant_ctrl", (0.0,) * 5),)),
     _Setting("set_compliance_condition", "", "sdk-client.md 8", (_Key("compliant_condition", (0.0,) * 6),)),
     _Setting("send_tio_rs_command", "", "5.11", ()),
+    _Setting("set_admit_ctrl_config", "", "sdk-client.md 8", tuple(_Key(name, 0.0) for name in _ADMITTANCE_KEYS),
+             "axis", 6),
 )
 
 
-def _place(arguments: Arguments, selector: str) -> int:
-    place = arguments.integer(selector) if selector else 0
-    if not 0 <= place <= _MAX_INDEX:
+def _place(arguments: Arguments, setting: _Setting) -> int:
+    place = arguments.integer(setting.selector) if setting.selector else 0
+    if not 0 <= place < setting.places:
         raise Refused()
     return place
 
 
 def _setter(setting: _Setting) -> Handler:
     def handle(state: ControllerState, arguments: Arguments) -> None:
-        place = _place(arguments, setting.selector)
+        place = _place(arguments, setting)
         state.memory.settings[setting.setter, place] = {key.name: key.read(arguments) for key in setting.keys}
     return handle
 
 
 def _getter(setting: _Setting) -> Handler:
     def handle(state: ControllerState, arguments: Arguments) -> Reply:
-        place = _place(arguments, setting.selector)
+        place = _place(arguments, setting)
         stored = state.memory.settings.get((setting.setter, place), {})
         reply: Dict[str, Any] = {setting.selector: place} if setting.selector else {}
         reply.update((key.name, stored.get(key.name, key.default)) for key in setting.keys)
@@ -126,7 +130,6 @@ def _rows() -> List[CommandSpec]:
 
 
 _SOFT_LIMIT_KEYS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-_ADMITTANCE_KEYS = ("opt", "ftUser", "ftConstant", "ftNnormalTrack", "ftReboundFK")
 
 
 def _set_soft_limit(state: ControllerState, arguments: Arguments) -> None:
@@ -140,14 +143,6 @@ def _set_soft_limit(state: ControllerState, arguments: Arguments) -> None:
 def _soft_limit(state: ControllerState) -> Reply:
     zeros = dict.fromkeys(_SOFT_LIMIT_KEYS, 0.0)
     return {"torqueSensorSoftLimit": state.memory.settings.get(("set_torque_sensor_soft_limit", 0), zeros)}
-
-
-def _set_admittance(state: ControllerState, arguments: Arguments) -> None:
-    axis = arguments.integer("axis")
-    if not 0 <= axis < 6:
-        raise Refused()
-    values = {key: arguments.number(key) for key in _ADMITTANCE_KEYS}
-    state.memory.settings["set_admit_ctrl_config", axis] = values
 
 
 def _admittance(state: ControllerState) -> Reply:
@@ -212,23 +207,22 @@ def _identify_payload(state: ControllerState, arguments: Arguments) -> None:
 SETTING_COMMANDS: Tuple[CommandSpec, ...] = (
     *_rows(),
     CommandSpec("set_torque_sensor_soft_limit", "sdk-client.md 8", _set_soft_limit),
-    CommandSpec("get_torque_sensor_soft_limit", "sdk-client.md 8", query(_soft_limit)),
-    CommandSpec("set_admit_ctrl_config", "sdk-client.md 8", _set_admittance),
-    CommandSpec("get_admit_ctrl_config", "sdk-client.md 8", query(_admittance)),
+    CommandSpec("get_torque_sensor_soft_limit", "sdk-client.md 8", plain(_soft_limit)),
+    CommandSpec("get_admit_ctrl_config", "sdk-client.md 8", plain(_admittance)),
     CommandSpec("add_tio_rs_signal", "5.11", _add_signal),
     CommandSpec("del_tio_rs_signal", "5.11", _delete_signal),
-    CommandSpec("get_rs485_signal_list", "5.11", query(_signals)),
-    CommandSpec("get_tio_signals", "5.11", query(_signals)),
+    CommandSpec("get_rs485_signal_list", "5.11", plain(_signals)),
+    CommandSpec("get_tio_signals", "5.11", plain(_signals)),
     CommandSpec("set_traj_sample_mode", "sdk-client.md 8", _sample_mode),
-    CommandSpec("get_traj_sample_status", "sdk-client.md 8", query(
+    CommandSpec("get_traj_sample_status", "sdk-client.md 8", plain(
         lambda state: {"sampleStatus": state.memory.settings.get(("set_traj_sample_mode", 0), {}).get("mode", 0)})),
-    CommandSpec("get_exist_traj_file_name", "sdk-client.md 8", query(
+    CommandSpec("get_exist_traj_file_name", "sdk-client.md 8", plain(
         lambda state: {"trajFileName": list(_names(state, "trajectories"))})),
     CommandSpec("rename_traj_file_name", "sdk-client.md 8", _rename_trajectory),
     CommandSpec("remove_traj_file", "sdk-client.md 8", _with_file(lambda files, name: files.pop(name, None))),
     CommandSpec("generate_traj_exe_file", "sdk-client.md 8", _with_file(lambda files, name: None)),
     CommandSpec("start_torq_sensor_payload_identify", "sdk-client.md 8", _identify_payload),
-    CommandSpec("get_torq_sensor_identify_staus", "sdk-client.md 8", query(lambda state: {"identify_status": 0})),
-    CommandSpec("get_torq_sensor_payload_identify_result", "sdk-client.md 8", query(
+    CommandSpec("get_torq_sensor_identify_staus", "sdk-client.md 8", plain(lambda state: {"identify_status": 0})),
+    CommandSpec("get_torq_sensor_payload_identify_result", "sdk-client.md 8", plain(
         lambda state: {"mass": 0.0, "centroid": [0.0, 0.0, 0.0]})),
 )

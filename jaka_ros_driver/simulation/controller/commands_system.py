@@ -4,17 +4,11 @@ from typing import Tuple
 
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import SIMULATED_ONLY, CommandSpec, Handler, Then, plain, query
+from jaka_ros_driver.simulation.controller.command_spec import SIMULATED_ONLY, CommandSpec, Handler, Then, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState, LinkLoss
 from jaka_ros_driver.simulation.controller.replies import Refused, Reply
 from jaka_ros_driver.simulation.controller.status_frame import errcode_text
-from jaka_ros_driver.simulation.controller.wire_units import (
-    QUERY_DECIMALS,
-    joints_to_wire,
-    pose_from_wire,
-    pose_to_wire,
-    rounded,
-)
+from jaka_ros_driver.simulation.controller.wire_units import joints_to_wire, pose_from_wire, pose_to_wire, rounded
 from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, m_to_mm, ms_to_s, rad_to_deg
 
 
@@ -43,7 +37,7 @@ def _installation_angle(state: ControllerState) -> Reply:
     about_x, about_z = state.memory.installation_angles
     cx, sx = math.cos(deg_to_rad(about_x) / 2.0), math.sin(deg_to_rad(about_x) / 2.0)
     cz, sz = math.cos(deg_to_rad(about_z) / 2.0), math.sin(deg_to_rad(about_z) / 2.0)
-    quaternion = rounded((cz * cx, cz * sx, sz * sx, sz * cx), QUERY_DECIMALS)
+    quaternion = rounded((cz * cx, cz * sx, sz * sx, sz * cx))
     return {"installation_angle": [quaternion, [about_x, 0.0, about_z]]}
 
 
@@ -56,7 +50,7 @@ def _set_network_exception_handle(state: ControllerState, arguments: Arguments) 
 
 def _kine_forward(state: ControllerState, arguments: Arguments) -> Reply:
     pose = state.plant.forward(all_deg_to_rad(arguments.vector("jointPosition", 6)))
-    return {"cartPosition": pose_to_wire(pose, QUERY_DECIMALS)}
+    return {"cartPosition": pose_to_wire(pose)}
 
 
 def _kine_inverse(state: ControllerState, arguments: Arguments) -> Reply:
@@ -66,7 +60,7 @@ def _kine_inverse(state: ControllerState, arguments: Arguments) -> Reply:
         joints = state.plant.inverse_nearest(pose, reference)
     except TargetRejected as error:
         raise Refused("-4", "inverse kinematics failed") from error
-    return {"jointPosition": joints_to_wire(joints, QUERY_DECIMALS)}
+    return {"jointPosition": joints_to_wire(joints)}
 
 
 def _dh_param(state: ControllerState) -> Reply:
@@ -74,16 +68,16 @@ def _dh_param(state: ControllerState) -> Reply:
     rows = state.model.dh
     alphas = [0.0] + [rad_to_deg(row.alpha) for row in rows[:-1]]
     lengths = [0.0] + [m_to_mm(row.a) for row in rows[:-1]]
-    return {"dh_param": [rounded(values, QUERY_DECIMALS) for values in (
+    return {"dh_param": [rounded(values) for values in (
         alphas, lengths, [m_to_mm(row.d) for row in rows], [rad_to_deg(row.theta_offset) for row in rows])]}
 
 
 def _joints(key: str) -> Handler:
-    return query(lambda state: {key: joints_to_wire(state.plant.joint_position, QUERY_DECIMALS)})
+    return plain(lambda state: {key: joints_to_wire(state.plant.joint_position)})
 
 
 def _tool(key: str) -> Handler:
-    return query(lambda state: {key: pose_to_wire(state.plant.tcp_pose(), QUERY_DECIMALS)})
+    return plain(lambda state: {key: pose_to_wire(state.plant.tcp_pose())})
 
 
 SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
@@ -93,21 +87,21 @@ SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("disable_robot", "5.1", plain(ControllerState.disable)),
     CommandSpec("shutdown", "5.1", _shutdown, then=Then.SHUT_DOWN),
     CommandSpec("quit", "5.1", plain(lambda state: None), then=Then.CLOSE),
-    CommandSpec("get_robot_state", "5.1", query(_robot_state)),
-    CommandSpec("get_version", "5.1", query(lambda state: {"version": state.firmware.version})),
+    CommandSpec("get_robot_state", "5.1", plain(_robot_state)),
+    CommandSpec("get_version", "5.1", plain(lambda state: {"version": state.firmware.version})),
     CommandSpec("set_installation_angle", "5.1", _set_installation_angle),
-    CommandSpec("get_installation_angle", "sdk-client.md 6", query(_installation_angle)),
+    CommandSpec("get_installation_angle", "sdk-client.md 6", plain(_installation_angle)),
     CommandSpec("set_network_exception_handle", "sdk-client.md 2", _set_network_exception_handle),
-    CommandSpec("get_simulator_identity", SIMULATED_ONLY, query(
+    CommandSpec("get_simulator_identity", SIMULATED_ONLY, plain(
         lambda state: {"identity": state.options.identity})),
     CommandSpec("clear_error", "5.10", plain(ControllerState.clear_error)),
-    CommandSpec("protective_stop_status", "5.10", query(
+    CommandSpec("protective_stop_status", "5.10", plain(
         lambda state: {"protective_stop": int(state.protective_stop)})),
-    CommandSpec("emergency_stop_status", "5.10", query(
+    CommandSpec("emergency_stop_status", "5.10", plain(
         lambda state: {"emergency_stop": int(state.emergency_stop)}), modern_only=True),
     CommandSpec("kine_forward", "5.12", _kine_forward),
     CommandSpec("kine_inverse", "5.12", _kine_inverse),
-    CommandSpec("get_dh_param", "sdk-client.md 6", query(_dh_param)),
+    CommandSpec("get_dh_param", "sdk-client.md 6", plain(_dh_param)),
     CommandSpec("get_joint_pos", "5.13", _joints("joint_pos")),
     CommandSpec("get_tcp_pos", "5.13", _tool("tcp_pos")),
     CommandSpec("get_actual_joint_pos", "5.13", _joints("position")),

@@ -4,10 +4,9 @@ import sys
 import traceback
 from typing import Any, Callable, Mapping, NamedTuple, Optional, Tuple, Union
 
-from jaka_ros_driver.errors import FramingError
+from jaka_ros_driver.errors import FramingError, InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import ArmModel
-from jaka_ros_driver.protocol.framing import JsonObject, encode_object
-from jaka_ros_driver.protocol.status import encode_frame
+from jaka_ros_driver.protocol.framing import JsonObject
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.simulation.controller.arguments import Arguments
@@ -16,14 +15,7 @@ from jaka_ros_driver.simulation.controller.command_table import COMMANDS
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState, Options, Start
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.memory import Memory
-from jaka_ros_driver.simulation.controller.replies import (
-    BadParameter,
-    Refused,
-    Reply,
-    accepted,
-    not_understood,
-    refused,
-)
+from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused, accepted, not_understood, refused
 from jaka_ros_driver.simulation.controller.status_frame import StatusFrame
 from jaka_ros_driver.state import Vector
 
@@ -97,22 +89,18 @@ class Controller:
         name = request.get("cmdName") if isinstance(request, dict) else None
         spec = COMMANDS.get(name) if isinstance(name, str) else None
         if spec is None or (spec.modern_only and not self._firmware.is_modern):
-            return RequestResult(name if isinstance(name, str) else None, encode_object(not_understood()))
+            return RequestResult(name if isinstance(name, str) else None, not_understood())
         try:
             fields = spec.handler(self.state, Arguments(request))  # type: ignore[arg-type]
         except BadParameter:
-            return RequestResult(spec.name, encode_object(not_understood()))
-        except (Refused, TargetRejected) as error:
+            return RequestResult(spec.name, not_understood())
+        except (Refused, TargetRejected, InvalidCommand) as error:
             refusal = error if isinstance(error, Refused) else Refused()
-            return RequestResult(spec.name, encode_object(refused(spec.name, refusal)))
+            return RequestResult(spec.name, refused(spec.name, refusal))
         except Exception:
             self.failures += 1
             traceback.print_exc(file=sys.stderr)
-            return RequestResult(spec.name, encode_object(not_understood()))
+            return RequestResult(spec.name, not_understood())
         if isinstance(fields, Held):
-            return RequestResult(spec.name, _encode(accepted(spec.name, {})), fields.until)
-        return RequestResult(spec.name, _encode(accepted(spec.name, fields or {})), None, spec.then)
-
-
-def _encode(reply: Reply) -> bytes:
-    return encode_frame(reply) if "len" in reply else encode_object(reply)
+            return RequestResult(spec.name, accepted(spec.name, {}), fields.until)
+        return RequestResult(spec.name, accepted(spec.name, fields or {}), None, spec.then)

@@ -11,7 +11,7 @@ from typing import Callable, List, Optional, Tuple
 from jaka_ros_driver.commands import JogFrame
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
+from jaka_ros_driver.simulation.arm.events import PlantEvent
 from jaka_ros_driver.simulation.arm.plant import HOME, Plant, Starvation
 from jaka_ros_driver.simulation.controller import alarms
 from jaka_ros_driver.simulation.controller.firmware import Firmware
@@ -119,7 +119,7 @@ class ControllerState:
         self._link_loss_at: Optional[float] = None
         self._jogged: Optional[Tuple[JogFrame, int]] = None
         self._lines_are_stale = False
-        self._timers: List[Tuple[float, int, Callable[[], None]]] = []
+        self._timers: List[Tuple[float, int, Callable[[], object]]] = []
         self._timer_ids = itertools.count()
         self.apply_frames()
         self.set_feed_period(ms_to_s(memory.feed_period_ms))
@@ -133,7 +133,10 @@ class ControllerState:
             heapq.heappop(self._timers)[2]()
         if self._link_loss_at is not None and self.now >= self._link_loss_at:
             self._link_loss_at = None
-            self._react_to_link_loss()
+            if self.link_loss is LinkLoss.PAUSE:
+                self.pause()
+            elif self.link_loss is LinkLoss.ABORT:
+                self.stop()
         if self._power_at is not None and self.now >= self._power_at:
             self._power_at, self.is_powered = None, True
         if self._enable_at is not None and self.now >= self._enable_at:
@@ -148,13 +151,13 @@ class ControllerState:
         if self._jogged and not self.plant.queue.is_jogging:
             self._jogged = None
 
-    def after(self, delay: float, action: Callable[[], None]) -> None:
+    def after(self, delay: float, action: Callable[[], object]) -> None:
         """Call ``action`` after ``delay`` s of simulated time."""
         heapq.heappush(self._timers, (self.now + delay, next(self._timer_ids), action))
 
     def _take_event(self, event: PlantEvent) -> None:
         self.alarms.raise_event(event, self.now)
-        if event.code == events.SINGULARITY_PROTECTIVE_STOP:
+        if event == events.SINGULARITY_PROTECTIVE_STOP:
             self.protective_stop = True
             self.plant.halt_protective()
 
@@ -231,7 +234,7 @@ class ControllerState:
         level = self.memory.collision_level
         if not self.is_enabled or level == 0 or force < level * FORCE_PER_LEVEL_N:
             return False
-        event = alarms.COLLISION if joint is None else alarms.joint_collision(joint)
+        event = alarms.COLLISION if joint is None else events.joint_collision(joint)
         self.alarms.raise_event(event, self.now)
         self.protective_stop = True
         self.program_state = ProgramState.IDLE
@@ -301,7 +304,6 @@ class ControllerState:
         return self.plant.queue.is_paused or self.program_state is ProgramState.PAUSED
 
     def jogged(self, frame: JogFrame, axis: int) -> None:
-        """A jog was accepted."""
         self._jogged = (frame, axis)
 
     def stop_jog(self) -> None:
@@ -312,26 +314,20 @@ class ControllerState:
     def set_hand_guiding(self, active: bool) -> None:
         """Switch hand guiding (docs/controller-protocol.md section 5.8).
 
-        Raises Refused where the drives are not ready, the arm moves or stands on a soft limit.
+        Raises Refused where the drives are not ready, TargetRejected where the arm moves or stands on a soft limit.
         """
         if not active:
             self.plant.stop_hand_guiding()
         elif not self.plant.is_hand_guided:
             self.require_drives()
-            try:
-                self.plant.start_hand_guiding()
-            except TargetRejected as error:
-                raise Refused() from error
+            self.plant.start_hand_guiding()
 
     def push(self, joint: int, velocity: float, duration: float) -> bool:
         """Push joint 0..5 by hand, rad/s, for ``duration`` s of simulated time; False without hand guiding."""
         pushed = self.plant.push_joint(joint, velocity)
         if pushed:
-            self.after(duration, lambda: self._let_go(joint))
+            self.after(duration, lambda: self.plant.push_joint(joint, 0.0))
         return pushed
-
-    def _let_go(self, joint: int) -> None:
-        self.plant.push_joint(joint, 0.0)
 
     # --- frames and feed --------------------------------------------------------------------------------------------
 
@@ -353,8 +349,8 @@ class ControllerState:
     def apply_frames(self) -> None:
         """Have the arm use the active tool and user frame as they are stored."""
         tools, user_frames = self.memory.tools, self.memory.user_frames
-        self.plant.set_tool(tools.frames[tools.active].pose)
-        self.plant.set_user_frame(user_frames.frames[user_frames.active].pose)
+        self.plant.set_tool(tools.frames[tools.active])
+        self.plant.set_user_frame(user_frames.frames[user_frames.active])
 
     def require_standstill(self) -> None:
         """Raise Refused unless nothing moves and nothing is queued."""
@@ -362,9 +358,7 @@ class ControllerState:
             raise Refused()
 
     def set_feed_period(self, period: float) -> None:
-        """Set the period of the status feed, s of simulated time; a move then shows in at least one frame
-        (docs/sdk-client.md section 1, point 7).
-        """
+        """Set the feed's period, s of simulated time; each move shows in it (docs/sdk-client.md section 1, point 7)."""
         self.asked_feed_period = period
         self.plant.settle_time = self.feed_period
 
@@ -397,9 +391,3 @@ class ControllerState:
     def client_back(self) -> None:
         """The network of the command client works again; what its loss has caused so far stays."""
         self._link_loss_at = None
-
-    def _react_to_link_loss(self) -> None:
-        if self.link_loss is LinkLoss.PAUSE:
-            self.pause()
-        elif self.link_loss is LinkLoss.ABORT:
-            self.stop()

@@ -8,7 +8,6 @@ class Firmware:
     """One generation.
 
     Attributes:
-        name: As ``--firmware`` takes it.
         version: What ``get_version`` answers.
         is_modern: True from 1.7 on: get_robot_state answers numbers and booleans, emergency_stop_status exists, and the
             feed has commanded positions, executing lines and field bus blocks (docs/controller-protocol.md sections
@@ -18,7 +17,6 @@ class Firmware:
         tool_analog_count: Length of ``tio_ain``.
     """
 
-    name: str
     version: str
     is_modern: bool
     digital_count: int
@@ -26,7 +24,8 @@ class Firmware:
     tool_analog_count: int
 
 
-FIRMWARES: Dict[str, Firmware] = {firmware.name: firmware for firmware in (
-    Firmware("1.5.14", "1.5.14_13_X64", False, 135, 64, 2),
-    Firmware("1.7", "1.7.2_16_X64", True, 144, 66, 1),
-)}
+FIRMWARES: Dict[str, Firmware] = {
+    "1.5.14": Firmware("1.5.14_13_X64", False, 135, 64, 2),
+    "1.7": Firmware("1.7.2_16_X64", True, 144, 66, 1),
+}
+"""By the name that ``--firmware`` takes."""

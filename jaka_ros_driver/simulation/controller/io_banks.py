@@ -39,16 +39,9 @@ class IoBanks:
         return self._values[key]
 
     def get(self, signal: str, output: bool, bank: int, index: int) -> float:
-        """One terminal.
+        """One terminal; raises InvalidCommand where there is no such terminal.
 
-        Args:
-            signal: "digital" or "analog".
-            output: False for inputs.
-            bank: Index into ``BANK_NAMES``.
-            index: Terminal, from 0.
-
-        Raises:
-            InvalidCommand: There is no such terminal.
+        signal: "digital" or "analog". bank: index into ``BANK_NAMES``. index: from 0.
         """
         return self._values[self._key(signal, output, bank, index)][index]
 

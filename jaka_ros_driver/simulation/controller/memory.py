@@ -14,18 +14,10 @@ IDENTITY = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @dataclass
-class Frame:
-    """A stored tool (in the flange) or user frame (in the base)."""
-
-    pose: Pose = IDENTITY
-    name: str = ""
-
-
-@dataclass
 class FrameTable:
-    """Stored tools or user frames by id, and the id of the active one. Id 0, the bare flange or the base, stays."""
+    """Stored tools (in the flange) or user frames (in the base) by id, and the id of the active one. Id 0 stays."""
 
-    frames: List[Frame] = field(default_factory=lambda: [Frame() for _ in range(FRAME_COUNT)])
+    frames: List[Pose] = field(default_factory=lambda: [IDENTITY] * FRAME_COUNT)
     active: int = 0
 
 

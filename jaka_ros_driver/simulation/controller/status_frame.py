@@ -1,5 +1,4 @@
-"""Status frames: every field of the controller's state, in the order of a real controller, as text with an exact
-``len``.
+"""Status frames: every field of the controller's state, in the order of a real controller, with an exact ``len``.
 
 Order, lengths and types: docs/controller-protocol.md sections 6.2 to 6.4. The frame of the polled port is that of the
 feed and, behind it, what the maker's SDK needs and this firmware's feed lacks (docs/sdk-client.md section 3). The text
@@ -40,19 +39,11 @@ def _io(key: str) -> _Field:
     return key, lambda state: state.io.array(key)
 
 
-def _flag(test: Callable[[ControllerState], Any]) -> Callable[[ControllerState], int]:
-    return lambda state: int(bool(test(state)))
-
-
 def _torque_sensor(force_rows: int) -> Callable[[ControllerState], Any]:
     def value(state: ControllerState) -> Any:
         load = state.memory.sensor_payload
         return ((0, _SENSOR_ADDRESS, (load.mass, all_m_to_mm(load.centroid))), (0, 0) + (_NO_FORCE,) * force_rows)
     return value
-
-
-def _velocity(state: ControllerState) -> List[float]:
-    return joints_to_wire(state.plant.joint_velocity, FEED_DECIMALS)
 
 
 def _task_mode(state: ControllerState) -> int:
@@ -71,7 +62,7 @@ _EXTENSION: _Field = ("extio", lambda state: _EXTENSION_OFF)
 _LINES: Tuple[_Field, ...] = (
     ("motion_line", lambda state: state.executing_lines()[0]),
     ("err_add_line", lambda state: state.executing_lines()[1]))
-_VELOCITY: _Field = ("instVel", _velocity)
+_VELOCITY: _Field = ("instVel", lambda state: joints_to_wire(state.plant.joint_velocity, FEED_DECIMALS))
 _FIELD_BUS: Tuple[_Field, ...] = tuple(_io(key) for key in (
     "relay_io", "mb_slave_din", "mb_slave_dout", "mb_slave_ain", "mb_slave_aout", "pn_dev_din", "pn_dev_dout",
     "pn_dev_ain", "pn_dev_aout", "eip_adpt_din", "eip_adpt_dout", "eip_adpt_ain", "eip_adpt_aout"))
@@ -103,15 +94,15 @@ def _feed_fields(modern: bool) -> Tuple[_Field, ...]:
         ("rapidrate", lambda state: float(state.plant.rapid_rate)),
         ("current_tool_id", lambda state: state.memory.tools.active),
         ("current_user_id", lambda state: state.memory.user_frames.active),
-        ("on_soft_limit", _flag(lambda state: state.plant.on_soft_limit)),
-        ("emergency_stop", _flag(lambda state: state.emergency_stop)),
+        ("on_soft_limit", lambda state: int(state.plant.on_soft_limit)),
+        ("emergency_stop", lambda state: int(state.emergency_stop)),
         ("drag_near_limit", lambda state: [int(near) for near in state.plant.near_limit]),
         ("funcdi", lambda state: _FUNCTION_INPUTS),
-        ("powered_on", _flag(lambda state: state.is_powered)),
+        ("powered_on", lambda state: int(state.is_powered)),
         ("inpos", lambda state: state.plant.is_in_position),
         ("motion_mode", lambda state: 1),
         ("curr_tcp_trans_vel", lambda state: round(m_to_mm(state.plant.tcp_speed), FEED_DECIMALS)),
-        ("protective_stop", _flag(lambda state: state.protective_stop)),
+        ("protective_stop", lambda state: int(state.protective_stop)),
         ("point_key", lambda state: 0),
         ("netState", lambda state: 1),
         *only(*_LINES, _VELOCITY, *_FIELD_BUS, ("tio_rs_signals", lambda state: _NO_SIGNALS), _EXTENSION),
@@ -124,9 +115,7 @@ _POLLED_INSTEAD: Dict[str, Callable[[ControllerState], Any]] = {
     "torqsensor": _torque_sensor(3),
     "extio": lambda state: None,
 }
-"""Fields that make the SDK crash where their shape is not the one it expects; it accepts null (docs/sdk-client.md
-section 1, point 8).
-"""
+"""Fields whose unexpected shape makes the SDK crash; it accepts null (docs/sdk-client.md section 1, point 8)."""
 
 
 def all_field_names(firmware: Firmware) -> Tuple[str, ...]:

@@ -10,7 +10,7 @@ QUERY_DECIMALS = 6
 """Decimals of the feed and of the replies to queries (docs/controller-protocol.md section 4.2)."""
 
 
-def rounded(values: Sequence[float], decimals: int) -> List[float]:
+def rounded(values: Sequence[float], decimals: int = QUERY_DECIMALS) -> List[float]:
     """Each value rounded; never -0.0."""
     return [round(value, decimals) + 0.0 for value in values]
 
@@ -20,11 +20,11 @@ def pose_from_wire(values: Vector) -> Pose:
     return Pose(all_mm_to_m(values[:3]), all_deg_to_rad(values[3:]))
 
 
-def pose_to_wire(pose: Pose, decimals: int) -> List[float]:
+def pose_to_wire(pose: Pose, decimals: int = QUERY_DECIMALS) -> List[float]:
     """A Pose as [x, y, z, rx, ry, rz] in mm and deg."""
     return rounded(all_m_to_mm(pose.position) + all_rad_to_deg(pose.rpy), decimals)
 
 
-def joints_to_wire(joint_position: Vector, decimals: int) -> List[float]:
+def joints_to_wire(joint_position: Vector, decimals: int = QUERY_DECIMALS) -> List[float]:
     """Joint angles in deg."""
     return rounded(all_rad_to_deg(joint_position), decimals)

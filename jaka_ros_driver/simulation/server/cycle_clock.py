@@ -1,7 +1,7 @@
 """When cycles and status frames are due on the wall clock, and how late they were. The caller tells the time."""
 import math
 from collections import deque
-from typing import Deque, NamedTuple
+from typing import Deque, Dict
 
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 
@@ -14,16 +14,6 @@ _SAMPLES = 7500
 _SAME_MOMENT_S = 1e-6
 
 
-class Lateness(NamedTuple):
-    """How late the cycles of the last minute began, s; ``lags``: restarts of the clock after the host stood still."""
-
-    cycles: int
-    median: float
-    p99: float
-    maximum: float
-    lags: int
-
-
 class CycleClock:
     """Absolute deadlines of cycles and frames: a late cycle does not delay those that follow."""
 
@@ -33,9 +23,10 @@ class CycleClock:
         self._late: Deque[float] = deque(maxlen=_SAMPLES)
         self._lags = 0
         self._feed_period = 0.0
-        self._start(now)
+        self.restart(now)
 
-    def _start(self, now: float) -> None:
+    def restart(self, now: float) -> None:
+        """Begin anew after a time without cycles."""
         self._origin = now
         self._ticks = 0
         self._cycles = 0
@@ -50,7 +41,7 @@ class CycleClock:
         self._late.append(late)
         if late > _MAX_LAG_S:
             self._lags += 1
-            self._start(now)
+            self.restart(now)
             return 1
         self._ticks += 1 + int(late / self._tick)
         reached = math.floor(self._ticks * self._tick * self._scale / CYCLE_TIME_S + _SAME_MOMENT_S)
@@ -70,13 +61,8 @@ class CycleClock:
         self.next_frame += (1 + max(0, missed)) * wall_period
         return True
 
-    def restart(self, now: float) -> None:
-        """Begin anew after a time without cycles."""
-        self._start(now)
-
-    def lateness(self) -> Lateness:
-        """How late the cycles of the last minute were."""
-        late = sorted(self._late)
-        if not late:
-            return Lateness(0, 0.0, 0.0, 0.0, self._lags)
-        return Lateness(len(late), late[len(late) // 2], late[int(0.99 * (len(late) - 1))], late[-1], self._lags)
+    def lateness(self) -> Dict[str, float]:
+        """How late the cycles of the last minute began, s; ``lags``: restarts after the host stood still."""
+        late = sorted(self._late) or [0.0]
+        return {"cycles": len(self._late), "median_s": late[len(late) // 2], "p99_s": late[int(0.99 * (len(late) - 1))],
+                "max_s": late[-1], "lags": self._lags}

@@ -198,7 +198,6 @@ class FaultScript:
         return rule
 
     def clear(self) -> None:
-        """Drop every rule."""
         self._rules.clear()
 
     def active(self) -> Tuple[FaultRule, ...]:
@@ -227,8 +226,7 @@ class FaultScript:
                 offset = int(rule.params["offset"])
                 length = _LEN.search(text)
                 if length:
-                    text = b"".join((text[:length.start(1)], b"%d" % (int(length.group(1)) + offset),
-                                     text[length.end(1):]))
+                    text = b"%s%d%s" % (text[:length.start(1)], int(length.group(1)) + offset, text[length.end(1):])
         return text
 
     def _strikes(self, rule: FaultRule, port: str, command: Optional[str]) -> bool:

@@ -139,9 +139,9 @@ def _state(server: Server, _request: Dict[str, Any]) -> Answer:
         "simulated_s": round(state.now, 6), "is_powered": state.is_powered, "is_enabled": state.is_enabled,
         "emergency_stop": state.emergency_stop, "protective_stop": state.protective_stop,
         "errcode": errcode_text(code), "errmsg": text,
-        "joint_position": joints_to_wire(state.plant.joint_position, QUERY_DECIMALS),
-        "joint_velocity": joints_to_wire(state.plant.joint_velocity, QUERY_DECIMALS),
-        "tcp_pose": pose_to_wire(state.plant.tcp_pose(), QUERY_DECIMALS),
+        "joint_position": joints_to_wire(state.plant.joint_position),
+        "joint_velocity": joints_to_wire(state.plant.joint_velocity),
+        "tcp_pose": pose_to_wire(state.plant.tcp_pose()),
         "tcp_speed": round(m_to_mm(state.plant.tcp_speed), QUERY_DECIMALS),
         "is_moving": state.plant.is_moving, "is_in_position": state.plant.is_in_position,
         "queue_length": state.plant.queue.length, "is_servo_active": state.plant.is_servo_active,
@@ -182,8 +182,8 @@ ACTIONS: Dict[str, Action] = {
     "fields": Action(_fields, "drop: names, add: object", "leave fields out of every frame and put others in"),
     "state": Action(_state, "", "what is true of the arm: joints, speeds, stops, outputs"),
     "events": Action(lambda server, request: {"events": [
-        {"simulated_s": round(past.at, 6), "code": errcode_text(past.event.code), "text": past.event.text}
-        for past in server.controller.state.alarms.past]}, "",
+        {"simulated_s": round(at, 6), "code": errcode_text(event.code), "text": event.text}
+        for at, event in server.controller.state.alarms.past]}, "",
                      "the last events, also those that errcode does not show"),
     "wire": Action(lambda server, request: {"wire": server.described()}, "",
                    "connections, rules in force, lateness of the cycle"),

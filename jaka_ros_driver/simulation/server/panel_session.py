@@ -8,13 +8,9 @@ from jaka_ros_driver.simulation.server.server import ask_panel
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Serve stdin until it ends.
+    """Serve stdin until it ends; ``argv`` is the number of the panel's port.
 
-    Args:
-        argv: The number of the panel's port.
-
-    Returns:
-        0 done, 1 the simulated controller has gone, 2 wrong usage.
+    Returns 0 done, 1 the simulated controller has gone, 2 wrong usage.
     """
     arguments = sys.argv[1:] if argv is None else argv
     if len(arguments) != 1 or not arguments[0].isdigit():

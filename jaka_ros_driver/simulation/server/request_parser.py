@@ -58,8 +58,7 @@ _IN_STRING = frozenset((_STRING, _ESCAPE) + _HEX)
 
 
 def _whole_object(data: bytes, text: str, start: int) -> Tuple[Optional[JsonObject], int]:
-    """The object at ``start`` where the data holds all of it, and where it ends; None where it must be parsed byte by
-    byte.
+    """The object at ``start`` and where it ends; None where it is not all there or must be parsed byte by byte.
 
     Args:
         data: Bytes as received; an object with other than ASCII bytes is parsed byte by byte.
@@ -77,28 +76,20 @@ def _whole_object(data: bytes, text: str, start: int) -> Tuple[Optional[JsonObje
 
 
 class _ObjectGrammar:
-    """Tells byte by byte whether the bytes so far can begin a JSON object; ``restart`` it at each opening brace."""
+    """Tells byte by byte whether the bytes so far can begin a JSON object; made at its opening brace."""
 
     def __init__(self) -> None:
-        self._nesting = bytearray()
+        self._nesting = bytearray((_BRACE_OPEN,))
         self._state = _FIRST_KEY
         self._string_is_key = False
-        self.is_complete = False
-
-    def restart(self) -> None:
-        """The opening brace has been seen."""
-        self._nesting[:] = bytes((_BRACE_OPEN,))
-        self._state = _FIRST_KEY
-        self.is_complete = False
 
     @property
     def depth(self) -> int:
-        """Braces and brackets that are open."""
+        """Braces and brackets that are open; 0 once the object is complete."""
         return len(self._nesting)
 
     @property
     def in_string(self) -> bool:
-        """True between the quotes of a string."""
         return self._state in _IN_STRING
 
     def accepts(self, byte: int) -> bool:
@@ -160,7 +151,6 @@ class _ObjectGrammar:
             return False
         self._nesting.pop()
         self._state = _AFTER_VALUE
-        self.is_complete = not self._nesting
         return True
 
 
@@ -236,7 +226,7 @@ class RequestParser:
         self._text[:] = b"{"
         self._open = True
         self._skipping = False
-        self._grammar.restart()
+        self._grammar = _ObjectGrammar()
 
     def _in_object(self, byte: int, items: List[Item]) -> None:
         depth, in_string = self._grammar.depth, self._grammar.in_string
@@ -246,7 +236,7 @@ class RequestParser:
             self._skip(byte)
             return
         self._text.append(byte)
-        if self._grammar.is_complete:
+        if not self._grammar.depth:
             text = bytes(self._text)
             self._drop()
             try:

@@ -1,5 +1,4 @@
-"""The sockets of the simulated controller: its three ports and the panel, served by one thread that also runs the
-cycles.
+"""The sockets of the simulated controller: its ports and the panel, served by one thread that also runs the cycles.
 
 One loop does everything, so that nothing needs a lock: it wakes up for cycles, status frames, bytes, and calls from
 other threads. It never waits for a client: one that does not read misses frames or is dropped.
@@ -9,9 +8,9 @@ import queue
 import select
 import selectors
 import socket
-import threading
 import time
 import zlib
+from concurrent.futures import Future, wait
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 from jaka_ros_driver.errors import ConnectionLost, FramingError
@@ -45,11 +44,13 @@ class Server:
         controller: What is served.
         faults: The script of wire faults.
         is_off: True while the controller is turned off: no port but the panel listens, and simulated time stands still.
+        port_numbers: TCP port number by name of the port.
     """
 
     def __init__(self, controller: Controller, host: str, ports: Mapping[str, int], *, time_scale: float = 1.0,
-                 refuse_second_client: bool = False, seed: int = 0, log: Optional[WireLog] = None) -> None:
-        """Prepare; ``open`` listens.
+                 refuse_second_client: bool = False, seed: int = 0, log: Optional[WireLog] = None,
+                 panel_handler: Optional[PanelHandler] = None) -> None:
+        """Listen; raises OSError where a port cannot be had.
 
         Args:
             controller: What is served.
@@ -59,17 +60,17 @@ class Server:
             refuse_second_client: Close a second command client; otherwise it replaces the first.
             seed: Of the random generator of the wire faults.
             log: Gets every byte.
+            panel_handler: Answers the panel's requests.
         """
         self.controller = controller
         self.faults = FaultScript(seed)
         self.is_off = False
-        self._host = host
-        self._ports = ports
         self._refuse_second = refuse_second_client
         self._log = log
-        self._panel_handler: Optional[PanelHandler] = None
+        self._panel_handler = panel_handler
         self._selector = selectors.EpollSelector()
         self._listeners = Listeners(self._selector)
+        self.port_numbers = self._listeners.numbers
         self._sockets: Dict[Connection, socket.socket] = {}
         self._count = 0
         self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
@@ -82,23 +83,14 @@ class Server:
         self._refusing_until: Dict[str, float] = {}
         self._boot_at: Optional[float] = None
         self._clock = CycleClock(time_scale, time.monotonic())
-
-    @property
-    def port_numbers(self) -> Dict[str, int]:
-        """TCP port number by name of the port, as soon as it is open."""
-        return self._listeners.numbers
-
-    # --- life -------------------------------------------------------------------------------------------------------
-
-    def open(self, panel_handler: Optional[PanelHandler] = None) -> None:
-        """Listen; ``panel_handler`` answers the panel's requests. Raises OSError where a port cannot be had."""
-        self._panel_handler = panel_handler
         try:
-            for port, number in self._ports.items():
-                self._listeners.add(port, LOOPBACK if port == PANEL else self._host, number)
+            for port, number in ports.items():
+                self._listeners.add(port, LOOPBACK if port == PANEL else host, number)
         except OSError:
             self.close()
             raise
+
+    # --- life -------------------------------------------------------------------------------------------------------
 
     def run(self) -> None:
         """Serve until ``stop``; then close every socket."""
@@ -120,25 +112,21 @@ class Server:
 
     def call(self, action: Callable[[], Any], timeout: float = 30.0) -> Any:
         """Call ``action`` in the server's thread; raises what it raises, and ConnectionLost where that does not run."""
-        done = threading.Event()
-        outcome: List[Any] = [None, None]
+        done: Future[Any] = Future()
 
         def act() -> None:
             try:
-                outcome[0] = action()
+                done.set_result(action())
             except Exception as error:  # raised again in the caller's thread
-                outcome[1] = error
-            done.set()
+                done.set_exception(error)
 
         self._calls.put(act)
         self._wake()
         deadline = time.monotonic() + timeout
-        while not done.wait(0.1):
+        while not wait([done], 0.1).done:
             if self._is_closed or time.monotonic() > deadline:
                 raise ConnectionLost("the simulated controller does not run")
-        if outcome[1] is not None:
-            raise outcome[1]
-        return outcome[0]
+        return done.result()
 
     def _wake(self) -> None:
         try:
@@ -210,29 +198,24 @@ class Server:
             self._send_frames(now)
 
     def _take_calls(self) -> None:
-        try:
-            self._wake_receive.recv(_READ_BYTES)
-        except BlockingIOError:
-            pass
-        while True:
-            try:
-                action = self._calls.get_nowait()
-            except queue.Empty:
-                return
-            action()
+        sockets.receive(self._wake_receive)
+        while not self._calls.empty():
+            self._calls.get()()
 
     # --- clients ----------------------------------------------------------------------------------------------------
 
     def _clients(self, port: str) -> List[Connection]:
-        return [connection for connection in self._sockets if connection.port == port]
+        """The connections of a port, without those that are half open."""
+        return [one for one in self._sockets if one.port == port and not one.is_half_open]
 
     def _accept(self, port: str, listener: Any) -> None:
         accepted = sockets.accept(listener)
         if accepted is None:
             return
         client, peer = accepted
-        present = [connection for connection in self._clients(port) if not connection.is_half_open]
-        if (port == "command" and self._refuse_second and present) or len(self._clients(port)) >= _MAX_CLIENTS:
+        present = self._clients(port)
+        is_full = sum(one.port == port for one in self._sockets) >= _MAX_CLIENTS
+        if is_full or (port == "command" and self._refuse_second and present):
             client.close()
             return
         self._count += 1
@@ -255,13 +238,9 @@ class Server:
         if connection.port == "command" and not connection.is_half_open:
             self._client_lost()
 
-    def _has_client(self) -> bool:
-        """True while a command client is connected; one whose connection is half open does not count."""
-        return any(not connection.is_half_open for connection in self._clients("command"))
-
     def _client_lost(self) -> None:
         """A command connection ended or fell silent for good; without effect while the controller is off."""
-        if not self.is_off and not self._has_client():
+        if not self.is_off and not self._clients("command"):
             self.controller.state.client_lost()
 
     def _note(self, connection: Connection, what: str) -> None:
@@ -321,7 +300,7 @@ class Server:
         if result.then is not Then.NOTHING:
             connection.post([Delivery(b"", now, Effect.CLOSE)])
         if result.then is Then.SHUT_DOWN:
-            self._calls.put(lambda: self.shut_down(None) if PANEL in self._listeners.numbers else self._end())
+            self._calls.put(lambda: self.shut_down(None) if PANEL in self.port_numbers else self._end())
             self._wake()
 
     def _answer_poll(self, connection: Connection, now: float) -> None:
@@ -337,7 +316,7 @@ class Server:
 
     def _send_frames(self, now: float) -> None:
         clients = [connection for connection in self._clients("status")
-                   if not connection.is_half_open and connection.unsent_bytes <= FRAME_BACKLOG_BYTES]
+                   if connection.unsent_bytes <= FRAME_BACKLOG_BYTES]
         if not clients or self._is_stalled("status", now):
             return
         text = self.controller.feed_frame.text()
@@ -389,13 +368,13 @@ class Server:
         """Neither read nor send on these ports for ``duration`` s; the command client counts as lost meanwhile."""
         until = time.monotonic() + duration
         self._stalled_until.update((port, until) for port in ports)
-        if "command" in ports and duration > 0.0 and not self.is_off and self._has_client():
+        if "command" in ports and duration > 0.0 and not self.is_off and self._clients("command"):
             self.controller.state.client_lost()
 
     def end_connections(self, ports: Tuple[str, ...], effect: Effect) -> int:
         """Close, reset or half-open every connection of these ports now; returns how many there were."""
         now = time.monotonic()
-        struck = [connection for port in ports for connection in self._clients(port) if not connection.is_half_open]
+        struck = [connection for port in ports for connection in self._clients(port)]
         for connection in struck:
             connection.post([Delivery(b"", now, effect)])
             self._flush(connection, now)
@@ -439,7 +418,7 @@ class Server:
     def _end_of_faults(self, now: float) -> None:
         for port in [port for port, until in self._stalled_until.items() if now >= until]:
             del self._stalled_until[port]
-            if port == "command" and self._has_client():
+            if port == "command" and self._clients("command"):
                 self.controller.state.client_back()
         for port in [port for port, until in self._refusing_until.items() if now >= until]:
             del self._refusing_until[port]
@@ -450,14 +429,12 @@ class Server:
 
     def described(self) -> Dict[str, Any]:
         """What the panel's action ``wire`` shows: connections, faults, lateness of the cycles."""
-        lateness = self._clock.lateness()
         return {
             "connections": [{"port": c.port, "number": c.number, "peer": c.peer, "half_open": c.is_half_open,
                              "unsent_bytes": c.unsent_bytes} for c in self._sockets],
             "faults": [rule.described() for rule in self.faults.active()],
             "is_off": self.is_off, "failures": self.controller.failures,
-            "cycle_lateness": {"cycles": lateness.cycles, "median_s": lateness.median, "p99_s": lateness.p99,
-                               "max_s": lateness.maximum, "lags": lateness.lags}}
+            "cycle_lateness": self._clock.lateness()}
 
 
 def ask_panel(port: int, request: Dict[str, Any], timeout: float = 10.0) -> Dict[str, Any]:

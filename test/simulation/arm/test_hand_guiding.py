@@ -45,12 +45,12 @@ def test_a_push_the_other_way_turns_round_smoothly(watch):
 def test_at_a_soft_limit_guiding_ends(velocity, near, hit, watch):
     watch.plant.push_joint(2, velocity)
     watch.step(900)
-    assert watch.codes == [near, hit, events.HAND_GUIDING_HIT_SOFT_LIMIT]
+    assert watch.codes == [near, hit, events.HAND_GUIDING_HIT_SOFT_LIMIT.code]
     assert not watch.plant.is_hand_guided
     assert watch.plant.joint_position[2] == ZU7.joint_limits[2][velocity > 0]
     with pytest.raises(TargetRejected) as caught:
         watch.plant.start_hand_guiding()
-    assert caught.value.event_code == events.HAND_GUIDING_ON_SOFT_LIMIT
+    assert caught.value.event_code == events.HAND_GUIDING_ON_SOFT_LIMIT.code
 
 
 def test_switching_it_off_comes_to_rest(watch):
@@ -68,7 +68,7 @@ def test_it_is_refused_while_the_arm_moves_or_streams():
     watch.plant.add_joint_move((0.2, 0, 0, 0, 0, 0), 1.0, relative=True)
     with pytest.raises(TargetRejected) as caught:
         watch.plant.start_hand_guiding()
-    assert caught.value.event_code == events.HAND_GUIDING_REFUSED_MOVING
+    assert caught.value.event_code == events.HAND_GUIDING_REFUSED_MOVING.code
     watch.run()
     watch.plant.enter_servo()
     with pytest.raises(TargetRejected):

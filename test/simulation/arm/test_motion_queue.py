@@ -36,7 +36,7 @@ class AnySequence(RuleBasedStateMachine):
         self._try(self.plant.add_joint_move, way, 2.0 * speed, acceleration, relative=True, line_id=2)
 
     @rule(x=SHORT, y=SHORT, z=SHORT, turn=TURN, speed=SPEEDS, acceleration=ACCELERATIONS,
-          tolerance=st.sampled_from([None, 0.001, 0.02]))
+          tolerance=st.sampled_from([0.0, 0.001, 0.02]))
     def linear_move(self, x, y, z, turn, speed, acceleration, tolerance):
         self._try(self.plant.add_linear_move, shift(x, y, z, (0.0, turn, turn)), speed, acceleration, relative=True,
                   tolerance=tolerance, line_id=3)

@@ -42,7 +42,7 @@ def test_joint_moves(target, speed, acceleration, relative):
 
 
 @MANY
-@given(target=SIX, speed=ANY, acceleration=st.none() | ANY, relative=st.booleans(), tolerance=st.none() | ANY,
+@given(target=SIX, speed=ANY, acceleration=st.none() | ANY, relative=st.booleans(), tolerance=ANY,
        rotation_speed=st.none() | ANY, rotation_acceleration=st.none() | ANY)
 def test_linear_moves(target, speed, acceleration, relative, tolerance, rotation_speed, rotation_acceleration):
     watch = PlantWatch()

@@ -192,7 +192,7 @@ def test_into_the_stretched_arm_a_line_stops_before_the_singularity():
     watch.plant.add_linear_move(stretched, 0.25, 1.0, line_id=2)
     watch.plant.add_joint_move((0.1,) * 6, 1.0, relative=True, line_id=3)
     watch.run()
-    assert watch.codes == [events.SINGULARITY_PROTECTIVE_STOP]
+    assert watch.codes == [events.SINGULARITY_PROTECTIVE_STOP.code]
     assert watch.plant.queue.length == 0
     assert watch.plant.queue.motion_line == 2
     assert 0.01 < abs(watch.plant.joint_position[2]) < 0.3
@@ -203,7 +203,7 @@ def test_an_arc_through_a_joint_limit_stops_on_it_and_says_that_it_failed():
     watch = PlantWatch((-0.1, *HOME[1:]), model=dataclasses.replace(ZU7, joint_limits=limits))
     watch.plant.add_arc_move(shift(-0.024, 0.0061), shift(-0.042, 0.023), 0.05, 1.0, relative=True, turns=1)
     watch.run()
-    assert watch.codes == [events.LINEAR_MOVE_FAILED]
+    assert watch.codes == [events.LINEAR_MOVE_FAILED.code]
     assert watch.plant.joint_position[0] == pytest.approx(0.05, abs=1e-5)
     assert watch.plant.on_soft_limit
 
@@ -212,7 +212,7 @@ def test_a_line_whose_beginning_is_not_free_is_rejected():
     watch = PlantWatch((0.0, math.pi / 2, 0.0, math.pi / 2, math.pi / 2, 0.0))
     with pytest.raises(TargetRejected) as caught:
         watch.plant.add_linear_move(shift(z=-0.1), 0.25, relative=True)
-    assert caught.value.event_code == events.SINGULARITY_PROTECTIVE_STOP
+    assert caught.value.event_code == events.SINGULARITY_PROTECTIVE_STOP.code
     assert watch.plant.is_in_position
 
 

@@ -171,7 +171,6 @@ def test_port_that_is_taken_is_an_error_and_leaves_nothing_open(arm, make_arm):
 
 def test_call_into_a_stopped_server_fails(arm):
     server = Server(arm.server.controller, LOOPBACK, dict.fromkeys(PORTS, 0))
-    server.open()
     server.close()
     with pytest.raises(ConnectionLost):
         server.call(lambda: None)
