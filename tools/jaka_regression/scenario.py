@@ -3,14 +3,13 @@
 It stands in a YAML file beside the log, ``golden.yaml`` for ``golden.mcap``; without one there is one arm, with the
 parameters that the log's recording found set.
 """
-import difflib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 import yaml
 
-from jaka_bag.compare.tolerances import Tolerances, parse_tolerances
+from jaka_bag.compare.tolerances import Tolerances, check_names, parse_tolerances
 from jaka_bag.containers.registry import open_log
 from jaka_bag.errors import BagError
 from jaka_bag.paths import PathLike
@@ -79,11 +78,7 @@ class Scenario:
 def _checked(where: str, value: Any, known: Tuple[str, ...]) -> Dict[str, Any]:
     if not isinstance(value, dict):
         raise ScenarioError("%s: expected keys with values, not %r" % (where, value))
-    for key in value:
-        if key not in known:
-            near = difflib.get_close_matches(str(key), known, 1)
-            raise ScenarioError("%s: unknown key %r; %s" % (where, key, "did you mean %r?" % near[0] if near
-                                                            else "known are " + ", ".join(known)))
+    check_names(where, value, known, ScenarioError)
     return value
 
 
