@@ -20,7 +20,7 @@ _START_SPEED = 0.2
 _START_ACCELERATION = 0.5
 _REACH_RAD = 0.01
 
-_EPILOG = """\
+EPILOG = """\
 Makes the calls that the log's service_calls topics tell of again, against a live driver, with the same bytes. Each
 comes at its recorded time, but never before the calls it followed have ended; calls that overlapped overlap again.
 
@@ -37,8 +37,6 @@ Exit code: 0 all calls made, 1 stopped or refused, 2 usage.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag replay-commands``."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = _EPILOG
     add = parser.add_argument
     add("log", metavar="LOG", help=".bag or .mcap with service_calls")
     add("-n", "--dry-run", action="store_true", help="print the calls and end")
