@@ -3,7 +3,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import Optional
+from typing import Callable, List, Optional, Tuple
 
 from ..compare.comparison import CannotCompare, compare_logs
 from ..compare.report.html import as_html
@@ -54,8 +54,10 @@ def write_reports(comparison: Comparison, tolerances: Tolerances, html: Optional
         OutputExists: One exists and ``overwrite`` is False.
         BagError: One cannot be created.
     """
-    for path, text in ((html, lambda: as_html(comparison, tolerances)), (junit, lambda: as_junit(comparison)),
-                       (json_file, lambda: json.dumps(as_data(comparison), indent=1, allow_nan=False) + "\n")):
+    reports: List[Tuple[Optional[str], Callable[[], str]]] = [
+        (html, lambda: as_html(comparison, tolerances)), (junit, lambda: as_junit(comparison)),
+        (json_file, lambda: json.dumps(as_data(comparison), indent=1, allow_nan=False) + "\n")]
+    for path, text in reports:
         if path:
             with OutputFile(path, overwrite) as output:
                 output.write(text().encode("utf-8", "replace"))
@@ -70,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
             return 0
         if not (args.golden and args.candidate):
             raise UsageError("GOLDEN and CANDIDATE are needed")
-        for name in filter(None, (args.html, args.junit, args.json)):
+        for name in [name for name in (args.html, args.junit, args.json) if name]:
             if Path(name).resolve() in (Path(args.golden).resolve(), Path(args.candidate).resolve()):
                 raise UsageError("%s is one of the logs" % name)
             check_output(name, args.force)

@@ -8,7 +8,6 @@ from ..operations.convert import Job, WriteResult, convert_file
 from ..pipeline import WORKERS
 from .main import human_bytes
 from .options import Report, add_compression, add_output, add_report, add_selection, selection_of, span_of
-)
 from .quantities import count
 
 EPILOG = """\

@@ -116,7 +116,7 @@ def fit(motions: Motions, lag: Array, with_pace: Array) -> Fits:
     active = np.arange(len(lag))
     for _ in range(_ROUNDS):
         power, cross, spread, push, twist, square[active] = _normals(motions.some(active), lag[active], pace[active])
-        determinant = power * spread - cross * cross
+        determinant: Array = power * spread - cross * cross
         both = with_pace[active] & (determinant > 1e-6 * power * spread) & (power > _LEAST_POWER)
         alone = np.where(power > _LEAST_POWER, push / np.maximum(power, _LEAST_POWER), 0.0)
         safe = np.where(both, determinant, 1.0)
