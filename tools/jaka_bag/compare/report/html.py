@@ -35,7 +35,7 @@ dt{color:var(--faint)}dd{margin:0;overflow-wrap:anywhere}
 .amount{font-variant-numeric:tabular-nums;color:var(--bad);font-weight:600;white-space:nowrap}
 .values{margin:6px 0 8px;font-size:.93rem}
 figure{margin:8px 0 0}figcaption{font-size:.88rem;color:var(--faint)}
-svg{display:batch;width:100%;height:auto}
+svg{display:block;width:100%;height:auto}
 .planes{display:grid;grid-template-columns:repeat(auto-fit,minmax(260px,1fr));gap:10px}
 .legend{display:flex;flex-wrap:wrap;gap:4px 20px;font-size:.88rem;color:var(--faint);margin:0 0 10px}
 .legend span::before{content:"";display:inline-block;width:26px;height:0;margin-right:7px;vertical-align:middle;
@@ -62,7 +62,7 @@ td.number{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
 .outcome.not-compared{color:var(--faint);font-weight:400}
 pre{overflow:auto;font-size:.82rem;background:var(--page);padding:10px;border-radius:6px}
 summary{cursor:pointer}
-@media print{body{background:#fff}.card{break-inside:avoid}details{display:batch}}
+@media print{body{background:#fff}.card{break-inside:avoid}details{display:block}}
 """
 _SIGNS = {Outcome.SAME: "&#10003; same", Outcome.DIFFERENT: "&#10007; different",
           Outcome.NOT_COMPARED: "&#8211; not compared"}
