@@ -2,7 +2,7 @@
 import io
 import threading
 import time
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import roslib.message as untyped_roslib
 import rospy as untyped_rospy
@@ -73,18 +73,6 @@ def slowed(call: Call, share: float) -> bytes:
     return buffer.getvalue()
 
 
-class StartPose(NamedTuple):
-    """Where an arm stood when a log began, rad, and the topic that tells where it stands."""
-
-    topic: str
-    joint_position: Tuple[float, ...]
-
-    @property
-    def node(self) -> str:
-        """The driver's node."""
-        return self.topic.rsplit("/", 1)[0]
-
-
 def _installed(kind: str, name: str) -> Any:
     """The class of a type that this code needs itself; ``kind`` is message or service."""
     found = getattr(roslib_message, "get_%s_class" % kind)(name)
@@ -152,16 +140,16 @@ class DriverClient:
             raise DriverNotThere("nothing is published on %s" % topic) from error
         return tuple(message.position)
 
-    def move_to(self, pose: StartPose, speed: float, acceleration: float) -> None:
-        """Move an arm to a pose, with rad/s and rad/s2.
+    def move_to(self, node: str, joint_position: Sequence[float], speed: float, acceleration: float) -> None:
+        """Move a driver's arm to joint positions, rad, with rad/s and rad/s2.
 
         Raises:
             BagError: The driver refused, or the move was not completed.
         """
         move = _installed("service", "jaka_msgs/Move")
-        request = move._request_class(pose=pose.joint_position, mvvelo=speed, mvacc=acceleration)
+        request = move._request_class(pose=joint_position, mvvelo=speed, mvacc=acceleration)
         try:
-            response = rospy.ServiceProxy(pose.node + "/joint_move", move)(request)
+            response = rospy.ServiceProxy(node + "/joint_move", move)(request)
         except (rospy.ServiceException, rospy.ROSException) as error:
             raise BagError("the move to the start failed: %s" % error) from error
         if response.ret != 1:

@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
     try:
-        from .driver_client import DriverClient, StartPose
+        from .driver_client import DriverClient
     except ImportError as error:
         raise BagError("replay-commands needs ROS: %s" % error) from error
     from jaka_bag.live.graph import RemoteNode, master_uri
@@ -106,7 +106,7 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
         client.wait_for(sorted({call.service for call in log.calls}), args.wait)
         for topic, positions in starts.items():
             if len(positions):
-                _check_start(args, client, StartPose(topic, tuple(positions[0].tolist())))
+                _check_start(args, client, topic, positions[0].tolist())
         begin = time.monotonic()
         if args.begin_at_stdin:
             print(json.dumps({"event": "ready"}), flush=True)
@@ -131,22 +131,21 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
         client.close()
 
 
-def _check_start(args: argparse.Namespace, client: Any, pose: Any) -> None:
+def _check_start(args: argparse.Namespace, client: Any, topic: str, start: List[float]) -> None:
     end = time.monotonic() + args.wait
-    here = client.joint_position(pose.topic, args.wait)
-    away = [abs(a - b) for a, b in zip(here, pose.joint_position)]
-    if len(here) != len(pose.joint_position):
-        raise BagError("%s has %d joints, %d in the log" % (pose.topic, len(here), len(pose.joint_position)))
+    here = client.joint_position(topic, args.wait)
+    if len(here) != len(start):
+        raise BagError("%s has %d joints, %d in the log" % (topic, len(here), len(start)))
+    away = [abs(a - b) for a, b in zip(here, start)]
     if max(away) <= args.start_tolerance:
         return
-    joint = away.index(max(away))
     if not args.go_to_start:
         raise BagError("%s: joint %d stands %.4f rad from where the log began; --go-to-start moves the arm there"
-                       % (pose.topic, joint + 1, away[joint]))
-    client.move_to(pose, _START_SPEED, _START_ACCELERATION)
+                       % (topic, away.index(max(away)) + 1, max(away)))
+    client.move_to(topic.rsplit("/", 1)[0], start, _START_SPEED, _START_ACCELERATION)
     while True:
-        here = client.joint_position(pose.topic, max(end - time.monotonic(), 1.0))
-        if max(abs(a - b) for a, b in zip(here, pose.joint_position)) <= args.start_tolerance:
+        here = client.joint_position(topic, max(end - time.monotonic(), 1.0))
+        if max(abs(a - b) for a, b in zip(here, start)) <= args.start_tolerance:
             return
         if time.monotonic() > end:
-            raise BagError("%s: the arm did not reach where the log began" % pose.topic)
+            raise BagError("%s: the arm did not reach where the log began" % topic)
