@@ -5,6 +5,10 @@ class JakaBagError(Exception):
     """Any failure that this package foresees; every other exception is a bug."""
 
 
+class UsageError(JakaBagError):
+    """A command that cannot be carried out as given: its options, or the logs to compare; the exit code is 2."""
+
+
 class ProtocolError(JakaBagError):
     """A peer's bytes or replies break the protocol (TCPROS, master and slave API)."""
 

@@ -73,14 +73,12 @@ class CommandPlayer:
             moment = self._wait_until_due(entry, begin)
             self.lateness.append(max(0.0, time.monotonic() - moment))
             self._check()
+            self._begin(entry)  # before the thread runs, so that what overlaps this call can be planned
             if entry.is_overlapped:
-                # started is set before the thread runs, so that what overlaps this call can be planned
-                self._begin(entry)
                 threads[entry.number] = threading.Thread(target=self._finish, args=(entry,), daemon=True,
                                                          name="call %d" % entry.number)
                 threads[entry.number].start()
             else:
-                self._begin(entry)
                 self._finish(entry)
             self._check()
         for number, thread in threads.items():

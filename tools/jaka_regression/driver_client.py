@@ -1,7 +1,8 @@
 """The live driver, through rospy: any recorded call as its raw bytes, where the arm stands, a move to the start."""
+import io
 import threading
 import time
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import roslib.message as untyped_roslib
 import rospy as untyped_rospy
@@ -25,10 +26,6 @@ class RawMessage(untyped_rospy.AnyMsg):
         self._buff = raw
 
 
-class _RawResponse(RawMessage):
-    """A response, kept as bytes."""
-
-
 class DriverNotThere(BagError):
     """A service or topic of the driver did not appear in time."""
 
@@ -36,7 +33,7 @@ class DriverNotThere(BagError):
 def raw_service(service_type: str, md5sum: str) -> Any:
     """A service class that passes bytes through, for ``rospy.ServiceProxy``; the md5 is the recorded caller's."""
     return type("RawService", (), {"_type": service_type, "_md5sum": md5sum, "_request_class": RawMessage,
-                                   "_response_class": _RawResponse})
+                                   "_response_class": RawMessage})
 
 
 def outcome_of(service_type: str, raw: bytes) -> Reply:
@@ -71,60 +68,29 @@ def slowed(call: Call, share: float) -> bytes:
     request.deserialize(call.request)
     for name in fields:
         setattr(request, name, share * getattr(request, name))
-    return _serialised(request)
-
-
-def _serialised(message: Any) -> bytes:
-    import io
     buffer = io.BytesIO()
-    message.serialize(buffer)
+    request.serialize(buffer)
     return buffer.getvalue()
 
 
-class StartPose(NamedTuple):
-    """Where an arm stood when a log began, rad, and the topic that tells where it stands."""
-
-    topic: str
-    joint_position: Tuple[float, ...]
-
-    @property
-    def node(self) -> str:
-        """The driver's node."""
-        return self.topic.rsplit("/", 1)[0]
-
-
-def _known_service(name: str) -> Any:
-    found = roslib_message.get_service_class(name)
+def _installed(kind: str, name: str) -> Any:
+    """The class of a type that this code needs itself; ``kind`` is message or service."""
+    found = getattr(roslib_message, "get_%s_class" % kind)(name)
     if found is None:
-        raise BagError("the service type %s is not installed" % name)
+        raise BagError("the %s type %s is not installed" % (kind, name))
     return found
-
-
-def _known_message(name: str) -> Any:
-    found = roslib_message.get_message_class(name)
-    if found is None:
-        raise BagError("the message type %s is not installed" % name)
-    return found
-
-
-def start_node(name: str) -> None:
-    """Make this process a ROS node that leaves signals alone."""
-    rospy.init_node(name, anonymous=True, disable_signals=True)
-
-
-def end_node(reason: str) -> None:
-    """The node ends."""
-    rospy.signal_shutdown(reason)
 
 
 class DriverClient:
-    """Calls services of live drivers.
+    """A ROS node that calls services of live drivers, and leaves signals alone.
 
     Args:
+        name: Of the node; a number is added.
         speed_share: Moves are asked for at this share of their recorded speeds.
     """
 
-    def __init__(self, speed_share: float = 1.0) -> None:
+    def __init__(self, name: str, speed_share: float = 1.0) -> None:
+        rospy.init_node(name, anonymous=True, disable_signals=True)
         self._speed_share = speed_share
         self._streams: Dict[str, Any] = {}
         self._lock = threading.Lock()
@@ -169,21 +135,21 @@ class DriverClient:
             DriverNotThere: Nothing is published.
         """
         try:
-            message = rospy.wait_for_message(topic, _known_message("sensor_msgs/JointState"), timeout_s)
+            message = rospy.wait_for_message(topic, _installed("message", "sensor_msgs/JointState"), timeout_s)
         except rospy.ROSException as error:
             raise DriverNotThere("nothing is published on %s" % topic) from error
         return tuple(message.position)
 
-    def move_to(self, pose: StartPose, speed: float, acceleration: float) -> None:
-        """Move an arm to a pose, with rad/s and rad/s2.
+    def move_to(self, node: str, joint_position: Sequence[float], speed: float, acceleration: float) -> None:
+        """Move a driver's arm to joint positions, rad, with rad/s and rad/s2.
 
         Raises:
             BagError: The driver refused, or the move was not completed.
         """
-        move = _known_service("jaka_msgs/Move")
-        request = move._request_class(pose=pose.joint_position, mvvelo=speed, mvacc=acceleration)
+        move = _installed("service", "jaka_msgs/Move")
+        request = move._request_class(pose=joint_position, mvvelo=speed, mvacc=acceleration)
         try:
-            response = rospy.ServiceProxy(pose.node + "/joint_move", move)(request)
+            response = rospy.ServiceProxy(node + "/joint_move", move)(request)
         except (rospy.ServiceException, rospy.ROSException) as error:
             raise BagError("the move to the start failed: %s" % error) from error
         if response.ret != 1:
@@ -192,12 +158,13 @@ class DriverClient:
     def stop(self, node: str) -> Optional[str]:
         """Stop what a driver moves; None, or why it could not be asked to."""
         try:
-            rospy.ServiceProxy(node + "/stop_move", _known_service("std_srvs/Empty"))()
+            rospy.ServiceProxy(node + "/stop_move", _installed("service", "std_srvs/Empty"))()
         except (rospy.ServiceException, rospy.ROSException) as error:
             return str(error)
         return None
 
     def close(self) -> None:
-        """Close the connections that are kept open."""
+        """Close the connections that are kept open, and end the node."""
         for proxy in self._streams.values():
             proxy.close()
+        rospy.signal_shutdown("replay is over")

@@ -121,13 +121,6 @@ class Program:
             return None
         self._wait_for(printed, timeout_s, "did not print %r" % words)
 
-    def wait(self, timeout_s: float) -> int:
-        """Wait for its end; its exit code."""
-        try:
-            return self.process.wait(timeout_s)
-        except subprocess.TimeoutExpired:
-            raise self.failure("did not end") from None
-
     def printed(self) -> str:
         """All that it has printed."""
         try:

@@ -1,7 +1,7 @@
 """``jaka_bag replay-commands``: the command line that makes the service calls of a log again."""
 import argparse
+import functools
 import json
-import math
 import signal
 import sys
 import threading
@@ -11,7 +11,7 @@ from typing import Any, List, Optional
 from jaka_bag.cli.quantities import duration, positive_number
 from jaka_bag.compare.loading import load_run
 from jaka_bag.compare.run import Run
-from jaka_bag.errors import BagError, JakaBagError
+from jaka_bag.errors import BagError, JakaBagError, UsageError
 
 from .command_player import CommandPlayer, ReplayStopped, Reply
 from .command_schedule import Planned, as_text, plan
@@ -20,7 +20,7 @@ _START_SPEED = 0.2
 _START_ACCELERATION = 0.5
 _REACH_RAD = 0.01
 
-_EPILOG = """\
+EPILOG = """\
 Makes the calls that the log's service_calls topics tell of again, against a live driver, with the same bytes. Each
 comes at its recorded time, but never before the calls it followed have ended; calls that overlapped overlap again.
 
@@ -37,8 +37,6 @@ Exit code: 0 all calls made, 1 stopped or refused, 2 usage.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag replay-commands``."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = _EPILOG
     add = parser.add_argument
     add("log", metavar="LOG", help=".bag or .mcap with service_calls")
     add("-n", "--dry-run", action="store_true", help="print the calls and end")
@@ -63,33 +61,15 @@ def _percent(text: str) -> float:
     return value
 
 
-def start_of(run: Run, topic: str) -> Optional[List[float]]:
-    """Where the joints of a topic stood when the log began, rad; None where it does not tell."""
-    track = run.joints.get(topic)
-    if track is None:
-        return None
-    for row in track.value.tolist():
-        if all(math.isfinite(value) for value in row):
-            return [float(value) for value in row]
-    return None
-
-
-class _Teller:
-    """Tells of each call: for people, or as JSON for programs."""
-
-    def __init__(self, count: int, quiet: bool, as_json: bool) -> None:
-        self._count = count
-        self._quiet = quiet
-        self._as_json = as_json
-
-    def __call__(self, entry: Planned, at: float, reply: Optional[Reply]) -> None:
-        if self._as_json:
-            event = {"call": entry.number, "service": entry.call.service, "event": "start" if reply is None else "end",
-                     "monotonic_s": at, "success": None if reply is None else reply.success}
-            print(json.dumps(event), flush=True)
-        elif reply is not None and not self._quiet:
-            print("%d/%d %s: %s" % (entry.number + 1, self._count, entry.call.words,
-                                    "succeeded" if reply.success else "refused: %s" % reply.text), flush=True)
+def _tell(args: argparse.Namespace, count: int, entry: Planned, at: float, reply: Optional[Reply]) -> None:
+    """One of ``count`` calls begins or ends, at s of the monotonic clock: for people, or as JSON for programs."""
+    if args.progress:
+        event = {"call": entry.number, "service": entry.call.service, "event": "start" if reply is None else "end",
+                 "monotonic_s": at, "success": None if reply is None else reply.success}
+        print(json.dumps(event), flush=True)
+    elif reply is not None and not args.quiet:
+        print("%d/%d %s: %s" % (entry.number + 1, count, entry.call.words,
+                                "succeeded" if reply.success else "refused: %s" % reply.text), flush=True)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -98,10 +78,8 @@ def run(args: argparse.Namespace) -> int:
     if not log.calls:
         raise BagError("%s holds no service calls: record the topic service_calls" % args.log)
     if args.speed_limit < 100.0 and args.time_scale != 1.0:
-        print("jaka_bag replay-commands: error: --speed-limit and --time-scale do not go together", file=sys.stderr)
-        return 2
-    stretch = 100.0 / args.speed_limit / args.time_scale
-    planned = plan(log.calls, stretch)
+        raise UsageError("--speed-limit and --time-scale do not go together")
+    planned = plan(log.calls, 100.0 / args.speed_limit / args.time_scale)
     if args.dry_run:
         print(as_text(planned))
         return 0
@@ -110,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
     try:
-        from .driver_client import DriverClient, StartPose, end_node, start_node
+        from .driver_client import DriverClient
     except ImportError as error:
         raise BagError("replay-commands needs ROS: %s" % error) from error
     from jaka_bag.live.graph import RemoteNode, master_uri
@@ -120,24 +98,23 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
     except (JakaBagError, OSError) as error:
         raise BagError("no ROS master: %s" % error) from error
     cancelled = threading.Event()
-    start_node("jaka_bag_replay")
+    client = DriverClient("jaka_bag_replay", args.speed_limit / 100.0)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: cancelled.set())
-    client = DriverClient(args.speed_limit / 100.0)
-    poses = [StartPose(topic, tuple(start)) for topic, start in ((topic, start_of(log, topic)) for topic in log.joints)
-             if start is not None and topic.endswith("/joint_position")]
+    starts = {topic: track.finite().value for topic, track in log.joints.items() if topic.endswith("/joint_position")}
     try:
         client.wait_for(sorted({call.service for call in log.calls}), args.wait)
-        for pose in poses:
-            _check_start(args, client, pose)
-        teller = _Teller(len(planned), args.quiet, args.progress)
+        for topic, positions in starts.items():
+            if len(positions):
+                _check_start(args, client, topic, positions[0].tolist())
         begin = time.monotonic()
         if args.begin_at_stdin:
             print(json.dumps({"event": "ready"}), flush=True)
             begin = float(sys.stdin.readline() or begin)
         if args.progress:
             print(json.dumps({"event": "begin", "monotonic_s": begin}), flush=True)
-        player = CommandPlayer(planned, client.perform, teller, args.after_previous, cancelled)
+        player = CommandPlayer(planned, client.perform, functools.partial(_tell, args, len(planned)),
+                               args.after_previous, cancelled)
         try:
             player.run(begin)
         except ReplayStopped as error:
@@ -148,30 +125,27 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
                     print("jaka_bag replay-commands: error: %s could not be stopped: %s" % (node, why), file=sys.stderr)
             return 1
         if not args.quiet and not args.progress:
-            late = max(player.lateness)
-            print("%d calls made, at most %.1f ms late" % (len(planned), 1e3 * late))
+            print("%d calls made, at most %.1f ms late" % (len(planned), 1e3 * max(player.lateness)))
         return 0
     finally:
         client.close()
-        end_node("replay is over")
 
 
-def _check_start(args: argparse.Namespace, client: Any, pose: Any) -> None:
+def _check_start(args: argparse.Namespace, client: Any, topic: str, start: List[float]) -> None:
     end = time.monotonic() + args.wait
-    here = client.joint_position(pose.topic, args.wait)
-    away = [abs(a - b) for a, b in zip(here, pose.joint_position)]
-    if len(here) != len(pose.joint_position):
-        raise BagError("%s has %d joints, %d in the log" % (pose.topic, len(here), len(pose.joint_position)))
+    here = client.joint_position(topic, args.wait)
+    if len(here) != len(start):
+        raise BagError("%s has %d joints, %d in the log" % (topic, len(here), len(start)))
+    away = [abs(a - b) for a, b in zip(here, start)]
     if max(away) <= args.start_tolerance:
         return
-    joint = away.index(max(away))
     if not args.go_to_start:
         raise BagError("%s: joint %d stands %.4f rad from where the log began; --go-to-start moves the arm there"
-                       % (pose.topic, joint + 1, away[joint]))
-    client.move_to(pose, _START_SPEED, _START_ACCELERATION)
+                       % (topic, away.index(max(away)) + 1, max(away)))
+    client.move_to(topic.rsplit("/", 1)[0], start, _START_SPEED, _START_ACCELERATION)
     while True:
-        here = client.joint_position(pose.topic, max(end - time.monotonic(), 1.0))
-        if max(abs(a - b) for a, b in zip(here, pose.joint_position)) <= args.start_tolerance:
+        here = client.joint_position(topic, max(end - time.monotonic(), 1.0))
+        if max(abs(a - b) for a, b in zip(here, start)) <= args.start_tolerance:
             return
         if time.monotonic() > end:
-            raise BagError("%s: the arm did not reach where the log began" % pose.topic)
+            raise BagError("%s: the arm did not reach where the log began" % topic)

@@ -16,7 +16,7 @@ from .stage import Script, script_of
 
 _TOPICS = ("tool_position", "joint_position", "robot_states", "service_calls")
 
-_EPILOG = """\
+EPILOG = """\
 WIRE is a log of a controller's bytes: of the simulated controller (jaka_sim --log) or of a real one (jaka_sim proxy).
 A ROS master and the driver are started; the driver gets the same bytes at the same times, and to each request the
 recorded reply to it. What the driver publishes is recorded as candidate.mcap in the folder of --output.
@@ -30,8 +30,6 @@ Exit code: 0 done, 1 different or failed, 2 usage.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag replay-wire``."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = _EPILOG
     add = parser.add_argument
     add("wire", metavar="WIRE", help="log of a controller's bytes, .mcap")
     add("--golden", metavar="LOG", help="state log to compare with, .bag or .mcap")

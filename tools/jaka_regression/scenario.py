@@ -3,14 +3,13 @@
 It stands in a YAML file beside the log, ``golden.yaml`` for ``golden.mcap``; without one there is one arm, with the
 parameters that the log's recording found set.
 """
-import difflib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 import yaml
 
-from jaka_bag.compare.tolerances import Tolerances, parse_tolerances
+from jaka_bag.compare.tolerances import Tolerances, check_names, parse_tolerances
 from jaka_bag.containers.registry import open_log
 from jaka_bag.errors import BagError
 from jaka_bag.paths import PathLike
@@ -79,11 +78,7 @@ class Scenario:
 def _checked(where: str, value: Any, known: Tuple[str, ...]) -> Dict[str, Any]:
     if not isinstance(value, dict):
         raise ScenarioError("%s: expected keys with values, not %r" % (where, value))
-    for key in value:
-        if key not in known:
-            near = difflib.get_close_matches(str(key), known, 1)
-            raise ScenarioError("%s: unknown key %r; %s" % (where, key, "did you mean %r?" % near[0] if near
-                                                            else "known are " + ", ".join(known)))
+    check_names(where, value, known, ScenarioError)
     return value
 
 
@@ -149,30 +144,20 @@ def parse_scenario(text: str, name: str) -> Scenario:
                     _typed(name + ": licence", given.get("licence", ""), str, "a text"), arms, events, tolerances)
 
 
-def _recorded_parameters(path: PathLike) -> Dict[str, Any]:
-    """The parameters that the recorder found on the parameter server; empty where the log has none."""
-    with open_log(path) as reader:
-        for entry in reader.index.attachments:
-            if entry.name == _PARAMETERS_NAME:
-                try:
-                    document = yaml.safe_load(reader.read_attachment(entry))
-                except yaml.YAMLError:
-                    return {}
-                return document if isinstance(document, dict) else {}
-    return {}
-
-
 def _arms_of_log(path: PathLike) -> Tuple[Arm, ...]:
-    """The arms that a log shows, each with the parameters that its driver had."""
+    """The arms that a log shows, each with the parameters that the recorder found on the parameter server."""
     with open_log(path) as reader:
         topics = {connection.topic for connection in reader.connections}
-    nodes = sorted(topic.rsplit("/", 1)[0] for topic in topics if topic.endswith("/joint_position"))
-    parameters = _recorded_parameters(path)
+        found = [reader.read_attachment(entry) for entry in reader.index.attachments if entry.name == _PARAMETERS_NAME]
+    try:
+        parameters = yaml.safe_load(found[0]) if found else {}
+    except yaml.YAMLError:
+        parameters = {}
     arms: List[Arm] = []
-    for node in nodes:
+    for node in sorted(topic.rsplit("/", 1)[0] for topic in topics if topic.endswith("/joint_position")):
         inner: Any = parameters
         for word in node.strip("/").split("/"):
-            inner = inner.get(word, {}) if isinstance(inner, dict) else {}
+            inner = inner.get(word) if isinstance(inner, dict) else None
         known = {key: value for key, value in inner.items() if key not in _NOT_PASSED_ON and value != ""} \
             if isinstance(inner, dict) else {}
         arms.append(Arm(node.rsplit("/", 1)[0], str(known.pop("model", "zu7")), parameters=tuple(known.items())))

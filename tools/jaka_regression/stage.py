@@ -7,7 +7,7 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 from jaka_bag.compare.run import Call, Run
 from jaka_bag.units import NS_PER_S
@@ -70,11 +70,13 @@ class Stage:
         for number, arm in enumerate(self._scenario.arms):
             self._start_simulation(number, arm)
         recorder = self._start_recorder_and_drivers(candidate, driver)
+        rest = self._script.duration
         if self._script.log is not None:
-            self._make_calls(self._script.log)
+            self._wait_for_calls(self._start_calls(self._script.log), 3.0 * rest / self._time_scale + 3.0 * _START_S)
+            rest -= max(call.end for call in self._script.calls)
         else:
             self._schedule(None, time.monotonic())
-            self._let_pass(self._script.duration / self._time_scale + _TAIL_S)
+        self._let_pass(rest / self._time_scale + _TAIL_S)
         self._end_recording(recorder)
 
     def run_wire(self, wire_log: str, candidate: Path, driver: Sequence[str]) -> Dict[str, Any]:
@@ -95,24 +97,29 @@ class Stage:
         self._ports[self._scenario.arms[0].namespace] = facts
         recorder = self._start_recorder_and_drivers(candidate, driver)
         calls = self._start_calls(self._script.log, "--begin-at-stdin") if self._script.log is not None else None
-        self._wait_until(began, _START_S, "the driver does not connect")
+        if not self._wait_until(began.is_set, _START_S):
+            raise ProgramFailed("the driver does not connect")
         if calls is not None:
             # both logs tell real time: the calls keep their places among the recorded bytes
             log_begins = self._script.start_ns - facts["start_ns"] - facts["realtime_minus_monotonic_ns"]
             calls.say("%.6f" % (told["begin"]["monotonic_s"] + log_begins / NS_PER_S / self._time_scale))
-        self._wait_until(ended, facts["duration_s"] / self._time_scale + _START_S, "the play does not end")
-        if calls is not None and self._wait_for(calls, _START_S):
-            raise ProgramFailed("the calls could not be made again: %s" % calls.last_words())
+        if not self._wait_until(ended.is_set, facts["duration_s"] / self._time_scale + _START_S):
+            raise ProgramFailed("the play does not end")
+        if calls is not None:
+            self._wait_for_calls(calls, _START_S)
         self._let_pass(_TAIL_S)
         self._end_recording(recorder)
         return dict(told["end"])
 
-    def _wait_until(self, event: threading.Event, patience_s: float, failure: str) -> None:
+    def _wait_until(self, is_there: Callable[[], bool], patience_s: float) -> bool:
+        """Wait for something while all programs run; False where it did not come in time, s."""
         end = time.monotonic() + patience_s
-        while not event.wait(0.05):
+        while not is_there():
             self._programs.check()
             if time.monotonic() > end:
-                raise ProgramFailed(failure)
+                return False
+            time.sleep(0.05)
+        return True
 
     def _start_master(self) -> None:
         master = self._start("master", *programs.MASTER)
@@ -157,30 +164,16 @@ class Stage:
         self._start("driver%d" % number, *driver, "__ns:=%s" % (arm.namespace or "/"), "__name:=jaka_driver",
                     *["_%s:=%s" % (name, json.dumps(value)) for name, value in private.items()])
 
-    def _make_calls(self, log: str) -> None:
-        patience = 3.0 * self._script.duration / self._time_scale + 3.0 * _START_S
-        player = self._start_calls(log)
-        code = self._wait_for(player, patience)
-        if code:
-            raise ProgramFailed("the calls could not be made again: %s" % player.last_words())
-        last = max(call.end for call in self._script.calls)
-        self._let_pass((self._script.duration - last) / self._time_scale + _TAIL_S)
-
     def _start_calls(self, log: str, *further: str) -> Program:
         return self._start("calls", *programs.JAKA_BAG, "replay-commands", log, "--go-to-start",
                            "--progress", "--wait", "%g" % _START_S, "--time-scale", "%g" % self._time_scale, *further,
                            on_line=self._call_made, is_service=False)
 
-    def _wait_for(self, program: Program, patience_s: float) -> int:
-        """Wait for its end while all others run; its exit code."""
-        end = time.monotonic() + patience_s
-        while time.monotonic() < end:
-            code = program.process.poll()
-            if code is not None:
-                return code
-            self._programs.check()
-            time.sleep(0.05)
-        raise ProgramFailed("%s did not end: %s" % (program.name, program.last_words()))
+    def _wait_for_calls(self, calls: Program, patience_s: float) -> None:
+        if not self._wait_until(lambda: calls.process.poll() is not None, patience_s):
+            raise calls.failure("did not end")
+        if calls.process.returncode:
+            raise ProgramFailed("the calls could not be made again: %s" % calls.last_words())
 
     def _call_made(self, line: str) -> None:
         try:
@@ -212,9 +205,6 @@ class Stage:
 
     def _let_pass(self, seconds: float) -> None:
         """Wait so long, s, while everything is recorded."""
-        end = time.monotonic() + seconds
-        while time.monotonic() < end and self._failure is None:
-            self._programs.check()
-            time.sleep(0.05)
+        self._wait_until(lambda: self._failure is not None, seconds)
         for operator in self._operators:
             operator.join(_START_S)

@@ -3,6 +3,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import Callable, List, Optional, Tuple
 
 from ..compare.comparison import CannotCompare, compare_logs
 from ..compare.report.html import as_html
@@ -10,12 +11,11 @@ from ..compare.report.junit import as_junit
 from ..compare.report.text import as_data, as_text, headline
 from ..compare.tolerances import ToleranceError, Tolerances, as_yaml, load_tolerances
 from ..compare.verdict import Comparison
+from ..errors import UsageError
 from ..output_file import OutputFile, check_output
 from .quantities import positive_number
 
-CANNOT_COMPARE = 2
-
-_EPILOG = """\
+EPILOG = """\
 Does the arm still do what it did? The checks, in this order: types; counts, rates, jitter, gaps, lost messages and
 stamps; alignment by the logs' own events, then by all joints together; timing and pace of each motion; joints,
 positions and orientations; sequences of states; service calls. A late start is no difference, a slow motion is.
@@ -32,8 +32,6 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag compare``."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = _EPILOG
     add = parser.add_argument
     add("golden", nargs="?", metavar="GOLDEN", help="log of what ought to happen, .bag or .mcap")
     add("candidate", nargs="?", metavar="CANDIDATE", help="log of what happened")
@@ -48,25 +46,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--print-tolerances", action="store_true", help="print the tolerances in force as YAML, and end")
 
 
-def write_reports(comparison: Comparison, tolerances: Tolerances, html: str = "", junit: str = "", json_file: str = "",
-                  overwrite: bool = False) -> None:
+def write_reports(comparison: Comparison, tolerances: Tolerances, html: Optional[str] = None,
+                  junit: Optional[str] = None, json_file: Optional[str] = None, overwrite: bool = False) -> None:
     """Write the reports that have a name.
 
     Raises:
         OutputExists: One exists and ``overwrite`` is False.
         BagError: One cannot be created.
     """
-    if html:
-        _write(html, as_html(comparison, tolerances), overwrite)
-    if junit:
-        _write(junit, as_junit(comparison), overwrite)
-    if json_file:
-        _write(json_file, json.dumps(as_data(comparison), indent=1, allow_nan=False) + "\n", overwrite)
-
-
-def _write(path: str, text: str, overwrite: bool) -> None:
-    with OutputFile(path, overwrite) as output:
-        output.write(text.encode("utf-8", "replace"))
+    reports: List[Tuple[Optional[str], Callable[[], str]]] = [
+        (html, lambda: as_html(comparison, tolerances)), (junit, lambda: as_junit(comparison)),
+        (json_file, lambda: json.dumps(as_data(comparison), indent=1, allow_nan=False) + "\n")]
+    for path, text in reports:
+        if path:
+            with OutputFile(path, overwrite) as output:
+                output.write(text().encode("utf-8", "replace"))
 
 
 def run(args: argparse.Namespace) -> int:
@@ -77,17 +71,14 @@ def run(args: argparse.Namespace) -> int:
             sys.stdout.write(as_yaml(tolerances))
             return 0
         if not (args.golden and args.candidate):
-            print("jaka_bag compare: error: GOLDEN and CANDIDATE are needed", file=sys.stderr)
-            return CANNOT_COMPARE
-        outputs = [name for name in (args.html, args.junit, args.json) if name]
-        for name in outputs:
+            raise UsageError("GOLDEN and CANDIDATE are needed")
+        for name in [name for name in (args.html, args.junit, args.json) if name]:
             if Path(name).resolve() in (Path(args.golden).resolve(), Path(args.candidate).resolve()):
-                raise CannotCompare("%s is one of the logs" % name)
+                raise UsageError("%s is one of the logs" % name)
             check_output(name, args.force)
         comparison = compare_logs(args.golden, args.candidate, tolerances, args.time_scale)
     except (CannotCompare, ToleranceError) as error:
-        print("jaka_bag compare: error: %s" % " ".join(str(error).split()), file=sys.stderr)
-        return CANNOT_COMPARE
-    write_reports(comparison, tolerances, args.html or "", args.junit or "", args.json or "", args.force)
+        raise UsageError(str(error)) from error
+    write_reports(comparison, tolerances, args.html, args.junit, args.json, args.force)
     print(headline(comparison) if args.quiet else as_text(comparison, args.verbose))
     return 0 if comparison.same else 1

@@ -3,23 +3,14 @@ import argparse
 from pathlib import Path
 from typing import List
 
-from ..errors import BagError
+from ..errors import BagError, UsageError
 from ..operations.convert import Job, WriteResult, convert_file
 from ..pipeline import WORKERS
 from .main import human_bytes
-from .options import (
-    Report,
-    add_compression,
-    add_output,
-    add_report,
-    add_selection,
-    selection_of,
-    span_of,
-    usage_error,
-)
+from .options import Report, add_compression, add_output, add_report, add_selection, selection_of, span_of
 from .quantities import count
 
-_EPILOG = """\
+EPILOG = """\
 examples:
   jaka_bag convert run.bag -o run.mcap               MCAP, profile ros1, zstd
   jaka_bag convert run.mcap -o run.bag -c lz4        a bag that rosbag reads
@@ -31,7 +22,6 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag convert``."""
-    parser.epilog = _EPILOG
     parser.add_argument("source", metavar="SRC", help=".bag or .mcap, or a folder: all of them in it")
     add_output(parser, "its suffix, .bag or .mcap, decides about the format; default: SRC with the other suffix", False)
     parser.add_argument("--profile", choices=("ros1", "ros2"), default="ros1",
@@ -92,7 +82,7 @@ def _run_folder(args: argparse.Namespace, folder: Path, report: Report) -> int:
         if result.error:
             report.tell("error", [result.error])
         else:
-            report.done(_line(result), result.document())
+            report.done(_line(result))
         report.tell("note", ["%s: %s" % (result.target, note) for note in result.notes])
 
     from ..operations.many import convert_many, convert_on_dask
@@ -110,16 +100,14 @@ def _run_folder(args: argparse.Namespace, folder: Path, report: Report) -> int:
 
 def run(args: argparse.Namespace) -> int:
     """Convert; the exit code."""
-    if args.end is not None and args.duration is not None:
-        return usage_error("--end and --duration do not go together")
     report = Report(args)
     source = Path(args.source)
     if source.is_dir():
         return _run_folder(args, source, report)
     if args.jobs > 1 or args.dask:
-        return usage_error("--jobs and --dask are for folders")
+        raise UsageError("--jobs and --dask are for folders")
     target = Path(args.output) if args.output else _default_target(source, args.profile)
     job = _job(args, source, target, WORKERS)
     with report.progress(source) as progress:
         result = convert_file(job, progress)
-    return report.written(_line(result), result)
+    return report.only(_line(result), result.document(), result.notes)

@@ -7,7 +7,7 @@ from ..messages.selection import Selection
 from ..operations.export import export
 from .options import Report, add_report, add_source
 
-_EPILOG = """\
+EPILOG = """\
 CSV and Parquet: one file a topic, STEM_topic.csv where there are several. Times are s with nine digits in CSV, ns
 elsewhere; arrays are spread over columns name[0], name[1], ... in CSV, byte arrays are hexadecimal.
 NPZ: one file, arrays topic/field; arrays of changing length as topic/field and topic/field.lengths.
@@ -20,7 +20,6 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag export``."""
-    parser.epilog = _EPILOG
     add_source(parser, ".csv, .npz or .parquet")
     parser.add_argument("-t", "--topics", nargs="+", default=[], metavar="TOPIC", help="these topics (default: all)")
     parser.add_argument("-e", "--regex", action="append", default=[], metavar="REGEX",
@@ -38,6 +37,6 @@ def run(args: argparse.Namespace) -> int:
         result = export(reader, args.output, Selection(tuple(args.topics), tuple(args.regex)), args.force)
     tables = [{"target": path, "topic": topic, "messages": messages} for topic, (path, messages) in result.items()]
     for table in tables:
-        report.done("%(target)s: %(messages)d messages of %(topic)s" % table, table)
+        report.done("%(target)s: %(messages)d messages of %(topic)s" % table)
     report.finish({"source": args.source, "tables": tables})
     return 0

@@ -3,18 +3,9 @@ import argparse
 
 from ..operations.convert import Job, convert_file
 from .main import human_bytes
-from .options import (
-    Report,
-    add_compression,
-    add_report,
-    add_selection,
-    add_source,
-    selection_of,
-    span_of,
-    usage_error,
-)
+from .options import Report, add_compression, add_report, add_selection, add_source, selection_of, span_of
 
-_EPILOG = """\
+EPILOG = """\
 examples:
   jaka_bag filter run.bag -o joints.bag -t /jaka_driver/joint_position
   jaka_bag filter run.mcap -o accident.mcap -s 1700000512 -d 10 --keep-latched
@@ -24,7 +15,6 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag filter``."""
-    parser.epilog = _EPILOG
     add_source(parser, "its suffix, .bag or .mcap, decides about the format")
     parser.add_argument("--keep-latched", action="store_true",
                         help="also the newest message before --start of each latched publisher, with its own time")
@@ -35,12 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Filter; the exit code."""
-    if args.end is not None and args.duration is not None:
-        return usage_error("--end and --duration do not go together")
     report = Report(args)
     job = Job(args.source, args.output, selection_of(args), span_of(args), args.compression, args.level,
               overwrite=args.force, keep_latched=args.keep_latched)
     with report.progress(args.source) as progress:
         result = convert_file(job, progress)
-    return report.written("%s: %d messages, %s" % (result.target, result.messages, human_bytes(result.bytes_written)),
-                          result)
+    return report.only("%s: %d messages, %s" % (result.target, result.messages, human_bytes(result.bytes_written)),
+                       result.document(), result.notes)

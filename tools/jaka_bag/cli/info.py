@@ -1,11 +1,10 @@
 """``jaka_bag info``: what is in a log, from its index alone; imports no numpy unless --freq asks for it."""
-import sys
 import time
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence, Tuple
 
 from ..containers.index import LogIndex
 from ..containers.registry import read_codecs, read_index
-from ..errors import BagFormatError
+from ..errors import BagFormatError, UsageError
 from .main import human_bytes
 
 if TYPE_CHECKING:
@@ -105,12 +104,8 @@ def _text(document: Dict[str, Any]) -> str:
         rows.append(("topics", "%-*s  %8d msgs%s : %s%s" % (width, topic["topic"], topic["messages"],
                                                            _mean_rate(topic, document["duration"]), topic["type"],
                                                            extra)))
-        if _losses(topic.get("recorder", {})):
-            rows.append(("", "%-*s  %s" % (width, "", _losses(topic["recorder"]))))
-        if "freq" in topic:
-            rows.append(("", "%-*s  %s" % (width, "", topic["freq"]["text"])))
-        if "seq" in topic:
-            rows.append(("", "%-*s  %s" % (width, "", topic["seq"]["text"])))
+        further = [_losses(topic.get("recorder", {}))] + [topic[key]["text"] for key in ("freq", "seq") if key in topic]
+        rows += [("", "%-*s  %s" % (width, "", text)) for text in further if text]
     rows += [("attachments", "%s (%s, %s)" % (a["name"], a["media_type"], human_bytes(a["size"])))
              for a in document["attachments"]]
     rows += [("metadata", name) for name in document["metadata"]]
@@ -172,8 +167,7 @@ def run(args: "argparse.Namespace") -> int:
         return run_files(args.files, args.freq, args.seq)
     documents = [_document(path, args.freq, args.seq) for path in args.files]
     if args.key and args.key not in documents[0]:
-        print("jaka_bag: error: no key %r; there are: %s" % (args.key, ", ".join(documents[0])), file=sys.stderr)
-        return 2
+        raise UsageError("no key %r; there are: %s" % (args.key, ", ".join(documents[0])))
     import json
 
     if args.key:

@@ -9,7 +9,7 @@ import sys
 from types import ModuleType
 from typing import Dict, List, NamedTuple, Optional
 
-from ..errors import JakaBagError
+from ..errors import JakaBagError, UsageError
 
 PROGRAM = "jaka_bag"
 
@@ -18,8 +18,9 @@ class Command(NamedTuple):
     """One subcommand.
 
     Attributes:
-        module: Has ``add_arguments(parser)`` and ``run(args) -> int``; what they raise of ``JakaBagError`` is printed.
-            With ``run_files(names) -> int`` a call without options starts faster: argparse is not imported.
+        module: Has ``add_arguments(parser)``, ``run(args) -> int`` and, for the end of its help, ``EPILOG``; what the
+            functions raise of ``JakaBagError`` is printed. With ``run_files(names) -> int`` a call without options
+            starts faster: argparse is not imported.
         summary: One line for ``--help``.
     """
 
@@ -109,28 +110,16 @@ def _run(name: str, arguments: List[str]) -> int:
     module = load_command(name)
     run_files = getattr(module, "run_files", None)
     if run_files is not None and arguments and not any(word.startswith("-") for word in arguments):
-        return _flushed(run_files(arguments))
+        return int(run_files(arguments))
     import argparse
 
     _end_at_sigterm()
     width = _columns()
     parser = argparse.ArgumentParser(
-        "%s %s" % (PROGRAM, name), description=COMMANDS[name].summary,
+        "%s %s" % (PROGRAM, name), description=COMMANDS[name].summary, epilog=getattr(module, "EPILOG", None),
         formatter_class=lambda prog: argparse.RawDescriptionHelpFormatter(prog, width=width))
     module.add_arguments(parser)
-    return _flushed(module.run(parser.parse_intermixed_args(arguments)))
-
-
-def _flushed(code: int) -> int:
-    """Flush here, where a reader that has gone is noticed and handled."""
-    sys.stdout.flush()
-    return code
-
-
-def _print_any_text() -> None:
-    """Names in logs may hold bytes that are not UTF-8: print them escaped rather than fail."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")
+    return int(module.run(parser.parse_intermixed_args(arguments)))
 
 
 def _end_at_sigterm() -> None:
@@ -157,13 +146,20 @@ def main(argv: Optional[List[str]] = None) -> int:
         print("%s: error: no command %r%s (see %s --help)"
               % (PROGRAM, name, ", did you mean %r?" % near[0] if near else "", PROGRAM), file=sys.stderr)
         return 2
-    _print_any_text()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # names in logs may hold bytes that are not UTF-8: print them escaped rather than fail
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        return _run(name, arguments[1:])
+        code = _run(name, arguments[1:])
+        sys.stdout.flush()  # here, where a reader that has gone is noticed and handled
+        return code
     except SystemExit as end:  # argparse: help or usage
         return end.code if isinstance(end.code, int) else 2
     except MissingCommand as error:
         print("%s: error: %s" % (PROGRAM, error), file=sys.stderr)
+        return 2
+    except UsageError as error:
+        print("%s %s: error: %s" % (PROGRAM, name, " ".join(str(error).split())), file=sys.stderr)
         return 2
     except JakaBagError as error:
         print("%s: error: %s" % (PROGRAM, " ".join(str(error).split())), file=sys.stderr)

@@ -19,5 +19,6 @@ def run(args: argparse.Namespace) -> int:
     report = Report(args)
     with report.progress(*args.sources) as progress:
         result = merge(args.sources, args.output, args.compression, args.level, args.force, progress)
-    return report.written("%s: %d messages of %d files, %s" % (
-        args.output, result.messages, len(args.sources), human_bytes(result.bytes_written)), result)
+    line = "%s: %d messages of %d files, %s" % (args.output, result.messages, len(args.sources),
+                                               human_bytes(result.bytes_written))
+    return report.only(line, result.document(), result.notes)

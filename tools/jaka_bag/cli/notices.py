@@ -37,28 +37,37 @@ class _StandardError(logging.Handler):
 
 
 class Notices:
-    """Says lines in a thread of its own.
+    """Says lines in a thread of its own; at the end of its block it waits until all is said.
 
     Args:
         program: Stands in front of every line.
+        quiet: Only what must be said is.
     """
 
-    def __init__(self, program: str) -> None:
+    def __init__(self, program: str, quiet: bool) -> None:
         lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
         handler = _StandardError()
         handler.setFormatter(logging.Formatter(program + ": %(message)s"))
+        self._quiet = quiet
         self._listener = QueueListener(lines, handler)
         self._logger = logging.Logger(program)
         self._logger.addHandler(QueueHandler(lines))
         self._listener.start()
 
-    def say(self, text: str) -> None:
-        """Say one line; returns at once."""
-        self._logger.info("%s", text)
+    def __enter__(self) -> "Notices":
+        return self
 
-    def close(self) -> None:
-        """Wait until all is said."""
+    def __exit__(self, *_: object) -> None:
         self._listener.stop()
+
+    def say(self, line: str) -> None:
+        """Say one line, but for ``quiet``; returns at once."""
+        if not self._quiet:
+            self.always(line)
+
+    def always(self, line: str) -> None:
+        """Say one line that must be said; returns at once."""
+        self._logger.info("%s", line)
 
 
 def write_account(path: str, account: Dict[str, Any]) -> None:

@@ -5,10 +5,10 @@ import sys
 import time
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
-from typing import Any, Dict, Iterable, List, Optional, TextIO, Union
+from typing import Any, Dict, Iterable, Optional, TextIO, Union
 
+from ..errors import UsageError
 from ..messages.selection import Selection, TimePoint, TimeSpan
-from ..operations.convert import WriteResult
 from ..units import NS_PER_S
 
 _PROGRESS_S = 0.1
@@ -75,14 +75,14 @@ def selection_of(args: argparse.Namespace) -> Selection:
 
 
 def span_of(args: argparse.Namespace) -> TimeSpan:
-    """The time that the options choose."""
+    """The time that the options choose.
+
+    Raises:
+        UsageError: They choose two ends.
+    """
+    if args.end is not None and args.duration is not None:
+        raise UsageError("--end and --duration do not go together")
     return TimeSpan(args.start, args.end, args.duration)
-
-
-def usage_error(text: str) -> int:
-    """Say what is wrong with the options; the exit code."""
-    print("jaka_bag: error: %s" % text, file=sys.stderr)
-    return 2
 
 
 def add_compression(parser: argparse.ArgumentParser) -> None:
@@ -159,16 +159,14 @@ class Report:
     def __init__(self, args: argparse.Namespace) -> None:
         self._json: bool = args.json
         self._quiet: bool = args.quiet
-        self._documents: List[Dict[str, Any]] = []
 
     def progress(self, *sources: Union[str, Path]) -> Progress:
         """A progress bar over the bytes of some files; silent without a terminal."""
         total = sum(path.stat().st_size for path in map(Path, sources) if path.is_file())
         return Progress(total, Path(sources[0]).name, None if self._quiet or not sys.stderr.isatty() else sys.stderr)
 
-    def done(self, line: str, document: Dict[str, Any]) -> None:
-        """One result: the line for people, the same as data."""
-        self._documents.append(document)
+    def done(self, line: str) -> None:
+        """One result, for people."""
         if not self._json and not self._quiet:
             print(line)
 
@@ -177,14 +175,14 @@ class Report:
         for text in texts:
             print("jaka_bag: %s: %s" % (kind, text), file=sys.stderr)
 
-    def written(self, line: str, result: WriteResult) -> int:
-        """The one result; the exit code."""
-        self.done(line, result.document())
-        self.tell("note", result.notes)
-        self.finish()
-        return 0
-
-    def finish(self, document: Optional[Dict[str, Any]] = None) -> None:
-        """Print the JSON document: the given one, or the one result."""
+    def finish(self, document: Dict[str, Any]) -> None:
+        """All results as one JSON document."""
         if self._json:
-            print(json.dumps(document if document is not None else self._documents[0], indent=1))
+            print(json.dumps(document, indent=1))
+
+    def only(self, line: str, document: Dict[str, Any], notes: Iterable[str] = ()) -> int:
+        """The one result, with what to know of it; the exit code."""
+        self.done(line)
+        self.tell("note", notes)
+        self.finish(document)
+        return 0

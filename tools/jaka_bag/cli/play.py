@@ -5,9 +5,9 @@ import os
 import signal
 import struct
 import sys
-from typing import Any, Callable, Dict, Iterator, List, Optional
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional
 
-from ..errors import BagError
+from ..errors import BagError, UsageError
 from ..live.keyboard import Keyboard
 from ..live.linux_timing import precise_wakeups
 from ..live.log_source import LogSource, Timed
@@ -25,7 +25,7 @@ _TIME = struct.Struct("<II")
 _CLOCK_DEFINITION = "time clock\n"
 _PATIENCE_S = 30.0
 
-_EPILOG = """\
+EPILOG = """\
 Messages go out as they were recorded: type, md5, definition, latching, bytes. Every subscriber gets every message at
 any rate: a subscriber that does not keep up holds the player up, and is named. A message that is late does not move
 those after it. With -s the newest message of each latched publisher before the start is sent first.
@@ -38,8 +38,6 @@ Exit code: 0 done, 1 failed, 2 usage.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag play``."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = _EPILOG
     add = parser.add_argument
     add("files", nargs="*", metavar="FILE", help=".bag or .mcap; several are played as one")
     what = parser.add_argument_group("what to play")
@@ -93,11 +91,15 @@ def _signals_stop() -> Iterator[None]:
 
 
 class _LogTopics:
-    """What subscribers see of a log: an offer for each topic and type, and /clock."""
+    """What subscribers see of a log: an offer for each topic and type, and /clock.
+
+    Attributes:
+        offers: By number of the log's connection.
+    """
 
     def __init__(self, publisher: Publisher) -> None:
         self._publisher = publisher
-        self.offers: List[TopicPublisher] = []
+        self.offers: Dict[int, TopicPublisher] = {}
         self._latches: List[Optional[int]] = []
         self._clock: Optional[TopicPublisher] = None
 
@@ -113,7 +115,7 @@ class _LogTopics:
         for number, connection in enumerate(source.connections):
             topic = names.resolve(prefix + connection.topic)
             groups.setdefault((topic, connection.md5sum, connection.datatype), []).append(number)
-        by_number: Dict[int, TopicPublisher] = {}
+            self._latches.append(number if connection.latching else None)
         offered: Dict[str, str] = {}
         for (topic, _, datatype), numbers in groups.items():
             if topic in offered:
@@ -122,10 +124,7 @@ class _LogTopics:
             offered[topic] = datatype
             latching = any(source.connections[number].latching for number in numbers)
             offer = publisher.advertise(topic, source.connections[numbers[0]], latching)
-            by_number.update((number, offer) for number in numbers)
-        for number, connection in enumerate(source.connections):
-            self.offers.append(by_number[number])
-            self._latches.append(number if connection.latching else None)
+            self.offers.update(dict.fromkeys(numbers, offer))
         if has_clock:
             clock = Connection("/clock", "rosgraph_msgs/Clock",
                                definition_md5("rosgraph_msgs/Clock", _CLOCK_DEFINITION), _CLOCK_DEFINITION)
@@ -161,11 +160,8 @@ def _play_through(args: argparse.Namespace, source: LogSource, log_topics: _LogT
             if begin > source.begin:
                 for message in source.last_before(begin):
                     log_topics.send(message)
-            messages = source.play(begin, end)
-            try:
+            with contextlib.closing(source.play(begin, end)) as messages:
                 player.play(messages, begin)
-            finally:
-                messages.close()
             if not args.loop:
                 break
     if args.keep_alive:
@@ -174,16 +170,17 @@ def _play_through(args: argparse.Namespace, source: LogSource, log_topics: _LogT
         player.wait(3600.0, end)
 
 
-def _report(source: LogSource, log_topics: _LogTopics, player: Player, end_reason: str) -> Dict[str, Any]:
-    topics: Dict[str, Dict[str, float]] = {}
-    for topic in sorted({offer.topic for offer in log_topics.offers}):
-        numbers = [n for n, offer in enumerate(log_topics.offers) if offer.topic == topic and n in player.accounts]
-        merged = player.total_of(numbers)
-        topics[topic] = {"sent": merged.count, "late_p50_s": merged.quantile(0.5), "late_p99_s": merged.quantile(0.99),
-                         "late_max_s": merged.max_s}
-    total = player.total_of(list(player.accounts))
-    return {"sent": total.count, "late_p50_s": total.quantile(0.5), "late_p99_s": total.quantile(0.99),
-            "late_max_s": total.max_s, "topics": topics, "end": end_reason}
+def _report(log_topics: _LogTopics, player: Player, end_reason: str) -> Dict[str, Any]:
+    def account(numbers: Iterable[int]) -> Dict[str, Any]:
+        total = player.total_of([number for number in numbers if number in player.accounts])
+        return {"sent": total.count, "late_p50_s": total.quantile(0.5), "late_p99_s": total.quantile(0.99),
+                "late_max_s": total.max_s}
+
+    topics: Dict[str, List[int]] = {}
+    for number, offer in log_topics.offers.items():
+        topics.setdefault(offer.topic, []).append(number)
+    return {**account(player.accounts), "topics": {topic: account(topics[topic]) for topic in sorted(topics)},
+            "end": end_reason}
 
 
 def _line(name: str, account: Dict[str, float], is_immediate: bool) -> str:
@@ -206,19 +203,15 @@ def run(args: argparse.Namespace) -> int:
     words, remappings = split_remappings(args.files + args.topics + args.bags)
     paths = [word for word in args.files + args.bags if word in words]
     if not paths:
-        notice("error: no FILE")
-        return 2
+        raise UsageError("no FILE")
     if args.immediate and args.rate != 1.0:
-        notice("error: -i has no rate")
-        return 2
+        raise UsageError("-i has no rate")
     names = node_names(anonymous_name("jaka_bag_play"), remappings, os.environ)
-    source = LogSource(paths, [topic for topic in args.topics if topic in words], args.regex, args.exclude)
-    try:
+    wanted = [topic for topic in args.topics if topic in words]
+    with contextlib.closing(LogSource(paths, wanted, args.regex, args.exclude)) as source:
         if not source.connections:
             raise BagError("nothing to play: no topic of %s is wanted" % ", ".join(paths))
         report = _perform(args, names, source, notice, say)
-    finally:
-        source.close()
     if args.report:
         write_account(args.report, report)
     return 0
@@ -238,15 +231,16 @@ def _perform(args: argparse.Namespace, names: NodeNames, source: LogSource, noti
                 if args.clock and not read_parameter(publisher.master, "/use_sim_time"):
                     notice("the parameter /use_sim_time is not true: nodes will not use /clock")
                 log_topics.advertise(source, args.prefix, args.clock, notice)
+                topics = {offer.topic for offer in log_topics.offers.values()}
                 say("playing %d topics, %.1f s of log, node %s"
-                    % (len({o.topic for o in log_topics.offers}), (source.end - source.begin) * 1e-9, names.node))
+                    % (len(topics), (source.end - source.begin) * 1e-9, names.node))
                 _play_through(args, source, log_topics, publisher, player, say)
         except _Stop as stop:
             end_reason = str(stop)
         finally:
             with contextlib.suppress(KeyboardInterrupt):
                 publisher.close(_PATIENCE_S if end_reason == "end of the log" else 0.5)
-    report = _report(source, log_topics, player, end_reason)
+    report = _report(log_topics, player, end_reason)
     for topic, account in report["topics"].items():
         say(_line(topic, account, args.immediate))
     say(_line("all", report, args.immediate) + ", " + end_reason)

@@ -7,9 +7,9 @@ from ..containers.registry import read_index
 from ..errors import BagError, DefinitionError
 from ..operations.columns import read_columns
 from ..operations.plot import plot
-from .options import Report, add_report, add_selection, add_source, selection_of, span_of, usage_error
+from .options import Report, add_report, add_selection, add_source, selection_of, span_of
 
-_EPILOG = """\
+EPILOG = """\
 Without --field it draws what it knows: sensor_msgs/JointState as joints, geometry_msgs/TwistStamped as TCP position,
 rotation vector and path, jaka_msgs/RobotMsg as states.
 
@@ -29,7 +29,6 @@ def _field(text: str) -> Tuple[str, str]:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag plot``."""
-    parser.epilog = _EPILOG
     add_source(parser, ".svg or .png; default: SRC as .svg", False)
     parser.add_argument("--field", type=_field, action="append", default=[], metavar="TOPIC:FIELD",
                         help="draw this field, as /arm:pose.x; may be repeated")
@@ -39,17 +38,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Draw; the exit code."""
-    if args.end is not None and args.duration is not None:
-        return usage_error("--end and --duration do not go together")
     report = Report(args)
+    selection, span = selection_of(args), span_of(args)
     index = read_index(args.source)
-    selection = selection_of(args)
     if args.field:
         selection = selection._replace(topics=tuple(topic for topic, _ in args.field))
     data = {}
     for topic in sorted({c.topic for c, wanted in zip(index.connections, selection.wanted(index.connections))
                          if wanted}):
-        one = span_of(args).apply(selection._replace(topics=(topic,), patterns=()), index.start_time, index.end_time)
+        one = span.apply(selection._replace(topics=(topic,), patterns=()), index.start_time, index.end_time)
         try:
             data.update(read_columns(args.source, selection=one))
         except DefinitionError as error:
@@ -58,6 +55,4 @@ def run(args: argparse.Namespace) -> int:
         raise BagError("%s holds no message to draw" % args.source)
     target = args.output or str(Path(args.source).with_suffix(".svg"))
     count = plot(data, target, Path(args.source).name, args.field, args.force)
-    report.done("%s: %d diagrams" % (target, count), {"target": target, "diagrams": count})
-    report.finish()
-    return 0
+    return report.only("%s: %d diagrams" % (target, count), {"target": target, "diagrams": count})

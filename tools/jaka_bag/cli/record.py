@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, Optional
 
-from ..errors import BagError, JakaBagError
+from ..errors import JakaBagError, UsageError
 from ..live.graph import RemoteNode, master_uri
 from ..live.names import NodeNames, anonymous_name, node_names, split_remappings
 from ..live.rolling_files import Attachment, FileSettings, RollingFiles
@@ -24,7 +24,7 @@ from ..messages.selection import compile_patterns
 from . import quantities
 from .notices import Notices, write_account
 
-_EPILOG = """\
+EPILOG = """\
 Messages are stored as they come over the wire, whatever their type. While it is written the file is called
 NAME.mcap.active; SIGINT or SIGTERM finish it and give it its name. After a power cut or kill -9 it can be read as it
 is, or made whole with 'jaka_bag recover'; at most the newest second is missing.
@@ -47,8 +47,6 @@ NAME:=VALUE words remap topics; __name:=, __ns:= are known. Exit code: 0 done, 1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag record``."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = _EPILOG
     add = parser.add_argument
     add("topics", nargs="*", metavar="TOPIC", help="topics to record; with -e regular expressions")
     what = parser.add_argument_group("what to record")
@@ -75,9 +73,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how = parser.add_argument_group("how")
     codec = how.add_mutually_exclusive_group()
     codec.add_argument("--zstd", nargs="?", const="", metavar="LEVEL", help="zstd (mcap; the default there, level 1)")
-    codec.add_argument("--lz4", action="store_true", help="lz4")
-    codec.add_argument("-j", "--bz2", action="store_true", help="bz2 (bag)")
-    codec.add_argument("--no-compression", action="store_true", help="none (the default for bag)")
+    codec.add_argument("--lz4", dest="codec", action="store_const", const="lz4", help="lz4")
+    codec.add_argument("-j", "--bz2", dest="codec", action="store_const", const="bz2", help="bz2 (bag)")
+    codec.add_argument("--no-compression", dest="codec", action="store_const", const="none",
+                       help="none (the default for bag)")
     how.add_argument("-b", "--buffsize", type=quantities.megabytes, default=256 << 20, metavar="MB",
                      help="messages that may wait for the disk (default 256; 0: no limit)")
     how.add_argument("--chunksize", type=quantities.count, default=1024, metavar="KB", help="chunk size (default 1024)")
@@ -96,21 +95,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how.add_argument("-q", "--quiet", action="store_true", help="say only what went wrong or was lost")
 
 
-class _Usage(BagError):
-    """Options that do not go together."""
-
-
 def _selection(args: argparse.Namespace, names: NodeNames) -> TopicSelection:
     exclude = compile_patterns([args.exclude])[0] if args.exclude is not None else None
     if args.state_log:
         if args.topics or args.all or args.regex or args.node:
-            raise _Usage("--state-log chooses the topics itself")
+            raise UsageError("--state-log chooses the topics itself")
         return TopicSelection(state_log_topics(names), exclude=exclude)
     node = names.resolve(args.node) if args.node else None
     if args.regex and not args.topics:
-        raise _Usage("-e needs regular expressions")
+        raise UsageError("-e needs regular expressions")
     if not (args.topics or args.all or node):
-        raise _Usage("nothing to record: give topics, -a, -e, --node or --state-log")
+        raise UsageError("nothing to record: give topics, -a, -e, --node or --state-log")
     if args.regex:
         patterns = tuple(compile_patterns(args.topics))
         return TopicSelection((), args.all, patterns, exclude, node)
@@ -124,7 +119,7 @@ def _stem(args: argparse.Namespace) -> Path:
             args.format = args.format or path.suffix[1:]
             path = path.with_suffix("")
         if not path.name:
-            raise _Usage("-O needs a name")
+            raise UsageError("-O needs a name")
         return path
     date = time.strftime("%Y-%m-%d-%H-%M-%S")
     if args.output_prefix is None:
@@ -136,19 +131,12 @@ def _stem(args: argparse.Namespace) -> Path:
 def _settings(args: argparse.Namespace) -> FileSettings:
     stem = _stem(args)
     container = args.format or "mcap"
-    level: Optional[int] = None
-    compression = "zstd" if container == "mcap" else "none"
-    if args.zstd is not None:
-        compression, level = "zstd", int(args.zstd) if args.zstd else None
-    for name in ("lz4", "bz2"):
-        if getattr(args, name):
-            compression = name
-    if args.no_compression:
-        compression = "none"
+    level = int(args.zstd) if args.zstd else None
+    compression = args.codec or ("zstd" if args.zstd is not None or container == "mcap" else "none")
     if args.split and args.size is None and args.duration is None:
-        raise _Usage("--split needs --size or --duration")
+        raise UsageError("--split needs --size or --duration")
     if args.max_splits and not args.split:
-        raise _Usage("--max-splits needs --split")
+        raise UsageError("--max-splits needs --split")
     return FileSettings(stem, container, compression, level, args.chunksize << 10, args.chunk_age, args.fsync,
                         args.size, args.duration if args.split else None, args.split, args.max_splits, args.min_space,
                         args.repeat_latched, args.force)
@@ -189,62 +177,38 @@ def _write_report(path: str, recorder: WriterThread, session: Session, drops: Di
     write_account(path, report)
 
 
-class _Console:
-    """Lines for the user, on stderr; ``always`` also with ``--quiet``. Nothing that records waits for them."""
-
-    def __init__(self, quiet: bool) -> None:
-        self._quiet = quiet
-        self._notices = Notices("jaka_bag record")
-
-    def __enter__(self) -> "_Console":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._notices.close()
-
-    def say(self, line: str) -> None:
-        if not self._quiet:
-            self.always(line)
-
-    def always(self, line: str) -> None:
-        self._notices.say(line)
-
-    def report(self, recorder: WriterThread, session: Session, drops: Dict[str, TopicDrops]) -> None:
-        """Files, counts, and all that was lost."""
-        if session.end_reason:
-            self.say("ended: %s" % session.end_reason)
-        for path in recorder.finished_paths:
-            self.say("wrote %s" % path)
-        if recorder.untimed:
-            self.always("%d messages came before the first /clock" % recorder.untimed)
-        for topic, account in drops.items():
-            line = "%s: %d messages, %s" % (topic, account.received, account.describe())
-            if account.is_lossy:
-                self.always("LOST on " + line)
-            else:
-                self.say(line)
-            if len(account.types) > 1:
-                self.always("%s has publishers of different types: %s" % (
-                    topic, ", ".join("%s (md5 %s)" % kind for kind in account.types)))
+def _report(console: Notices, recorder: WriterThread, session: Session, drops: Dict[str, TopicDrops]) -> None:
+    """Files, counts, and all that was lost."""
+    if session.end_reason:
+        console.say("ended: %s" % session.end_reason)
+    for path in recorder.finished_paths:
+        console.say("wrote %s" % path)
+    if recorder.untimed:
+        console.always("%d messages came before the first /clock" % recorder.untimed)
+    for topic, account in drops.items():
+        line = "%s: %d messages, %s" % (topic, account.received, account.describe())
+        if account.is_lossy:
+            console.always("LOST on " + line)
+        else:
+            console.say(line)
+        if len(account.types) > 1:
+            console.always("%s has publishers of different types: %s" % (
+                topic, ", ".join("%s (md5 %s)" % kind for kind in account.types)))
 
 
 def run(args: argparse.Namespace) -> int:
     """Record until SIGINT, SIGTERM or a limit; 0 when all went well."""
     _take_zstd_level(args)
     args.topics, remappings = split_remappings(args.topics)
-    try:
-        names = node_names(anonymous_name("jaka_bag_record"), remappings, os.environ)
-        selection = _selection(args, names)
-        settings = _settings(args)
-    except _Usage as error:
-        print("jaka_bag record: error: %s" % error, file=sys.stderr)
-        return 2
-    with _Console(args.quiet) as console:
+    names = node_names(anonymous_name("jaka_bag_record"), remappings, os.environ)
+    selection = _selection(args, names)
+    settings = _settings(args)
+    with Notices("jaka_bag record", args.quiet) as console:
         return _record(args, names, selection, settings, console)
 
 
 def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelection, settings: FileSettings,
-            console: _Console) -> int:
+            console: Notices) -> int:
     facts = {"program": "jaka_bag record", "host": platform.node(), "node": names.node, "master": master_uri(),
              "arguments": json.dumps(sys.argv[1:]),
              "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
@@ -280,7 +244,7 @@ def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelectio
         except JakaBagError as error:
             failure = error
     drops = drops_by_topic(recorder.streams())
-    console.report(recorder, session, drops)
+    _report(console, recorder, session, drops)
     if args.report:
         _write_report(args.report, recorder, session, drops, failure)
     if failure is not None:

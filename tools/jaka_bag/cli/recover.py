@@ -5,7 +5,7 @@ from ..operations.recover import default_target, recover
 from .main import human_bytes
 from .options import Report, add_compression, add_output, add_report
 
-_EPILOG = """\
+EPILOG = """\
 Keeps everything that can be read of a log that was cut off (.bag.active, .mcap.active, a crash, a full disk), has no
 index, or is damaged. What is lost is said, with the bytes concerned. The input is not changed.
 Exit code: 0 nothing is known to be lost, 1 the result is partial or there is none, 2 usage.
@@ -14,7 +14,6 @@ Exit code: 0 nothing is known to be lost, 1 the result is partial or there is no
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag recover``."""
-    parser.epilog = _EPILOG
     parser.add_argument("source", metavar="SRC", help=".bag, .bag.active, .mcap, .mcap.active")
     parser.add_argument("target", metavar="DST", nargs="?",
                         help=".bag or .mcap; default: SRC without .active, or NAME.recovered.bag")
@@ -31,7 +30,6 @@ def run(args: argparse.Namespace) -> int:
         result = recover(args.source, target, args.compression, args.level, args.force, progress)
     report.tell("lost", (loss.describe() for loss in result.losses))
     told = "" if result.expected is None else " of %d" % max(result.expected, result.messages)
-    report.done("%s: %d%s messages, %s%s" % (result.target, result.messages, told, human_bytes(result.bytes_written),
+    report.only("%s: %d%s messages, %s%s" % (result.target, result.messages, told, human_bytes(result.bytes_written),
                                             "" if result.is_whole else " (PARTIAL)"), result.document())
-    report.finish()
     return 0 if result.is_whole else 1

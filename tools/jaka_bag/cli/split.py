@@ -1,8 +1,9 @@
 """``jaka_bag split``: the command line that makes several logs of one."""
 import argparse
 
+from ..errors import UsageError
 from ..operations.split import Limits, split
-from .options import Report, add_compression, add_report, add_source, positive_ns, usage_error
+from .options import Report, add_compression, add_report, add_source, positive_ns
 from .quantities import count, megabytes
 
 
@@ -23,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Split; the exit code."""
     if not (args.size or args.duration or args.count):
-        return usage_error("give --size, --duration or --count, above 0")
+        raise UsageError("give --size, --duration or --count, above 0")
     report = Report(args)
     limits = Limits(args.size or None, args.duration, args.count or None)
     with report.progress(args.source) as progress:
@@ -31,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
                        args.repeat_latched, progress)
     parts = [{"target": path, "messages": messages} for path, messages in result.parts]
     for part in parts:
-        report.done("%(target)s: %(messages)d messages" % part, part)
+        report.done("%(target)s: %(messages)d messages" % part)
     report.tell("note", result.notes)
     report.finish({"source": args.source, "notes": list(result.notes), "parts": parts})
     return 0

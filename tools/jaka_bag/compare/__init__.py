@@ -7,12 +7,12 @@ rotation_angles   angles between orientations
 run               one log as streams, joints, poses, states and calls, times in s
 sequences         pairs of equal entries of two sequences
 loading           a log read into a run
-verdict           the outcome of one check, and of all
+curve_distance    how far samples are from a curve whose times are uncertain
 motion_fit        lag and pace of motions by Gauss-Newton
 alignment         the candidate's time for a golden time: by events, then by all joints together
+verdict           the outcome of one check, and of all
 stream_checks     types, counts, rates, jitter, gaps, stamps
 cut_motions       motions that were stopped: how far off the arm may stand afterwards
-curve_distance    how far samples are from a curve whose times are uncertain
 motion_checks     timing and pace; joints, positions, orientations, other fields
 state_checks      sequences of states
 call_checks       sequences of service calls

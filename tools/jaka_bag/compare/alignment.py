@@ -97,17 +97,13 @@ def moving_spans(curve: Curve, calls: Sequence[Call]) -> List[Tuple[float, float
     if len(curve.time) < 3:
         return []
     moving = np.abs(curve.speed).max(axis=1) > MOVING_RAD_S
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], moving, [False]]).astype(np.int8)))
-    spans: List[Tuple[float, float]] = []
-    for begin, end in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist()):
-        start_time, end_time = float(curve.time[begin]), float(curve.time[end])
-        if spans and start_time - spans[-1][1] < _MERGE_S:
-            spans[-1] = (spans[-1][0], end_time)
-        else:
-            spans.append((start_time, end_time))
+    edges = np.flatnonzero(np.diff(moving, prepend=False, append=False))
+    begins, ends = curve.time[edges[::2]], curve.time[edges[1::2] - 1]
+    apart = begins[1:] - ends[:-1] >= _MERGE_S
+    begins, ends = np.append(begins[:1], begins[1:][apart]), np.append(ends[:-1][apart], ends[-1:])
     starts = np.array([call.start for call in calls if call.short_name not in _STREAM_SERVICES])
     result: List[Tuple[float, float]] = []
-    for start_time, end_time in spans:
+    for start_time, end_time in zip(begins.tolist(), ends.tolist()):
         inside = curve.value[np.searchsorted(curve.time, start_time):np.searchsorted(curve.time, end_time, "right")]
         if float((inside.max(axis=0) - inside.min(axis=0)).max()) < _LEAST_TRAVEL_RAD:
             continue

@@ -1,6 +1,8 @@
 """Service calls: the same ones with the same requests and success, in time; their responses; their durations."""
 import math
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+import re
+from dataclasses import replace
+from typing import Dict, List, NamedTuple, Sequence, Tuple
 
 from .alignment import Alignment
 from .run import Call, Run
@@ -14,13 +16,6 @@ class CallPair(NamedTuple):
 
     golden: Call
     candidate: Call
-
-
-class _Difference(NamedTuple):
-    at: float
-    detail: str
-    golden: str
-    candidate: str
 
 
 def call_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: Tolerances,
@@ -44,13 +39,13 @@ def call_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: T
     for service in sorted({call.service for call in ours + theirs}):
         some = [call for call in ours if call.service == service]
         others = [call for call in theirs if call.service == service]
-        found, difference = _pair_service(some, others, lag, limits)
+        found, differences = _pair_service(some, others, lag, limits)
         pairs += found
-        if difference is None:
-            checks.append(equal(Aspect.CALLS, service, "", True, "%d calls" % len(some)))
-        else:
-            checks.append(equal(Aspect.CALLS, service, "", False, difference.detail, difference.at,
-                                difference.golden, difference.candidate))
+        first = min(differences, key=lambda check: check.at or 0.0,
+                    default=equal(Aspect.CALLS, service, "", True, "%d calls" % len(some)))
+        if len(differences) > 1:
+            first = replace(first, detail="%s; %d differences in all" % (first.detail, len(differences)))
+        checks.append(first)
     if pairs:
         checks += _order_and_timing(pairs, lag, limits)
         checks += _response_checks(pairs, limits)
@@ -58,8 +53,8 @@ def call_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: T
     return checks
 
 
-def _key(call: Call, limits: CallTolerance) -> Tuple[str, bytes]:
-    return call.md5sum, call.request if limits.request == "exact" else b""
+def _entries(calls: Sequence[Call], limits: CallTolerance) -> List[Entry]:
+    return [Entry((call.md5sum, call.request if limits.request == "exact" else b""), call.start) for call in calls]
 
 
 def _outcome(call: Call) -> str:
@@ -67,31 +62,26 @@ def _outcome(call: Call) -> str:
 
 
 def _pair_service(ours: Sequence[Call], theirs: Sequence[Call], lag: float,
-                  limits: CallTolerance) -> Tuple[List[CallPair], Optional[_Difference]]:
+                  limits: CallTolerance) -> Tuple[List[CallPair], List[Check]]:
+    """Pairs of the calls of one service, and what differs."""
     found: List[CallPair] = []
-    differences: List[_Difference] = []
-    rows = pair([Entry(_key(call, limits), call.start) for call in ours],
-                [Entry(_key(call, limits), call.start) for call in theirs], lag)
-    for i, j in rows:
+    differences: List[Check] = []
+
+    def differs(call: Call, at: float, words: str, *values: str) -> None:
+        differences.append(equal(Aspect.CALLS, call.service, "", False, "%s at %.2f s %s" % (call.words, at, words),
+                                 at, *values))
+
+    for i, j in pair(_entries(ours, limits), _entries(theirs, limits), lag):
         if i is not None and j is not None:
             one, other = ours[i], theirs[j]
             found.append(CallPair(one, other))
             if one.success != other.success:
-                differences.append(_Difference(one.start, "%s at %.2f s %s" % (one.words, one.start, _outcome(other)),
-                                               _outcome(one), _outcome(other)))
+                differs(one, one.start, _outcome(other), _outcome(one), _outcome(other))
         elif i is not None:
-            differences.append(_Difference(ours[i].start, "%s at %.2f s is missing" % (ours[i].words, ours[i].start),
-                                           ours[i].words, "no such call"))
+            differs(ours[i], ours[i].start, "is missing", ours[i].words, "no such call")
         elif j is not None:
-            at = theirs[j].start - lag
-            differences.append(_Difference(at, "%s at %.2f s is new" % (theirs[j].words, at), "no such call",
-                                           theirs[j].words))
-    if not differences:
-        return found, None
-    first = min(differences, key=lambda difference: difference.at)
-    if len(differences) > 1:
-        first = first._replace(detail="%s; %d differences in all" % (first.detail, len(differences)))
-    return found, first
+            differs(theirs[j], theirs[j].start - lag, "is new", "no such call", theirs[j].words)
+    return found, differences
 
 
 def _order_and_timing(pairs: Sequence[CallPair], lag: float, limits: CallTolerance) -> List[Check]:
@@ -126,47 +116,37 @@ def _values(text: str) -> Dict[str, str]:
     return values
 
 
-def _same_value(ours: str, theirs: str, absolute: float) -> bool:
-    if ours == theirs:
-        return True
-    words_g, words_c = (text.replace(",", " ").replace("[", " ").replace("]", " ").split() for text in (ours, theirs))
-    if len(words_g) != len(words_c):
+def _same_word(ours: str, theirs: str, absolute: float) -> bool:
+    try:
+        return ours == theirs or math.isclose(float(ours), float(theirs), rel_tol=0.0, abs_tol=absolute)
+    except ValueError:
         return False
-    for one, other in zip(words_g, words_c):
-        try:
-            a, b = float(one), float(other)
-        except ValueError:
-            if one != other:
-                return False
-            continue
-        if not (abs(a - b) <= absolute or (math.isnan(a) and math.isnan(b)) or a == b):
-            return False
-    return True
+
+
+def _same_value(ours: str, theirs: str, absolute: float) -> bool:
+    words_g, words_c = (re.sub(r"[][,]", " ", text).split() for text in (ours, theirs))
+    return len(words_g) == len(words_c) and all(_same_word(*words, absolute) for words in zip(words_g, words_c))
+
+
+def _same_response(ours: Call, theirs: Call, limits: CallTolerance) -> bool:
+    if limits.response == "exact":
+        return ours.response == theirs.response
+    values_g, values_c = _values(ours.response_text), _values(theirs.response_text)
+    return bool(ours.response) == bool(theirs.response) and set(values_g) == set(values_c) and all(
+        _same_value(values_g[name], values_c[name], limits.value_absolute) for name in values_g)
 
 
 def _response_checks(pairs: Sequence[CallPair], limits: CallTolerance) -> List[Check]:
     if limits.response == "ignore":
         return []
-    wrong = []
-    for both in pairs:
-        ours, theirs = both.golden, both.candidate
-        if ours.success != theirs.success:
-            continue
-        if limits.response == "exact":
-            same = ours.response == theirs.response
-        else:
-            values_g, values_c = _values(ours.response_text), _values(theirs.response_text)
-            same = bool(ours.response) == bool(theirs.response) and set(values_g) == set(values_c) and all(
-                _same_value(values_g[name], values_c[name], limits.value_absolute) for name in values_g)
-        if not same:
-            wrong.append(both)
+    wrong = [both for both in pairs if both.golden.success == both.candidate.success
+             and not _same_response(both.golden, both.candidate, limits)]
     if not wrong:
         return [equal(Aspect.RESPONSES, "", "", True, "%d responses" % len(pairs))]
     first = min(wrong, key=lambda both: both.golden.start)
     return [equal(Aspect.RESPONSES, first.golden.service, "", False, "%s at %.2f s is answered differently, %d in all"
                   % (first.golden.words, first.golden.start, len(wrong)), first.golden.start,
-                  " ".join(first.golden.response_text.split()) or "no response",
-                  " ".join(first.candidate.response_text.split()) or "no response")]
+                  *[" ".join(call.response_text.split()) or "no response" for call in first])]
 
 
 def _duration_check(pairs: Sequence[CallPair], limits: CallTolerance) -> Check:

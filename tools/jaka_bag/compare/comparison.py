@@ -1,6 +1,6 @@
 """Compares two logs: all checks in their order."""
 import dataclasses
-from typing import Dict, List, Optional, TypeVar
+from typing import Any, Dict, List, Optional
 
 from ..errors import BagError
 from ..paths import PathLike
@@ -16,8 +16,6 @@ from .stream_checks import common_time, stream_checks, type_checks
 from .tolerances import Tolerances
 from .verdict import Comparison
 
-Value = TypeVar("Value")
-
 
 class CannotCompare(BagError):
     """The logs have nothing that could be compared, or one of them cannot be read."""
@@ -25,18 +23,13 @@ class CannotCompare(BagError):
 
 def _scaled(tolerances: Tolerances, time_scale: float) -> Tolerances:
     """Latencies of the host are the same at any speed: in the log's time they grow with it."""
-    if time_scale == 1.0:
-        return tolerances
-    timing, states, calls = tolerances.timing, tolerances.states, tolerances.calls
+    def scaled(section: Any, *names: str) -> Any:
+        return dataclasses.replace(section, **{name: time_scale * getattr(section, name) for name in names})
+
     return dataclasses.replace(
-        tolerances,
-        timing=dataclasses.replace(timing, event_s=timing.event_s * time_scale, cut_ms=timing.cut_ms * time_scale,
-                                   jitter_ms=timing.jitter_ms * time_scale,
-                                   pace_floor_ms=timing.pace_floor_ms * time_scale),
-        states=dataclasses.replace(states, brief_s=states.brief_s * time_scale,
-                                   timing_s=states.timing_s * time_scale),
-        calls=dataclasses.replace(calls, duration_s=calls.duration_s * time_scale,
-                                  timing_s=calls.timing_s * time_scale))
+        tolerances, timing=scaled(tolerances.timing, "event_s", "cut_ms", "jitter_ms", "pace_floor_ms"),
+        states=scaled(tolerances.states, "brief_s", "timing_s"),
+        calls=scaled(tolerances.calls, "duration_s", "timing_s"))
 
 
 def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] = None,
@@ -77,14 +70,9 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
 
 def _only(run: Run, topics: List[str]) -> Run:
     """The part of a run that these topics make."""
-    return dataclasses.replace(run, streams=_pick(run.streams, topics), joints=_pick(run.joints, topics),
-                               poses=_pick(run.poses, topics), states=_pick(run.states, topics),
-                               fields=_pick(run.fields, topics),
-                               calls=tuple(call for call in run.calls if call.topic in topics))
-
-
-def _pick(part: Dict[str, Value], topics: List[str]) -> Dict[str, Value]:
-    return {topic: value for topic, value in part.items() if topic in topics}
+    parts: Dict[str, Any] = {name: {topic: value for topic, value in getattr(run, name).items() if topic in topics}
+                             for name in ("streams", "joints", "poses", "states", "fields")}
+    return dataclasses.replace(run, **parts, calls=tuple(call for call in run.calls if call.topic in topics))
 
 
 def compare_logs(golden: PathLike, candidate: PathLike, tolerances: Optional[Tolerances] = None,
@@ -97,8 +85,6 @@ def compare_logs(golden: PathLike, candidate: PathLike, tolerances: Optional[Tol
     limits = tolerances or Tolerances()
     try:
         runs = list(in_order(lambda log: load_run(log[0], limits, log[1]), ((golden, 1.0), (candidate, time_scale))))
-    except CannotCompare:
-        raise
     except BagError as error:
         raise CannotCompare(str(error)) from error
     return compare_runs(runs[0], runs[1], limits, time_scale)

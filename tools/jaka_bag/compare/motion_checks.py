@@ -1,4 +1,5 @@
 """Timing and pace of each motion; then joints, positions, orientations and further fields, sample by sample."""
+import dataclasses
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from .alignment import Alignment, Episode
 from .curve_distance import distances, interpolated, lateness, lengths
 from .cut_motions import Cut, allowances
 from .rotation_angles import continuous, quaternions
-from .run import PoseTrack, Run, Track, arm_of
+from .run import Run, Track, arm_of
 from .tolerances import FieldTolerance, Tolerances
 from .verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged, not_compared
 
@@ -78,70 +79,64 @@ class _Frame(NamedTuple):
     jitter_s: float
     residuals: Dict[ResidualKey, Residual]
 
-    def cut_s(self) -> float:
-        return ms_to_s(self.tolerances.timing.cut_ms)
-
 
 def motion_checks(golden: Run, candidate: Run, alignment: Alignment, cuts: Dict[str, List[Cut]],
                   tolerances: Tolerances) -> Tuple[List[Check], Dict[ResidualKey, Residual]]:
-    """Joints, tool poses and further fields of topics that both logs have, with the same types."""
+    """Joints, tool poses and further fields; both runs hold only topics that the other has with the same types."""
     frame = _Frame(alignment, tolerances, golden.arms, cuts, ms_to_s(tolerances.timing.jitter_ms), {})
     checks: List[Check] = []
     for topic, joints in golden.joints.items():
-        if topic in candidate.streams:
-            checks += _joint_checks(joints, candidate.joints.get(topic), frame)
+        checks += _joint_checks(joints, candidate.joints.get(topic), frame)
     for topic, pose in golden.poses.items():
-        if topic in candidate.streams:
-            checks += _pose_checks(pose, candidate.poses.get(topic), frame)
-    for topic, rules in golden.fields.items():
-        for name, ours in rules.items():
-            theirs = candidate.fields.get(topic, {}).get(name)
-            if topic in candidate.streams:
-                checks += _field_checks(ours, theirs, name, tolerances.fields[topic][name], frame)
+        checks += _pose_checks(pose, candidate.poses.get(topic), frame)
+    for topic, fields in golden.fields.items():
+        for name, ours in fields.items():
+            checks += _field_checks(ours, candidate.fields[topic][name], name, tolerances.fields[topic][name], frame)
     return checks, frame.residuals
 
 
 class _Samples(NamedTuple):
     """Samples of the candidate at golden times, but for those where the golden log has none, or that are no numbers.
 
-    ``jitter`` is how far the stamp of each may be off, s.
+    ``jitter`` is how far the stamp of each may be off, s; ``allowed`` how far each value may be, because of stops.
     """
 
     time: Array
     value: Array
     jitter: Array
+    allowed: Array
     golden_time: Array
     golden_value: Array
     golden_here: Array
 
     def columns(self, some: slice) -> "_Samples":
         """The same samples with some of their columns."""
-        return self._replace(value=self.value[:, some], golden_value=self.golden_value[:, some],
-                             golden_here=self.golden_here[:, some])
+        return self._replace(value=self.value[:, some], allowed=self.allowed[:, some],
+                             golden_value=self.golden_value[:, some], golden_here=self.golden_here[:, some])
+
+    def distances(self, limit: float) -> Array:
+        """Of each sample to the golden curve, Euclidean over the columns; exact where near ``limit`` or beyond it."""
+        return distances(self.golden_time, self.golden_value, self.time, self.value,
+                         lengths(self.value - self.golden_here), self.jitter, _LOOK_CLOSER * limit)
 
 
-def _samples(ours_time: Array, ours: Array, theirs_time: Array, theirs: Array, topic: str,
-             frame: _Frame) -> Optional[_Samples]:
-    good = np.isfinite(ours).all(axis=1)
-    if not good.all():
-        ours_time, ours = ours_time[good], ours[good]
-    good = np.isfinite(theirs).all(axis=1)
-    if not good.all():
-        theirs_time, theirs = theirs_time[good], theirs[good]
-    if len(ours_time) < 2 or not len(theirs_time):
+def _samples(ours: Track, theirs: Track, frame: _Frame) -> Optional[_Samples]:
+    ours, theirs = ours.finite(), theirs.finite()
+    if len(ours.time) < 2 or not len(theirs.time):
         return None
-    at = frame.alignment.golden_time(arm_of(topic, frame.arms), theirs_time)
-    steps = np.diff(ours_time)
-    inside = (at >= ours_time[0]) & (at <= ours_time[-1])
+    arm = arm_of(ours.topic, frame.arms)
+    at = frame.alignment.golden_time(arm, theirs.time)
+    inside = (at >= ours.time[0]) & (at <= ours.time[-1])
     gap = frame.tolerances.streams.gap_s
-    jitter = frame.jitter_s + lateness(theirs_time, gap) + np.interp(at, ours_time, lateness(ours_time, gap))
-    for i in np.flatnonzero(steps > gap).tolist():
-        inside &= (at < ours_time[i] + frame.jitter_s) | (at > ours_time[i + 1] - frame.jitter_s)
+    for i in np.flatnonzero(np.diff(ours.time) > gap).tolist():
+        inside &= (at < ours.time[i] + frame.jitter_s) | (at > ours.time[i + 1] - frame.jitter_s)
     if not inside.any():
         return None
-    if not inside.all():
-        at, theirs, jitter = at[inside], theirs[inside], jitter[inside]
-    return _Samples(at, theirs, jitter, ours_time, ours, interpolated(ours_time, ours, at))
+    jitter = frame.jitter_s + lateness(theirs.time, gap) + np.interp(at, ours.time, lateness(ours.time, gap))
+    at = at[inside]
+    allowed = allowances(frame.cuts.get(arm, []), ours.time, ours.value, at, ms_to_s(frame.tolerances.timing.cut_ms))
+    return _Samples(at, theirs.value[inside], jitter[inside], allowed, ours.time, ours.value,
+                    interpolated(ours.time, ours.value, at))
 
 
 def _verdict(aspect: Aspect, topic: str, field: str, off: Array, allowed: Array, limit: float, unit: str,
@@ -166,31 +161,26 @@ def _verdict(aspect: Aspect, topic: str, field: str, off: Array, allowed: Array,
     return check
 
 
-def _nan_checks(aspect: Aspect, topic: str, ours: Tuple[Array, Array], theirs: Tuple[Array, Array],
-                frame: _Frame) -> List[Check]:
-    """The policy for values that are not finite; (time, value) each."""
+def _nan_checks(aspect: Aspect, ours: Track, theirs: Track, frame: _Frame) -> List[Check]:
+    """The policy for values that are not finite."""
     policy = frame.tolerances.nan
-    bad_g = ours[0][~np.isfinite(ours[1]).all(axis=1)]
-    bad_c = theirs[0][~np.isfinite(theirs[1]).all(axis=1)]
+    bad_g, bad_c = (track.time[~np.isfinite(track.value).all(axis=1)] for track in (ours, theirs))
     if policy == "ignore" or not (len(bad_g) or len(bad_c)):
         return []
-    at = frame.alignment.golden_time(arm_of(topic, frame.arms), bad_c)
+    at = frame.alignment.golden_time(arm_of(ours.topic, frame.arms), bad_c)
     if policy == "fail":
-        return [equal(aspect, topic, "NaN", not len(at), "%d samples are not numbers" % len(at),
-                      float(at[0]) if len(at) else None, str(len(bad_g)), str(len(bad_c)))]
-    reach = frame.jitter_s + 0.01
-    alone = np.concatenate([at[~_near(at, bad_g, reach)], bad_g[~_near(bad_g, at, reach)]])
-    return [equal(aspect, topic, "NaN", not len(alone),
-                  "%d samples are not numbers in one of the logs only" % len(alone),
-                  float(alone.min()) if len(alone) else None, str(len(bad_g)), str(len(bad_c)))]
+        wrong, words = at, "%d samples are not numbers"
+    else:
+        reach = frame.jitter_s + 0.01
+        wrong = np.concatenate([at[~_near(at, bad_g, reach)], bad_g[~_near(bad_g, at, reach)]])
+        words = "%d samples are not numbers in one of the logs only"
+    return [equal(aspect, ours.topic, "NaN", not len(wrong), words % len(wrong),
+                  float(wrong.min()) if len(wrong) else None, str(len(bad_g)), str(len(bad_c)))]
 
 
 def _near(times: Array, others: Array, reach: float) -> Array:
-    if not len(others):
-        return np.zeros(len(times), bool)
-    right = np.clip(np.searchsorted(others, times), 0, len(others) - 1)
-    left = np.maximum(right - 1, 0)
-    near: Array = np.minimum(np.abs(others[right] - times), np.abs(others[left] - times)) <= reach
+    """Whether one of ``others``, ascending, is within ``reach`` of each time."""
+    near: Array = np.searchsorted(others, times - reach) < np.searchsorted(others, times + reach, "right")
     return near
 
 
@@ -205,24 +195,25 @@ def _joint_checks(ours: Track, theirs: Optional[Track], frame: _Frame) -> List[C
     if ours.names != theirs.names:
         return [equal(Aspect.JOINTS, ours.topic, "names", False, "the joints are not the same", None,
                       " ".join(ours.names), " ".join(theirs.names))]
-    checks = _nan_checks(Aspect.JOINTS, ours.topic, (ours.time, ours.value), (theirs.time, theirs.value), frame)
-    samples = _samples(ours.time, ours.value, theirs.time, theirs.value, ours.topic, frame)
+    checks = _nan_checks(Aspect.JOINTS, ours, theirs, frame)
+    samples = _samples(ours, theirs, frame)
     if samples is None:
         return checks + [_nothing_common(Aspect.JOINTS, ours.topic)]
-    allowed = allowances(frame.cuts.get(arm_of(ours.topic, frame.arms), []), samples.golden_time,
-                         samples.golden_value, samples.time, frame.cut_s())
-    direct = np.abs(samples.value - samples.golden_here)
     for column, name in enumerate(ours.names):
         limit = limits.per_joint.get(name, limits.position_rad)
         part = samples.columns(slice(column, column + 1))
-        off = distances(part.golden_time, part.golden_value, part.time, part.value, direct[:, column],
-                        part.jitter, _LOOK_CLOSER * limit)
-        checks.append(_verdict(Aspect.JOINTS, ours.topic, name, off, allowed[:, column], limit, "rad",
-                               limits.outside_percent, part, [name], frame))
+        checks.append(_verdict(Aspect.JOINTS, ours.topic, name, part.distances(limit), part.allowed[:, 0], limit,
+                               "rad", limits.outside_percent, part, [name], frame))
     return checks
 
 
-def _pose_checks(ours: PoseTrack, theirs: Optional[PoseTrack], frame: _Frame) -> List[Check]:
+def _with_quaternions(pose: Track) -> Track:
+    """Positions, and orientations as quaternions that interpolate: shape (n, 7)."""
+    orientation = continuous(quaternions(pose.value[:, 3:]))
+    return dataclasses.replace(pose, value=np.hstack([pose.value[:, :3], orientation]))
+
+
+def _pose_checks(ours: Track, theirs: Optional[Track], frame: _Frame) -> List[Check]:
     limits = frame.tolerances.tcp
     if theirs is None:
         return [_nothing_common(Aspect.POSITION, ours.topic)]
@@ -231,54 +222,40 @@ def _pose_checks(ours: PoseTrack, theirs: Optional[PoseTrack], frame: _Frame) ->
         checks.append(equal(Aspect.POSITION, ours.topic, "frame_id", ours.frames == theirs.frames,
                             "frame %s" % ", ".join(theirs.frames), None, ", ".join(ours.frames),
                             ", ".join(theirs.frames)))
-    checks += _nan_checks(Aspect.POSITION, ours.topic, (ours.time, np.hstack([ours.position, ours.rotation_vector])),
-                          (theirs.time, np.hstack([theirs.position, theirs.rotation_vector])), frame)
-    cuts = frame.cuts.get(arm_of(ours.topic, frame.arms), [])
-    golden, candidate = (np.hstack([track.position, continuous(quaternions(track.rotation_vector))])
-                         for track in (ours, theirs))
-    both = _samples(ours.time, golden, theirs.time, candidate, ours.topic, frame)
+    checks += _nan_checks(Aspect.POSITION, ours, theirs, frame)
+    both = _samples(_with_quaternions(ours), _with_quaternions(theirs), frame)
     if both is None:
         return checks + [_nothing_common(Aspect.POSITION, ours.topic)]
-    samples, turned = both.columns(slice(0, 3)), both.columns(slice(3, 7))
+    placed, turned = both.columns(slice(0, 3)), both.columns(slice(3, 7))
     limit = mm_to_m(limits.position_mm)
-    off = distances(samples.golden_time, samples.golden_value, samples.time, samples.value,
-                    lengths(samples.value - samples.golden_here), samples.jitter, _LOOK_CLOSER * limit)
-    allowed = allowances(cuts, samples.golden_time, samples.golden_value, samples.time, frame.cut_s())
-    checks.append(_verdict(Aspect.POSITION, ours.topic, "position", off, np.sqrt((allowed * allowed).sum(axis=1)),
-                           limit, "mm", limits.outside_percent, samples, ("x", "y", "z"), frame, m_to_mm(1.0)))
+    checks.append(_verdict(Aspect.POSITION, ours.topic, "position", placed.distances(limit), lengths(placed.allowed),
+                           limit, "mm", limits.outside_percent, placed, ("x", "y", "z"), frame, m_to_mm(1.0)))
     opposite = np.einsum("ij,ij->i", turned.golden_here, turned.value) < 0
-    if opposite.any():
-        turned = turned._replace(value=np.where(opposite[:, None], -turned.value, turned.value))
-    chord = distances(turned.golden_time, turned.golden_value, turned.time, turned.value,
-                      lengths(turned.value - turned.golden_here), turned.jitter,
-                      0.5 * _LOOK_CLOSER * limits.orientation_rad)
+    turned = turned._replace(value=np.where(opposite[:, None], -turned.value, turned.value))
     # unit quaternions that are an angle a apart are 2 sin(a/4) apart as points
+    chord = turned.distances(0.5 * limits.orientation_rad)
     angle = 4.0 * np.arcsin(np.minimum(0.5 * chord, np.sin(np.pi / 4.0)))
-    allowed = allowances(cuts, turned.golden_time, turned.golden_value, turned.time, frame.cut_s())
-    checks.append(_verdict(Aspect.ORIENTATION, ours.topic, "orientation", angle,
-                           2.0 * np.sqrt((allowed * allowed).sum(axis=1)), limits.orientation_rad, "rad",
-                           limits.outside_percent, turned, ("qw", "qx", "qy", "qz"), frame))
+    checks.append(_verdict(Aspect.ORIENTATION, ours.topic, "orientation", angle, 2.0 * lengths(turned.allowed),
+                           limits.orientation_rad, "rad", limits.outside_percent, turned, ("qw", "qx", "qy", "qz"),
+                           frame))
     return checks
 
 
-def _field_checks(ours: Track, theirs: Optional[Track], name: str, rule: FieldTolerance,
-                  frame: _Frame) -> List[Check]:
-    if theirs is None or ours.value.shape[1] != theirs.value.shape[1]:
+def _field_checks(ours: Track, theirs: Track, name: str, rule: FieldTolerance, frame: _Frame) -> List[Check]:
+    if ours.value.shape[1] != theirs.value.shape[1]:
         return [equal(Aspect.FIELDS, ours.topic, name, False, "the candidate has another number of values")]
-    checks = _nan_checks(Aspect.FIELDS, ours.topic, (ours.time, ours.value), (theirs.time, theirs.value), frame)
-    samples = _samples(ours.time, ours.value, theirs.time, theirs.value, ours.topic, frame)
+    checks = _nan_checks(Aspect.FIELDS, ours, theirs, frame)
+    samples = _samples(ours, theirs, frame)
     if samples is None:
         return checks + [_nothing_common(Aspect.FIELDS, ours.topic)]
-    near, seen = samples.golden_here, samples.value
+    near = samples.golden_here
+    unwound = samples
     if rule.wraps:
-        seen = near + np.mod(seen - near + np.pi, 2.0 * np.pi) - np.pi
-    columns = []
-    for column in range(seen.shape[1]):
-        one = slice(column, column + 1)
-        off = distances(samples.golden_time, samples.golden_value[:, one], samples.time, seen[:, one],
-                        np.abs(seen - near)[:, column], samples.jitter, _LOOK_CLOSER * rule.absolute)
-        columns.append(np.maximum(off - rule.relative * np.abs(near[:, column]), 0.0))
-    off = np.max(columns, axis=0) if columns else np.zeros(len(seen))
+        unwound = samples._replace(value=near + np.mod(samples.value - near + np.pi, 2.0 * np.pi) - np.pi)
+    off = np.zeros(len(near))
+    for column in range(near.shape[1]):
+        distance = unwound.columns(slice(column, column + 1)).distances(rule.absolute)
+        off = np.maximum(off, distance - rule.relative * np.abs(near[:, column]))
     checks.append(_verdict(Aspect.FIELDS, ours.topic, name, off, np.zeros(len(off)), rule.absolute, "", 0.0,
                            samples, ours.names, frame))
     return checks

@@ -5,6 +5,7 @@ from typing import List, NamedTuple, Sequence, Tuple, Union
 import numpy as np
 
 from ..messages.batch import Array
+from .curve_distance import interpolated
 from .run import Track
 
 _ROUNDS = 10
@@ -15,17 +16,12 @@ _COMMON_MOTIONS = 60
 _LATE_ONE_BY_ONE = 10.0
 
 
-def half_width(time: Array) -> int:
-    """Samples in about 24 ms, at least 1: what speeds are taken over, to either side."""
-    steps = np.diff(time)
-    steps = steps[steps > 1e-4]
-    return max(1, int(round(0.024 / float(np.median(steps))))) if len(steps) else 1
-
-
 def speeds(time: Array, value: Array) -> Array:
     """Rate of change of each column, central over about 48 ms, unit/s, the shape of ``value``."""
     result = np.zeros(value.shape)
-    reach = half_width(time)
+    steps = np.diff(time)
+    steps = steps[steps > 1e-4]
+    reach = max(1, int(round(0.024 / float(np.median(steps))))) if len(steps) else 1
     if len(time) > 2 * reach:
         span = np.maximum(time[2 * reach:] - time[:-2 * reach], 1e-6)
         result[reach:-reach] = (value[2 * reach:] - value[:-2 * reach]) / span[:, None]
@@ -36,22 +32,15 @@ class Curve:
     """Joint positions and speeds as functions of time, interpolated; samples that are no numbers are left out."""
 
     def __init__(self, track: Track) -> None:
-        good = np.isfinite(track.value).all(axis=1)
-        self.time = track.time if good.all() else track.time[good]
-        self.value = track.value if good.all() else track.value[good]
+        track = track.finite()
+        self.time, self.value = track.time, track.value
         self.speed = speeds(self.time, self.value)
         self._both = np.hstack([self.value, self.speed])
 
     def at(self, times: Array) -> Tuple[Array, Array]:
         """Values and speeds, the shape of ``times`` and a last axis for the joints; held at the ends."""
         joints = self.value.shape[1]
-        right = np.searchsorted(self.time, times.ravel())
-        right = np.minimum(np.maximum(right, 1), len(self.time) - 1)
-        before = self.time[right - 1]
-        part = (times.ravel() - before) / np.maximum(self.time[right] - before, 1e-9)
-        part = np.minimum(np.maximum(part, 0.0), 1.0)[:, None]
-        low = self._both[right - 1]
-        both = (low + part * (self._both[right] - low)).reshape(times.shape + (2 * joints,))
+        both = interpolated(self.time, self._both, times.ravel()).reshape(times.shape + (2 * joints,))
         return both[..., :joints], both[..., joints:]
 
 
@@ -102,8 +91,11 @@ def sampled(golden: Curve, candidate: Curve, spans: Sequence[Tuple[float, float]
     return Motions(times, golden.at(times)[0], candidate)
 
 
-def _normals(motions: Motions, lag: Array, pace: Array) -> Tuple[Array, Array, Array]:
-    """Normal equations of each motion, shapes (n, 2, 2) and (n, 2), and the mean square of what remains, rad^2."""
+def _normals(motions: Motions, lag: Array, pace: Array) -> Tuple[Array, Array, Array, Array, Array, Array]:
+    """Of each motion the normal equations of lag and pace, and the mean square of what remains, rad^2, shape (n,) each.
+
+    The matrix is [[power, cross], [cross, spread]], the right side [push, twist].
+    """
     offset = motions.times - motions.centre[:, None]
     seen, slope = motions.candidate.at((motions.centre + lag)[:, None] + pace[:, None] * offset)
     residual = motions.values - seen
@@ -113,12 +105,8 @@ def _normals(motions: Motions, lag: Array, pace: Array) -> Tuple[Array, Array, A
     weight = np.minimum(1.0, knee[:, None] / np.maximum(size, 1e-12))
     power = (slope * slope).sum(axis=2) * weight
     push = (slope * residual).sum(axis=2) * weight
-    cross = (power * offset).sum(axis=1)
-    matrix = np.stack([np.stack([power.sum(axis=1), cross], axis=1),
-                       np.stack([cross, (power * offset * offset).sum(axis=1)], axis=1)], axis=1)
-    right = np.stack([push.sum(axis=1), (push * offset).sum(axis=1)], axis=1)
-    joints = motions.values.shape[2]
-    return matrix, right, (weight * size * size).mean(axis=1) / joints
+    return (power.sum(axis=1), (power * offset).sum(axis=1), (power * offset * offset).sum(axis=1), push.sum(axis=1),
+            (push * offset).sum(axis=1), (weight * size * size).mean(axis=1) / motions.values.shape[2])
 
 
 def fit(motions: Motions, lag: Array, with_pace: Array) -> Fits:
@@ -127,17 +115,15 @@ def fit(motions: Motions, lag: Array, with_pace: Array) -> Fits:
     square = np.zeros(len(lag))
     active = np.arange(len(lag))
     for _ in range(_ROUNDS):
-        some = motions.some(active)
-        matrix, right, square[active] = _normals(some, lag[active], pace[active])
-        power, cross, spread = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1]
-        determinant = power * spread - cross * cross
+        power, cross, spread, push, twist, square[active] = _normals(motions.some(active), lag[active], pace[active])
+        determinant: Array = power * spread - cross * cross
         both = with_pace[active] & (determinant > 1e-6 * power * spread) & (power > _LEAST_POWER)
-        alone = np.where(power > _LEAST_POWER, right[:, 0] / np.maximum(power, _LEAST_POWER), 0.0)
+        alone = np.where(power > _LEAST_POWER, push / np.maximum(power, _LEAST_POWER), 0.0)
         safe = np.where(both, determinant, 1.0)
-        step = np.where(both, (right[:, 0] * spread - right[:, 1] * cross) / safe, alone)
-        turn = np.where(both, (right[:, 1] * power - right[:, 0] * cross) / safe, 0.0)
-        lag[active] += np.minimum(np.maximum(step, -0.2), 0.2)
-        pace[active] = np.minimum(np.maximum(pace[active] + np.minimum(np.maximum(turn, -0.1), 0.1), 0.5), 2.0)
+        step = np.where(both, (push * spread - twist * cross) / safe, alone)
+        turn = np.where(both, (twist * power - push * cross) / safe, 0.0)
+        lag[active] += np.clip(step, -0.2, 0.2)
+        pace[active] = np.clip(pace[active] + np.clip(turn, -0.1, 0.1), 0.5, 2.0)
         active = active[(np.abs(step) > 1e-5) | (np.abs(turn) > 1e-5)]
         if not len(active):
             break
@@ -152,9 +138,9 @@ def fit_common(arms: Sequence[Motions], lag: float) -> Tuple[float, float]:
         squares: List[Array] = []
         for motions in arms:
             count = len(motions.times)
-            matrix, right, remains = _normals(motions, np.full(count, lag), np.ones(count))
-            power += float(matrix[:, 0, 0].sum())
-            push += float(right[:, 0].sum())
+            powers, _, _, pushes, _, remains = _normals(motions, np.full(count, lag), np.ones(count))
+            power += float(powers.sum())
+            push += float(pushes.sum())
             squares.append(remains)
         square = float(np.concatenate(squares).mean())
         if power < _LEAST_POWER:

@@ -1,6 +1,8 @@
 """One log as the comparison sees it: streams, joints, poses, states, calls, all on one clock in s."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Dict, List, NamedTuple, Optional, Tuple
+
+import numpy as np
 
 from ..messages.batch import Array
 
@@ -36,31 +38,19 @@ class Track:
         names: One a column.
         time: header.stamp where there is one, else log time; s, shape (n,), ascending.
         value: Shape (n, len(names)).
+        frames: The header's frame ids, sorted; of poses only.
     """
 
     topic: str
     names: Tuple[str, ...]
     time: Array
     value: Array
-
-
-@dataclass(frozen=True)
-class PoseTrack:
-    """A pose over time.
-
-    Attributes:
-        topic: Where it came from.
-        time: As of a ``Track``.
-        position: m, shape (n, 3).
-        rotation_vector: rad, shape (n, 3).
-        frames: The header's frame ids, sorted.
-    """
-
-    topic: str
-    time: Array
-    position: Array
-    rotation_vector: Array
     frames: Tuple[str, ...] = ()
+
+    def finite(self) -> "Track":
+        """The samples of which all values are numbers."""
+        good = np.isfinite(self.value).all(axis=1)
+        return self if good.all() else replace(self, time=self.time[good], value=self.value[good])
 
 
 class Call(NamedTuple):
@@ -121,7 +111,7 @@ class Run:
         duration: To the last message, s.
         streams: By topic.
         joints: Joint positions, rad, by topic; the columns are joints.
-        poses: Tool poses by topic.
+        poses: Tool poses, m and rotation vectors in rad, by topic; shape (n, 6).
         states: Whole numbers that stand for states, by topic.
         fields: Further numeric fields, by topic and field path.
         calls: By time of arrival.
@@ -132,7 +122,7 @@ class Run:
     duration: float
     streams: Dict[str, Stream] = field(default_factory=dict)
     joints: Dict[str, Track] = field(default_factory=dict)
-    poses: Dict[str, PoseTrack] = field(default_factory=dict)
+    poses: Dict[str, Track] = field(default_factory=dict)
     states: Dict[str, Track] = field(default_factory=dict)
     fields: Dict[str, Dict[str, Track]] = field(default_factory=dict)
     calls: Tuple[Call, ...] = ()

@@ -1,5 +1,5 @@
 """Sequences of states: the same ones in the same order, each change in time; brief ones may be missed."""
-from typing import List, NamedTuple, Optional
+from typing import List, NamedTuple, Tuple
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def state_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: 
     checks: List[Check] = []
     for topic, ours in golden.states.items():
         theirs = candidate.states.get(topic)
-        if topic not in candidate.streams or not len(ours.time):
+        if not len(ours.time):
             continue
         if theirs is None or not len(theirs.time) or ours.names != theirs.names:
             checks.append(equal(Aspect.STATES, topic, "", False, "the candidate has no such states", None,
@@ -91,26 +91,22 @@ def _field_checks(topic: str, name: str, ours: List[StateRun], theirs: List[Stat
     long_g, long_c = without_brief(ours, limits.brief_s), without_brief(theirs, limits.brief_s)
     if [run.value for run in long_g] == [run.value for run in long_c]:
         ours, theirs = long_g, long_c
-    # at the edges a run may be cut short: whether it is there at all then depends on when the recording began
-    edges = {0, len(ours) - 1}
-    pairs = pair([Entry(run.value, run.start, _weight(run, limits, i in edges)) for i, run in enumerate(ours)],
-                 [Entry(run.value, run.start, _weight(run, limits, i in (0, len(theirs) - 1)))
-                  for i, run in enumerate(theirs)], lag)
-    alone = [(i, j) for i, j in pairs if (j is None and i is not None and not _may_miss(ours, i, limits))
-             or (i is None and j is not None and not _may_miss(theirs, j, limits))]
-    words = "%d changes: %s" % (len(theirs) - 1, _words(name, theirs))
-    checks = []
+    alone: List[Tuple[StateRun, float, str]] = []
+    late: List[Tuple[float, StateRun]] = []
+    for i, j in pair(_entries(ours, limits), _entries(theirs, limits), lag):
+        if i is not None and j is not None:
+            if i > 0 and j > 0:
+                late.append((theirs[j].start - lag - ours[i].start, ours[i]))
+        elif i is not None and not _may_miss(ours, i, limits):
+            alone.append((ours[i], ours[i].start, "is missing"))
+        elif j is not None and not _may_miss(theirs, j, limits):
+            alone.append((theirs[j], theirs[j].start - lag, "is new"))
     if alone:
-        i, j = alone[0]
-        run = ours[i] if i is not None else theirs[j or 0]
-        at = run.start if i is not None else run.start - lag
-        detail = "%s for %.2f s %s" % (state_name(name, run.value), run.length,
-                                       "is missing" if i is not None else "is new")
-        checks.append(equal(Aspect.STATES, topic, name, False, detail, at, _words(name, ours), _words(name, theirs)))
+        run, at, words = alone[0]
+        checks = [equal(Aspect.STATES, topic, name, False, "%s for %.2f s %s" % (
+            state_name(name, run.value), run.length, words), at, _words(name, ours), _words(name, theirs))]
     else:
-        checks.append(equal(Aspect.STATES, topic, name, True, words))
-    late = [(theirs[j].start - lag - ours[i].start, ours[i]) for i, j in pairs
-            if i is not None and j is not None and i > 0 and j > 0]
+        checks = [equal(Aspect.STATES, topic, name, True, "%d changes: %s" % (len(theirs) - 1, _words(name, theirs)))]
     if late:
         off, changed = max(late, key=lambda entry: abs(entry[0]))
         checks.append(judged(Aspect.STATES, topic, name + " timing", abs(off), limits.timing_s, "s",
@@ -119,23 +115,27 @@ def _field_checks(topic: str, name: str, ours: List[StateRun], theirs: List[Stat
     return checks
 
 
-def _weight(run: StateRun, limits: StateTolerance, at_edge: bool) -> float:
-    """Cost of leaving a run alone: little for one that may be missed."""
-    if run.length <= limits.brief_s or (at_edge and run.length <= limits.timing_s):
-        return 0.01
-    return 1.0
+def _weight(runs: List[StateRun], i: int, limits: StateTolerance) -> float:
+    """Cost of leaving a run alone: little for one that may be missed.
+
+    At the edges a run may be cut short: whether it is there at all then depends on when the recording began.
+    """
+    may_last = max(limits.brief_s, limits.timing_s) if i in (0, len(runs) - 1) else limits.brief_s
+    return 0.01 if runs[i].length <= may_last else 1.0
+
+
+def _entries(runs: List[StateRun], limits: StateTolerance) -> List[Entry]:
+    return [Entry(run.value, run.start, _weight(runs, i, limits)) for i, run in enumerate(runs)]
 
 
 def _may_miss(runs: List[StateRun], i: int, limits: StateTolerance) -> bool:
     """Whether the other log may lack a run: it is brief, short at an edge, or one of two equal ones around a brief."""
-    run = runs[i]
-    if _weight(run, limits, i in (0, len(runs) - 1)) < 1.0:
+    if _weight(runs, i, limits) < 1.0:
         return True
     # the other log missed the brief run between two equal ones: one of the two then has no partner
-    return any(0 <= k < len(runs) and 0 <= 2 * k - i < len(runs) and runs[2 * k - i].value == run.value
+    return any(0 <= k < len(runs) and 0 <= 2 * k - i < len(runs) and runs[2 * k - i].value == runs[i].value
                and runs[k].length <= limits.brief_s for k in (i - 1, i + 1))
 
 
 def _words(name: str, runs: List[StateRun]) -> str:
-    shown: List[Optional[str]] = [state_name(name, run.value) for run in runs[:_SHOWN]]
-    return ", ".join(word for word in shown if word) + (", ..." if len(runs) > _SHOWN else "")
+    return ", ".join(state_name(name, run.value) for run in runs[:_SHOWN]) + (", ..." if len(runs) > _SHOWN else "")

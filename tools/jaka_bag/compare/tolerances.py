@@ -4,7 +4,7 @@ import difflib
 import math
 import re
 from dataclasses import dataclass, field
-from typing import Any, Dict, Hashable, List, Mapping, Optional, Tuple, Type, TypeVar
+from typing import Any, Dict, Hashable, Mapping, Optional, Sequence, Tuple, Type, TypeVar
 
 import yaml
 
@@ -164,12 +164,13 @@ def _mapping(where: str, value: Any) -> Mapping[str, Any]:
     return value
 
 
-def _checked_names(where: str, given: Mapping[str, Any], known: List[str]) -> None:
+def check_names(where: str, given: Mapping[Any, Any], known: Sequence[str], kind: Type[BagError]) -> None:
+    """Raise ``kind`` where a key is not a known one; the text guesses which was meant."""
     for key in given:
         if key not in known:
-            near = difflib.get_close_matches(key, known, 1)
+            near = difflib.get_close_matches(str(key), known, 1)
             hint = "did you mean %r?" % near[0] if near else "known are " + ", ".join(known)
-            raise ToleranceError("%s: unknown key %r; %s" % (where, key, hint))
+            raise kind("%s: unknown key %r; %s" % (where, key, hint))
 
 
 def _amount(where: str, value: Any) -> float:
@@ -186,7 +187,7 @@ def _word(where: str, value: Any, allowed: Tuple[str, ...]) -> str:
 
 def _section(where: str, kind: Type[Section], given: Mapping[str, Any]) -> Section:
     fields = {item.name: item for item in dataclasses.fields(kind)}  # type: ignore[arg-type]
-    _checked_names(where, given, list(fields))
+    check_names(where, given, list(fields), ToleranceError)
     values: Dict[str, Any] = {}
     for key, value in given.items():
         inner = "%s.%s" % (where, key)
@@ -225,7 +226,7 @@ def parse_tolerances(text: str, name: str = "tolerances") -> Tolerances:
     except yaml.YAMLError as error:
         raise ToleranceError("%s: %s" % (name, " ".join(str(error).split()))) from error
     given = _mapping(name, document)
-    _checked_names(name, given, [item.name for item in dataclasses.fields(Tolerances)])
+    check_names(name, given, [item.name for item in dataclasses.fields(Tolerances)], ToleranceError)
     values: Dict[str, Any] = {}
     for key, value in given.items():
         where = "%s: %s" % (name, key)
@@ -278,10 +279,6 @@ def as_yaml(tolerances: Tolerances) -> str:
               "# Further numeric fields, by topic and field path:",
               "# fields:", "#   /left/force:", "#     wrench.force.z: {absolute: 0.5, relative: 0.01, wraps: false}"]
     if tolerances.fields:
-        lines.append("fields:")
-    for topic, rules in tolerances.fields.items():
-        lines.append("  %s:" % topic)
-        for path, rule in rules.items():
-            lines.append("    %s: {absolute: %g, relative: %g, wraps: %s}"
-                         % (path, rule.absolute, rule.relative, str(rule.wraps).lower()))
+        fields = {"fields": dataclasses.asdict(tolerances)["fields"]}
+        lines.append(yaml.safe_dump(fields, default_flow_style=None, sort_keys=False).rstrip())
     return "\n".join(lines) + "\n"

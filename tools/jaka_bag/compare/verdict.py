@@ -76,6 +76,13 @@ class Check:
         return " ".join(part for part in (self.topic, self.aspect.value, field) if part)
 
     @property
+    def amount(self) -> str:
+        """What was measured of what is allowed; empty where the check is not about an amount."""
+        if self.measured is None or self.limit is None:
+            return ""
+        return ("%.4g of %.4g %s" % (self.measured, self.limit, self.unit)).rstrip()
+
+    @property
     def severity(self) -> float:
         """How many times the limit was measured; infinite where something differs that has no amount."""
         if self.measured is None or self.limit is None:

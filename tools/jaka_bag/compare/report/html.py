@@ -1,7 +1,7 @@
 """The result of a comparison as one HTML page that needs no network and no scripts."""
-import html
 import os
-from typing import Iterable, List
+from html import escape
+from typing import Iterable, List, Tuple
 
 from ..tolerances import Tolerances, as_yaml
 from ..verdict import Check, Comparison, Outcome
@@ -35,7 +35,7 @@ dt{color:var(--faint)}dd{margin:0;overflow-wrap:anywhere}
 .amount{font-variant-numeric:tabular-nums;color:var(--bad);font-weight:600;white-space:nowrap}
 .values{margin:6px 0 8px;font-size:.93rem}
 figure{margin:8px 0 0}figcaption{font-size:.88rem;color:var(--faint)}
-svg{display:batch;width:100%;height:auto}
+svg{display:block;width:100%;height:auto}
 .planes{display:grid;grid-template-columns:repeat(auto-fit,minmax(260px,1fr));gap:10px}
 .legend{display:flex;flex-wrap:wrap;gap:4px 20px;font-size:.88rem;color:var(--faint);margin:0 0 10px}
 .legend span::before{content:"";display:inline-block;width:26px;height:0;margin-right:7px;vertical-align:middle;
@@ -62,7 +62,7 @@ td.number{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
 .outcome.not-compared{color:var(--faint);font-weight:400}
 pre{overflow:auto;font-size:.82rem;background:var(--page);padding:10px;border-radius:6px}
 summary{cursor:pointer}
-@media print{body{background:#fff}.card{break-inside:avoid}details{display:batch}}
+@media print{body{background:#fff}.card{break-inside:avoid}details{display:block}}
 """
 _SIGNS = {Outcome.SAME: "&#10003; same", Outcome.DIFFERENT: "&#10007; different",
           Outcome.NOT_COMPARED: "&#8211; not compared"}
@@ -73,89 +73,68 @@ _LEGEND = """<p class="legend"><span class="golden" style="--k:var(--golden)">go
 <span class="band">allowed</span><span class="mark">worst moment</span></p>"""
 
 
-def _text(words: str) -> str:
-    return html.escape(words)
-
-
 def _figures(figures: Iterable[Figure]) -> str:
-    return "".join("<figure><figcaption>%s</figcaption>%s</figure>" % (_text(figure.caption), figure.picture)
+    return "".join("<figure><figcaption>%s</figcaption>%s</figure>" % (escape(figure.caption), figure.picture)
                    for figure in figures)
 
 
-def _definitions(rows: Iterable[List[str]]) -> str:
-    return "<dl>%s</dl>" % "".join("<dt>%s</dt><dd>%s</dd>" % (_text(a), _text(b)) for a, b in rows)
-
-
-def _amount(check: Check) -> str:
-    if check.measured is None or check.limit is None:
-        return ""
-    return "%.4g of %.4g %s" % (check.measured, check.limit, check.unit)
+def _definitions(rows: Iterable[Tuple[str, str]]) -> str:
+    return "<dl>%s</dl>" % "".join("<dt>%s</dt><dd>%s</dd>" % (escape(a), escape(b)) for a, b in rows)
 
 
 def _difference(check: Check, figures: List[Figure]) -> str:
-    rows = [["golden", check.golden], ["candidate", check.candidate]] if check.golden or check.candidate else []
+    values = _definitions([("golden", check.golden), ("candidate", check.candidate)]) \
+        if check.golden or check.candidate else ""
     return ('<article class="card bad"><h3>%s</h3><p>%s <span class="amount">%s</span></p>'
             '<div class="values">%s</div>%s</article>'
-            % (_text(check.name), _text(check.detail), _text(_amount(check)), _definitions(rows) if rows else "",
-               _figures(figures)))
+            % (escape(check.name), escape(check.detail), escape(check.amount), values, _figures(figures)))
 
 
 def _table(checks: Iterable[Check]) -> str:
     rows = "".join(
         '<tr><td class="outcome %s">%s</td><th scope="row">%s</th><td>%s</td><td class="number">%s</td></tr>'
-        % (check.outcome.value.replace(" ", "-"), _SIGNS[check.outcome], _text(check.name), _text(check.detail),
-           _text(_amount(check))) for check in checks)
+        % (check.outcome.value.replace(" ", "-"), _SIGNS[check.outcome], escape(check.name), escape(check.detail),
+           escape(check.amount)) for check in checks)
     return ('<div class="scroll"><table><thead><tr><th scope="col">Outcome</th><th scope="col">Check</th>'
             '<th scope="col">Seen</th><th scope="col">Measured, of what is allowed</th></tr></thead>'
             '<tbody>%s</tbody></table></div>' % rows)
 
 
-def _section(name: str, title: str, content: str) -> str:
-    return '<section id="%s"><h2>%s</h2>%s</section>' % (name, title, content) if content else ""
-
-
-def as_html(comparison: Comparison, tolerances: Tolerances, title: str = "") -> str:
+def as_html(comparison: Comparison, tolerances: Tolerances) -> str:
     """The page, to be written as UTF-8."""
     pictures = Pictures(comparison, tolerances)
-    alignment = comparison.alignment
-    title = title or "%s against %s" % (os.path.basename(comparison.candidate.path),
-                                        os.path.basename(comparison.golden.path))
-    verdict = "same" if comparison.same else "different"
-    words = "The candidate does what the golden log shows" if comparison.same else \
-        "The candidate differs from the golden log"
-    facts = [["golden log", "%s, %.1f s" % (comparison.golden.path, comparison.golden.duration)],
-             ["candidate", "%s, %.1f s" % (comparison.candidate.path, comparison.candidate.duration)],
-             ["alignment", "the candidate is %.3f s behind, found by %s; not judged"
-              % (alignment.lag, alignment.method)]]
+    golden, candidate, alignment = comparison.golden, comparison.candidate, comparison.alignment
+    title = "%s against %s" % (os.path.basename(candidate.path), os.path.basename(golden.path))
+    verdict, sign, words = ("same", "&#10003;", "The candidate does what the golden log shows") if comparison.same \
+        else ("different", "&#10007;", "The candidate differs from the golden log")
+    facts = [("golden log", "%s, %.1f s" % (golden.path, golden.duration)),
+             ("candidate", "%s, %.1f s" % (candidate.path, candidate.duration)),
+             ("alignment", "the candidate is %.3f s behind, found by %s; not judged"
+              % (alignment.lag, alignment.method))]
     if comparison.time_scale != 1.0:
-        facts.append(["speed", "the candidate ran %g times faster" % comparison.time_scale])
+        facts.append(("speed", "the candidate ran %g times faster" % comparison.time_scale))
     first = comparison.first_divergence
     if first is not None:
-        facts.append(["first divergence", "%s at %.3f s" % (first.name, first.at or 0.0)])
+        facts.append(("first divergence", "%s at %.3f s" % (first.name, first.at or 0.0)))
     worst = comparison.worst_first
     cards = "".join(_difference(check, pictures.moment(check) if number < _MOST_PICTURES else [])
                     for number, check in enumerate(worst))
-    sections = [
-        ("differences", "Differences, the worst first", (_LEGEND if worst else "") + cards),
-        ("timeline", "States and calls", _carded(_figures(pictures.time_lines()))),
-        ("path", "Tool centre point", _carded(_figures(pictures.paths()))),
-        ("joints", "Joints", _carded(_figures(pictures.joints()))),
-        ("timing", "Timing of the motions", _carded(_figures(pictures.timing()))),
-        ("checks", "All checks", _carded(_table(comparison.checks))),
-        ("tolerances", "Tolerances", _carded("<details><summary>The tolerances as a YAML file</summary><pre>%s</pre>"
-                                             "</details>" % _text(as_yaml(tolerances))))]
-    shown = [(name, heading, content) for name, heading, content in sections if content]
-    links = "".join('<li><a href="#%s">%s</a></li>' % (name, heading) for name, heading, _ in shown)
-    body = "".join(_section(*section) for section in shown)
+    sections = [("differences", "Differences, the worst first", _LEGEND + cards)] if worst else []
+    sections += [(name, heading, '<div class="card">%s</div>' % content) for name, heading, content in (
+        ("timeline", "States and calls", _figures(pictures.time_lines())),
+        ("path", "Tool centre point", _figures(pictures.paths())),
+        ("joints", "Joints", _figures(pictures.joints())),
+        ("timing", "Timing of the motions", _figures(pictures.timing())),
+        ("checks", "All checks", _table(comparison.checks)),
+        ("tolerances", "Tolerances", "<details><summary>The tolerances as a YAML file</summary><pre>%s</pre></details>"
+         % escape(as_yaml(tolerances)))) if content]
+    links = "".join('<li><a href="#%s">%s</a></li>' % (name, heading) for name, heading, _ in sections)
+    body = "".join('<section id="%s"><h2>%s</h2>%s</section>' % section for section in sections)
     return ('<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width,initial-scale=1">'
             "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">"
             '<title>%s: %s</title><style>%s</style></head><body><a class="skip" href="#checks">To all checks</a><main>'
             '<header class="verdict %s"><h1>%s %s</h1><p>%s</p></header><nav aria-label="Sections"><ul>%s</ul></nav>'
             '<div class="card">%s</div>%s%s</main></body></html>\n'
-            % (_text(verdict), _text(title), _STYLE, verdict, "&#10003;" if comparison.same else "&#10007;", words,
-               _text(headline(comparison)), links, _definitions(facts), _LEGEND if not worst else "", body))
-
-
-def _carded(content: str) -> str:
-    return '<div class="card">%s</div>' % content if content else ""
+            % (verdict, escape(title), _STYLE, verdict, sign, words, escape(headline(comparison)), links,
+               _definitions(facts), _LEGEND if not worst else "", body))

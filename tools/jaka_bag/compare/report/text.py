@@ -7,17 +7,14 @@ from ..verdict import Check, Comparison, Outcome
 FORMAT_VERSION = 1
 
 
-def _amount(check: Check) -> str:
-    if check.measured is None or check.limit is None or check.outcome is not Outcome.DIFFERENT:
-        return ""
-    return " [%.4g of %.4g %s]" % (check.measured, check.limit, check.unit) if check.unit else \
-        " [%.4g of %.4g]" % (check.measured, check.limit)
-
-
 def check_line(check: Check) -> str:
-    """One check in one line."""
-    line = "%-13s %s: %s%s" % (check.outcome.value.upper(), check.name, check.detail, _amount(check))
-    if check.outcome is Outcome.DIFFERENT and (check.golden or check.candidate):
+    """One check in one line; of a difference also its amount and both values."""
+    line = "%-13s %s: %s" % (check.outcome.value.upper(), check.name, check.detail)
+    if check.outcome is not Outcome.DIFFERENT:
+        return line
+    if check.amount:
+        line += " [%s]" % check.amount
+    if check.golden or check.candidate:
         line += "\n%-13s   golden: %s\n%-13s   candidate: %s" % ("", check.golden, "", check.candidate)
     return line
 
