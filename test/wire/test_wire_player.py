@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from arm_bench import fill
@@ -39,6 +40,14 @@ def listen(port, count):
                 break
             data += piece
     return data
+
+
+def talk_and_listen(player, count):
+    """So many bytes of the player's feed, and its replies: both at once, for it ends with what was recorded."""
+    with ThreadPoolExecutor(1) as pool:
+        feed = pool.submit(listen, player.port_numbers["status"], count)
+        replies = talk(player.port_numbers["command"], REQUESTS)
+        return feed.result(WAIT), replies
 
 
 @contextlib.contextmanager
@@ -77,15 +86,15 @@ def recorded(tmp_path):
 def test_the_player_gives_the_same_replies_and_the_same_feed(recorded, speed):
     path, replies, frames = recorded
     with playing(path, speed) as (player, _):
-        assert talk(player.port_numbers["command"], REQUESTS) == replies
-        assert listen(player.port_numbers["status"], len(frames)) == sent(path, "status")[:len(frames)] == frames
+        heard, told = talk_and_listen(player, len(frames))
+        assert told == replies
+        assert heard == sent(path, "status")[:len(frames)] == frames
 
 
 def test_the_end_is_told_with_what_was_answered(recorded):
     path, _, frames = recorded
     with playing(path, 10.0) as (player, heard):
-        talk(player.port_numbers["command"], REQUESTS)
-        listen(player.port_numbers["status"], len(frames))
+        talk_and_listen(player, len(frames))
         wait = threading.Event()
         for _ in range(WAIT * 20):
             if len(heard) == 2:
