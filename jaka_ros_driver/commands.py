@@ -294,6 +294,9 @@ class GetAnalogOutput:
     index: int
 
 
+TERMINAL_COMMANDS = (SetDigitalOutput, SetAnalogOutput, GetDigitalOutput, GetAnalogOutput)
+"""Those that name one input or output by its index."""
+
 Motion = Union[JointMove, LinearMove]
 
 Command = Union[

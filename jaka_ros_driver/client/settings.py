@@ -1,5 +1,6 @@
 """The settings of the client that a user may change."""
 from dataclasses import dataclass
+from typing import Optional
 
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 
@@ -29,6 +30,8 @@ class ClientSettings:
         servo_max_angular_jump: The same for its orientation, rad.
         link_loss_stop: The controller is asked to stop the arm this time after it has lost this client during a motion;
             0 where it is not asked.
+        io_index_base: Index on the wire of the first input or output, 0 or 1; None where the controller's version tells
+            (docs/controller-protocol.md section 13).
         simulator: Identity of the simulated controller that was launched with this driver; with it, no other controller
             is used. Empty for any controller.
     """
@@ -51,4 +54,5 @@ class ClientSettings:
     servo_max_linear_jump: float = 0.05
     servo_max_angular_jump: float = 0.1
     link_loss_stop: float = 0.3
+    io_index_base: Optional[int] = None
     simulator: str = ""

@@ -166,7 +166,7 @@ class Stopping:
         if isinstance(item, FramingError):
             self._refused("a reply cannot be read: %s" % item, now)
             return
-        request = self._exchange.answered(item)
+        request = self._exchange.answered(item, now)
         if request is None or not isinstance(request.waiter, Stop):
             return  # servo mode was left, or was not on: both are fine
         try:

@@ -12,13 +12,17 @@ class Request(Generic[T]):
 
     Attributes:
         name: Its ``cmdName``.
+        patience: How long its reply may take, s.
         deadline: Monotonic time by which the reply is due, s.
         waiter: An object that the caller gets back with the reply; None where nobody waits for it.
+        is_slow: True where the replies to later requests may have to wait for this one's.
     """
 
     name: str
+    patience: float
     deadline: float
     waiter: Optional[T]
+    is_slow: bool
 
 
 class Exchange(Generic[T]):
@@ -34,24 +38,48 @@ class Exchange(Generic[T]):
     def __len__(self) -> int:
         return len(self._outstanding)
 
-    def sent(self, name: str, now: float, deadline_s: float, waiter: Optional[T] = None) -> Request[T]:
-        """Note a request that is sent now, whose reply is due within ``deadline_s``."""
-        request = Request(name, now + deadline_s, waiter)
+    def sent(self, name: str, now: float, patience: float, waiter: Optional[T] = None,
+             is_slow: bool = False) -> Request[T]:
+        """Note a request that is sent now, whose reply is due within ``patience`` s; ``is_slow`` as in ``Request``."""
+        request = Request(name, patience, now + patience, waiter, is_slow)
         self._outstanding.append(request)
         return request
 
-    def answered(self, reply: Mapping[str, Any]) -> Optional[Request[T]]:
+    def answered(self, reply: Mapping[str, Any], now: float) -> Optional[Request[T]]:
         """Take the request that this reply answers off the record and return it; None for a stale reply."""
         name = reply.get("cmdName")
-        for request in self._outstanding:
+        for place, request in enumerate(self._outstanding):
             if name is None or request.name == name:
-                self._outstanding.remove(request)
+                del self._outstanding[place]
+                for passed in list(self._outstanding)[:place]:
+                    passed.is_slow = False  # replies come in order: this one's is lost, and nothing waits for it
+                if request.is_slow:
+                    for later in self._outstanding:
+                        later.deadline = max(later.deadline, now + later.patience)
                 return request
         return None
 
+    @property
+    def is_held_up(self) -> bool:
+        """True where the reply to a request that is sent now may have to wait for another."""
+        return any(request.is_slow for request in self._outstanding)
+
+    def done(self, name: str, now: float, patience: float) -> None:
+        """What these requests asked for is done: their replies, and those behind them, are due in the usual time, s."""
+        for request in self._outstanding:
+            if request.name == name and request.is_slow:
+                request.is_slow, request.deadline = False, now + patience
+            else:
+                request.deadline = max(request.deadline, now + request.patience)
+
     def overdue(self, now: float) -> Optional[Request[T]]:
-        """An outstanding request whose reply is late, if there is one."""
-        return next((request for request in self._outstanding if request.deadline < now), None)
+        """An outstanding request whose reply is late, if there is one; those behind a slow one have time."""
+        for request in self._outstanding:
+            if request.deadline < now:
+                return request
+            if request.is_slow:
+                return None
+        return None
 
     def abandon(self) -> List[Request[T]]:
         """Forget and return all outstanding requests, which will not be answered because the link is lost."""

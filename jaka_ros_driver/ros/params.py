@@ -104,6 +104,13 @@ def _model_file(value: Any) -> str:
     return value
 
 
+def _io_index_base(value: Any) -> Optional[int]:
+    bases = {"auto": None, "0": 0, "1": 1}
+    if type(value) not in (str, int) or str(value) not in bases:
+        raise ValueError
+    return bases[str(value)]
+
+
 @dataclass(frozen=True)
 class DriverConfig:
     """Everything that a user can set; the fields are the private parameters, documented in docs/parameters.md."""
@@ -125,6 +132,10 @@ class DriverConfig:
     link_loss_stop: float = _number(
         _CLIENT.link_loss_stop, 0.0, 10.0, "s", "The controller is asked to stop the arm this time after it has "
         "lost this driver during a motion; 0: it is not asked.")
+    io_index_base: Optional[int] = _parameter(
+        None, "text or number", "", "auto, 0, 1", "Index with which the controller counts its first input and output. "
+        "Default: auto, 1 for controllers from version 1.7 on, else 0; which is right is not known for certain.",
+        _io_index_base)
     simulator: str = _text("", _IDENTITY, "empty, or the identity of a simulated controller",
                            "With it, the driver uses no controller but the simulated one of this identity; set by the "
                            "launch files.")

@@ -42,14 +42,15 @@ class SimulatedController:
                  firmware: str = "1.5.14", start: str = "off", power_delay: float = 8.0, enable_delay: float = 4.0,
                  starvation: str = "hold", single_client: str = "replace", seed: int = 0, log: Optional[str] = None,
                  host: str = LOOPBACK, command_port: int = 0, status_port: int = 0, poll_port: int = 0,
-                 panel_port: Optional[int] = 0, identity: Optional[str] = None) -> None:
+                 panel_port: Optional[int] = 0, identity: Optional[str] = None,
+                 io_index_base: Optional[int] = None) -> None:
         """Listen.
 
         Args:
             model: Arm model, a name of the models data.
             dh_file: A file with one model of the user's own, instead.
             time_scale: Simulated seconds a wall second.
-            firmware: "1.5.14" or "1.7".
+            firmware: "1.5.14", "1.7.1" or "1.7.2"; "1.7" is the latter.
             start: "off", "powered" or "enabled".
             power_delay: From power_on to energised drives, s of simulated time.
             enable_delay: From enable_robot to released brakes, s of simulated time.
@@ -63,6 +64,7 @@ class SimulatedController:
             poll_port: As command_port.
             panel_port: As command_port, on loopback; None for none.
             identity: What it answers to ``get_simulator_identity``; None for a unique text.
+            io_index_base: Index of the first terminal in commands, 0 or 1; None for the firmware's.
 
         Raises:
             InvalidCommand: A value is not one of those above.
@@ -74,13 +76,15 @@ class SimulatedController:
             raise InvalidCommand("time scale is %r; it must be above 0 and at most %g" % (time_scale, MAX_TIME_SCALE))
         if power_delay < 0.0 or enable_delay < 0.0:
             raise InvalidCommand("delays must not be negative")
+        if io_index_base not in (None, 0, 1):
+            raise InvalidCommand("the index base of I/O is %r; it must be 0 or 1" % io_index_base)
         if identity is None:
             identity = uuid.uuid4().hex
         if not _IDENTITY.match(identity):
             raise InvalidCommand("identity is %r; it must be 1 to 256 characters of ASCII without blanks" % identity)
         options = Options(power_delay, enable_delay, _one_of("start", start, {s.value: s for s in Start}),
                           _one_of("starvation", starvation, {s.value: s for s in Starvation}),
-                          MIN_FEED_PERIOD_S * time_scale, identity)
+                          MIN_FEED_PERIOD_S * time_scale, identity, io_index_base)
         refuse = _one_of("single client", single_client, {"replace": False, "refuse": True})
         controller = Controller(arm, _one_of("firmware", firmware, FIRMWARES), options)
         self._log = WireLog(log) if log else None

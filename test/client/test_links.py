@@ -187,7 +187,8 @@ def test_another_client_on_the_port_is_noticed_and_the_arm_is_stopped(bench, cal
     move = call(arm.move, SLOW_MOVE)
     assert eventually(one.is_moving)
 
-    with RawClient(one.controller.command_port):
+    with RawClient(one.controller.command_port) as other:
+        other.send(b'{"cmdName": "get_version"}')
         assert move.failure().cause is StopCause.LINK_LOST
     assert eventually(lambda: arm.is_ready and not one.is_moving())
 

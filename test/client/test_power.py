@@ -53,6 +53,28 @@ def test_power_that_does_not_come_is_told(bench):
     assert caught.value.cause is StopCause.TIMEOUT
 
 
+def test_a_reply_that_is_held_back_until_it_is_done_costs_no_link(bench):
+    """As controllers do: the replies to power_on and enable_robot come seconds later (protocol section 5.1)."""
+    one = bench(start="off", power_delay=1.2, enable_delay=0.8)
+    arm = one.connect(reply_timeout=0.3)
+    set_power(arm, True)
+    set_enabled(arm, True)
+    assert arm.fresh_state().is_enabled
+    assert one.requests("power_on") == one.requests("enable_robot") == 1
+    assert one.requests("get_version") == 1, "the link was made once"
+
+
+def test_a_stop_is_carried_out_while_power_comes(bench, call):
+    one = bench(start="off", power_delay=2.0)
+    arm = one.connect(reply_timeout=0.3)
+    waiting = call(set_power, arm, True)
+    assert eventually(lambda: one.requests("power_on"))
+    arm.stop()
+    assert eventually(lambda: one.requests("stop_program"))
+    assert eventually(lambda: arm.fresh_state().is_powered) and waiting.error is None
+    assert one.requests("get_version") == 1
+
+
 def test_who_waits_for_power_at_shutdown_is_told(bench, call):
     one = bench(start="off", power_delay=60.0)
     arm = one.connect()

@@ -54,6 +54,43 @@ def test_outputs_are_seen_set(bench, bank):
             arm, c.SetDigitalOutput(bank, 1, value))
 
 
+@pytest.mark.parametrize("firmware, base", [("1.5.14", None), ("1.7.2", None), ("1.5.14", 1), ("1.7.1", 0)])
+def test_outputs_are_counted_as_the_controller_counts_them(bench, firmware, base):
+    one = bench(firmware=firmware, io_index_base=base)
+    arm = one.connect(io_index_base=base)
+    settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.CABINET, 3, True))
+    settings.set_analog_output(arm, c.SetAnalogOutput(IoBank.CABINET, 5, 2.5))
+    io = arm.fresh_state().io
+    assert io.digital_outputs[IoBank.CABINET].index(1) == 3 and io.analog_outputs[IoBank.CABINET].index(2.5) == 5
+    told = settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.EXTENSION, 7, True))  # the feed lacks this bank
+    assert told == "digital output 7 of extension is 1"
+    assert arm.execute(c.GetDigitalOutput(IoBank.EXTENSION, 7)) is True
+
+
+@pytest.mark.parametrize("driver, controller, other", [(0, 1, 2), (1, 0, 4)])
+def test_another_output_than_the_asked_one_is_an_error_that_names_both(bench, driver, controller, other):
+    one = bench(io_index_base=controller)
+    arm = one.connect(io_index_base=driver)
+    both = "accepted output 3 and set output %d instead: .*io_index_base" % other
+
+    def set_it(value):
+        settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.CABINET, 3, value))
+    with pytest.raises(settings.ReadBackMismatch, match=both):
+        set_it(True)
+    with pytest.raises(settings.ReadBackMismatch, match="the output is 0"):
+        set_it(True)  # nothing changes any more
+    with pytest.raises(settings.ReadBackMismatch, match=both):
+        set_it(False)  # the asked one has that value already
+    with pytest.raises(settings.ReadBackMismatch, match=both):
+        settings.set_analog_output(arm, c.SetAnalogOutput(IoBank.CABINET, 3, 1.5))
+
+
+def test_an_output_that_is_set_already_may_be_set_again(bench):
+    arm = bench().connect()
+    for _ in range(3):
+        assert settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.CABINET, 3, True)).endswith("is 1")
+
+
 def test_an_analog_output_is_seen_set(bench):
     arm = bench().connect()
     told = settings.set_analog_output(arm, c.SetAnalogOutput(IoBank.CABINET, 0, 4.5))

@@ -6,7 +6,7 @@ that says what is not so.
 """
 import contextlib
 import random
-from typing import Any, Callable, Dict, List, NamedTuple, Optional
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from status_feed import FeedFaults, StatusFeed, noise
 from virtual_clock import Clock
@@ -17,7 +17,7 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
-from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.controller import Controller, RequestResult
 from jaka_ros_driver.simulation.controller.controller_state import Options
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.replies import Refused
@@ -102,6 +102,8 @@ class ControllerRoom:
         self.on_refused_stop: Callable[[], None] = lambda: None
         self._parser = RequestParser()
         self._client: Optional[Cable] = None
+        self._line: List[Tuple[str, RequestResult]] = []
+        self._slow_requests = 0
         self._held: List[_Held] = []
         self._moved_at = -1e9
         self._last_reply_at = 0.0
@@ -117,6 +119,9 @@ class ControllerRoom:
         if self._held:
             self._begin_held(now)
         self.controller.step(CYCLE_TIME_S)
+        while self._line and self._client is not None and self._line[0][1].is_due():
+            name, result = self._line.pop(0)
+            self._post(self._client, name, result.due_reply())
         if not self.controller.state.plant.is_moving:
             if self.mover is not NOBODY and self.is_idle:
                 self.mover = NOBODY
@@ -153,6 +158,7 @@ class ControllerRoom:
             if other is not cable and other.controller_knows:
                 other.close_by_controller()
         self._client = cable
+        self._line = []
         self._parser = RequestParser()
         self.controller.state.client_connected()
 
@@ -169,9 +175,19 @@ class ControllerRoom:
         for request in self._parser.feed(arrival.data, self.clock.now):
             if cable is not self._client:
                 return  # one of them turned the controller off
-            reply = self._answer(request, DRIVER)
+            result = self._answer(request, DRIVER)
             name = request.get("cmdName", "") if isinstance(request, dict) else ""
-            self._post(cable, name, reply)
+            if self._line or self._is_held_back(result):
+                self._line.append((name, result))
+            else:
+                self._post(cable, name, result.reply)
+
+    def _is_held_back(self, result: RequestResult) -> bool:
+        """Whether the reply waits until it is done; controllers are of both kinds, so every second one does."""
+        if result.is_due():
+            return False
+        self._slow_requests += 1
+        return self._slow_requests % 2 == 1
 
     def _post(self, cable: Cable, name: str, reply: bytes) -> None:
         faults, now = self.faults, self.clock.now
@@ -190,10 +206,10 @@ class ControllerRoom:
         else:
             cable.to_driver.send(reply)
 
-    def _answer(self, request: Any, who: str) -> bytes:
+    def _answer(self, request: Any, who: str) -> RequestResult:
         """Carry a request out, or pretend to, or refuse it."""
         if not isinstance(request, dict):
-            return self.controller.execute(request).reply
+            return self.controller.execute(request)
         faults, now, name = self.faults, self.clock.now, str(request.get("cmdName"))
         is_stop = name == "stop_program"
         if is_stop and (faults.refused_stops > 0 or now < faults.refuses_stop_until):
@@ -205,19 +221,19 @@ class ControllerRoom:
         if now < faults.lies_until.get(name, 0.0) and is_motion(request):
             self._execute(request, who)
             self._note("says that it did not")
-            return _refused(name)
+            return RequestResult(name, _refused(name))
         can_wait = is_motion(request) and (name in PLANNED or name == "jog")
         if can_wait and (self._held or now < faults.starts_late_until):
             return self._hold(request, who)
         return self._execute(request, who)
 
-    def _refusal(self, request: Dict[str, Any], who: str) -> bytes:
+    def _refusal(self, request: Dict[str, Any], who: str) -> RequestResult:
         name = str(request.get("cmdName"))
         self._note("refuses", name)
         self.on_executed(request, False, who)
-        return _refused(name)
+        return RequestResult(name, _refused(name))
 
-    def _hold(self, request: Dict[str, Any], who: str) -> bytes:
+    def _hold(self, request: Dict[str, Any], who: str) -> RequestResult:
         """Say yes now and begin later; a motion that could not begin now is refused as ever."""
         state, name = self.controller.state, str(request["cmdName"])
         if not state.is_enabled or state.emergency_stop or state.protective_stop or state.plant.is_servo_active:
@@ -226,11 +242,11 @@ class ControllerRoom:
         held = _Held(self.clock.now + late * self._chance.random(), late * self._chance.random(), request, who)
         self._held.append(held)
         self._note("begins later", name, "by %.4f s, after rest of %.4f s" % (held.due - self.clock.now, held.rest))
-        return encode_object({"errorCode": "0", "errorMsg": "", "cmdName": name})
+        return RequestResult(name, encode_object({"errorCode": "0", "errorMsg": "", "cmdName": name}))
 
-    def _execute(self, request: Dict[str, Any], who: str) -> bytes:
-        reply = self.controller.execute(request).reply
-        taken = succeeded(reply)
+    def _execute(self, request: Dict[str, Any], who: str) -> RequestResult:
+        result = self.controller.execute(request)
+        taken = succeeded(result.reply)
         name = request.get("cmdName")
         if taken:
             if name == "stop_program" or (name == "jog" and request.get("jog_mode") == 0):
@@ -241,7 +257,7 @@ class ControllerRoom:
                 self.motion_executed_at = self.clock.now
                 self.mover = who
         self.on_executed(request, taken, who)
-        return reply
+        return result
 
     # ---- people beside it ----
 
@@ -254,7 +270,7 @@ class ControllerRoom:
                 cable.close_by_controller()
         self._client = None
         self._answer({"cmdName": "servo_move", "relFlag": 0}, GUARD)
-        is_stopped = succeeded(self._answer({"cmdName": "stop_program"}, GUARD))
+        is_stopped = succeeded(self._answer({"cmdName": "stop_program"}, GUARD).reply)
         self.controller.state.client_lost()
         return is_stopped
 

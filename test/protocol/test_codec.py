@@ -24,7 +24,7 @@ REQUESTS = [
     (c.LinearMove(POSE, 0.5, 2.0),
      {"cmdName": "moveL", "relFlag": 0, "cartPosition": WIRE_POSE, "speed": 500.0, "accel": 2000.0, "tol": 0.5,
       "ori_vel": 180.0, "ori_acc": 720.0}),
-    (c.LinearMove(POSE, 0.05, 0.1, 0.0005, 1.5, 3.0),  # as the maker's SDK writes it: requests.txt, linear_move_ori
+    (c.LinearMove(POSE, 0.05, 0.1, 0.0005, 1.5, 3.0),  # requests-2.1.11.txt, linear_move_ori
      {"cmdName": "moveL", "relFlag": 0, "cartPosition": WIRE_POSE, "speed": 50.0, "accel": 100.0, "tol": 0.5,
       "ori_vel": 85.94366926962348, "ori_acc": 171.8873385392470}),
     (c.Jog(c.JogFrame.JOINT, 2, -5 * DEG),

@@ -9,30 +9,30 @@ def waiting(*names):
 
 def test_replies_pair_in_order():
     exchange, (first, second) = waiting("servo_j", "servo_j")
-    assert exchange.answered({"cmdName": "servo_j"}) is first
-    assert exchange.answered({"cmdName": "servo_j"}) is second
+    assert exchange.answered({"cmdName": "servo_j"}, 1.0) is first
+    assert exchange.answered({"cmdName": "servo_j"}, 1.0) is second
     assert len(exchange) == 0
 
 
 def test_a_reply_without_a_name_answers_the_oldest():
     exchange, (first, _) = waiting("odd_command", "stop_program")
-    assert exchange.answered({"errorCode": "1"}) is first
+    assert exchange.answered({"errorCode": "1"}, 1.0) is first
 
 
 def test_replies_in_another_order_find_their_requests_by_name():
     exchange, (first, second) = waiting("get_version", "stop_program")
-    assert exchange.answered({"cmdName": "stop_program"}) is second
-    assert exchange.answered({"cmdName": "get_version"}) is first
+    assert exchange.answered({"cmdName": "stop_program"}, 1.0) is second
+    assert exchange.answered({"cmdName": "get_version"}, 1.0) is first
     assert len(exchange) == 0
 
 
 def test_a_reply_that_nobody_asked_for_is_dropped():
     exchange, (first,) = waiting("stop_program")
-    assert exchange.answered({"cmdName": "servo_j"}) is None
+    assert exchange.answered({"cmdName": "servo_j"}, 1.0) is None
     assert len(exchange) == 1
-    assert exchange.answered({"cmdName": "stop_program"}) is first
-    assert exchange.answered({"cmdName": "stop_program"}) is None
-    assert exchange.answered({}) is None
+    assert exchange.answered({"cmdName": "stop_program"}, 1.0) is first
+    assert exchange.answered({"cmdName": "stop_program"}, 1.0) is None
+    assert exchange.answered({}, 1.0) is None
 
 
 def test_a_late_request_is_overdue_and_a_timely_one_is_not():
@@ -41,7 +41,7 @@ def test_a_late_request_is_overdue_and_a_timely_one_is_not():
     fast = exchange.sent("stop_program", 0.0, 1.0)
     assert exchange.overdue(0.9) is None
     assert exchange.overdue(1.1) is fast
-    exchange.answered({"cmdName": "stop_program"})
+    exchange.answered({"cmdName": "stop_program"}, 1.0)
     assert exchange.overdue(1.1) is None
     assert exchange.overdue(5.1) is slow
 
@@ -50,3 +50,31 @@ def test_abandon_returns_everything_once():
     exchange, requests = waiting("a", "b")
     assert exchange.abandon() == requests
     assert exchange.abandon() == [] and len(exchange) == 0
+
+
+def test_what_waits_behind_a_slow_request_is_not_late_for_that():
+    exchange = Exchange()
+    slow = exchange.sent("power_on", 0.0, 30.0, is_slow=True)
+    behind = exchange.sent("stop_program", 5.0, 1.0)
+    assert exchange.overdue(29.0) is None
+    assert exchange.answered({"cmdName": "power_on"}, 8.0) is slow
+    assert exchange.overdue(8.9) is None
+    assert exchange.overdue(9.1) is behind
+
+
+def test_a_slow_request_whose_reply_never_comes_is_late_and_hides_none_that_was_sent_before():
+    exchange = Exchange()
+    before = exchange.sent("get_version", 0.0, 1.0)
+    slow = exchange.sent("power_on", 0.0, 30.0, is_slow=True)
+    assert exchange.overdue(1.1) is before
+    exchange.answered({"cmdName": "get_version"}, 1.1)
+    assert exchange.overdue(30.1) is slow
+
+
+def test_a_later_reply_shows_that_nothing_waits_for_the_slow_one():
+    exchange = Exchange()
+    exchange.sent("enable_robot", 0.0, 30.0, is_slow=True)
+    exchange.sent("is_in_servomove", 0.0, 1.0)
+    exchange.answered({"cmdName": "is_in_servomove"}, 0.5)
+    stop = exchange.sent("stop_program", 1.0, 1.0)
+    assert exchange.overdue(2.1) is stop

@@ -17,8 +17,16 @@ from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Running, Until
 from jaka_ros_driver.client.core.servo import Servo, left_servo_mode
+from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, MotionInterrupted, StopCause
+from jaka_ros_driver.errors import (
+    ConnectionLost,
+    InvalidCommand,
+    JakaError,
+    MotionInterrupted,
+    ReplyTimeout,
+    StopCause,
+)
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState
@@ -43,7 +51,7 @@ class ArmCore:
         self.settings = settings
         self.model = model
         self.actions = Actions()
-        self.channel = Channel(self.actions, settings.reply_timeout)
+        self.channel = Channel(self.actions, settings)
         self.custody = Custody(self.actions, self.channel, settings, lambda now: self._admission.retry(now))
         self.links = Links(settings, self.actions, self.channel, self.custody, self.note_disturbance)
         self._admission = Admission(self.actions, self.custody, self.links)
@@ -308,11 +316,26 @@ class ArmCore:
             self.actions.answer(call, None, error)
 
     def _stop_free_arm(self, call: Any, now: float) -> None:
-        """A stop where this driver moves nothing: a program, the pendant, or servo mode of somebody else."""
+        """A stop where this driver moves nothing: a program, the pendant, or servo mode of somebody else.
+
+        Its reply may have to wait for that to power_on or enable_robot. Then it is answered when the arm has been seen
+        at rest.
+        """
+        unanswered = [call]
+
+        def answer(error: Optional[JakaError]) -> None:
+            if unanswered:
+                self.actions.answer(unanswered.pop(), None, error)
+
         def replied(_result: Any, error: Optional[JakaError], at: float) -> None:
             self._admission.stops_under_way -= 1
-            self.actions.answer(call, None, error)
+            answer(error)
             self._admission.retry(at)
+
+        def watched(rests: bool, error: Optional[JakaError], _at: float) -> None:
+            answer(error or (None if rests else ReplyTimeout("stop_program", self.settings.reply_timeout)))
+
+        is_held_up = self.channel.is_held_up
         try:
             self.channel.request_all(
                 [c.SetServoMode(False), c.Stop()] if self.links.is_servo_active else [c.Stop()], now, replied)
@@ -320,6 +343,12 @@ class ArmCore:
             self.actions.answer(call, None, error)
             return
         self._admission.stops_under_way += 1
+        if is_held_up:
+            self._carry_out(self._is_at_rest(now), watched, now)
+
+    def _is_at_rest(self, since: float) -> Procedure:
+        return (yield Until(lambda _now: self.custody.stillness.duration(since) >= REST_TIME_S,
+                            self.settings.reply_timeout))
 
     def _answerer(self, call: Any) -> OnEnd:
         return lambda result, error, _now: self.actions.answer(call, result, error)

@@ -1,9 +1,11 @@
 """The command port's requests and replies, without its socket."""
+import dataclasses
 import logging
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Callable, Optional, Sequence, Tuple
 
 from jaka_ros_driver.client.core.actions import Actions, Send
-from jaka_ros_driver.commands import Command
+from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.commands import TERMINAL_COMMANDS, Command, SetEnabled, SetPower
 from jaka_ros_driver.errors import ConnectionLost, FramingError, JakaError, ReplyTimeout
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.exchange import Exchange
@@ -25,17 +27,24 @@ class Channel:
 
     What the controller did of a command whose reply is late is unknown, and later replies could no longer be told
     apart. Nothing is ever sent twice.
+
+    Attributes:
+        is_open: The port is connected.
+        is_confirmed: The controller is the one that was meant.
+        damaged_replies: Pieces of the stream that are no replies, since start.
+        io_index_base: Index on the wire of the first terminal, 0 or 1.
     """
 
-    def __init__(self, actions: Actions, reply_timeout: float) -> None:
+    def __init__(self, actions: Actions, settings: ClientSettings) -> None:
         self._actions = actions
-        self._reply_timeout = reply_timeout
+        self._settings = settings
         self._stream = ObjectStream()
         self._exchange: Exchange[_Pending] = Exchange()
         self._down_reason = "not connected yet"
         self.is_open = False
         self.is_confirmed = False
         self.damaged_replies = 0
+        self.io_index_base = settings.io_index_base or 0
 
     def open(self, is_confirmed: bool) -> None:
         """A new connection: nothing is outstanding on it.
@@ -54,7 +63,7 @@ class Channel:
             if request.waiter is not None:
                 error: JakaError = ConnectionLost(reason)
                 if request is late:
-                    error = ReplyTimeout(request.name, self._reply_timeout)
+                    error = ReplyTimeout(request.name, request.patience)
                 request.waiter.on_reply(None, error, now)
 
     def request(self, command: Command, now: float, on_reply: OnReply, asks_who: bool = False) -> None:
@@ -68,13 +77,14 @@ class Channel:
 
     def request_all(self, commands: Sequence[Command], now: float, on_last: OnReply, asks_who: bool = False) -> None:
         """Send the commands in one piece, of which only the last one's reply matters; errors as ``request``."""
-        texts = [encode_object(codec.encode(command)) for command in commands]
+        texts = [encode_object(codec.encode(self._on_wire(command))) for command in commands]
         if not self.is_open or not (self.is_confirmed or asks_who):
             raise ConnectionLost("no link to the controller: " + (
                 "it has not said yet who it is" if self.is_open else self._down_reason))
-        for command in commands[:-1]:
-            self._exchange.sent(codec.command_name(command), now, self._reply_timeout)
-        self._exchange.sent(codec.command_name(commands[-1]), now, self._reply_timeout, _Pending(commands[-1], on_last))
+        for place, command in enumerate(commands, 1):
+            patience, is_slow = self._patience(command)
+            self._exchange.sent(codec.command_name(command), now, patience,
+                                _Pending(command, on_last) if place == len(commands) else None, is_slow)
         self._actions.add(Send(b"".join(texts)))
 
     def received(self, data: bytes, now: float) -> None:
@@ -83,7 +93,7 @@ class Channel:
                 self.damaged_replies += 1
                 self._actions.log(logging.DEBUG, "damaged reply: %s" % item)
                 continue
-            request = self._exchange.answered(item)
+            request = self._exchange.answered(item, now)
             if request is None or request.waiter is None:
                 continue
             pending = request.waiter
@@ -94,6 +104,33 @@ class Channel:
             else:
                 pending.on_reply(result, None, now)
 
+    @property
+    def is_held_up(self) -> bool:
+        """True where the reply to a request that is sent now may have to wait for one that takes its time."""
+        return self._exchange.is_held_up
+
+    def done(self, command: Command, now: float) -> None:
+        """What this command asked for is seen to be done; its reply is due in the usual time now."""
+        self._exchange.done(codec.command_name(command), now, self._settings.reply_timeout)
+
     def overdue(self, now: float) -> Optional[Any]:
         """A request whose reply is late, if there is one; hand it to ``close``."""
         return self._exchange.overdue(now)
+
+    def _patience(self, command: Command) -> Tuple[float, bool]:
+        """How long the reply may take, s, and whether later replies may wait for it.
+
+        A controller can hold back the replies to power_on and enable_robot until that is done
+        (docs/controller-protocol.md section 5.1).
+        """
+        settings = self._settings
+        if isinstance(command, (SetPower, SetEnabled)):
+            own = settings.power_timeout if isinstance(command, SetPower) else settings.enable_timeout
+            return own + settings.reply_timeout, True
+        return settings.reply_timeout, False
+
+    def _on_wire(self, command: Command) -> Command:
+        """Terminals count from 0 in this program, from ``io_index_base`` on the wire."""
+        if self.io_index_base and isinstance(command, TERMINAL_COMMANDS):
+            return dataclasses.replace(command, index=command.index + self.io_index_base)
+        return command

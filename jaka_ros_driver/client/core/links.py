@@ -177,7 +177,7 @@ class Links:
     def tick(self, now: float) -> None:
         late = self._channel.overdue(now) if self._channel.is_open else None
         if late is not None:
-            self._drop_command(str(ReplyTimeout(late.name, self._settings.reply_timeout)), now, late)
+            self._drop_command(str(ReplyTimeout(late.name, late.patience)), now, late)
         self._watch_feed(now)
         if self._handshake is not None:
             self._handshake.tick(now)
@@ -211,6 +211,7 @@ class Links:
         if error is None:
             self.about = about
             self.is_servo_active = about.is_servo_active
+            self._channel.io_index_base = session.io_index_base(self._settings, about.version)
             self.is_ready = True
             self._next_beat = now + _BEAT_PERIOD_S
         elif self._command.is_up:

@@ -10,9 +10,17 @@ SIMULATED_ONLY = "simulated controllers only"
 
 
 class Held(NamedTuple):
-    """The handler's result where the reply is to be held back until ``until()`` is true."""
+    """The handler's result where the reply is to be held back until ``until()`` is true.
+
+    Attributes:
+        until: When the reply is due.
+        blocks: True where later requests of the same client wait, too; else only their replies do.
+        refused: True, asked when the reply is due, where the command has failed meanwhile.
+    """
 
     until: Callable[[], bool]
+    blocks: bool = False
+    refused: Callable[[], bool] = lambda: False
 
 
 class Then(enum.Enum):
@@ -35,14 +43,12 @@ class CommandSpec(NamedTuple):
             docs/sdk-client.md; ``SIMULATED_ONLY`` where no real controller knows it.
         handler: Carries it out and returns the fields of the reply; raises Refused or BadParameter, or
             TargetRejected or InvalidCommand, which are answered as ``Refused()``.
-        modern_only: True where firmware 1.5.14 does not know it.
         then: What follows the reply.
     """
 
     name: str
     section: str
     handler: Handler
-    modern_only: bool = False
     then: Then = Then.NOTHING
 
 

@@ -1,24 +1,54 @@
 """Commands about inputs and outputs (docs/controller-protocol.md section 5.11)."""
 from typing import Tuple
 
+from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.replies import Reply
+from jaka_ros_driver.simulation.controller.replies import Refused, Reply
 
 _DIN_STATUS_COUNT = 64
+_MAX_COUNT = 256
+
+
+def _first(state: ControllerState, arguments: Arguments) -> int:
+    """The terminal that ``index`` names, from 0; where terminals count from 1, index 0 is taken for the first, too."""
+    index = arguments.integer("index")
+    return max(0, index - state.io_index_base) if index >= 0 else index
 
 
 def _get(signal: str, output: bool) -> Handler:
+    """``value``: a number; with ``len`` an array of so many, from ``index`` on (docs/sdk-client.md section 9)."""
     def handle(state: ControllerState, arguments: Arguments) -> Reply:
-        return {"value": state.io.get(signal, output, arguments.integer("type"), arguments.integer("index"))}
+        bank, first = arguments.integer("type"), _first(state, arguments)
+        if not arguments.has("len"):
+            return {"value": state.io.get(signal, output, bank, first)}
+        count = arguments.integer("len")
+        if not 1 <= count <= _MAX_COUNT:
+            raise Refused()
+        return {"value": [state.io.get(signal, output, bank, first + i) for i in range(count)]}
     return handle
 
 
 def _set(signal: str) -> Handler:
+    """``value``: a number, or an array for the outputs from ``index`` on; all of them are set, or none."""
     def handle(state: ControllerState, arguments: Arguments) -> None:
-        value = float(arguments.flag("value")) if signal == "digital" else arguments.number("value")
-        state.io.set(signal, True, arguments.integer("type"), arguments.integer("index"), value)
+        given = arguments.raw("value")
+        if not isinstance(given, list):
+            given = [given]
+        if not 1 <= len(given) <= _MAX_COUNT:
+            raise Refused()
+        each = [Arguments({"value": value}) for value in given]
+        values = [float(one.flag("value")) if signal == "digital" else one.number("value") for one in each]
+        bank, first = arguments.integer("type"), _first(state, arguments)
+        before = [state.io.get(signal, True, bank, first + i) for i in range(len(values))]
+        try:
+            for i, value in enumerate(values):
+                state.io.set(signal, True, bank, first + i, value)
+        except InvalidCommand:
+            for i, value in enumerate(before):
+                state.io.set(signal, True, bank, first + i, value)
+            raise
     return handle
 
 

@@ -161,10 +161,6 @@ def _torque_feedforward(state: ControllerState, arguments: Arguments) -> None:
         "grvCurrent": list(arguments.vector("grvCurrent", 6)), "includeGrvFlag": arguments.integer("includeGrvFlag", 0)}
 
 
-def _drag_status(state: ControllerState) -> Reply:
-    return {"drag_status": state.plant.is_hand_guided}
-
-
 MOTION_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("joint_move", "5.2", _move("joint_move", _joint_move)),
     CommandSpec("end_move", "5.3", _move("end_move", _end_move)),
@@ -174,7 +170,8 @@ MOTION_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("stop_program", "5.4.4", plain(ControllerState.stop)),
     CommandSpec("pause_program", "5.4.5", plain(ControllerState.pause)),
     CommandSpec("resume_program", "5.4.5", plain(ControllerState.resume)),
-    CommandSpec("wait_complete", "5.4.6", lambda state, arguments: Held(lambda: state.plant.is_in_position)),
+    CommandSpec("wait_complete", "5.4.6", lambda state, arguments: Held(
+        lambda: state.plant.is_in_position, blocks=True)),
     CommandSpec("get_motion_state", "5.4.7", plain(_motion_state)),
     CommandSpec("jog", "5.5", _jog),
     CommandSpec("servo_move", "5.6.1", _servo_move),
@@ -185,10 +182,10 @@ MOTION_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("torque_control_enable", "5.8", lambda state, arguments: state.set_hand_guiding(
         arguments.flag("enable_flag"))),
     CommandSpec("torque_feedforward", "5.8", _torque_feedforward),
-    CommandSpec("drag_status", "5.8", plain(_drag_status)),
-    CommandSpec("get_drag_status", "5.8", plain(_drag_status)),
+    CommandSpec("drag_status", "5.8", plain(lambda state: {"drag_status": state.plant.is_hand_guided})),
+    CommandSpec("get_drag_status", "5.8", plain(lambda state: {"status": state.plant.is_hand_guided})),
     CommandSpec("rapid_rate", "5.10", lambda state, arguments: state.plant.set_rapid_rate(
         round(arguments.number("rate_value"), _RAPID_RATE_DECIMALS))),
-    CommandSpec("get_rapid_rate", "5.10", plain(lambda state: {
-        "rapid_rate": state.plant.rapid_rate, "rate_value": state.plant.rapid_rate})),
+    CommandSpec("get_rapid_rate", "5.10", plain(lambda state: {"value": state.plant.rapid_rate})),
+    CommandSpec("is_on_limit", "sdk-client.md 9", plain(lambda state: {"on_limit": int(state.plant.on_soft_limit)})),
 )

@@ -3,7 +3,8 @@ trajectory recording (docs/controller-protocol.md sections 5.11, 5.15; docs/sdk-
 
 Where the keys of a reply are not known, the setter's keys are used; the SDK reads a missing key as zero.
 """
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+import math
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
@@ -21,27 +22,32 @@ class _Key(NamedTuple):
         name: On the wire.
         default: Its value before it is set. Its type is the type that a request must have; a tuple stands for an array
             of that length.
-        low: Smallest whole number taken.
-        high: Largest whole number taken.
+        low: Smallest number taken.
+        high: Largest number taken.
     """
 
     name: str
     default: Any
-    low: Optional[int] = None
-    high: Optional[int] = None
+    low: Optional[float] = None
+    high: Optional[float] = None
 
     def read(self, arguments: Arguments) -> Any:
         """Its value in a request; raises as ``Arguments``, and Refused where it is out of range."""
-        if isinstance(self.default, tuple):
-            return list(arguments.vector(self.name, len(self.default)))
         if isinstance(self.default, str):
             return arguments.text(self.name)
-        if isinstance(self.default, float):
-            return arguments.number(self.name)
-        value = arguments.integer(self.name)
-        if (self.low is not None and value < self.low) or (self.high is not None and value > self.high):
+        if isinstance(self.default, tuple):
+            numbers = list(arguments.vector(self.name, len(self.default)))
+            self._check(numbers)
+            return numbers
+        number = arguments.number(self.name) if isinstance(self.default, float) else arguments.integer(self.name)
+        self._check([number])
+        return number
+
+    def _check(self, numbers: List[float]) -> None:
+        low = -math.inf if self.low is None else self.low
+        high = math.inf if self.high is None else self.high
+        if not all(low <= number <= high for number in numbers):
             raise Refused()
-        return value
 
 
 class _Setting(NamedTuple):
@@ -64,7 +70,12 @@ class _Setting(NamedTuple):
     places: int = 64
 
 
-_ADMITTANCE_KEYS = ("opt", "ftUser", "ftConstant", "ftNnormalTrack", "ftReboundFK")
+_AXES = 6
+_ADMITTANCE_KEYS = (
+    _Key("opt", 0, 0, 1), _Key("ftUser", 0.0), _Key("ftReboundFK", 0.0), _Key("ftConstant", 0.0),
+    _Key("ftNnormalTrack", 0, 0, 1))
+"""In the order of the SDK's structure; that of the reply's lists is a guess."""
+_TOOL_DRIVE_KEYS = (_Key("opt", 0, 0, 1), _Key("rigidity", 0.0, 0.0), _Key("rebound", 0.0, 0.0))
 _SETTINGS: Tuple[_Setting, ...] = (
     _Setting("set_tio_vout_param", "get_tio_vout_param", "5.11",
              (_Key("tio_vout_ena", 0, 0, 1), _Key("tio_vout_vol", 0, 0, 1))),
@@ -91,8 +102,17 @@ _SETTINGS: Tuple[_Setting, ...] = (
     _Setting("set_vel_compliant_ctrl", "", "sdk-client.md 8", (_Key("compliant_ctrl", (0.0,) * 5),)),
     _Setting("set_compliance_condition", "", "sdk-client.md 8", (_Key("compliant_condition", (0.0,) * 6),)),
     _Setting("send_tio_rs_command", "", "5.11", ()),
-    _Setting("set_admit_ctrl_config", "", "sdk-client.md 8", tuple(_Key(name, 0.0) for name in _ADMITTANCE_KEYS),
-             "axis", 6),
+    _Setting("set_tool_drive_frame", "get_tool_drive_frame", "sdk-client.md 9", (_Key("toolDragFrame", 0, 0, 1),)),
+    _Setting("set_fusion_drive_sensitivity_level", "get_fusion_drive_sensitivity_level", "sdk-client.md 9", (
+        _Key("sensitivity_level", 0, 0, 5),)),
+    _Setting("set_compliant_speed_limit", "get_compliant_speed_limit", "sdk-client.md 9", (
+        _Key("speed_limit", 0.0, 0.0), _Key("angular_speed_limit", 0.0, 0.0))),
+    _Setting("set_torque_ref_point", "get_torque_ref_point", "sdk-client.md 9", (_Key("ref_point", 0, 0, 1),)),
+    _Setting("set_end_sensor_sensitivity_threshold", "get_end_sensor_sensitivity_threshold", "sdk-client.md 9", (
+        _Key("threshold_percent", (0.0,) * 6, 0.0, 1.0),)),
+    _Setting("zero_end_sensor", "", "sdk-client.md 9", ()),
+    _Setting("set_admit_ctrl_config", "", "sdk-client.md 8", _ADMITTANCE_KEYS, "axis", _AXES),
+    _Setting("set_tool_drive_config", "", "sdk-client.md 9", _TOOL_DRIVE_KEYS, "axis", _AXES),
 )
 
 
@@ -145,10 +165,28 @@ def _soft_limit(state: ControllerState) -> Reply:
     return {"torqueSensorSoftLimit": state.memory.settings.get(("set_torque_sensor_soft_limit", 0), zeros)}
 
 
+def _axes(state: ControllerState, setter: str, keys: Tuple[_Key, ...]) -> List[List[Any]]:
+    """The values that were set for the six axes, each in the order of ``keys``."""
+    stored = [state.memory.settings.get((setter, axis), {}) for axis in range(_AXES)]
+    return [[values.get(key.name, key.default) for key in keys] for values in stored]
+
+
 def _admittance(state: ControllerState) -> Reply:
-    zeros = dict.fromkeys(_ADMITTANCE_KEYS, 0.0)
-    return {"admit_ctrl_config": [
-        dict(state.memory.settings.get(("set_admit_ctrl_config", axis), zeros)) for axis in range(6)]}
+    return {"admitConfig": _axes(state, "set_admit_ctrl_config", _ADMITTANCE_KEYS)}
+
+
+def _tool_drive(state: ControllerState) -> Reply:
+    """The keys of the request, each with the values of the six axes: the reply's own keys are not known."""
+    columns = zip(*_axes(state, "set_tool_drive_config", _TOOL_DRIVE_KEYS))
+    return {"axis": list(range(_AXES)), **{key.name: list(column) for key, column in zip(_TOOL_DRIVE_KEYS, columns)}}
+
+
+def _sensor_data(_state: ControllerState, arguments: Arguments) -> Reply:
+    """The simulated sensor feels nothing; the keys of the reply are not known."""
+    kind = arguments.integer("type")
+    if not 1 <= kind <= 3:
+        raise Refused()
+    return {"type": kind, "torque_sensor_data": [0.0] * 6}
 
 
 def _names(state: ControllerState, what: str) -> Dict[str, Any]:
@@ -156,7 +194,7 @@ def _names(state: ControllerState, what: str) -> Dict[str, Any]:
 
 
 def _add_signal(state: ControllerState, arguments: Arguments) -> None:
-    signals, name = _names(state, "signals"), arguments.text("tio_signal_name")
+    signals, name = state.memory.signals, arguments.text("tio_signal_name")
     values = {key: arguments.integer(arguments.first_of("tio_signal_" + key, "_" + key, key))
               for key in ("chnId", "sigType", "sigAddr")}
     values["frequency"] = arguments.integer("frequency", 1)
@@ -166,12 +204,12 @@ def _add_signal(state: ControllerState, arguments: Arguments) -> None:
 
 
 def _delete_signal(state: ControllerState, arguments: Arguments) -> None:
-    if _names(state, "signals").pop(arguments.text("tio_signal_name"), None) is None:
+    if state.memory.signals.pop(arguments.text("tio_signal_name"), None) is None:
         raise Refused()
 
 
 def _signals(state: ControllerState) -> Reply:
-    return {"signals": [dict(values, tio_signal_name=name) for name, values in _names(state, "signals").items()]}
+    return {"signals": [dict(values, tio_signal_name=name) for name, values in state.memory.signals.items()]}
 
 
 def _sample_mode(state: ControllerState, arguments: Arguments) -> None:
@@ -192,10 +230,14 @@ def _rename_trajectory(state: ControllerState, arguments: Arguments) -> None:
     files[target] = True
 
 
-def _with_file(act: Callable[[Dict[str, Any], str], object]) -> Handler:
-    def handle(state: ControllerState, arguments: Arguments) -> None:
-        act(_names(state, "trajectories"), arguments.text("fileName"))
-    return handle
+def _remove_trajectory(state: ControllerState, arguments: Arguments) -> None:
+    if _names(state, "trajectories").pop(arguments.text("fileName"), None) is None:
+        raise Refused()
+
+
+def _generate_trajectory(_state: ControllerState, arguments: Arguments) -> None:
+    """Nothing to do: a recorded trajectory has a name here, and no content."""
+    arguments.text("fileName")
 
 
 def _identify_payload(state: ControllerState, arguments: Arguments) -> None:
@@ -208,7 +250,10 @@ SETTING_COMMANDS: Tuple[CommandSpec, ...] = (
     *_rows(),
     CommandSpec("set_torque_sensor_soft_limit", "sdk-client.md 8", _set_soft_limit),
     CommandSpec("get_torque_sensor_soft_limit", "sdk-client.md 8", plain(_soft_limit)),
-    CommandSpec("get_admit_ctrl_config", "sdk-client.md 8", plain(_admittance)),
+    CommandSpec("get_admit_ctrl_config", "sdk-client.md 9", plain(_admittance)),
+    CommandSpec("get_tool_drive_config", "sdk-client.md 9", plain(_tool_drive)),
+    CommandSpec("get_tool_drive_stat", "sdk-client.md 9", plain(lambda state: {"tool_drive_stat": 0})),
+    CommandSpec("get_torque_sensor_data", "sdk-client.md 9", _sensor_data),
     CommandSpec("add_tio_rs_signal", "5.11", _add_signal),
     CommandSpec("del_tio_rs_signal", "5.11", _delete_signal),
     CommandSpec("get_rs485_signal_list", "5.11", plain(_signals)),
@@ -216,11 +261,11 @@ SETTING_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("set_traj_sample_mode", "sdk-client.md 8", _sample_mode),
     CommandSpec("get_traj_sample_status", "sdk-client.md 8", plain(
         lambda state: {"sampleStatus": state.memory.settings.get(("set_traj_sample_mode", 0), {}).get("mode", 0)})),
-    CommandSpec("get_exist_traj_file_name", "sdk-client.md 8", plain(
-        lambda state: {"trajFileName": list(_names(state, "trajectories"))})),
+    CommandSpec("get_exist_traj_file_name", "sdk-client.md 9", plain(
+        lambda state: {"trajTrackFileName": list(_names(state, "trajectories"))})),
     CommandSpec("rename_traj_file_name", "sdk-client.md 8", _rename_trajectory),
-    CommandSpec("remove_traj_file", "sdk-client.md 8", _with_file(lambda files, name: files.pop(name, None))),
-    CommandSpec("generate_traj_exe_file", "sdk-client.md 8", _with_file(lambda files, name: None)),
+    CommandSpec("remove_traj_file", "sdk-client.md 9", _remove_trajectory),
+    CommandSpec("generate_traj_exe_file", "sdk-client.md 8", _generate_trajectory),
     CommandSpec("start_torq_sensor_payload_identify", "sdk-client.md 8", _identify_payload),
     CommandSpec("get_torq_sensor_identify_staus", "sdk-client.md 8", plain(lambda state: {"identify_status": 0})),
     CommandSpec("get_torq_sensor_payload_identify_result", "sdk-client.md 8", plain(

@@ -1,13 +1,12 @@
 """Commands about power, states, errors and positions (docs/controller-protocol.md sections 5.1, 5.10, 5.12, 5.13)."""
 import math
-from typing import Tuple
+from typing import Optional, Tuple
 
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import SIMULATED_ONLY, CommandSpec, Handler, Then, plain
+from jaka_ros_driver.simulation.controller.command_spec import SIMULATED_ONLY, CommandSpec, Handler, Held, Then, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState, LinkLoss
 from jaka_ros_driver.simulation.controller.replies import Refused, Reply
-from jaka_ros_driver.simulation.controller.status_frame import errcode_text
 from jaka_ros_driver.simulation.controller.wire_units import joints_to_wire, pose_from_wire, pose_to_wire, rounded
 from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, m_to_mm, ms_to_s, rad_to_deg
 
@@ -17,7 +16,20 @@ def _robot_state(state: ControllerState) -> Reply:
         return {"enable": "robot_enabled" if state.is_enabled else "robot_disabled",
                 "power": "powered_on" if state.is_powered else "powered_off"}
     code, text = state.alarms.shown()
-    return {"enable": state.is_enabled, "power": int(state.is_powered), "errcode": errcode_text(code), "msg": text}
+    return {"enable": state.is_enabled, "power": int(state.is_powered), "errcode": code, "msg": text}
+
+
+def _power_on(state: ControllerState, _arguments: Arguments) -> Held:
+    """The reply tells that the drives have power (docs/controller-protocol.md section 5.1)."""
+    state.power_on()
+    return Held(lambda: not state.is_powering, refused=lambda: not state.is_powered)
+
+
+def _enable(state: ControllerState, _arguments: Arguments) -> Optional[Held]:
+    """The reply tells that the brakes are open; without power it comes at once, and nothing happens."""
+    if not state.enable():
+        return None
+    return Held(lambda: not state.is_enabling, refused=lambda: not state.is_enabled)
 
 
 def _shutdown(state: ControllerState, _arguments: Arguments) -> None:
@@ -81,9 +93,9 @@ def _tool(key: str) -> Handler:
 
 
 SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
-    CommandSpec("power_on", "5.1", plain(ControllerState.power_on)),
+    CommandSpec("power_on", "5.1", _power_on),
     CommandSpec("power_off", "5.1", plain(ControllerState.power_off)),
-    CommandSpec("enable_robot", "5.1", plain(ControllerState.enable)),
+    CommandSpec("enable_robot", "5.1", _enable),
     CommandSpec("disable_robot", "5.1", plain(ControllerState.disable)),
     CommandSpec("shutdown", "5.1", _shutdown, then=Then.SHUT_DOWN),
     CommandSpec("quit", "5.1", plain(lambda state: None), then=Then.CLOSE),
@@ -98,7 +110,7 @@ SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("protective_stop_status", "5.10", plain(
         lambda state: {"protective_stop": int(state.protective_stop)})),
     CommandSpec("emergency_stop_status", "5.10", plain(
-        lambda state: {"emergency_stop": int(state.emergency_stop)}), modern_only=True),
+        lambda state: {"emergency_stop": int(state.emergency_stop)})),
     CommandSpec("kine_forward", "5.12", _kine_forward),
     CommandSpec("kine_inverse", "5.12", _kine_inverse),
     CommandSpec("get_dh_param", "sdk-client.md 6", plain(_dh_param)),

@@ -2,7 +2,7 @@
 import dataclasses
 import sys
 import traceback
-from typing import Any, Callable, Mapping, NamedTuple, Optional, Tuple, Union
+from typing import Any, Mapping, NamedTuple, Optional, Tuple, Union
 
 from jaka_ros_driver.errors import FramingError, InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -26,18 +26,24 @@ class RequestResult(NamedTuple):
     Attributes:
         command: The command it named; None where it named none.
         reply: Bytes of the reply.
-        until: Where not None, the reply and all later requests wait until this returns True.
+        held: Where not None, when the reply is due.
+        reply_if_refused: Bytes of the reply instead, where the command fails before that.
         then: What follows the reply.
     """
 
     command: Optional[str]
     reply: bytes
-    until: Optional[Callable[[], bool]] = None
+    held: Optional[Held] = None
+    reply_if_refused: bytes = b""
     then: Then = Then.NOTHING
 
     def is_due(self) -> bool:
         """True where the reply is to be sent now."""
-        return self.until is None or self.until()
+        return self.held is None or self.held.until()
+
+    def due_reply(self) -> bytes:
+        """The reply as it is when it is due."""
+        return self.reply_if_refused if self.held is not None and self.held.refused() else self.reply
 
 
 class Controller:
@@ -88,7 +94,7 @@ class Controller:
         """
         name = request.get("cmdName") if isinstance(request, dict) else None
         spec = COMMANDS.get(name) if isinstance(name, str) else None
-        if spec is None or (spec.modern_only and not self._firmware.is_modern):
+        if spec is None:
             return RequestResult(name if isinstance(name, str) else None, not_understood())
         try:
             fields = spec.handler(self.state, Arguments(request))  # type: ignore[arg-type]
@@ -102,5 +108,5 @@ class Controller:
             traceback.print_exc(file=sys.stderr)
             return RequestResult(spec.name, not_understood())
         if isinstance(fields, Held):
-            return RequestResult(spec.name, accepted(spec.name, {}), fields.until)
-        return RequestResult(spec.name, accepted(spec.name, fields or {}), None, spec.then)
+            return RequestResult(spec.name, accepted(spec.name, {}), fields, refused(spec.name, Refused()))
+        return RequestResult(spec.name, accepted(spec.name, fields or {}), then=spec.then)

@@ -65,6 +65,7 @@ class Options:
         starvation: What the arm does when a servo stream has no more points.
         shortest_feed_period: Lower bound of the status feed's period, whatever a client asks for, s of simulated time.
         identity: What ``get_simulator_identity`` answers; no real controller knows that command.
+        io_index_base: Index of the first terminal in commands, 0 or 1; None for that of the firmware.
     """
 
     power_delay: float = 8.0
@@ -73,6 +74,7 @@ class Options:
     starvation: Starvation = Starvation.HOLD
     shortest_feed_period: float = 0.0
     identity: str = ""
+    io_index_base: Optional[int] = None
 
 
 class ControllerState:
@@ -81,6 +83,7 @@ class ControllerState:
     Attributes:
         plant: The arm.
         io: The terminals.
+        io_index_base: Index of the first terminal in commands.
         alarms: The event shown, and past ones.
         memory: What survives a restart.
         now: Simulated time since the start, s.
@@ -99,6 +102,7 @@ class ControllerState:
         self.model = model
         self.firmware = firmware
         self.options = options
+        self.io_index_base = firmware.io_index_base if options.io_index_base is None else options.io_index_base
         self.memory = memory
         self.plant = Plant(model, joint_position, starvation=options.starvation)
         self.io = IoBanks(firmware)
@@ -177,8 +181,21 @@ class ControllerState:
         self.is_powered = self._was_enabled = False
         self._power_at = None
 
-    def enable(self) -> None:
-        """Begin to enable, given power (docs/controller-protocol.md section 5.1); raises Refused during a stop."""
+    @property
+    def is_powering(self) -> bool:
+        """True from ``power_on`` until the drives have power, or something has ended that."""
+        return self._power_at is not None
+
+    @property
+    def is_enabling(self) -> bool:
+        """True from ``enable`` until the brakes are open, or something has ended that."""
+        return self._enable_at is not None
+
+    def enable(self) -> bool:
+        """Begin to enable, given power (docs/controller-protocol.md section 5.1); False without power.
+
+        Raises Refused during a stop.
+        """
         if self.emergency_stop or self.protective_stop:
             raise Refused()
         if self._disable_at is not None:
@@ -186,6 +203,7 @@ class ControllerState:
         if self.is_powered and not self.is_enabled and self._enable_at is None:
             self.alarms.drives_enabled()
             self._enable_at = self.now + self.options.enable_delay
+        return self.is_powered
 
     def disable(self) -> None:
         """Engage the brakes; the event code precedes the flags (docs/controller-protocol.md section 4.4).

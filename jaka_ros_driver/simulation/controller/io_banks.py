@@ -15,6 +15,8 @@ _ANALOG_OUTPUTS = ("aout", "tio_aout", "ext_aout", "", "mb_slave_aout", "pn_dev_
 _KEYS = {("digital", False): _DIGITAL_INPUTS, ("digital", True): _DIGITAL_OUTPUTS,
          ("analog", False): _ANALOG_INPUTS, ("analog", True): _ANALOG_OUTPUTS}
 
+RELAYS = 2
+"""Relays that frames show. One more is kept: SDK 2.1.14 counts from 1 also where commands count from 0 here."""
 MAX_ANALOG = 65535.0
 """Largest analog value kept; a 16 bit register of the field bus banks."""
 
@@ -25,7 +27,7 @@ class IoBanks:
     def __init__(self, firmware: Firmware) -> None:
         sizes: Dict[str, int] = {
             "din": firmware.digital_count, "dout": firmware.digital_count, "tio_din": 8, "tio_dout": 8,
-            "ext_din": 64, "ext_dout": 64, "relay_io": 2, "mb_slave_din": 128, "mb_slave_dout": 128,
+            "ext_din": 64, "ext_dout": 64, "relay_io": RELAYS + 1, "mb_slave_din": 128, "mb_slave_dout": 128,
             "pn_dev_din": 64, "pn_dev_dout": 64, "eip_adpt_din": 64, "eip_adpt_dout": 64}
         analog_sizes: Dict[str, int] = {
             "ain": firmware.analog_count, "aout": firmware.analog_count, "tio_ain": firmware.tool_analog_count,
@@ -37,6 +39,11 @@ class IoBanks:
     def array(self, key: str) -> Vector:
         """The array of this feed field; the same object until one of its values changes."""
         return self._values[key]
+
+    @property
+    def relays(self) -> Vector:
+        """The relays as frames show them."""
+        return self._values["relay_io"][:RELAYS]
 
     def get(self, signal: str, output: bool, bank: int, index: int) -> float:
         """One terminal; raises InvalidCommand where there is no such terminal.

@@ -44,6 +44,7 @@ class Memory:
         field_switches: Names of feed fields, False where the field is switched off.
         program_name: The loaded program.
         variables: User-defined variables: (id, alias, value).
+        signals: RS-485 signals by name: ``chnId``, ``sigType``, ``sigAddr``, ``frequency``.
         settings: Values of the settings of ``commands_settings``, by setter and index.
     """
 
@@ -57,4 +58,5 @@ class Memory:
     field_switches: Dict[str, bool] = field(default_factory=dict)
     program_name: str = ""
     variables: Dict[int, Tuple[str, Any]] = field(default_factory=dict)
+    signals: Dict[str, Dict[str, int]] = field(default_factory=dict)
     settings: Dict[Tuple[str, int], Dict[str, Any]] = field(default_factory=dict)

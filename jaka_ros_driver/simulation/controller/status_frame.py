@@ -27,7 +27,6 @@ _NO_FORCE = (0.0,) * 6
 _HOMED = (1,) * 6 + (0,) * 3
 _FUNCTION_INPUTS = ((-1, -1),) * 15
 _NO_KEYS = (0, 0, 0)
-_NO_SIGNALS = (0,) * 8
 
 
 def errcode_text(code: int) -> str:
@@ -44,6 +43,14 @@ def _torque_sensor(force_rows: int) -> Callable[[ControllerState], Any]:
         load = state.memory.sensor_payload
         return ((0, _SENSOR_ADDRESS, (load.mass, all_m_to_mm(load.centroid))), (0, 0) + (_NO_FORCE,) * force_rows)
     return value
+
+
+def _signals(state: ControllerState) -> List[List[Any]]:
+    """Name, channel, type, address, value and frequency of each; an entry that is no list makes the SDK crash
+    (docs/sdk-client.md section 9).
+    """
+    return [[name, signal["chnId"], signal["sigType"], signal["sigAddr"], 0, signal["frequency"]]
+            for name, signal in state.memory.signals.items()]
 
 
 def _task_mode(state: ControllerState) -> int:
@@ -63,9 +70,10 @@ _LINES: Tuple[_Field, ...] = (
     ("motion_line", lambda state: state.executing_lines()[0]),
     ("err_add_line", lambda state: state.executing_lines()[1]))
 _VELOCITY: _Field = ("instVel", lambda state: joints_to_wire(state.plant.joint_velocity, FEED_DECIMALS))
-_FIELD_BUS: Tuple[_Field, ...] = tuple(_io(key) for key in (
-    "relay_io", "mb_slave_din", "mb_slave_dout", "mb_slave_ain", "mb_slave_aout", "pn_dev_din", "pn_dev_dout",
-    "pn_dev_ain", "pn_dev_aout", "eip_adpt_din", "eip_adpt_dout", "eip_adpt_ain", "eip_adpt_aout"))
+_SIGNALS: _Field = ("tio_rs_signals", _signals)
+_FIELD_BUS: Tuple[_Field, ...] = (("relay_io", lambda state: state.io.relays), *(_io(key) for key in (
+    "mb_slave_din", "mb_slave_dout", "mb_slave_ain", "mb_slave_aout", "pn_dev_din", "pn_dev_dout",
+    "pn_dev_ain", "pn_dev_aout", "eip_adpt_din", "eip_adpt_dout", "eip_adpt_ain", "eip_adpt_aout")))
 
 
 def _feed_fields(modern: bool) -> Tuple[_Field, ...]:
@@ -105,12 +113,13 @@ def _feed_fields(modern: bool) -> Tuple[_Field, ...]:
         ("protective_stop", lambda state: int(state.protective_stop)),
         ("point_key", lambda state: 0),
         ("netState", lambda state: 1),
-        *only(*_LINES, _VELOCITY, *_FIELD_BUS, ("tio_rs_signals", lambda state: _NO_SIGNALS), _EXTENSION),
+        *only(*_LINES, _VELOCITY, *_FIELD_BUS, _SIGNALS, _EXTENSION),
     )
 
 
 _FEED = {modern: _feed_fields(modern) for modern in (False, True)}
-_SDK_NEEDS: Tuple[_Field, ...] = (_COMMANDED_JOINTS, _COMMANDED_POSE, _KEYS, *_LINES, _VELOCITY, *_FIELD_BUS)
+_SDK_NEEDS: Tuple[_Field, ...] = (
+    _COMMANDED_JOINTS, _COMMANDED_POSE, _KEYS, *_LINES, _VELOCITY, _SIGNALS, *_FIELD_BUS)
 _POLLED_INSTEAD: Dict[str, Callable[[ControllerState], Any]] = {
     "torqsensor": _torque_sensor(3),
     "extio": lambda state: None,

@@ -22,26 +22,34 @@ class Connection:
         peer: Address of the client.
         parser: Cuts requests out of what it sends.
         inbox: Requests not yet carried out.
-        held: The reply that waits until its ``until()`` is true, and the inbox with it (docs/controller-protocol.md
-            section 5.4.6); None for none.
+        held: Results whose replies are not sent yet, in order: the first is not due (docs/controller-protocol.md
+            sections 5.1, 5.4.6).
+        opened_at: s on the caller's clock.
+        last_request_at: When it last sent a request, s; before the first, ``opened_at``.
         is_half_open: True where a wire fault says that nothing is read or sent any more.
         is_closing: True where it is to be closed once everything is sent.
         resets: True where it is to end with a reset (RST) instead of a close.
     """
 
-    def __init__(self, port: str, number: int, peer: str) -> None:
+    def __init__(self, port: str, number: int, peer: str, now: float) -> None:
         self.port = port
         self.number = number
         self.peer = peer
         self.parser = RequestParser()
         self.inbox: Deque[Item] = deque()
-        self.held: Optional[RequestResult] = None
+        self.held: Deque[RequestResult] = deque()
+        self.opened_at = self.last_request_at = now
         self.is_half_open = False
         self.is_closing = False
         self.resets = False
         self._waiting: Deque[Delivery] = deque()
         self._unsent: Deque[bytes] = deque()
         self._unsent_bytes = 0
+
+    @property
+    def is_blocked(self) -> bool:
+        """True while requests wait for a reply that is held back."""
+        return bool(self.held) and any(result.held is not None and result.held.blocks for result in self.held)
 
     @property
     def unsent_bytes(self) -> int:

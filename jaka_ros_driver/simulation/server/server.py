@@ -18,6 +18,7 @@ from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.command_spec import Then
 from jaka_ros_driver.simulation.controller.controller import Controller, RequestResult
+from jaka_ros_driver.simulation.controller.replies import not_understood
 from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, Connection
 from jaka_ros_driver.simulation.server.cycle_clock import CycleClock
 from jaka_ros_driver.simulation.server.faults import Delivery, Effect, FaultScript
@@ -72,6 +73,7 @@ class Server:
         self._listeners = Listeners(self._selector)
         self.port_numbers = self._listeners.numbers
         self._sockets: Dict[Connection, socket.socket] = {}
+        self._command_client: Optional[Connection] = None
         self._count = 0
         self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._wake_receive, self._wake_send = socket.socketpair()
@@ -178,7 +180,7 @@ class Server:
         for connection in self._sockets:
             if connection.is_half_open or self._is_stalled(connection.port, now):
                 continue
-            if connection.inbox and connection.held is None and not connection.is_closing:
+            if connection.inbox and not connection.is_blocked and not connection.is_closing:
                 return now
             for moment in (connection.next_due(), connection.parser.next_deadline()):
                 if moment is not None and not connection.has_unsent():
@@ -213,20 +215,36 @@ class Server:
         if accepted is None:
             return
         client, peer = accepted
-        present = self._clients(port)
-        is_full = sum(one.port == port for one in self._sockets) >= _MAX_CLIENTS
-        if is_full or (port == "command" and self._refuse_second and present):
+        if port == "command" and self._refuse_second and self._has_client():
             client.close()
             return
+        present = [one for one in self._sockets if one.port == port]
+        if len(present) >= _MAX_CLIENTS:
+            self._drop(self._least_needed(present))
         self._count += 1
-        connection = Connection(port, self._count, peer)
+        connection = Connection(port, self._count, peer, time.monotonic())
         self._sockets[connection] = client
         self._selector.register(client, selectors.EVENT_READ, connection)
         self._note(connection, "open")
-        if port == "command":
-            for replaced in present:
-                self._drop(replaced)
-            self.controller.state.client_connected()
+        if port == "command" and not self._has_client():
+            self._take_over(connection)
+
+    def _take_over(self, connection: Connection) -> None:
+        """From now on this is the command client; another one is dropped (docs/controller-protocol.md section 1)."""
+        replaced, self._command_client = self._command_client, connection
+        if replaced is not None:
+            self._drop(replaced)
+        self.controller.state.client_connected()
+
+    def _least_needed(self, clients: List[Connection]) -> Connection:
+        """Which client of a full port goes: one that reads nothing any more, else the one idle for the longest time.
+
+        The command client stays, and so does the client of another port that came together with it: one program's.
+        """
+        owner = self._command_client
+        spared = None if owner is None else min(clients, key=lambda one: abs(one.opened_at - owner.opened_at))
+        return min((one for one in clients if one is not spared), key=lambda one: (
+            not one.is_half_open, not one.unsent_bytes, one.last_request_at))
 
     def _drop(self, connection: Connection) -> None:
         client = self._sockets.pop(connection, None)
@@ -235,12 +253,18 @@ class Server:
         self._unwatch(client)
         sockets.close(client, connection.resets)
         self._note(connection, "reset" if connection.resets else "close")
-        if connection.port == "command" and not connection.is_half_open:
-            self._client_lost()
+        self._client_lost(connection)
 
-    def _client_lost(self) -> None:
-        """A command connection ended or fell silent for good; without effect while the controller is off."""
-        if not self.is_off and not self._clients("command"):
+    def _has_client(self) -> bool:
+        """True while a command client is connected; one whose connection is half open does not count."""
+        return self._command_client is not None
+
+    def _client_lost(self, connection: Connection) -> None:
+        """A connection ended or fell silent for good: if it is the command client's, no one is that any more."""
+        if connection is not self._command_client:
+            return
+        self._command_client = None
+        if not self.is_off:
             self.controller.state.client_lost()
 
     def _note(self, connection: Connection, what: str) -> None:
@@ -275,14 +299,18 @@ class Server:
         self._flush(connection, now)
 
     def _carry_out(self, connection: Connection, now: float) -> None:
-        held = connection.held
-        if held is not None and held.is_due():
-            connection.held = None
-            self._reply(connection, held, now)
+        while connection.held and connection.held[0].is_due():
+            self._reply(connection, connection.held.popleft(), now)
         for _ in range(_REQUESTS_A_TURN):
-            if connection.held is not None or not connection.inbox or connection.is_closing or self.is_off:
+            if connection.is_blocked or not connection.inbox or connection.is_closing or self.is_off:
                 return
             request = connection.inbox.popleft()
+            connection.last_request_at = now
+            if connection.port == "command" and connection is not self._command_client:
+                if not isinstance(request, dict):
+                    self._refuse(connection, not_understood(), now)
+                    return
+                self._take_over(connection)
             if connection.port == "poll":
                 if isinstance(request, dict) and request.get("cmdName") == "data_request":
                     self._answer_poll(connection, now)
@@ -290,13 +318,13 @@ class Server:
                 self._answer_panel(connection, request, now)
             else:
                 result = self.controller.execute(request)
-                if result.is_due():
+                if result.is_due() and not connection.held:
                     self._reply(connection, result, now)
                 else:
-                    connection.held = result
+                    connection.held.append(result)
 
     def _reply(self, connection: Connection, result: RequestResult, now: float) -> None:
-        connection.post(self.faults.deliveries("command", result.reply, result.command, now))
+        connection.post(self.faults.deliveries("command", result.due_reply(), result.command, now))
         if result.then is not Then.NOTHING:
             connection.post([Delivery(b"", now, Effect.CLOSE)])
         if result.then is Then.SHUT_DOWN:
@@ -309,10 +337,17 @@ class Server:
 
     def _answer_panel(self, connection: Connection, request: Any, now: float) -> None:
         if isinstance(request, FramingError) or self._panel_handler is None:
-            answer: Dict[str, Any] = {"ok": False, "error": str(request)}
+            answer = {"ok": False, "error": "%s; the panel takes JSON objects only" % request}
+            self._refuse(connection, json.dumps(answer).encode("utf-8") + b"\n", now)
         else:
-            answer = self._panel_handler(request)
-        connection.post([Delivery(json.dumps(answer).encode("utf-8") + b"\n", now)])
+            connection.post([Delivery(json.dumps(self._panel_handler(request)).encode("utf-8") + b"\n", now)])
+
+    @staticmethod
+    def _refuse(connection: Connection, text: bytes, now: float) -> None:
+        """Answer and close, whatever else has come: a web page can send bytes here, with requests among them."""
+        connection.inbox.clear()
+        connection.is_closing = True
+        connection.post([Delivery(text, now)])
 
     def _send_frames(self, now: float) -> None:
         clients = [connection for connection in self._clients("status")
@@ -334,8 +369,7 @@ class Server:
         if connection.is_half_open:
             self._unwatch(self._sockets[connection])
             self._note(connection, "half open")
-            if connection.port == "command":
-                self._client_lost()
+            self._client_lost(connection)
         elif connection.unsent_bytes > MAX_UNSENT_BYTES or (connection.is_closing and not connection.has_unsent()):
             self._drop(connection)
         else:

@@ -46,11 +46,9 @@ def test_identity_is_the_one_that_it_was_given(make_arm):
             "identity": "sim_host_12_3", "errorCode": "0", "errorMsg": "", "cmdName": "get_simulator_identity"}
 
 
-def test_emergency_stop_status_is_known_to_the_modern_firmware_only(make_arm):
-    with RawClient(make_arm(firmware="1.5.14").command_port) as client:
-        assert client.ask("emergency_stop_status") == {
-            "errorCode": "1", "errorMsg": "Exception:function call failed"}
-    arm = make_arm(firmware="1.7")
+@pytest.mark.parametrize("firmware", ["1.5.14", "1.7.1", "1.7.2"])
+def test_emergency_stop_status(make_arm, firmware):
+    arm = make_arm(firmware=firmware)
     with RawClient(arm.command_port) as client:
         assert client.ask("emergency_stop_status")["emergency_stop"] == 0
         arm.panel("press_emergency_stop")
@@ -60,7 +58,7 @@ def test_emergency_stop_status_is_known_to_the_modern_firmware_only(make_arm):
 def test_robot_state_of_the_modern_firmware(make_arm):
     with RawClient(make_arm(firmware="1.7", start="powered").command_port) as client:
         assert client.ask("get_robot_state") == {
-            "enable": False, "power": 1, "errcode": "0x0", "msg": "", "errorCode": "0", "errorMsg": "",
+            "enable": False, "power": 1, "errcode": 0, "msg": "", "errorCode": "0", "errorMsg": "",
             "cmdName": "get_robot_state"}
 
 
@@ -106,7 +104,7 @@ WRONG_TYPES = [
     {"cmdName": "rapid_rate"}, {"cmdName": "rapid_rate", "rate_value": "0.5"},
     {"cmdName": "set_digital_output", "type": 0, "index": 1}, {"cmdName": "set_digital_output", "type": 0, "value": 1},
     {"cmdName": "set_digital_output", "type": 0, "index": 1, "value": 2},
-    {"cmdName": "set_analog_output", "type": 0, "index": 1, "value": [1]},
+    {"cmdName": "set_analog_output", "type": 0, "index": 1, "value": [[1]]},
     {"cmdName": "get_digital_input"}, {"cmdName": "kine_forward"}, {"cmdName": "kine_inverse", "jointPosition": HOME},
     {"cmdName": "torque_control_enable"}, {"cmdName": "torque_control_enable", "enable_flag": 5},
     {"cmdName": "load_program"}, {"cmdName": "set_port10000_delay_ms"},
@@ -248,6 +246,10 @@ def test_what_is_set_is_what_is_read(client):
             ("set_compliant_type", "get_compliant_type"), ("set_traj_config", "get_traj_config"),
             ("set_torque_sensor_soft_limit", "get_torque_sensor_soft_limit"),
             ("set_ft_ctrl_frame", "get_ft_ctrl_frame"),
+            ("set_tool_drive_frame", "get_tool_drive_frame"), ("set_torque_ref_point", "get_torque_ref_point"),
+            ("set_fusion_drive_sensitivity_level", "get_fusion_drive_sensitivity_level"),
+            ("set_compliant_speed_limit", "get_compliant_speed_limit"),
+            ("set_end_sensor_sensitivity_threshold", "get_end_sensor_sensitivity_threshold"),
             ("set_motion_limit_warning_range", "get_motion_limit_warning_range")):
         parameters = GOOD[command][0]
         assert client.code(command, **parameters) == "0"
@@ -261,12 +263,17 @@ def test_what_is_set_is_what_is_read(client):
         [0.0, 0.0, 0.707107, 0.707107], [90.0, 0.0, 180.0]]
     assert client.code("add_tio_rs_signal", **GOOD["add_tio_rs_signal"][0]) == "0"
     assert [signal["tio_signal_name"] for signal in client.ask("get_rs485_signal_list")["signals"]] == ["sig1"]
+    assert client.code("set_admit_ctrl_config", axis=2, opt=1, ftUser=10.0, ftReboundFK=2.0, ftConstant=1.0,
+                       ftNnormalTrack=0) == "0"
+    assert client.ask("get_admit_ctrl_config")["admitConfig"][1:3] == [[0, 0.0, 0.0, 0.0, 0], [1, 10.0, 2.0, 1.0, 0]]
+    assert client.code("set_tool_drive_config", axis=5, opt=1, rebound=0.25, rigidity=0.5) == "0"
+    assert client.ask("get_tool_drive_config")["rigidity"] == [0.0] * 5 + [0.5]
     assert client.code("set_traj_sample_mode", filename="a", mode=1) == "0"
     assert client.ask("get_traj_sample_status")["sampleStatus"] == 1
     assert client.code("rename_traj_file_name", src="a", dest="b") == "0"
-    assert client.ask("get_exist_traj_file_name")["trajFileName"] == ["b"]
+    assert client.ask("get_exist_traj_file_name")["trajTrackFileName"] == ["b"]
     assert client.code("remove_traj_file", fileName="b") == "0"
-    assert client.ask("get_exist_traj_file_name")["trajFileName"] == []
+    assert client.ask("get_exist_traj_file_name")["trajTrackFileName"] == []
     assert client.code("modify_user_defined_variable", id_new=4, alias_new="n", value_new=7.5) == "0"
     assert client.ask("query_user_defined_variable")["var_list"] == [{"id": 4, "alias": "n", "value": 7.5}]
 
@@ -275,7 +282,7 @@ def test_what_is_set_is_what_is_read(client):
     (0, "dout", "aout"), (1, "tio_dout", None), (4, "mb_slave_dout", "mb_slave_aout"),
     (5, "pn_dev_dout", "pn_dev_aout"), (6, "eip_adpt_dout", "eip_adpt_aout"), (3, "relay_io", None)])
 def test_outputs_of_each_bank_show_in_the_feed(make_arm, bank, digital, analog):
-    arm = make_arm(firmware="1.7")
+    arm = make_arm(firmware="1.7", io_index_base=0)
     with RawClient(arm.command_port) as client:
         assert client.code("set_digital_output", type=bank, index=1, value=1) == "0"
         assert client.ask("get_digital_output", type=bank, index=1)["value"] == 1
@@ -284,6 +291,58 @@ def test_outputs_of_each_bank_show_in_the_feed(make_arm, bank, digital, analog):
             assert client.code("set_analog_output", type=bank, index=1, value=1.25) == "0"
             assert client.ask("get_analog_output", type=bank, index=1)["value"] == 1.25
             assert client.ask("get_data")[analog][:2] == [0.0, 1.25]
+
+
+@pytest.mark.parametrize("firmware, base, first", [
+    ("1.5.14", None, 0), ("1.7", None, 1), ("1.7", 0, 0), ("1.5.14", 1, 1)])
+def test_the_index_of_the_first_terminal(make_arm, firmware, base, first):
+    arm = make_arm(firmware=firmware, io_index_base=base)
+    with RawClient(arm.command_port) as client:
+        assert client.code("set_digital_output", type=0, index=4, value=1) == "0"
+        assert client.ask("get_digital_output", type=0, index=4)["value"] == 1
+        assert client.ask("get_data")["dout"].index(1) == 4 - first
+        arm.panel("set_input", index=4 - first, value=1)  # the panel counts as the feed does, from 0
+        assert client.ask("get_digital_input", type=0, index=4)["value"] == 1
+        assert client.code("get_digital_output", type=0, index=-1) == "2"
+
+
+def test_arrays_of_terminals(make_arm):
+    with RawClient(make_arm(firmware="1.5.14").command_port) as client:
+        assert client.code("set_digital_output", type=0, index=5, value=[1, 0, 1, 1]) == "0"
+        assert client.ask("get_data")["dout"][4:10] == [0, 1, 0, 1, 1, 0]
+        assert client.ask("get_digital_output", type=0, index=5, len=4)["value"] == [1, 0, 1, 1]
+        assert client.code("set_analog_output", type=0, index=2, value=[1.5, 2.5]) == "0"
+        assert client.ask("get_analog_output", type=0, index=2, len=2)["value"] == [1.5, 2.5]
+        assert client.ask("get_digital_input", type=0, index=0, len=1)["value"] == [0]
+        assert client.ask("get_analog_input", type=0, index=0, len=3)["value"] == [0.0] * 3
+        before = client.ask("get_data")
+        for command, wrong in (
+                ("set_digital_output", {"index": 134, "value": [1, 1]}),
+                ("set_digital_output", {"index": 0, "value": []}),
+                ("set_analog_output", {"index": 0, "value": [1.0, 1e6]}),
+                ("get_digital_output", {"index": 0, "len": 0}), ("get_analog_input", {"index": 63, "len": 2})):
+            assert client.code(command, type=0, **wrong) == "2", wrong
+        after = client.ask("get_data")
+        assert (after["dout"], after["aout"]) == (before["dout"], before["aout"]), "all of them, or none"
+
+
+def test_a_relay_that_a_client_counts_from_1(make_arm):
+    """SDK 2.1.14 sends 2 for its relay 1, to every firmware."""
+    for firmware in ("1.5.14", "1.7"):
+        with RawClient(make_arm(firmware=firmware).command_port) as client:
+            assert client.code("set_digital_output", type=3, index=2, value=1) == "0"
+            assert client.ask("get_digital_output", type=3, index=2)["value"] == 1
+
+
+def test_signals_of_the_tools_bus_show_in_frames_as_lists(make_arm):
+    arm = make_arm(firmware="1.7")
+    with RawClient(arm.command_port) as client:
+        assert client.ask("get_data")["tio_rs_signals"] == []
+        assert client.code("add_tio_rs_signal", frequency=5, tio_signal_chnId=1, tio_signal_name="s1",
+                           tio_signal_sigAddr=16, tio_signal_sigType=2) == "0"
+        assert client.ask("get_data")["tio_rs_signals"] == [["s1", 1, 2, 16, 0, 5]]
+        assert client.code("del_tio_rs_signal", tio_signal_name="s1") == "0"
+        assert client.ask("get_data")["tio_rs_signals"] == []
 
 
 def test_programs_have_a_state(client, feed):

@@ -127,7 +127,7 @@ def fingerprint():
             controller.restart()
         for _ in range(chance.randrange(30)):
             controller.step(0.008)
-            told.update(b"%d" % (outcome.until is None or outcome.until()))
+            told.update(b"%d" % (outcome.is_due()))
         told.update(controller.feed_frame.text() + controller.polled_frame.text())
     return told.hexdigest()
 

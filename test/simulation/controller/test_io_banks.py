@@ -4,7 +4,7 @@ from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.io_banks import BANK_NAMES, MAX_ANALOG, IoBanks
 
-OUTPUT_SIZES = {"digital": (135, 8, 64, 2, 128, 64, 64), "analog": (64, 2, 64, 0, 64, 64, 48)}
+OUTPUT_SIZES = {"digital": (135, 8, 64, 3, 128, 64, 64), "analog": (64, 2, 64, 0, 64, 64, 48)}
 INPUT_SIZES = {"digital": (135, 8, 64, 0, 128, 64, 64), "analog": (64, 2, 64, 0, 64, 64, 48)}
 
 

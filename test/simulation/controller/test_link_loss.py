@@ -183,7 +183,7 @@ def test_newer_client_in_place_of_one_that_asked_for_abort(arm):
         ask_for_abort(first, 0.0)
         send_far(first)
         with RawClient(arm.command_port) as second:
-            assert first.is_closed() and second.code("get_version") == "0"
+            assert second.code("get_version") == "0" and first.is_closed()
             assert still_moves_after(arm, 5.0)
 
 

@@ -10,13 +10,14 @@ from raw_client import RawClient, RawFeed, poll
 
 from jaka_ros_driver.simulation.controller.io_banks import IoBanks
 
-REQUESTS = Path(__file__).parents[2] / "data" / "sdk" / "requests.txt"
+REQUESTS = Path(__file__).parents[2] / "data" / "sdk" / "requests-2.1.11.txt"
 # The logging server behind the recording took everything; a controller refuses these.
 REFUSED = {
     "joint_move ABS 0 0.1 0 0 0 0 0 -0.5 1 0.5": "2",  # negative speed
     "joint_move ABS 0 100 0 0 0 0 0 0.5 1 0.5": "2",  # 5730 deg
     "jog -1 CONT 1 0.1 0": "2",  # no such axis
     "servo_p ABS 1 2 3 0.1 0.2 0.3 2": "2",  # inside the base
+    "remove_traj_file": "2",  # no such file: it was renamed
     "shut_down": "2",  # with the drives powered
 }
 NOT_IN_THIS_MODE = [("servo_j INCR 0.001 0 0 0 0 0", "before servo_move"),

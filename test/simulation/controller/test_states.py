@@ -35,21 +35,42 @@ def test_power_and_drives_take_their_time(make_arm):
         assert (frame["powered_on"], frame["enabled"], frame["task_state"]) == (0, False, 1)
         assert client.ask("get_robot_state")["power"] == "powered_off"
         assert client.code("enable_robot") == "0"  # too early: no effect
-        assert client.code("power_on") == "0"
         began = arm.state()["simulated_s"]
-        assert client.code("enable_robot") == "0"  # still too early
+        client.send(b'{"cmdName":"power_on"}{"cmdName":"enable_robot"}{"cmdName":"get_robot_state"}')
         frames = feed.until(lambda frame: frame["powered_on"] == 1)
         assert 7.9 < arm.state()["simulated_s"] - began < 12.0
         assert not any(frame["enabled"] for frame in frames) and frames[-1]["task_state"] == 2
+        assert [client.reply()["cmdName"] for _ in range(3)] == ["power_on", "enable_robot", "get_robot_state"]
         assert_nothing_moves(arm, client)
         assert client.code("power_on") == "0"  # on already
-        assert client.code("enable_robot") == "0"
         began = arm.state()["simulated_s"]
+        client.send(b'{"cmdName":"enable_robot"}')
         assert feed.until(lambda frame: frame["enabled"])[-1]["task_state"] == 4
         assert 3.9 < arm.state()["simulated_s"] - began < 8.0
+        assert client.reply()["cmdName"] == "enable_robot"
         assert client.code("enable_robot") == "0"
         assert client.code("power_off") == "2"  # disable first
         assert client.code("joint_move", jointPosition=[5.0, *HOME[1:]], speed=50) == "0"
+
+
+def test_the_state_is_true_when_the_reply_comes(make_arm):
+    """As published scripts need it: they ask for the state straight after the reply (docs/sdk-client.md section 9)."""
+    arm = make_arm(start="off", power_delay=8.0, enable_delay=4.0)
+    with RawClient(arm.command_port) as client:
+        assert client.code("power_on") == "0"
+        assert client.ask("get_robot_state")["power"] == "powered_on"
+        assert client.code("enable_robot") == "0"
+        assert client.ask("get_robot_state")["enable"] == "robot_enabled"
+
+
+def test_an_emergency_stop_ends_what_a_reply_waits_for(make_arm):
+    arm = make_arm(start="off", power_delay=1000.0, time_scale=1.0)
+    with RawClient(arm.command_port) as client:
+        client.send(b'{"cmdName":"power_on"}{"cmdName":"stop_program"}')
+        arm.panel("press_emergency_stop")
+        assert client.reply() == {"errorCode": "2", "errorMsg": "call power_on failed", "cmdName": "power_on"}
+        assert client.reply()["errorCode"] == "0"
+        assert not arm.state()["is_powered"]
 
 
 def test_nothing_moves_without_power_or_drives(make_arm):

@@ -39,9 +39,9 @@ def test_modern_frame_has_the_modern_fields():
     assert names[:10] == ["len", "drag_status", "errcode", "errmsg", "monitor_data", "torqsensor",
                           "joint_actual_position", "joint_position", "actual_position", "position"]
     lengths = {"din": 144, "dout": 144, "ain": 66, "aout": 66, "tio_ain": 1, "tio_key": 3, "instVel": 6, "relay_io": 2,
-               "mb_slave_din": 128, "mb_slave_aout": 64, "pn_dev_ain": 64, "eip_adpt_din": 64, "eip_adpt_aout": 48,
-               "tio_rs_signals": 8}
+               "mb_slave_din": 128, "mb_slave_aout": 64, "pn_dev_ain": 64, "eip_adpt_din": 64, "eip_adpt_aout": 48}
     assert {name: len(frame[name]) for name in lengths} == lengths
+    assert frame["tio_rs_signals"] == []
     assert frame["motion_line"] == 0 and frame["err_add_line"] == 0
     assert set(frame["extio"]) == {"status", "setup", "num", "pinmap", "mode"}
 

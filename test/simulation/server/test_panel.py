@@ -314,11 +314,23 @@ def test_panel_over_its_port(arm):
     answer = ask_panel(arm.panel_port, {"action": "dance"})
     assert answer["ok"] is False and "dance" in answer["error"]
     with RawClient(arm.panel_port) as panel:
-        panel.send(b"nan\n")
-        assert panel.reply()["ok"] is False
         panel.send(b'{"action": "hit", "force": 1}\n{"action": "wire"}')
         assert panel.reply() == {"ok": True, "noticed": False}
         assert panel.reply()["ok"] is True
+
+
+@pytest.mark.parametrize("bytes_", [
+    b"nan\n", b'POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 34\r\n\r\n{"action": "press_emergency_stop"}',
+    b'{"action": "wire"} x {"action": "press_emergency_stop"}'], ids=["a bare word", "a web page", "between requests"])
+def test_the_panel_closes_at_once_on_what_is_not_its_protocol(arm, bytes_):
+    with RawClient(arm.panel_port) as panel:
+        panel.send(bytes_)
+        reply = panel.reply()
+        if reply["ok"]:
+            reply = panel.reply()
+        assert reply["ok"] is False and "JSON objects only" in reply["error"]
+        assert panel.is_closed()
+    assert arm.state()["emergency_stop"] is False
 
 
 def test_panel_that_is_not_there(make_arm):

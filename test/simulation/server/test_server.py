@@ -1,10 +1,12 @@
 """The three ports: who is served, how bytes may arrive, and that nobody can block or break them."""
+import contextlib
 import json
 import random
 import resource
 import socket
 import struct
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -12,10 +14,10 @@ from raw_client import RawClient, RawFeed, poll, wait_for
 
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.protocol.ports import PORTS
-from jaka_ros_driver.simulation.server.server import Server
+from jaka_ros_driver.simulation.server.server import Server, ask_panel
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
-REQUESTS_FILE = Path(__file__).parents[2] / "data" / "sdk" / "requests.txt"
+REQUESTS_FILE = Path(__file__).parents[2] / "data" / "sdk" / "requests-2.1.11.txt"
 REQUESTS = (b'{"cmdName":"get_version"}', b'{"cmdName": "get_joint_pos"}', b'{"cmdName":"no_such"}',
             b'{"a":1,"cmdName":"get_payload"}')
 NAMES = ["get_version", "get_joint_pos", None, "get_payload"]
@@ -28,6 +30,42 @@ def test_newest_client_wins(arm):
             assert new.code("get_version") == "0"
             assert old.is_closed()
             assert new.code("get_version") == "0"
+
+
+def test_strangers_that_say_nothing_or_no_request_do_not_replace_the_command_client(arm):
+    with RawClient(arm.command_port) as client, contextlib.ExitStack() as strangers:
+        assert client.code("get_version") == "0"
+        for _ in range(40):
+            strangers.enter_context(RawClient(arm.command_port))
+        with RawClient(arm.command_port) as page:
+            page.send(b'POST / HTTP/1.1\r\nContent-Length: 22\r\n\r\n{"cmdName":"power_off"}')
+            assert page.reply()["errorCode"] == "1" and page.is_closed()
+        assert client.code("get_version") == "0"
+
+
+@pytest.mark.parametrize("port", ["status_port", "poll_port", "panel_port"])
+def test_idle_connections_lock_nobody_out(arm, port):
+    with contextlib.ExitStack() as idle:
+        for _ in range(40):
+            idle.enter_context(socket.create_connection((LOOPBACK, getattr(arm, port)), timeout=5.0))
+        if port == "status_port":
+            with RawFeed(arm.status_port) as feed:
+                assert feed.frame()["enabled"] is True
+        elif port == "poll_port":
+            with RawClient(arm.poll_port) as asking:
+                assert json.loads(poll(asking))["enabled"] is True
+        else:
+            assert ask_panel(arm.panel_port, {"action": "state"})["ok"] is True
+
+
+def test_the_feed_that_came_with_the_command_client_outlives_idle_ones(arm):
+    with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed, contextlib.ExitStack() as idle:
+        assert client.code("get_version") == "0" and feed.frame()
+        time.sleep(0.2)
+        for _ in range(60):
+            idle.enter_context(socket.create_connection((LOOPBACK, arm.status_port), timeout=5.0))
+        began = arm.state()["simulated_s"]
+        feed.until(lambda frame: arm.state()["simulated_s"] > began + 5.0)
 
 
 def test_second_client_is_refused_where_that_is_asked_for(make_arm):

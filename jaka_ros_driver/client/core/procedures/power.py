@@ -5,7 +5,7 @@ from typing import Callable, List
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import event_text
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Tell, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
@@ -123,15 +123,21 @@ def _switch_drives(core: ArmCore, on: bool, check: Callable[[], None] = lambda: 
 
 def _switch(core: ArmCore, command: c.Command, is_done: Callable[[RobotState], bool], timeout: float, what: str,
             check: Callable[[], None]) -> Procedure:
-    """Send the command unless the state has it already, and wait until it has; ``check`` may raise before each step."""
+    """Send the command unless the state has it already, and wait until it has; ``check`` may raise before each step.
+
+    The feed tells when it is done, and only it: the reply comes at once or not before that
+    (docs/controller-protocol.md section 5.1).
+    """
     check()
     if is_done((yield from _state(core))):
         return
-    yield Ask(command)
-    if not (yield from core.seen(is_done, timeout, check)):
-        state = core.state
-        raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not %s within %.0f s (%s)" % (
-            what, timeout, "no status" if state is None else event_text(state) or "no event"))
+    yield Tell(command)
+    if (yield from core.seen(is_done, timeout, check)):
+        core.channel.done(command, (yield Now()))
+        return
+    state = core.state
+    raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not %s within %.0f s (%s)" % (
+        what, timeout, "no status" if state is None else event_text(state) or "no event"))
 
 
 def _refuse_under_stop(state: RobotState, what: str) -> None:

@@ -24,6 +24,12 @@ class Ask(NamedTuple):
     command: Command
 
 
+class Tell(NamedTuple):
+    """Send the command and go on at once; where it fails, before the procedure has ended, that is raised in it."""
+
+    command: Command
+
+
 class Until(NamedTuple):
     """Wait until ``holds(now)``, s at most; resumes with True, or with False when the time is over.
 
@@ -38,7 +44,7 @@ class Now(NamedTuple):
     """Resumes at once with the time, s."""
 
 
-Step = Union[Ask, Until, Now]
+Step = Union[Ask, Tell, Until, Now]
 Procedure = Generator[Step, Any, Any]
 OnEnd = Callable[[Any, Optional[JakaError], float], None]
 
@@ -108,6 +114,10 @@ class Running:
         else:
             self._resume(lambda: self._procedure.send(result), now)
 
+    def _told(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+        if error is not None:
+            self.throw(error, now)
+
     def _resume(self, step: Callable[[], Step], now: float) -> None:
         try:
             while True:
@@ -120,11 +130,13 @@ class Running:
                     self.tick(now)
                     return
                 try:
-                    self._ask(wanted.command, now)
-                    return
+                    if isinstance(wanted, Ask):
+                        self._ask(wanted.command, now)
+                        return
+                    self._channel.request(wanted.command, now, self._told, self._asks_who)
+                    step = partial(self._procedure.send, None)
                 except JakaError as error:
-                    refused = error
-                step = partial(self._procedure.throw, refused)
+                    step = partial(self._procedure.throw, error)
         except StopIteration as end:
             self.has_ended = True
             self._on_end(end.value, None, now)

@@ -1,6 +1,7 @@
 """What is asked of a controller when its command port is connected, and whether it is the one that was meant."""
 import ipaddress
 import logging
+import re
 from dataclasses import dataclass
 from typing import Callable, Optional
 
@@ -52,6 +53,17 @@ def handshake(settings: ClientSettings, actions: Actions, on_confirmed: Callable
                     % (period, wanted))
     is_servo_active = bool((yield from _ask(Query.SERVO_MODE, actions)))
     return About(version, period, is_servo_active, is_simulated)
+
+
+def io_index_base(settings: ClientSettings, version: str) -> int:
+    """Index on the wire of the first input or output: the one that was set, else 1 from version 1.7 on, else 0.
+
+    No source settles it (docs/controller-protocol.md section 13); every output that is set is looked up in the feed.
+    """
+    if settings.io_index_base is not None:
+        return settings.io_index_base
+    numbers = re.match(r"\D*(\d+)\.(\d+)", version)
+    return int(numbers is not None and (int(numbers[1]), int(numbers[2])) >= (1, 7))
 
 
 def is_loopback(host: str) -> bool:

@@ -5,7 +5,7 @@ from typing import Any, Callable, Dict, Optional, Type, Union
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import require_drives
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import IoBank, RobotState, Vector
@@ -15,6 +15,8 @@ _LENGTH_TOLERANCE = 1e-5
 _ANGLE_TOLERANCE = 1e-5
 _MASS_TOLERANCE = 1e-4
 _ANALOG_TOLERANCE = 0.01
+_OUTPUT_SETTLES_S = 0.1
+"""An output that had its value before may hide that another was set: so long the others are watched, s."""
 NOT_VERIFIED = " (not verified: this controller cannot read it back)"
 
 
@@ -86,13 +88,13 @@ def set_hand_guiding(core: ArmCore, active: bool) -> Procedure:
 
 
 def set_digital_output(core: ArmCore, command: c.SetDigitalOutput) -> Procedure:
-    """Switch an output and see it switched; errors as ``set_tool_frame``."""
+    """Switch an output and see it switched, and no other in its place; errors as ``set_tool_frame``."""
     told = yield from _set_output(core, command, lambda s: s.io.digital_outputs, c.GetDigitalOutput, 0.0)
     return "digital output %d of %s is %d%s" % (command.index, command.bank.name.lower(), command.value, told)
 
 
 def set_analog_output(core: ArmCore, command: c.SetAnalogOutput) -> Procedure:
-    """Set an output and see it set; errors as ``set_tool_frame``."""
+    """Set an output and see it set, and no other in its place; errors as ``set_tool_frame``."""
     told = yield from _set_output(core, command, lambda s: s.io.analog_outputs, c.GetAnalogOutput, _ANALOG_TOLERANCE)
     return "analog output %d of %s is %g%s" % (command.index, command.bank.name.lower(), command.value, told)
 
@@ -141,16 +143,44 @@ def _await_feed(core: ArmCore, holds: Callable[[RobotState], bool],
 def _set_output(core: ArmCore, command: Union[c.SetDigitalOutput, c.SetAnalogOutput],
                 banks_of: Callable[[RobotState], Dict[IoBank, Vector]],
                 query: Type[Union[c.GetDigitalOutput, c.GetAnalogOutput]], tolerance: float) -> Procedure:
-    """Set it and look at the status feed, or ask where the feed does not carry the output."""
-    def output(state: RobotState) -> float:
+    """Set it and look at the status feed, or ask where the feed does not carry the output.
+
+    Controllers may count from 0 or from 1: a neighbour that takes the value instead is an error that names both.
+    """
+    index, value = command.index, float(command.value)
+
+    def holds(state: RobotState, place: int) -> bool:
         held = banks_of(state).get(command.bank, ())
-        return float(held[command.index]) if command.index < len(held) else math.nan
-    yield Ask(core.audited(command))
-    value = float(command.value)
-    if math.isnan(output(core.fresh_state((yield Now())))):
-        return (yield from _ask_instead(query(command.bank, command.index), value, "the output", tolerance))
-    yield from _await_feed(core, lambda s: abs(output(s) - value) <= tolerance,
-                           lambda s: "the output is %g" % output(s))
+        return 0 <= place < len(held) and abs(held[place] - value) <= tolerance
+
+    core.audited(command)
+    before = core.fresh_state((yield Now()))
+    had_it = holds(before, index)
+    neighbours = [place for place in (index - 1, index + 1) if not holds(before, place)]
+    yield Ask(command)
+    if index >= len(banks_of(before).get(command.bank, ())):
+        return (yield from _ask_instead(query(command.bank, index), value, "the output", tolerance))
+    begun = yield Now()
+
+    def wrong_one(state: RobotState) -> Optional[int]:
+        return next((place for place in neighbours if holds(state, place)), None)
+
+    def is_seen(now: float) -> bool:
+        state = core.state
+        if state is None or state.received_at <= begun:
+            return False
+        if had_it:
+            return wrong_one(state) is not None or now - begun > _OUTPUT_SETTLES_S
+        return holds(state, index)
+
+    is_set = yield Until(is_seen, _TIMEOUT_S)
+    state = core.fresh_state((yield Now()))
+    other = wrong_one(state)
+    if other is not None and (had_it or not is_set):
+        raise ReadBackMismatch("the controller accepted output %d and set output %d instead: it counts otherwise, see "
+                               "the parameter ~io_index_base" % (index, other))
+    if not is_set:
+        raise ReadBackMismatch("the controller accepted it but the output is %g" % banks_of(state)[command.bank][index])
     return ""
 
 
