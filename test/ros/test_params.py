@@ -32,6 +32,7 @@ WRONG = [
     ("power_timeout", 1e9, "0.1 to 300 s"), ("enable_timeout", "30", "0.1 to 300 s"),
     ("jog_timeout", 3.5, "0.05 to 3 s"), ("jog_timeout", 0, "0.05 to 3 s"), ("servo_timeout", -math.inf, "0.05 to"),
     ("servo_ahead", 0.0, "0.008 to 2 s"), ("link_loss_stop", -0.1, "0 to 10 s"), ("link_loss_stop", False, "0 to 10 s"),
+    ("io_index_base", 2, "auto, 0, 1"), ("io_index_base", True, "auto, 0, 1"), ("io_index_base", "", "auto, 0, 1"),
     ("simulator", "two words", "identity"), ("simulator", 7, "identity"),
     ("servo_max_joint_jump", 0.0, "0.0001 to 6.3 rad"), ("servo_max_linear_jump", 2.5, "0.0001 to 2 m"),
     ("servo_max_angular_jump", math.nan, "0.0001 to 3.2 rad"), ("realtime_priority", 100, "0 to 99"),
@@ -57,6 +58,12 @@ def test_a_wrong_value_is_refused_with_its_name_and_what_is_valid(name, value, v
 def test_an_unknown_parameter_is_an_error_that_names_the_nearest(unknown, nearest):
     with pytest.raises(WrongParameter, match="unknown parameter ~%s; did you mean %s" % (unknown, nearest)):
         config_from({unknown: 1})
+
+
+@pytest.mark.parametrize("value, base", [("auto", None), (0, 0), (1, 1), ("0", 0), ("1", 1)])
+def test_the_index_base_is_a_number_or_its_text(value, base):
+    assert config_from({"io_index_base": value}).client_settings().io_index_base == base
+    assert config_from({}).client_settings().io_index_base is None
 
 
 def test_all_mistakes_are_told_at_once():
