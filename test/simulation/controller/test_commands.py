@@ -4,7 +4,7 @@ import math
 
 import pytest
 from good_requests import BEFORE, GOOD, HOME, HOME_POSE, NEAR, NEAR_POSE, TESTED_APART, ZEROS
-from raw_client import RawClient, wait_for
+from raw_client import RawClient, poll, wait_for
 
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
 from jaka_ros_driver.simulation.controller.status_frame import all_field_names
@@ -334,15 +334,20 @@ def test_a_relay_that_a_client_counts_from_1(make_arm):
             assert client.ask("get_digital_output", type=3, index=2)["value"] == 1
 
 
-def test_signals_of_the_tools_bus_show_in_frames_as_lists(make_arm):
-    arm = make_arm(firmware="1.7")
-    with RawClient(arm.command_port) as client:
-        assert client.ask("get_data")["tio_rs_signals"] == []
+@pytest.mark.parametrize("firmware", ["1.5.14", "1.7"])
+def test_signals_of_the_tools_bus_show_in_frames_as_lists(make_arm, firmware):
+    """On the polled port, that of the SDK, on every firmware; in the feed on the modern one."""
+    arm = make_arm(firmware=firmware)
+    with RawClient(arm.command_port) as client, RawClient(arm.poll_port) as asking:
+        def signals():
+            return json.loads(poll(asking))["tio_rs_signals"]
+        assert signals() == []
         assert client.code("add_tio_rs_signal", frequency=5, tio_signal_chnId=1, tio_signal_name="s1",
                            tio_signal_sigAddr=16, tio_signal_sigType=2) == "0"
-        assert client.ask("get_data")["tio_rs_signals"] == [["s1", 1, 2, 16, 0, 5]]
+        assert signals() == [["s1", 1, 2, 16, 0, 5]]
+        assert client.ask("get_data").get("tio_rs_signals") == (signals() if firmware == "1.7" else None)
         assert client.code("del_tio_rs_signal", tio_signal_name="s1") == "0"
-        assert client.ask("get_data")["tio_rs_signals"] == []
+        assert signals() == []
 
 
 def test_programs_have_a_state(client, feed):
