@@ -101,6 +101,20 @@ def test_of_frames_in_one_piece_the_newest_five_are_new():
     assert [is_new for _, is_new in told[5:]] == [False] * 3 + [True] * 5
 
 
+@pytest.mark.parametrize("came, is_new", [(37, True), (33, True), (28, False), (1, False)])
+def test_after_a_pause_the_newest_is_new_where_all_that_were_made_have_come(came, is_new):
+    steady = [(0.008 * n, [n]) for n in range(1, 10)]
+    told = fed(*steady, (0.072 + 0.3, list(range(10, 10 + came))), (0.072 + 0.308, [99]))[9:]
+    assert [new for _, new in told] == [False] * (came - 1) + [is_new, True]
+
+
+def test_frames_that_were_missing_before_a_pause_are_missing_after_it():
+    """A silence too short to matter, of which only the first frame has come; then a pause of its own."""
+    steady = [(0.008 * n, [n]) for n in range(1, 10)]
+    told = fed(*steady, (0.212, [10]), (0.412, list(range(11, 36))), (0.413, list(range(36, 53))))[9:]
+    assert told[0][1] and not any(new for _, new in told[1:])
+
+
 def test_what_piled_up_while_nobody_read_is_old_news_however_slow_the_feed():
     feed = Feed(0.008)
     feed.open(0.0)

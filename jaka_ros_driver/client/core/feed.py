@@ -1,8 +1,8 @@
 """The status feed: bytes in, states out, and which of them tell of now.
 
 Frames may have waited on their way: in this process while it was stopped, in the network, in the controller. Such
-frames come faster than the controller makes them. After every silence frames are therefore old news until they come
-in their own rhythm again.
+frames come faster than the controller makes them. After a silence frames are therefore old news until they come in
+their own rhythm again, unless all that were made meanwhile have come at once.
 """
 from collections import deque
 from dataclasses import dataclass
@@ -22,6 +22,8 @@ After a shorter one all that has waited arrives in one piece, and the newest fra
 """
 _SHORTEST_PERIOD_S = 0.004
 """s; no controller makes frames faster, so that shorter intervals are those of frames that waited."""
+_MISSING_S = 0.05
+"""s; after a pause frames of so long a time may be missing: they were not made, or are still on their way."""
 _RATE_WINDOW = 250
 _USUAL_WINDOW = 9
 _TICK_S = 1e-6
@@ -66,6 +68,7 @@ class Feed:
         self._last_arrival = 0.0
         self._is_doubtful = False
         self._was_held_up = False
+        self._missing = 0.0
         self._frames = 0
         self._damaged = 0
         self._last_damage = ""
@@ -79,6 +82,7 @@ class Feed:
         self._intervals.clear()
         self._last_piece = None
         self._is_doubtful = self._was_held_up = False
+        self._missing = 0.0
         self.last_byte_at = now
 
     def held_up(self) -> None:
@@ -100,13 +104,13 @@ class Feed:
                 self._last_damage = str(error)
         if not states:
             return []
-        is_news = self._is_in_rhythm(len(states), now)
+        new = self._count_new(len(states), now)
         self._frames += len(states)
-        if is_news:
+        if new:
             self.state = states[-1]
             self._arrivals.extend([state.received_at for state in states])
-        oldest_new = len(states) - MAX_BURST
-        return [(state, is_news and index >= oldest_new) for index, state in enumerate(states)]
+        oldest_new = len(states) - new
+        return [(state, index >= oldest_new) for index, state in enumerate(states)]
 
     def fresh_state(self, max_age: float, now: float) -> Optional[RobotState]:
         """The newest state, or None when it is older than ``max_age`` s."""
@@ -126,26 +130,29 @@ class Feed:
             jitter = deviations[int(0.99 * (len(deviations) - 1))]
         return FeedHealth(rate, jitter, age, self._frames, self._damaged, self._last_damage)
 
-    def _is_in_rhythm(self, count: int, now: float) -> bool:
-        """Whether a piece with so many frames, that arrives now, tells of now.
+    def _count_new(self, count: int, now: float) -> int:
+        """How many of the frames of a piece, that arrives now, tell of now: the newest so many.
 
-        A doubt ends with a piece before which the port was silent for half a period for each of its frames: what has
-        piled up anywhere comes without such pauses.
+        After a pause the newest one does, where nothing was in doubt before and nearly all frames have come that were
+        made since. A doubt ends with a piece before which the port was silent for half a period for each of its frames:
+        what has piled up anywhere comes without such pauses.
         """
         last, self._last_piece = self._last_piece, now
         was_held_up, self._was_held_up = self._was_held_up, False
-        if was_held_up:
-            self._is_doubtful = True
-            return False
         if last is None:
-            return True
+            self._is_doubtful = was_held_up
+            return 0 if was_held_up else MAX_BURST
         interval = now - last
         usual = sorted(self._intervals)[len(self._intervals) // 2] if self._intervals else self._period
         if interval >= _SHORTEST_PERIOD_S:
             self._intervals.append(interval)
-        if interval > max(SILENCE_S, 3.0 * usual):
-            self._is_doubtful = True
-            return False
-        if self._is_doubtful and interval >= max(_SHORTEST_PERIOD_S, 0.5 * min(self._period, usual)) * count:
+        period = min(self._period, usual)
+        self._missing = max(0.0, self._missing + interval - count * period)
+        if was_held_up or interval > max(SILENCE_S, 3.0 * usual):
+            self._is_doubtful = self._is_doubtful or self._missing > _MISSING_S
+            return 0 if self._is_doubtful else 1
+        if interval >= max(_SHORTEST_PERIOD_S, 0.5 * period) * count:
             self._is_doubtful = False
-        return not self._is_doubtful
+            if interval <= 3.0 * usual:
+                self._missing = 0.0
+        return 0 if self._is_doubtful else MAX_BURST
