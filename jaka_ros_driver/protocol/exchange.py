@@ -65,12 +65,13 @@ class Exchange(Generic[T]):
         return any(request.is_slow for request in self._outstanding)
 
     def done(self, name: str, now: float, patience: float) -> None:
-        """What these requests asked for is done: their replies, and those behind them, are due in the usual time, s."""
+        """What a slow request asked for is done: its reply, and those behind it, are due in the usual time, s."""
+        is_behind = False
         for request in self._outstanding:
-            if request.name == name and request.is_slow:
-                request.is_slow, request.deadline = False, now + patience
-            else:
+            if is_behind:
                 request.deadline = max(request.deadline, now + request.patience)
+            elif request.name == name and request.is_slow:
+                is_behind, request.is_slow, request.deadline = True, False, now + patience
 
     def overdue(self, now: float) -> Optional[Request[T]]:
         """An outstanding request whose reply is late, if there is one; those behind a slow one have time."""

@@ -78,3 +78,24 @@ def test_a_later_reply_shows_that_nothing_waits_for_the_slow_one():
     exchange.answered({"cmdName": "is_in_servomove"}, 0.5)
     stop = exchange.sent("stop_program", 1.0, 1.0)
     assert exchange.overdue(2.1) is stop
+
+
+def test_what_is_seen_done_must_be_answered_soon_and_nothing_before_it_gets_more_time():
+    exchange = Exchange()
+    before = exchange.sent("stop_program", 0.0, 1.0)
+    slow = exchange.sent("power_on", 0.1, 30.0, is_slow=True)
+    behind = exchange.sent("is_in_servomove", 0.2, 1.0)
+    exchange.done("power_on", 8.0, 1.0)
+    assert exchange.overdue(1.1) is before
+    exchange.answered({"cmdName": "stop_program"}, 1.1)
+    assert exchange.overdue(8.9) is None and not exchange.is_held_up
+    assert exchange.overdue(9.1) is slow
+    exchange.answered({"cmdName": "power_on"}, 9.1)
+    assert exchange.overdue(9.2) is behind
+
+
+def test_nothing_gets_more_time_where_nothing_slow_is_waited_for():
+    exchange = Exchange()
+    stop = exchange.sent("stop_program", 0.0, 1.0)
+    exchange.done("power_on", 0.9, 1.0)
+    assert exchange.overdue(1.1) is stop
