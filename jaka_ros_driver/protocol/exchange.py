@@ -51,11 +51,11 @@ class Exchange(Generic[T]):
         for place, request in enumerate(self._outstanding):
             if name is None or request.name == name:
                 del self._outstanding[place]
-                for passed in list(self._outstanding)[:place]:
+                others = list(self._outstanding)
+                for passed in others[:place]:
                     passed.is_slow = False  # replies come in order: this one's is lost, and nothing waits for it
-                if request.is_slow:
-                    for later in self._outstanding:
-                        later.deadline = max(later.deadline, now + later.patience)
+                for behind in others[place:] if request.is_slow else ():
+                    behind.deadline = max(behind.deadline, now + behind.patience)
                 return request
         return None
 

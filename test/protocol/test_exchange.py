@@ -94,6 +94,14 @@ def test_what_is_seen_done_must_be_answered_soon_and_nothing_before_it_gets_more
     assert exchange.overdue(9.2) is behind
 
 
+def test_the_reply_to_a_slow_request_gives_no_more_time_to_those_before_it():
+    exchange = Exchange()
+    stop = exchange.sent("stop_program", 0.0, 1.0)
+    exchange.sent("enable_robot", 0.5, 30.0, is_slow=True)
+    exchange.answered({"cmdName": "enable_robot"}, 0.9)
+    assert exchange.overdue(1.1) is stop
+
+
 def test_nothing_gets_more_time_where_nothing_slow_is_waited_for():
     exchange = Exchange()
     stop = exchange.sent("stop_program", 0.0, 1.0)
