@@ -1,0 +1,169 @@
+"""Do the tests notice a defect? Applies the mutants of ``mutants.py`` one at a time, runs the tests that should fail.
+
+Every mutant is applied to a copy of the checkout in a temporary folder, never to the checkout itself. A mutant that no
+test notices is a gap in the tests. The tests must pass in the copy before anything is changed there.
+"""
+import argparse
+import contextlib
+import os
+import queue
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Callable, Iterator, List, NamedTuple, Sequence, Tuple, TypeVar
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from mutants import MUTANTS, Mutant, mutated, path_of  # noqa: E402
+
+NOT_COPIED = ("build", "devel", "install", "__pycache__", "*.pyc", ".*_cache", ".git", ".hypothesis", "*.egg-info",
+              "jaka_reports")
+TIME_LIMIT_S = 120.0
+"""s; a mutant whose tests have not ended by then is noticed, too: the time limits of the tests would tell."""
+TESTS_FAILED = 1
+FOUND_BY_IMPORT = 2
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+class Verdict(NamedTuple):
+    """What the tests say of one mutant.
+
+    Attributes:
+        is_killed: A test failed, or the time was over.
+        by: The test, or what happened instead.
+        took: s.
+    """
+
+    is_killed: bool
+    by: str
+    took: float
+
+
+class CannotTell(Exception):
+    """The tests do not run, so that they say nothing about a mutant."""
+
+
+def run_tests(folder: Path, tests: Sequence[str], time_limit: float = TIME_LIMIT_S) -> Verdict:
+    """Run these tests in a copy of the checkout until the first one fails; killed is what fails or does not end.
+
+    Raises CannotTell where there are no such tests.
+    """
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "--tb=no", "-rfE", "-p", "no:cacheprovider", *tests]
+    # Compiled files are told from outdated ones by their time, in whole seconds: mutants come faster.
+    environment = dict(os.environ, PYTHONDONTWRITEBYTECODE="1", COLUMNS="200")
+    began = time.monotonic()
+    with tempfile.TemporaryFile("w+") as output:
+        process = subprocess.Popen(command, cwd=str(folder), env=environment, stdin=subprocess.DEVNULL, stdout=output,
+                                   stderr=subprocess.STDOUT, start_new_session=True)
+        try:
+            process.wait(time_limit)
+        except subprocess.TimeoutExpired:
+            return Verdict(True, "its time limit of %.0f s" % time_limit, time.monotonic() - began)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        output.seek(0)
+        lines = output.read().splitlines()
+    took = time.monotonic() - began
+    if process.returncode == 0:
+        return Verdict(False, "", took)
+    failed = [line.split(" ", 1)[1].split(" - ")[0] for line in lines if line.startswith(("FAILED ", "ERROR "))]
+    if process.returncode not in (TESTS_FAILED, FOUND_BY_IMPORT) or not failed:
+        raise CannotTell("pytest %s: %s" % (" ".join(tests), "\n".join(lines[-5:])))
+    return Verdict(True, failed[0], took)
+
+
+def try_mutant(folder: Path, mutant: Mutant, time_limit: float = TIME_LIMIT_S) -> Verdict:
+    """Apply a mutant in a copy of the checkout, run its tests there, and undo it."""
+    path = path_of(folder, mutant)
+    original = path.read_text(encoding="utf-8")
+    path.write_text(mutated(mutant, original), encoding="utf-8")
+    try:
+        return run_tests(folder, mutant.tests, time_limit)
+    finally:
+        path.write_text(original, encoding="utf-8")
+
+
+@contextlib.contextmanager
+def copies(count: int) -> Iterator["queue.Queue[Path]"]:
+    """So many copies of the checkout, in a temporary folder."""
+    with tempfile.TemporaryDirectory(prefix="mutants") as parent:
+        free: queue.Queue[Path] = queue.Queue()
+        for number in range(count):
+            folder = Path(parent, str(number))
+            shutil.copytree(str(ROOT), str(folder), symlinks=True, ignore=shutil.ignore_patterns(*NOT_COPIED))
+            free.put(folder)
+        yield free
+
+
+def in_copies(jobs: int, work: Callable[[Path, T], R], items: Sequence[T]) -> Iterator[R]:
+    """The results of ``work`` on the items, in their order; so many at a time, each in a copy of its own."""
+    with copies(jobs) as free, ThreadPoolExecutor(jobs) as pool:
+        def run(item: T) -> R:
+            folder = free.get()
+            try:
+                return work(folder, item)
+            finally:
+                free.put(folder)
+
+        futures = [pool.submit(run, item) for item in items]
+        try:
+            for future in futures:
+                yield future.result()
+        finally:
+            for future in futures:
+                future.cancel()
+
+
+def sound(jobs: int, mutants: Sequence[Mutant]) -> bool:
+    """Run all the tests of these mutants without any of them; tell which fail."""
+    tests: List[str] = sorted({test for mutant in mutants for test in mutant.tests})
+    verdicts = list(in_copies(jobs, lambda folder, test: run_tests(folder, [test], 5 * TIME_LIMIT_S), tests))
+    for verdict in verdicts:
+        if verdict.is_killed:
+            print("fails without a mutant: %s" % verdict.by)
+    return not any(verdict.is_killed for verdict in verdicts)
+
+
+def chosen(names: Sequence[str]) -> Tuple[Mutant, ...]:
+    """The mutants in whose name or file one of these texts stands; all without texts."""
+    return tuple(mutant for mutant in MUTANTS
+                 if not names or any(name in mutant.name or name in mutant.file for name in names))
+
+
+def main() -> int:
+    """Print a row for each mutant; 1 where one is alive."""
+    parser = argparse.ArgumentParser(prog="tools/dev mutate", description="Do the tests notice seeded defects?")
+    parser.add_argument("--only", metavar="NAME", action="append", default=[],
+                        help="mutants in whose name or file this text stands; may be repeated")
+    parser.add_argument("--jobs", metavar="J", type=int, default=max(1, min(4, os.cpu_count() or 1)),
+                        help="mutants at a time (default %(default)s)")
+    options = parser.parse_args()
+    mutants = chosen(options.only)
+    if not mutants or options.jobs < 1:
+        parser.error("no mutant is called so" if not mutants else "--jobs must be 1 or more")
+    began = time.monotonic()
+    if not sound(options.jobs, mutants):
+        return 1
+    widths = [max(len(row) for row in column) for column in zip(*((m.name, m.file) for m in mutants))]
+    alive = 0
+    for mutant, verdict in zip(mutants, in_copies(options.jobs, try_mutant, mutants)):
+        alive += not verdict.is_killed
+        print("%-*s  %-*s  %s" % (widths[0], mutant.name, widths[1], mutant.file,
+                                  verdict.by if verdict.is_killed else "ALIVE"), flush=True)
+    print("%d mutants, %d killed, %d alive, %.0f s" % (len(mutants), len(mutants) - alive, alive,
+                                                      time.monotonic() - began))
+    return 1 if alive else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
