@@ -15,7 +15,7 @@ import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Callable, Iterator, List, NamedTuple, Sequence, Tuple, TypeVar
+from typing import Callable, Dict, Iterator, List, NamedTuple, Sequence, Tuple, TypeVar
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -126,8 +126,11 @@ def in_copies(jobs: int, work: Callable[[Path, T], R], items: Sequence[T]) -> It
 
 def sound(jobs: int, mutants: Sequence[Mutant]) -> bool:
     """Run all the tests of these mutants without any of them; tell which fail."""
-    tests: List[str] = sorted({test for mutant in mutants for test in mutant.tests})
-    verdicts = list(in_copies(jobs, lambda folder, test: run_tests(folder, [test], 5 * TIME_LIMIT_S), tests))
+    files: Dict[str, List[str]] = {}
+    for test in sorted({test for mutant in mutants for test in mutant.tests}):
+        files.setdefault(test.split("::")[0], []).append(test)
+    verdicts = list(in_copies(jobs, lambda folder, tests: run_tests(folder, tests, 5 * TIME_LIMIT_S),
+                              list(files.values())))
     for verdict in verdicts:
         if verdict.is_killed:
             print("fails without a mutant: %s" % verdict.by)
