@@ -88,6 +88,15 @@ def test_an_impossible_len_is_damage_and_the_next_frame_is_read(length):
     assert shape(items) == ["damage", json.loads(FRAME)]
 
 
+@pytest.mark.parametrize("length", [0, 65537, 999999999])
+def test_an_impossible_len_is_damage_at_once_and_nothing_is_kept_for_it(length):
+    stream = FrameStream()
+    assert shape(stream.feed(b'{"len": %d, "a": 1' % length)) == ["damage"]
+    for _ in range(100):
+        assert not stream.feed(b", " + b"1" * 1000)
+    assert len(stream._buffer) < 1000
+
+
 def test_a_frame_with_another_len_than_its_text_is_damage():
     true = b'"len": %d' % len(FRAME)
     for wrong in (len(FRAME) - 1, len(FRAME) + 1, 30):
