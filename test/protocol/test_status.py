@@ -64,7 +64,7 @@ def test_measured_and_commanded_joints_and_velocities_are_kept_apart_and_become_
     ("paused", "is_paused"), ("on_soft_limit", "on_soft_limit")])
 def test_each_flag_is_read_from_its_own_field(key, field):
     for value in (True, False):
-        fields = dict({name: not value for name in FLAGS}, **{key: value})
+        fields = dict(dict.fromkeys(FLAGS, not value), **{key: value})
         assert getattr(parse_status(dict(FULL, **fields), 0.0), field) is value
 
 
@@ -98,7 +98,8 @@ def test_a_wrong_value_is_refused_or_harmless_and_never_shown(key, value):
     assert key not in ESSENTIAL
 
 
-@pytest.mark.parametrize("joints", [[float("nan")] * 6, [1e9] * 6, [0, 0, 0, 0, 0, -1e9], [1, 2, 3, 4, 5, "6"], [1] * 5])
+@pytest.mark.parametrize("joints", [
+    [float("nan")] * 6, [1e9] * 6, [0, 0, 0, 0, 0, -1e9], [1, 2, 3, 4, 5, "6"], [1] * 5])
 def test_joints_that_cannot_be_are_refused(joints):
     with pytest.raises(StatusFrameError):
         parse_status(dict(FULL, joint_actual_position=joints), 0.0)
