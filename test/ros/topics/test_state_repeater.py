@@ -99,6 +99,6 @@ def test_a_faster_feed_is_thinned_to_the_wanted_rate(rate, jitter):
 
 def test_after_a_gap_a_thinned_feed_makes_up_for_nothing():
     thinner = StateThinner(0.1, PERIOD)
-    assert len(taken(thinner, [n * PERIOD for n in range(250)])) == 20
+    assert len(taken(thinner, [n * PERIOD for n in range(250)])) in (20, 21)
     after = taken(thinner, [10.0 + n * PERIOD for n in range(250)])
     assert after[0] == 10.0 and min(b - a for a, b in zip(after, after[1:])) > 0.05
