@@ -62,7 +62,9 @@ def test_the_controller_watches_its_client_while_the_arm_moves_and_then_no_more(
 
 
 def test_a_move_to_where_the_arm_is_is_completed_at_rest():
-    story = begun(HOME).run(0.2)
+    story = begun(HOME).run(0.05)
+    assert story.error("move") == "pending", "rest before the acceptance is no evidence"
+    story.run(0.15)
     assert story.error("move") is None and story.count("stop_program") == 0
 
 
@@ -218,6 +220,23 @@ def test_a_second_move_is_refused_and_told_who_owns_the_arm():
     story.core.move("second", JointMove(HOME, 1.0, 1.0), True, story.now)
     story.perform()
     assert isinstance(story.error("second"), InvalidCommand) and "a move owns" in str(story.error("second"))
+
+
+def test_while_somebody_else_moves_the_arm_a_move_waits_and_is_refused_in_the_end():
+    story = Story().run(0.2, move=9.0)
+    story.core.move("move", JointMove(HOME, 1.0, 1.0), True, story.now)
+    story.run(1.4, move=9.0)
+    assert story.error("move") == "pending" and story.told == [] and story.count("joint_move") == 0
+    story.run(0.2, move=9.0)
+    assert isinstance(story.error("move"), InvalidCommand) and "not by this driver" in str(story.error("move"))
+
+
+def test_when_an_arm_that_somebody_else_moved_rests_the_move_begins():
+    story = Story().run(0.2, move=9.0)
+    story.core.move("move", JointMove(HOME, 1.0, 1.0), True, story.now)
+    story.run(0.05)
+    assert story.count("joint_move") == 0
+    assert story.run(0.1).count("joint_move") == 1
 
 
 def test_without_a_link_nothing_is_begun():
