@@ -36,6 +36,16 @@ def test_the_stream_begins_where_the_arm_is_with_one_frame_a_cycle():
     assert without_stop(story)
 
 
+@pytest.mark.parametrize("away, begins_at", [(0.01, 0.01), (0.2, 0.0)])
+def test_the_stream_begins_at_the_commanded_joints_where_the_arm_is_near_them(away, begins_at):
+    story = Story()
+    story.fields["joint_position"] = [math.degrees(q + away) for q in HOME]
+    story.run(0.1)
+    story.core.servo_mode("servo", True, story.now)
+    story.run(0.1)
+    assert frames(story)[0] == pytest.approx([math.degrees(q + begins_at) for q in HOME], abs=1e-9)
+
+
 def test_servo_mode_that_the_controller_does_not_confirm_is_not_entered_and_the_arm_stopped():
     story = Story()
     story.replies["servo_move"] = None
@@ -108,8 +118,10 @@ def test_an_arm_that_is_not_where_it_was_sent_is_stopped():
     assert story.count("stop_program") == 1
 
 
-def test_servo_mode_is_not_claimed_while_the_link_is_down():
-    story = streaming()
+@pytest.mark.parametrize("whose", ["the driver's", "somebody else's"])
+def test_servo_mode_is_not_claimed_while_the_link_is_down(whose):
+    story = streaming() if whose == "the driver's" else Story()
+    story.servo_mode = True
     story.run(0.5)
     assert story.core.links.is_servo_active
     story.core.closed(Port.COMMAND, "cut", story.now)

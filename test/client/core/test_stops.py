@@ -44,6 +44,19 @@ def test_a_stop_that_is_accepted_and_not_obeyed_is_sent_again():
     assert story.count("stop_program") >= 2 and not story.core.is_free
 
 
+@pytest.mark.parametrize("motion", [
+    lambda story: story.core.move("slow", JointMove((1.0,) + HOME[1:], 0.002, 1.0), True, story.now),
+    lambda story: story.core.jog("slow", Jog(JogFrame.JOINT, 0, 0.002), story.now)])
+def test_a_motion_so_slow_that_it_looks_like_rest_is_kept_in_custody_until_it_rests(motion):
+    story = Story()
+    motion(story)
+    story.run(1.2, move=9.0, speed=0.002, **MOVING)
+    story.core.stop("stop", story.now)
+    story.run(0.4, move=9.0, speed=0.002)
+    assert story.error("stop") is None and not story.core.is_free
+    assert story.run(0.4).core.is_free
+
+
 def test_a_refused_stop_is_told_and_repeated_until_it_is_accepted():
     story = under_way()
     story.replies["stop_program"] = "2"
