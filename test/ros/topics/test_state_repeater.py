@@ -49,7 +49,7 @@ def test_a_stall_of_a_healthy_feed_is_not_filled(hole, is_caught_up):
 
 @pytest.mark.parametrize("first", [0.012, 0.05])
 def test_one_long_interval_at_the_beginning_is_not_a_slow_feed(first):
-    arrivals = [0.0] + [first + n * PERIOD for n in range(500)]
+    arrivals = [0.0, first] + [first + 0.0095 + n * 0.0078 for n in range(500)]
     assert play(arrivals, arrivals[-1]) == []
 
 
