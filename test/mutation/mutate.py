@@ -26,8 +26,11 @@ NOT_COPIED = ("build", "devel", "install", "__pycache__", "*.pyc", ".*_cache", "
               "jaka_reports")
 TIME_LIMIT_S = 120.0
 """s; a mutant whose tests have not ended by then is noticed, too: the time limits of the tests would tell."""
+_SLOWER = 4.0
+"""A mutant's tests may take so many times as long as they did without it, where that is more."""
 TESTS_FAILED = 1
-FOUND_BY_IMPORT = 2
+NOT_COLLECTED = 2
+_LONGEST_SHOWN = 120
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -77,7 +80,7 @@ def run_tests(folder: Path, tests: Sequence[str], time_limit: float = TIME_LIMIT
     if process.returncode == 0:
         return Verdict(False, "", took)
     failed = [line.split(" ", 1)[1].split(" - ")[0] for line in lines if line.startswith(("FAILED ", "ERROR "))]
-    if process.returncode not in (TESTS_FAILED, FOUND_BY_IMPORT) or not failed:
+    if process.returncode not in (TESTS_FAILED, NOT_COLLECTED) or not failed:
         raise CannotTell("pytest %s: %s" % (" ".join(tests), "\n".join(lines[-5:])))
     return Verdict(True, failed[0], took)
 
@@ -124,17 +127,30 @@ def in_copies(jobs: int, work: Callable[[Path, T], R], items: Sequence[T]) -> It
                 future.cancel()
 
 
-def sound(jobs: int, mutants: Sequence[Mutant]) -> bool:
-    """Run all the tests of these mutants without any of them; tell which fail."""
+def file_of(test: str) -> str:
+    """The file or folder of an argument of pytest."""
+    return test.split("::")[0]
+
+
+def time_without(jobs: int, mutants: Sequence[Mutant]) -> Dict[str, float]:
+    """Run all the tests of these mutants without any of them; how long each file took, s.
+
+    Raises CannotTell where one fails.
+    """
     files: Dict[str, List[str]] = {}
     for test in sorted({test for mutant in mutants for test in mutant.tests}):
-        files.setdefault(test.split("::")[0], []).append(test)
+        files.setdefault(file_of(test), []).append(test)
     verdicts = list(in_copies(jobs, lambda folder, tests: run_tests(folder, tests, 5 * TIME_LIMIT_S),
                               list(files.values())))
-    for verdict in verdicts:
-        if verdict.is_killed:
-            print("fails without a mutant: %s" % verdict.by)
-    return not any(verdict.is_killed for verdict in verdicts)
+    failed = [verdict.by for verdict in verdicts if verdict.is_killed]
+    if failed:
+        raise CannotTell("without a mutant these fail: " + ", ".join(failed))
+    return {name: verdict.took for name, verdict in zip(files, verdicts)}
+
+
+def time_limit(mutant: Mutant, times: Dict[str, float]) -> float:
+    """How long a mutant's tests may take, s."""
+    return max(TIME_LIMIT_S, _SLOWER * sum(times[name] for name in {file_of(test) for test in mutant.tests}))
 
 
 def chosen(names: Sequence[str]) -> Tuple[Mutant, ...]:
@@ -144,7 +160,7 @@ def chosen(names: Sequence[str]) -> Tuple[Mutant, ...]:
 
 
 def main() -> int:
-    """Print a row for each mutant; 1 where one is alive."""
+    """Print a row for each mutant; 1 where one is alive, 2 where the tests fail without any."""
     parser = argparse.ArgumentParser(prog="tools/dev mutate", description="Do the tests notice seeded defects?")
     parser.add_argument("--only", metavar="NAME", action="append", default=[],
                         help="mutants in whose name or file this text stands; may be repeated")
@@ -154,15 +170,24 @@ def main() -> int:
     mutants = chosen(options.only)
     if not mutants or options.jobs < 1:
         parser.error("no mutant is called so" if not mutants else "--jobs must be 1 or more")
+    try:
+        return report(mutants, options.jobs)
+    except CannotTell as error:
+        print(error, file=sys.stderr)
+        return 2
+
+
+def report(mutants: Sequence[Mutant], jobs: int) -> int:
+    """Print a row for each of these mutants; 1 where one is alive."""
     began = time.monotonic()
-    if not sound(options.jobs, mutants):
-        return 1
+    times = time_without(jobs, mutants)
     widths = [max(len(row) for row in column) for column in zip(*((m.name, m.file) for m in mutants))]
     alive = 0
-    for mutant, verdict in zip(mutants, in_copies(options.jobs, try_mutant, mutants)):
+    for mutant, verdict in zip(mutants, in_copies(
+            jobs, lambda folder, one: try_mutant(folder, one, time_limit(one, times)), mutants)):
         alive += not verdict.is_killed
         print("%-*s  %-*s  %s" % (widths[0], mutant.name, widths[1], mutant.file,
-                                  verdict.by if verdict.is_killed else "ALIVE"), flush=True)
+                                  verdict.by[:_LONGEST_SHOWN] if verdict.is_killed else "ALIVE"), flush=True)
     print("%d mutants, %d killed, %d alive, %.0f s" % (len(mutants), len(mutants) - alive, alive,
                                                       time.monotonic() - began))
     return 1 if alive else 0

@@ -51,7 +51,7 @@ def checkout(tmp_path):
     ("a - b", 100.0, True, "test_sums.py::test_total"),
     ("a * b", 100.0, False, ""),
     ("a +", 100.0, True, "test_sums.py"),
-    ("[0 for _ in iter(int, 1)]", 5.0, True, "its time limit of 5 s")],
+    ("[0 for _ in iter(int, 1)]", 2.0, True, "its time limit of 2 s")],
     ids=["killed", "alive", "cannot be imported", "hangs"])
 def test_a_verdict_is_what_the_tests_say_and_the_mutant_is_undone(checkout, new, time_limit, is_killed, by):
     path = checkout / "jaka_ros_driver" / "sums.py"
@@ -85,3 +85,26 @@ def test_mutants_are_chosen_by_their_name_or_file():
     mutant = MUTANTS[0]
     assert mutant in mutate.chosen([mutant.name]) and mutant in mutate.chosen([mutant.file])
     assert not mutate.chosen(["no mutant is called so"])
+
+
+def test_slow_tests_give_a_mutant_more_time():
+    mutant = Mutant("m", "sums.py", "a", "b", ("test/a.py::test_one", "test/a.py::test_two", "test/b"))
+    assert mutate.time_limit(mutant, {"test/a.py": 1.0, "test/b": 2.0}) == mutate.TIME_LIMIT_S
+    assert mutate.time_limit(mutant, {"test/a.py": 100.0, "test/b": 50.0}) == 600.0
+
+
+def test_tests_that_fail_without_a_mutant_end_the_check(monkeypatch, checkout):
+    (checkout / "test_sums.py").write_text("def test_total():\n    assert False\n")
+    monkeypatch.setattr(mutate, "ROOT", checkout)
+    with pytest.raises(mutate.CannotTell, match="without a mutant these fail: test_sums.py::test_total"):
+        mutate.report([Mutant("m", "sums.py", "a + b", "a - b", ("test_sums.py",))], 1)
+
+
+def test_a_row_names_the_test_or_says_that_the_mutant_is_alive(monkeypatch, checkout, capsys):
+    monkeypatch.setattr(mutate, "ROOT", checkout)
+    mutants = [Mutant("wrong sign", "sums.py", "a + b", "a - b", ("test_sums.py",)),
+               Mutant("a product", "sums.py", "a + b", "a * b", ("test_sums.py",))]
+    assert mutate.report(mutants, 2) == 1
+    rows = capsys.readouterr().out.splitlines()
+    assert rows[:2] == ["wrong sign  sums.py  test_sums.py::test_total", "a product   sums.py  ALIVE"]
+    assert rows[2].startswith("2 mutants, 1 killed, 1 alive")
