@@ -170,6 +170,7 @@ def main() -> int:
     mutants = chosen(options.only)
     if not mutants or options.jobs < 1:
         parser.error("no mutant is called so" if not mutants else "--jobs must be 1 or more")
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # so that the copies are removed
     try:
         return report(mutants, options.jobs)
     except CannotTell as error:
