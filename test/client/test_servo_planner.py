@@ -54,6 +54,19 @@ def test_a_jump_is_driven_within_speed_and_reached_exactly(joint, jump):
     assert last == pytest.approx(shifted(jump, joint), abs=1e-9)
 
 
+@pytest.mark.parametrize("joint", range(6))
+def test_a_long_way_is_driven_at_the_joints_highest_speed_and_no_faster(joint):
+    servo, steps, way = joint_servo(max_jump=3.0), [], 2.5 if joint == 2 else -2.5
+    servo.set_target(shifted(way, joint), False)
+    last = HOME[joint]
+    for _ in range(250):
+        frame = servo.next_frame().joint_position[joint]
+        steps.append(abs(frame - last))
+        last = frame
+    assert last == pytest.approx(HOME[joint] + way, abs=1e-9)
+    assert max(steps) == pytest.approx(min(SPEEDS[joint], JOINT_SPEED_CEILING) * PERIOD, rel=1e-9)
+
+
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.tuples(st.integers(1, 5), st.lists(st.floats(-0.1, 0.1), min_size=6, max_size=6)), max_size=40))
 def test_whatever_targets_come_no_step_breaks_the_limits(stream):
@@ -149,6 +162,34 @@ def test_an_accepted_target_is_reached_within_servo_ahead(ahead):
         frame = servo.next_frame()
     assert frame.joint_position[0] == pytest.approx(farthest, abs=1e-6)
     assert servo.next_frame().joint_position[0] == pytest.approx(farthest, abs=1e-6)
+
+
+@pytest.mark.parametrize("cycles", [1, 25, 43, 51, 125])
+def test_servo_ahead_is_counted_in_whole_cycles_whatever_its_rounding(cycles):
+    def farthest(ahead):
+        servo, reached = joint_servo(max_jump=3.0, ahead=ahead), 0.0
+        for step in range(1, 2000):
+            try:
+                servo.set_target(shifted(0.0001 * cycles * step), False)
+            except InvalidCommand:
+                break
+            reached = 0.0001 * cycles * step
+        return reached
+    assert 0.0 < farthest(cycles * 8 / 1000) == farthest(cycles * 0.008 + 0.004)
+
+
+@pytest.mark.parametrize("joint", range(6))
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_target_that_float32_puts_beyond_a_limit_is_driven_to_the_limit(joint, side):
+    limit = ZU3.joint_limits[joint][side]
+    inside = tuple(limit + (5e-4 if side == 0 else -5e-4) if n == joint else q for n, q in enumerate(HOME))
+    servo = JointServo(inside, ZU3, 0.1, 0.5, PERIOD)
+    servo.set_target(tuple(limit + (-5e-7 if side == 0 else 5e-7) if n == joint else q for n, q in enumerate(HOME)),
+                     False)
+    for _ in range(60):
+        reached = servo.next_frame().joint_position[joint]
+        assert ZU3.joint_limits[joint][0] <= reached <= ZU3.joint_limits[joint][1]
+    assert reached == pytest.approx(limit, abs=1e-9)
 
 
 def test_increments_do_not_pass_a_joint_limit():

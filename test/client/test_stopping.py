@@ -94,6 +94,7 @@ def test_it_gives_up_after_a_minute_of_an_arm_that_moves_on(story):
     story.connect()
     began, stops = story.now, 0
     while story.step() is not Step.FINISH:
+        assert story.now - began < 2.0 * GIVE_UP_AFTER_S
         if story.step() is Step.SEND:
             story.send()
             story.reply()

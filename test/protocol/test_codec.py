@@ -36,6 +36,8 @@ REQUESTS = [
     (c.SetServoMode(True), {"cmdName": "servo_move", "relFlag": 1}),
     (c.SetServoMode(False), {"cmdName": "servo_move", "relFlag": 0}),
     (c.ServoJoint(JOINTS), {"cmdName": "servo_j", "relFlag": 0, "jointPosition": WIRE_JOINTS, "stepNum": 1}),
+    (c.ServoJoint(JOINTS, True, 2), {"cmdName": "servo_j", "relFlag": 1, "jointPosition": WIRE_JOINTS, "stepNum": 2}),
+    (c.ServoPose(POSE), {"cmdName": "servo_p", "relFlag": 0, "catPosition": WIRE_POSE, "stepNum": 1}),
     (c.ServoPose(POSE, True, 3), {"cmdName": "servo_p", "relFlag": 1, "catPosition": WIRE_POSE, "stepNum": 3}),
     (c.SetPower(True), {"cmdName": "power_on"}),
     (c.SetPower(False), {"cmdName": "power_off"}),
@@ -55,6 +57,7 @@ REQUESTS = [
     (c.SetAnalogOutput(IoBank.TOOL, 0, 4.5), {"cmdName": "set_analog_output", "type": 1, "index": 0, "value": 4.5}),
     (c.SetRapidRate(0.5), {"cmdName": "rapid_rate", "rate_value": 0.5}),
     (c.SetFeedPeriod(0.008), {"cmdName": "set_port10000_delay_ms", "port10000_delay_ms": 8}),
+    (c.SetFeedPeriod(1.0 / 60.0), {"cmdName": "set_port10000_delay_ms", "port10000_delay_ms": 17}),
     (c.SetLinkLoss(0.3), {"cmdName": "set_network_exception_handle", "motType": 2, "timeLimit": 300.0}),
     (c.SetLinkLoss(0), {"cmdName": "set_network_exception_handle", "motType": 0, "timeLimit": 0.0}),
     (c.ForwardKinematics(JOINTS), {"cmdName": "kine_forward", "jointPosition": WIRE_JOINTS}),
@@ -153,7 +156,9 @@ def test_a_refusal_without_words_gets_the_meaning_of_its_code():
     (c.Stop(), {}), (c.Query.VERSION, {"errorCode": "0"}), (c.Query.PAYLOAD, {"errorCode": "0", "mass": 1}),
     (c.Query.COLLISION_LEVEL, {"errorCode": "0", "sensitivityLevel": "high"}),
     (c.ForwardKinematics(JOINTS), {"errorCode": "0", "cartPosition": [1, 2]}),
+    (c.ForwardKinematics(JOINTS), {"errorCode": "0", "cartPosition": WIRE_POSE[:5]}),
     (c.ForwardKinematics(JOINTS), {"errorCode": "0", "cartPosition": None}),
+    (c.InverseKinematics(POSE, JOINTS), {"errorCode": "0", "jointPosition": WIRE_JOINTS[:5]}),
     (c.InverseKinematics(POSE, JOINTS), {"errorCode": "0", "jointPosition": ["a"] * 6}),
     (c.InverseKinematics(POSE, JOINTS), {"errorCode": "0", "jointPosition": [float("nan")] * 6})])
 def test_a_reply_without_its_content_is_a_protocol_error(command, reply):

@@ -2,7 +2,7 @@
 import json
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from jaka_ros_driver.errors import FramingError
@@ -30,6 +30,7 @@ def shape(items):
     return ["damage" if isinstance(item, FramingError) else item for item in items]
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # on a busy computer
 @given(st.lists(OBJECTS, max_size=6), st.lists(st.integers(0, 10**6), max_size=20),
        st.sampled_from(["", "\n", "\r\n", " ", "\x00"]))
 def test_objects_come_out_whole_wherever_they_are_cut(objects, cuts, between):
@@ -86,6 +87,15 @@ def test_an_object_that_never_ends_is_dropped_and_memory_stays_bounded():
 def test_an_impossible_len_is_damage_and_the_next_frame_is_read(length):
     items = FrameStream().feed(b'{"len": %d, "a": 1}' % length + FRAME)
     assert shape(items) == ["damage", json.loads(FRAME)]
+
+
+@pytest.mark.parametrize("length", [0, 65537, 999999999])
+def test_an_impossible_len_is_damage_at_once_and_nothing_is_kept_for_it(length):
+    stream = FrameStream()
+    assert shape(stream.feed(b'{"len": %d, "a": 1' % length)) == ["damage"]
+    for _ in range(100):
+        assert not stream.feed(b", " + b"1" * 1000)
+    assert len(stream._buffer) < 1000
 
 
 def test_a_frame_with_another_len_than_its_text_is_damage():

@@ -20,6 +20,9 @@ FULL = dict(
     aout=[1.5], tio_din=[0] * 8, tio_dout=[1] * 8, tio_ain=[474.0, 0.0], interp_state=0, paused=False, rapidrate=0.5,
     current_tool_id=2, current_user_id=1, on_soft_limit=0, curr_tcp_trans_vel=12.5)
 
+FLAGS = ("powered_on", "enabled", "inpos", "emergency_stop", "protective_stop", "drag_status", "paused",
+         "on_soft_limit")
+
 
 @given(st.dictionaries(st.text(max_size=10), st.text(max_size=300) | st.integers(), max_size=30))
 def test_len_is_the_exact_size_of_the_text_and_comes_first(fields):
@@ -45,6 +48,24 @@ def test_fields_become_si_units():
     assert state.io.digital_outputs[IoBank.TOOL] == (1,) * 8
     assert state.io.analog_inputs[IoBank.CABINET] == (0.5,)
     assert (state.cabinet_temperature, state.joint_temperature) == (36.5, (31.0, 32.0, 33.0, 34.0, 35.0, 36.0))
+
+
+def test_measured_and_commanded_joints_and_velocities_are_kept_apart_and_become_si_units():
+    state = parse_status(dict(FULL, joint_position=[1.0, 2.0, 3.0, 4.0, 5.0, 6.0],
+                              instVel=[-9.0, 18.0, 0.0, 36.0, 0.5, 180.0]), 0.0)
+    assert state.joint_position == pytest.approx([math.radians(q) for q in FULL["joint_actual_position"]])
+    assert state.joint_position_commanded == pytest.approx([math.radians(q) for q in range(1, 7)])
+    assert state.joint_velocity == pytest.approx([math.radians(v) for v in (-9.0, 18.0, 0.0, 36.0, 0.5, 180.0)])
+
+
+@pytest.mark.parametrize("key, field", [
+    ("powered_on", "is_powered"), ("enabled", "is_enabled"), ("inpos", "is_in_position"),
+    ("emergency_stop", "emergency_stop"), ("protective_stop", "protective_stop"), ("drag_status", "is_hand_guided"),
+    ("paused", "is_paused"), ("on_soft_limit", "on_soft_limit")])
+def test_each_flag_is_read_from_its_own_field(key, field):
+    for value in (True, False):
+        fields = dict(dict.fromkeys(FLAGS, not value), **{key: value})
+        assert getattr(parse_status(dict(FULL, **fields), 0.0), field) is value
 
 
 def test_what_the_controller_does_not_send_is_unknown():
@@ -77,7 +98,8 @@ def test_a_wrong_value_is_refused_or_harmless_and_never_shown(key, value):
     assert key not in ESSENTIAL
 
 
-@pytest.mark.parametrize("joints", [[float("nan")] * 6, [1e9] * 6, [1, 2, 3, 4, 5, "6"], [1] * 5])
+@pytest.mark.parametrize("joints", [
+    [float("nan")] * 6, [1e9] * 6, [0, 0, 0, 0, 0, -1e9], [1, 2, 3, 4, 5, "6"], [1] * 5])
 def test_joints_that_cannot_be_are_refused(joints):
     with pytest.raises(StatusFrameError):
         parse_status(dict(FULL, joint_actual_position=joints), 0.0)

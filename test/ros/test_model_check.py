@@ -52,6 +52,15 @@ def test_another_model_and_half_a_millimetre_are_found_when_seen_twice_and_logge
         assert caplog.text.count("is ~model right?") == 1
 
 
+def test_a_single_wrong_sample_between_right_ones_does_not_count_however_often_it_comes(caplog):
+    model, other = load_model("zu7"), load_model("zu5")
+    check = check_of(model)
+    for joints in samples(10):
+        assert check.check(state_of(other, joints)) is None
+        assert not check.check(state_of(model, joints)).is_wrong
+    assert "is ~model right?" not in caplog.text
+
+
 def test_nothing_is_said_in_motion_or_without_pose_or_frames():
     model, joints = load_model("zu7"), samples(1)[0]
     assert check_of(model).check(state_of(model, joints, is_in_position=False)) is None

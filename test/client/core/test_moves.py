@@ -38,8 +38,33 @@ def test_flags_alone_complete_nothing():
     assert story.run(0.3, move=0.5).error("move") is None
 
 
+def test_an_arm_that_still_moves_within_the_tolerance_of_its_target_is_not_there_yet():
+    story = begun().run(0.99, move=0.5)
+    for _ in range(50):
+        story.run(0.008, move=0.5, speed=0.05)
+        if story.joints[0] < 0.5:
+            assert story.error("move") == "pending"
+    assert story.run(0.1).error("move") is None
+
+
+@pytest.mark.parametrize("target, is_there", [(0.504, True), (0.52, False)])
+def test_the_tolerance_of_a_joint_target_is_half_a_degree(target, is_there):
+    story = begun((target,) + HOME[1:]).run(1.1, move=0.5, **MOVING).run(0.6)
+    assert (story.error("move") is None) is is_there
+    assert story.count("stop_program") == (0 if is_there else 1)
+
+
+def test_the_controller_watches_its_client_while_the_arm_moves_and_then_no_more():
+    story = begun().run(1.1, move=0.5, **MOVING).run(0.2)
+    watched = [request for _, request in story.sent if request["cmdName"] == "set_network_exception_handle"]
+    assert [(request["motType"], request["timeLimit"]) for request in watched] == [(2, 300.0), (0, 0.0)]
+    assert story.names()[-2:] != ["set_network_exception_handle"] * 2 and story.core.is_free
+
+
 def test_a_move_to_where_the_arm_is_is_completed_at_rest():
-    story = begun(HOME).run(0.2)
+    story = begun(HOME).run(0.05)
+    assert story.error("move") == "pending", "rest before the acceptance is no evidence"
+    story.run(0.15)
     assert story.error("move") is None and story.count("stop_program") == 0
 
 
@@ -133,6 +158,13 @@ def test_a_line_that_ends_elsewhere_was_stopped():
     assert "0.0500 m" in str(story.error("move"))
 
 
+def test_a_line_that_reaches_its_place_in_another_orientation_was_stopped():
+    story = line_begun(0.1).run(0.2, move=0.1, **MOVING)
+    story.tcp[0], story.tcp[5] = 500.0, 5.0
+    assert story.run(0.5).cause("move") is StopCause.STOPPED
+    assert "0.0873 rad" in str(story.error("move"))
+
+
 def test_where_the_tool_pose_is_not_reported_rest_after_motion_is_the_end():
     story = line_begun(0.1).run(0.3, actual_position=None)
     assert story.error("move") == "pending"
@@ -146,7 +178,9 @@ def test_a_refused_move_leaves_the_arm_free_once_it_is_seen_at_rest():
     story.core.move("move", JointMove(TARGET, 1.0, 1.0), True, story.now)
     story.perform()
     assert isinstance(story.error("move"), CommandRejected) and story.told == [True]
-    story.run(0.15)
+    story.run(0.05)
+    assert story.told == [True] and not story.core.is_free
+    story.run(0.1)
     assert story.told == [True, False] and story.count("stop_program") == 0
 
 
@@ -186,6 +220,23 @@ def test_a_second_move_is_refused_and_told_who_owns_the_arm():
     story.core.move("second", JointMove(HOME, 1.0, 1.0), True, story.now)
     story.perform()
     assert isinstance(story.error("second"), InvalidCommand) and "a move owns" in str(story.error("second"))
+
+
+def test_while_somebody_else_moves_the_arm_a_move_waits_and_is_refused_in_the_end():
+    story = Story().run(0.2, move=9.0)
+    story.core.move("move", JointMove(HOME, 1.0, 1.0), True, story.now)
+    story.run(1.4, move=9.0)
+    assert story.error("move") == "pending" and story.told == [] and story.count("joint_move") == 0
+    story.run(0.2, move=9.0)
+    assert isinstance(story.error("move"), InvalidCommand) and "not by this driver" in str(story.error("move"))
+
+
+def test_when_an_arm_that_somebody_else_moved_rests_the_move_begins():
+    story = Story().run(0.2, move=9.0)
+    story.core.move("move", JointMove(HOME, 1.0, 1.0), True, story.now)
+    story.run(0.05)
+    assert story.count("joint_move") == 0
+    assert story.run(0.1).count("joint_move") == 1
 
 
 def test_without_a_link_nothing_is_begun():

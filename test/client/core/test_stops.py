@@ -44,6 +44,19 @@ def test_a_stop_that_is_accepted_and_not_obeyed_is_sent_again():
     assert story.count("stop_program") >= 2 and not story.core.is_free
 
 
+@pytest.mark.parametrize("motion", [
+    lambda story: story.core.move("slow", JointMove((1.0,) + HOME[1:], 0.002, 1.0), True, story.now),
+    lambda story: story.core.jog("slow", Jog(JogFrame.JOINT, 0, 0.002), story.now)])
+def test_a_motion_so_slow_that_it_looks_like_rest_is_kept_in_custody_until_it_rests(motion):
+    story = Story()
+    motion(story)
+    story.run(1.2, move=9.0, speed=0.002, **MOVING)
+    story.core.stop("stop", story.now)
+    story.run(0.4, move=9.0, speed=0.002)
+    assert story.error("stop") is None and not story.core.is_free
+    assert story.run(0.4).core.is_free
+
+
 def test_a_refused_stop_is_told_and_repeated_until_it_is_accepted():
     story = under_way()
     story.replies["stop_program"] = "2"
@@ -159,6 +172,38 @@ def test_a_jog_lasts_as_long_as_it_is_called_for(fields):
     assert [request.get("jog_mode") for _, request in story.sent if request["cmdName"] == "jog"] == [1, 0]
     assert story.count("stop_program") == 1 and not story.core.is_free
     assert story.run(0.3).core.is_free
+
+
+@pytest.mark.parametrize("frame, axis", [(JogFrame.JOINT, 0), (JogFrame.JOINT, 5), (JogFrame.TOOL, 2)])
+def test_the_jog_that_was_begun_is_the_one_that_is_ended(frame, axis):
+    story = Story()
+    story.core.jog("jog", Jog(frame, axis, 0.03), story.now)
+    story.run(0.3, move=1.0, **MOVING)
+    story.core.stop("stop", story.now)
+    story.perform()
+    begun, ended = [request for _, request in story.sent if request["cmdName"] == "jog"]
+    assert (begun["jog_mode"], ended["jog_mode"]) == (1, 0)
+    assert all(begun[key] == ended[key] for key in ("coord_map", "jnum")) and begun["jnum"] == axis
+
+
+def test_the_reply_to_the_stop_of_one_motion_says_nothing_of_the_next_ones_stop():
+    story = under_way()
+    story.replies["stop_program"] = None
+    for call in ("first", "second"):
+        story.core.stop(call, story.now)
+    story.perform()
+    story.reply("stop_program")
+    assert story.run(0.2).core.is_free
+    story.core.move("next", JointMove(HOME, 1.0, 1.0), True, story.now)
+    story.run(0.1, move=0.0, **MOVING)
+    story.core.stop("third", story.now)
+    story.perform()
+    story.reply("stop_program")
+    assert story.error("second") is None and story.error("third") == "pending"
+    story.run(0.2)
+    assert story.error("next") == "pending" and not story.core.is_free
+    story.reply("stop_program")
+    assert story.run(0.2).cause("next") is StopCause.STOPPED and story.core.is_free
 
 
 def test_a_jog_that_somebody_else_ended_can_be_begun_anew():

@@ -1,0 +1,129 @@
+"""The links: made again at bounded pauses, left when told so, watched, and made sure of whose they are."""
+import json
+
+import pytest
+from stories import HOME, Story
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.client.core.actions import Close, Open, Port
+from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, StopCause
+from jaka_ros_driver.state import IoBank
+
+MOVE = c.JointMove((1.0,) + HOME[1:], 1.0, 1.0)
+
+
+def opens(story, port):
+    return [at for at, action in story.asked_to_connect if action == Open(port)]
+
+
+def closes(story):
+    return [action.port for _, action in story.asked_to_connect if isinstance(action, Close)]
+
+
+def test_a_controller_that_is_away_for_long_is_tried_twice_a_second():
+    story = Story(ready=False)
+    for _ in range(1000):
+        if story.asked_to_connect[-1][0] == story.now:
+            story.core.failed(Port.COMMAND, "refused", story.now)
+            story.core.failed(Port.STATUS, "refused", story.now)
+        story.run(0.008)
+    tried = opens(story, Port.COMMAND)
+    pauses = [b - a for a, b in zip(tried, tried[1:])]
+    assert pauses[:3] == pytest.approx([0.1, 0.2, 0.4], abs=0.009)
+    assert pauses[3:] == pytest.approx([0.5] * (len(pauses) - 3), abs=0.009) and len(pauses) > 10
+
+
+def test_after_the_end_no_link_is_made_again():
+    story = Story()
+    story.core.close(story.now)
+    story.core.disconnect(story.now)
+    del story.asked_to_connect[:]
+    for port in Port:
+        story.core.failed(port, "refused", story.now)
+    story.feed = False
+    story.run(3.0)
+    assert not [action for _, action in story.asked_to_connect if isinstance(action, Open)]
+
+
+def test_nothing_that_is_called_for_after_the_shutdown_began_is_sent():
+    story = Story()
+    story.core.close(story.now)
+    del story.sent[:]
+    story.core.jog("jog", c.Jog(c.JogFrame.JOINT, 0, 0.3), story.now)
+    story.core.servo_mode("servo", True, story.now)
+    story.core.run("ask", story.core.ask(c.ClearError()), story.now)
+    story.run(0.2)
+    assert not {"jog", "servo_move", "clear_error"} & set(story.names())
+    assert all(isinstance(story.error(call), ConnectionLost) for call in ("jog", "servo", "ask"))
+
+
+def test_a_status_port_that_has_fallen_silent_is_made_anew():
+    story = Story()
+    story.feed = False
+    story.run(0.75)
+    assert Port.STATUS not in closes(story)
+    story.run(0.2)
+    assert closes(story) == [Port.STATUS] and len(opens(story, Port.STATUS)) == 2
+
+
+def test_a_motion_ends_when_the_status_port_falls_silent_though_it_sends_bytes():
+    story = Story()
+    story.core.move("move", MOVE, True, story.now)
+    story.run(0.3, move=1.0, inpos=False)
+    story.feed = False
+    for _ in range(130):
+        story.core.received(Port.STATUS, b" ", story.now)
+        story.run(0.008)
+    assert story.cause("move") is StopCause.LINK_LOST and story.count("stop_program") == 1
+    assert not closes(story)
+
+
+def test_a_controller_that_is_not_the_simulated_one_that_was_meant_is_asked_who_it_is_and_left():
+    story = Story(ready=False, simulator="twin")
+    story.core.opened(Port.COMMAND, story.now)
+    story.perform()
+    assert story.names() == ["get_simulator_identity"] and closes(story) == [Port.COMMAND]
+    assert not opens(story, Port.STATUS) and not story.core.links.is_ready
+
+
+def test_a_state_never_serves_when_it_is_stale():
+    story = Story()
+    story.core.fresh_state(story.now)
+    story.feed = False
+    story.run(0.51)
+    with pytest.raises(ConnectionLost):
+        story.core.fresh_state(story.now)
+    story.core.move("move", MOVE, True, story.now)
+    story.perform()
+    assert isinstance(story.error("move"), ConnectionLost) and story.count("joint_move") == 0
+
+
+def test_a_move_beyond_the_limits_is_not_sent():
+    story = Story()
+    story.core.move("far", c.JointMove((0.0, 0.0, 3.2) + HOME[3:], 1.0, 1.0), True, story.now)
+    story.core.move("fast", c.JointMove(HOME, 9.0, 1.0), True, story.now)
+    story.core.jog("jog", c.Jog(c.JogFrame.JOINT, 0, 9.0), story.now)
+    story.perform()
+    assert all(isinstance(story.error(call), InvalidCommand) for call in ("far", "fast", "jog"))
+    assert not {"joint_move", "jog"} & set(story.names())
+
+
+@pytest.mark.parametrize("base", [0, 1])
+def test_terminals_count_on_the_wire_from_where_the_parameter_says(base):
+    story = Story(io_index_base=base)
+    story.replies["get_digital_output"] = None
+    story.core.run("read", story.core.ask(c.GetDigitalOutput(IoBank.CABINET, 4)), story.now)
+    story.perform()
+    assert story.sent[-1][1]["index"] == 4 + base
+
+
+def test_damage_between_replies_costs_neither_of_them():
+    story = Story()
+    story.replies["clear_error"] = None
+    for call in ("first", "second"):
+        story.core.run(call, story.core.ask(c.ClearError()), story.now)
+    story.perform()
+    good = json.dumps({"cmdName": "clear_error", "errorCode": "0", "errorMsg": ""}).encode()
+    story.core.received(Port.COMMAND, good + b"#damage#" + good, story.now)
+    story.run(0.008)
+    assert story.error("first") is None and story.error("second") is None

@@ -1,0 +1,121 @@
+"""Power, enabling and alarms: what is sent to an arm that is sick, and what counts as done."""
+import pytest
+from stories import HOME, Story
+
+from jaka_ros_driver.client.core.procedures import power
+from jaka_ros_driver.commands import JointMove
+from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
+
+SWITCHES = {"power_on", "enable_robot"}
+OFF = {"powered_on": 0, "enabled": False}
+
+
+def asked(procedure, **fields):
+    """A story in which a procedure of ``power`` was begun on an arm of this state."""
+    story = Story()
+    story.fields.update(fields)
+    story.run(0.1)
+    story.core.run("call", procedure(story.core), story.now)
+    story.perform()
+    return story
+
+
+def switches(story):
+    return [name for name in story.names() if name in SWITCHES]
+
+
+@pytest.mark.parametrize("procedure", [lambda core: power.set_power(core, True),
+                                       lambda core: power.set_enabled(core, True)])
+@pytest.mark.parametrize("stop", ["emergency_stop", "protective_stop"])
+def test_nothing_is_switched_on_under_a_stop(procedure, stop):
+    story = asked(procedure, enabled=False, powered_on=0, **{stop: 1})
+    assert isinstance(story.error("call"), InvalidCommand) and not switches(story)
+
+
+def test_power_counts_as_on_when_the_arm_reports_it_and_not_when_it_is_accepted():
+    story = asked(lambda core: power.set_power(core, True), **OFF).run(0.5)
+    assert switches(story) == ["power_on"] and story.error("call") == "pending"
+    story.fields["powered_on"] = 1
+    assert story.run(0.05).error("call") is None
+
+
+def test_only_a_state_of_after_the_question_answers_it():
+    story = Story()
+    story.core.run("call", story.core.seen(lambda state: state.is_enabled, 1.0), story.now)
+    story.core.tick(story.now)
+    story.perform()
+    assert story.error("call") == "pending"
+    assert story.run(0.008).error("call") is None
+
+
+def test_an_alarm_that_stands_again_is_not_cleared():
+    story = asked(power.clear_error, errcode="0xf0034").run(2.9)
+    assert story.count("clear_error") == 1 and story.error("call") == "pending"
+    story.run(0.2)
+    assert story.cause("call") is StopCause.FAULT and "0xF0034" in str(story.error("call"))
+
+
+def test_clearing_tells_what_is_still_missing():
+    story = asked(power.clear_error, errcode="0xf0034", **OFF)
+    story.fields["errcode"] = "0x0"
+    story.run(0.05)
+    assert story.answers["call"][1:] == (["power", "enable"], None)
+
+
+@pytest.mark.parametrize("illness", [{"emergency_stop": 1}, {"protective_stop": 1}, {"errcode": "0xf0034"}])
+def test_a_sick_arm_is_not_powered_by_itself(illness):
+    story = asked(power.auto_enable, **OFF, **illness).run(0.5)
+    assert not switches(story)
+
+
+def test_a_healthy_arm_is_powered_and_enabled_once():
+    story = asked(power.auto_enable, **OFF).run(0.2)
+    story.fields["powered_on"] = 1
+    story.run(0.2)
+    story.fields["enabled"] = True
+    story.run(0.2)
+    story.fields.update(OFF)
+    story.run(0.5)
+    assert switches(story) == ["power_on", "enable_robot"]
+
+
+@pytest.mark.parametrize("disturb", [
+    lambda story: story.core.stop("stop", story.now), lambda story: story.run(0.02, protective_stop=1),
+    lambda story: story.core.run("other", power.clear_error(story.core), story.now)])
+def test_what_disturbs_the_powering_ends_it_for_good(disturb):
+    story = asked(power.auto_enable, **OFF).run(0.2)
+    disturb(story)
+    story.run(0.1)
+    story.fields["powered_on"] = 1
+    story.run(0.5)
+    assert switches(story) == ["power_on"]
+
+
+def test_an_arm_without_drives_is_not_moved():
+    for fields in (OFF, {"enabled": False}, {"emergency_stop": 1}, {"protective_stop": 1}):
+        story = Story()
+        story.fields.update(fields)
+        story.run(0.1)
+        story.core.move("move", JointMove((0.5,) + HOME[1:], 1.0, 1.0), True, story.now)
+        story.perform()
+        assert isinstance(story.error("move"), InvalidCommand) and story.count("joint_move") == 0
+
+
+def test_hand_guiding_that_the_feed_does_not_tell_excludes_motion_until_it_is_switched_off():
+    story = Story()
+    for active in (True, False):
+        story.core.hand_guiding_was_set(active)
+        story.core.move(active, JointMove((0.5,) + HOME[1:], 1.0, 1.0), True, story.now)
+        story.perform()
+    assert isinstance(story.error(True), InvalidCommand) and story.error(False) == "pending"
+
+
+def test_disabling_in_mid_move_stops_the_arm_and_waits_for_its_rest():
+    story = Story()
+    story.core.move("move", JointMove((0.5,) + HOME[1:], 1.0, 1.0), True, story.now)
+    story.run(0.3, move=0.5, inpos=False)
+    story.core.run("call", power.set_enabled(story.core, False), story.now)
+    story.run(0.1, move=0.5, inpos=False)
+    assert story.count("stop_program") == 1 and story.count("disable_robot") == 0
+    story.run(0.2)
+    assert story.count("disable_robot") == 1 and isinstance(story.error("move"), MotionInterrupted)

@@ -1,0 +1,128 @@
+"""Servo mode: entered when the controller confirms it, one frame a cycle, ended by whatever goes wrong."""
+import math
+
+import pytest
+from stories import HOME, PERIOD, Story
+
+from jaka_ros_driver.client.core.actions import Port
+from jaka_ros_driver.commands import ServoJoint
+from jaka_ros_driver.errors import CommandRejected, InvalidCommand, StopCause
+
+
+def streaming(**settings):
+    """In servo mode, held where the arm is."""
+    story = Story(**settings)
+    story.core.servo_mode("servo", True, story.now)
+    story.perform()
+    story.run(0.2)
+    assert story.error("servo") is None
+    del story.sent[:]
+    return story
+
+
+def frames(story):
+    return [request["jointPosition"] for _, request in story.sent if request["cmdName"] == "servo_j"]
+
+
+def without_stop(story):
+    return story.count("stop_program") == 0 and not story.core.is_free
+
+
+def test_the_stream_begins_where_the_arm_is_with_one_frame_a_cycle():
+    story = streaming().run(1.0)
+    assert len(frames(story)) == pytest.approx(1.0 / PERIOD, abs=1)
+    for frame in frames(story):
+        assert frame == pytest.approx([math.degrees(q) for q in HOME], abs=1e-9)
+    assert without_stop(story)
+
+
+@pytest.mark.parametrize("away, begins_at", [(0.01, 0.01), (0.2, 0.0)])
+def test_the_stream_begins_at_the_commanded_joints_where_the_arm_is_near_them(away, begins_at):
+    story = Story()
+    story.fields["joint_position"] = [math.degrees(q + away) for q in HOME]
+    story.run(0.1)
+    story.core.servo_mode("servo", True, story.now)
+    story.run(0.1)
+    assert frames(story)[0] == pytest.approx([math.degrees(q + begins_at) for q in HOME], abs=1e-9)
+
+
+def test_servo_mode_that_the_controller_does_not_confirm_is_not_entered_and_the_arm_stopped():
+    story = Story()
+    story.replies["servo_move"] = None
+    story.core.servo_mode("servo", True, story.now)
+    story.perform()
+    story.reply("servo_move")
+    story.run(1.9)
+    assert story.error("servo") == "pending" and not frames(story)
+    story.replies["servo_move"] = "0"
+    story.run(0.4)
+    assert story.cause("servo") is StopCause.TIMEOUT and story.count("stop_program") == 1 and not frames(story)
+
+
+def test_servo_mode_that_is_refused_leaves_the_arm_free():
+    story = Story()
+    story.replies["servo_move"] = "2"
+    story.core.servo_mode("servo", True, story.now)
+    story.perform()
+    assert isinstance(story.error("servo"), CommandRejected)
+    assert story.run(0.2).core.is_free and story.count("stop_program") == 0
+
+
+def test_targets_are_followed_and_the_last_one_is_held():
+    story = streaming()
+    for n in range(1, 101):
+        story.core.set_servo_target(ServoJoint((0.001 * n,) + HOME[1:]), story.now)
+        story.run(PERIOD, move=0.001 * n)
+    story.run(0.2, move=0.1)
+    assert frames(story)[-1][0] == pytest.approx(math.degrees(0.1)) and without_stop(story)
+
+
+def test_late_cycles_are_left_out_and_never_caught_up():
+    story = streaming()
+    story.now += 0.06
+    story.frame()
+    story.core.tick(story.now)
+    story.perform()
+    assert len(frames(story)) == 1 and story.core.late_servo_cycles == 7
+    assert story.now < story.core.next_deadline() <= story.now + PERIOD
+
+
+def test_a_silent_client_leaves_servo_mode_and_the_arm_held():
+    story = streaming(servo_timeout=0.5).run(0.25)
+    assert without_stop(story) and story.servo_mode
+    story.run(0.3)
+    assert not story.servo_mode and story.core.is_free and story.count("stop_program") == 0
+    with pytest.raises(InvalidCommand, match="no servo target for 0.5 s"):
+        story.core.set_servo_target(ServoJoint(HOME), story.now)
+
+
+def test_a_stop_leaves_servo_mode_first_and_no_frame_follows():
+    story = streaming()
+    story.core.stop("stop", story.now)
+    story.run(0.3)
+    assert story.names()[:2] == ["servo_move", "stop_program"] and not frames(story)
+    assert not story.servo_mode and story.core.is_free
+
+
+def test_a_frame_that_the_controller_refuses_ends_the_stream():
+    story = streaming()
+    story.replies["servo_j"] = "-8"
+    story.run(0.3)
+    assert story.count("servo_j") == 1 and story.names()[1:3] == ["servo_move", "stop_program"]
+
+
+def test_an_arm_that_is_not_where_it_was_sent_is_stopped():
+    story = streaming().run(0.1, move=0.03)
+    assert without_stop(story)
+    story.run(0.1, move=0.2)
+    assert story.count("stop_program") == 1
+
+
+@pytest.mark.parametrize("whose", ["the driver's", "somebody else's"])
+def test_servo_mode_is_not_claimed_while_the_link_is_down(whose):
+    story = streaming() if whose == "the driver's" else Story()
+    story.servo_mode = True
+    story.run(0.5)
+    assert story.core.links.is_servo_active
+    story.core.closed(Port.COMMAND, "cut", story.now)
+    assert not story.core.links.is_servo_active

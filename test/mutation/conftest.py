@@ -1,0 +1,7 @@
+"""The mutants and what runs them lie beside the test of this folder."""
+import sys
+from pathlib import Path
+
+HERE = str(Path(__file__).resolve().parent)
+if HERE not in sys.path:
+    sys.path.insert(0, HERE)

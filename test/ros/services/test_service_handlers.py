@@ -1,0 +1,91 @@
+"""What each service asks of the arm, and what it tells its caller: with an arm that notes what it is asked."""
+from types import SimpleNamespace
+
+import pytest
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.ros.convert import Terminal
+from jaka_ros_driver.ros.params import DriverConfig
+from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
+from jaka_ros_driver.state import IoBank, IoState, RobotState
+
+MOVE = c.JointMove((0.0,) * 6, 1.0, 1.0)
+IO = IoState({IoBank.CABINET: (0, 1)}, {IoBank.CABINET: (1, 0)}, {IoBank.CABINET: (0.5, 1.5)},
+             {IoBank.CABINET: (2.5, 3.5)})
+
+
+class Arm:
+    """Notes moves and how procedures are run; ``result`` is what they return."""
+
+    def __init__(self):
+        self.settings = SimpleNamespace(jog_timeout=3.0)
+        self.state = RobotState((0.0,) * 6, True, True, True, False, False, io=IO)
+        self.moves, self.runs, self.asked = [], [], []
+        self.result = None
+
+    def move(self, command, wait):
+        self.moves.append((command, wait))
+
+    def run(self, procedure, exclusive=False):
+        self.runs.append(exclusive)
+        return self.result
+
+    def execute(self, command):
+        self.asked.append(command)
+        return 1
+
+    def fresh_state(self):
+        return self.state
+
+
+@pytest.fixture
+def arm():
+    return Arm()
+
+
+def handlers(arm, **parameters):
+    return ServiceHandlers(arm, DriverConfig(**parameters), None)
+
+
+@pytest.mark.parametrize("blocking, message", [(True, "completed"), (False, "accepted")])
+def test_a_move_is_waited_for_as_the_parameter_says_and_its_caller_told_so(arm, blocking, message):
+    outcome = handlers(arm, blocking=blocking).move(MOVE)
+    assert arm.moves == [(MOVE, blocking)]
+    assert outcome.is_success and outcome.message.startswith(message)
+
+
+@pytest.mark.parametrize("active", [True, False])
+def test_hand_guiding_needs_a_free_arm_to_begin_and_nothing_to_end(arm, active):
+    handlers(arm).hand_guiding(active)
+    assert arm.runs == [active]
+
+
+@pytest.mark.parametrize("is_digital, is_output, values", [
+    (True, False, (0, 1)), (True, True, (1, 0)), (False, False, (0.5, 1.5)), (False, True, (2.5, 3.5))])
+def test_each_terminal_is_read_from_its_own_place_and_none_beyond_the_last(arm, is_digital, is_output, values):
+    read = handlers(arm).read
+    for index, value in enumerate(values):
+        assert read(Terminal(is_digital, is_output, IoBank.CABINET, index)).value == value
+    with pytest.raises(InvalidCommand, match="index is 2; valid: 0 to 1"):
+        read(Terminal(is_digital, is_output, IoBank.CABINET, 2))
+    assert not arm.asked
+
+
+@pytest.mark.parametrize("is_digital, query", [(True, c.GetDigitalOutput), (False, c.GetAnalogOutput)])
+def test_an_output_that_the_feed_does_not_contain_is_asked_for_and_an_input_cannot_be(arm, is_digital, query):
+    read = handlers(arm).read
+    assert read(Terminal(is_digital, True, IoBank.TOOL, 1)).value == 1.0
+    assert arm.asked == [query(IoBank.TOOL, 1)]
+    with pytest.raises(InvalidCommand, match="does not report"):
+        read(Terminal(is_digital, False, IoBank.TOOL, 1))
+
+
+def test_clearing_succeeds_unless_the_emergency_stop_stands_and_tells_what_is_missing(arm):
+    clear = handlers(arm).clear_error
+    arm.result = []
+    assert clear(None).is_success and "ready" in clear(None).message
+    arm.result = ["power", "enable"]
+    assert clear(None).is_success and clear(None).message.endswith("power, enable")
+    arm.state = RobotState((0.0,) * 6, False, False, True, True, False)
+    assert not clear(None).is_success and "emergency stop" in clear(None).message

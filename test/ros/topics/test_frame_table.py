@@ -1,0 +1,118 @@
+"""The tool and user frames of the controller: looked up by id, unknown where they may have changed."""
+import math
+import threading
+from types import SimpleNamespace
+
+import pytest
+
+from jaka_ros_driver import commands as c
+from jaka_ros_driver.errors import ConnectionLost
+from jaka_ros_driver.kinematics.rotations import IDENTITY, transform_from_pose
+from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.state import RobotState
+
+TOOLS = tuple(c.Pose((0.0, 0.0, 0.01 * n), (0.0, 0.0, 0.1 * n)) for n in range(4))
+USERS = tuple(c.Pose((0.1 * n, 0.0, 0.0), (0.0, 0.1 * n, 0.0)) for n in range(3))
+WAIT_S = 10.0
+
+
+class Controller:
+    """An arm that answers the table's two questions; the first of them waits until ``may_answer``."""
+
+    def __init__(self):
+        self.link_health = SimpleNamespace(connections=1)
+        self.tools, self.users = TOOLS, USERS
+        self.may_answer, self.was_asked, self.has_read = threading.Event(), threading.Event(), threading.Semaphore(0)
+        self.may_answer.set()
+
+    def execute(self, query):
+        self.was_asked.set()
+        assert self.may_answer.wait(WAIT_S)
+        if query is c.Query.TOOL_FRAMES:
+            return self.tools
+        self.has_read.release()
+        if self.users is None:
+            raise ConnectionLost("no link")
+        return self.users
+
+
+def state_with(tool=0, user=0):
+    return RobotState((0.0,) * 6, True, True, True, False, False, tool_id=tool, user_frame_id=user)
+
+
+@pytest.fixture
+def controller():
+    return Controller()
+
+
+@pytest.fixture
+def table(controller):
+    table = FrameTable(controller)
+    yield table
+    controller.may_answer.set()
+    table.close()
+
+
+def read(table):
+    """Have the table read once, without its thread."""
+    table._read_all()
+    return table
+
+
+def test_before_anything_was_read_the_flange_and_the_base_alone_are_known(table):
+    assert table.flange_t_tool(state_with()) == table.base_t_user(state_with()) == IDENTITY
+    assert table.flange_t_tool(state_with(tool=1)) is None and table.base_t_user(state_with(user=1)) is None
+
+
+def test_a_controller_that_does_not_tell_its_ids_uses_flange_and_base(table):
+    state = state_with(tool=None, user=None)
+    assert read(table).flange_t_tool(state) == table.base_t_user(state) == IDENTITY
+
+
+def test_tools_and_user_frames_are_found_by_their_own_ids(table):
+    read(table)
+    assert table.flange_t_tool(state_with(tool=3, user=1)) == transform_from_pose(TOOLS[3])
+    assert table.base_t_user(state_with(tool=3, user=1)) == transform_from_pose(USERS[1])
+
+
+@pytest.mark.parametrize("beyond", [-1, 4, 5])
+def test_an_id_that_the_controller_has_no_frame_for_is_unknown(table, beyond):
+    assert read(table).flange_t_tool(state_with(tool=beyond)) is None
+
+
+def test_inside_a_change_nothing_is_known_also_what_is_read_meanwhile(table):
+    read(table)
+    with table.changing():
+        assert table.flange_t_tool(state_with(tool=1)) is None
+        assert read(table).flange_t_tool(state_with(tool=1)) is None
+    assert table.flange_t_tool(state_with(tool=1)) is None
+    assert read(table).flange_t_tool(state_with(tool=1)) == transform_from_pose(TOOLS[1])
+
+
+def test_what_was_asked_before_a_change_is_not_kept_after_it(table, controller):
+    controller.may_answer.clear()
+    reader = threading.Thread(target=table._read_all)
+    reader.start()
+    assert controller.was_asked.wait(WAIT_S)
+    with table.changing():
+        pass
+    controller.may_answer.set()
+    reader.join(WAIT_S)
+    assert table.flange_t_tool(state_with(tool=1)) is None
+
+
+def test_frames_are_read_again_at_once_after_a_change_and_a_new_connection(table, controller):
+    table.start()
+    assert controller.has_read.acquire(timeout=WAIT_S)
+    with table.changing():
+        controller.tools = tuple(c.Pose((0.0, 0.0, 1.0), (0.0, 0.0, math.pi / 2)) for _ in range(4))
+    assert controller.has_read.acquire(timeout=2.0), "sooner than after the usual 5 s"
+    controller.link_health = SimpleNamespace(connections=2)
+    assert controller.has_read.acquire(timeout=2.0)
+
+
+def test_frames_that_cannot_be_read_are_unknown_and_the_others_are_not(table, controller):
+    controller.users = None
+    read(table)
+    assert table.base_t_user(state_with(user=1)) is None
+    assert table.flange_t_tool(state_with(tool=1)) == transform_from_pose(TOOLS[1])

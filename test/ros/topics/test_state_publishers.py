@@ -1,0 +1,111 @@
+"""What is published of a state, and what is not: told by states and times, without a ROS master."""
+import dataclasses
+from types import SimpleNamespace
+
+import pytest
+
+from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.kinematics.rotations import IDENTITY
+from jaka_ros_driver.ros.params import DriverConfig
+from jaka_ros_driver.ros.topics import state_publishers
+from jaka_ros_driver.state import RobotState
+
+FEED_PERIOD = 0.1
+"""s; a slow feed: its samples are repeated."""
+STATE = RobotState((0.1, 0.2, 0.3, 0.4, 0.5, 0.6), True, True, True, False, False, tcp_position=(0.4, 0.1, 0.3),
+                   tcp_rpy=(0.0, 0.0, 0.5), user_frame_id=3)
+REPEATED = ("~tool_position", "~joint_position", "~robot_states")
+
+
+class Topic:
+    """Keeps what is published; somebody subscribes to it."""
+
+    def __init__(self):
+        self.messages = []
+
+    def get_num_connections(self):
+        return 1
+
+    def publish(self, message):
+        self.messages.append(message)
+
+
+class Bench:
+    """The publishers on an arm whose states the test tells.
+
+    Attributes:
+        topics: By name.
+        arm: The arm's client, as far as it is used.
+        publishers: What is tested.
+    """
+
+    def __init__(self, monkeypatch, **parameters):
+        self.topics = {}
+        monkeypatch.setattr(state_publishers, "_publisher", lambda name, _: self.topics.setdefault(name, Topic()))
+        monkeypatch.setattr(state_publishers, "ros_clock", lambda: lambda: 10 ** 18)
+        self.arm = SimpleNamespace(
+            settings=SimpleNamespace(feed_period=0.008), model=load_model("zu7"), is_servo_active=False,
+            link_health=SimpleNamespace(status_is_up=True), add_listener=self._listen, add_task=lambda task: None)
+        frames = SimpleNamespace(flange_t_tool=lambda state: IDENTITY, base_t_user=lambda state: IDENTITY)
+        self.publishers = state_publishers.StatePublishers(self.arm, DriverConfig(**parameters), frames)
+        self.publishers.start()
+        self.now = 100.0
+
+    def _listen(self, listener):
+        self.arrived = listener
+
+    def feed(self, count, is_new=True, **fields):
+        for _ in range(count):
+            self.now += FEED_PERIOD
+            self.arrived(dataclasses.replace(STATE, received_at=self.now, **fields), is_new)
+        return self
+
+    def counts(self):
+        return {name: len(topic.messages) for name, topic in self.topics.items()}
+
+    def newest(self, name):
+        return self.topics[name].messages[-1]
+
+
+@pytest.fixture
+def bench(monkeypatch):
+    return Bench(monkeypatch)
+
+
+def test_a_new_state_is_on_every_topic(bench):
+    bench.feed(1)
+    assert set(bench.counts().values()) == {1} and len(bench.topics) == 5
+    assert bench.newest("~joint_position").position == list(STATE.joint_position)
+    assert bench.newest("~tool_position").header.frame_id == "user_frame_3"
+
+
+def test_old_news_is_not_published(bench):
+    bench.feed(5, is_new=False)
+    assert not any(bench.counts().values())
+
+
+def test_the_newest_state_of_a_slow_feed_is_repeated_with_its_own_stamp(bench):
+    bench.feed(10)
+    assert bench.publishers.due() is not None
+    bench.publishers.run(bench.now + 0.01)
+    for name in REPEATED:
+        *_, last, repeated = bench.topics[name].messages
+        assert len(bench.topics[name].messages) == 11 and repeated is last
+    assert len(bench.topics["joint_states"].messages) == len(bench.topics["/tf"].messages) == 10
+
+
+@pytest.mark.parametrize("trouble", ["stale", "no link"])
+def test_a_state_that_is_stale_or_whose_link_is_down_is_not_repeated_then_or_later(bench, trouble):
+    bench.feed(10)
+    if trouble == "stale":
+        bench.now += DriverConfig().stale_after
+    else:
+        bench.arm.link_health.status_is_up = False
+    bench.publishers.run(bench.now + 0.001)
+    assert set(bench.counts().values()) == {10}
+    assert bench.publishers.due() is None
+
+
+def test_a_pose_that_the_controller_does_not_tell_is_not_published(bench):
+    bench.feed(1, tcp_position=None)
+    assert bench.counts()["~tool_position"] == 0 and bench.counts()["~joint_position"] == 1
