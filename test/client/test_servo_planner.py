@@ -10,7 +10,7 @@ from jaka_ros_driver.client.core.servo_planner import JointServo, PoseServo
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.kinematics.limits import JOINT_SPEED_CEILING
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 
 PERIOD = 0.008
@@ -200,3 +200,24 @@ def test_increments_do_not_pass_a_joint_limit():
         servo.set_target((0.0, 0.001, 0.0, 0.0, 0.0, 0.0), True)
     for _ in range(20):
         assert servo.next_frame().joint_position[1] <= high
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("speed", [0.5, 1.0, 2.0, 3.0])
+def test_a_fast_stream_that_ends_at_a_limit_does_not_pass_it(speed, side):
+    low, high = ZU3.joint_limits[1]
+    limit, sign = (low, -1.0) if side == 0 else (high, 1.0)
+    began = limit - sign * 1.5
+    servo = JointServo((HOME[0], began, *HOME[2:]), ZU3, 0.1, 0.2, PERIOD)
+    target, now, velocity, fastest = began, began, 0.0, 0.0
+    for cycle in range(900):
+        target += sign * min(speed, 10.0 * PERIOD * (cycle + 1)) * PERIOD
+        target = min(max(target, low), high)
+        with contextlib.suppress(InvalidCommand):  # what the arm cannot follow near the limit
+            servo.set_target((HOME[0], target, *HOME[2:]), False)
+        then, now, was = now, servo.next_frame().joint_position[1], velocity
+        velocity = (now - then) / PERIOD
+        assert low <= now <= high
+        assert abs(velocity - was) <= JOINT_ACCELERATION_CEILING * PERIOD * 1.15
+        fastest = max(fastest, abs(velocity))
+    assert now == pytest.approx(limit, abs=1e-9) and fastest > 0.6 * speed

@@ -22,6 +22,9 @@ from jaka_ros_driver.kinematics.rotations import (
 )
 from jaka_ros_driver.state import RobotState, Vector
 
+Room = Tuple[float, float]
+"""From here to the limits below and above, rad."""
+_NO_LIMITS: Room = (math.inf, math.inf)
 _ORIGIN = (0.0, 0.0, 0.0)
 _LEVER = 0.3
 """m; how far from the tool's centre a turn is looked at."""
@@ -35,7 +38,8 @@ class _Follower:
     """Brings a point to its target: a new one at once where speed and acceleration allow it, else as they do.
 
     So a smooth stream is passed on as it is, and the last target is come to without passing it, where its client did
-    not stop in the middle of fast motion.
+    not stop in the middle of fast motion. A limit is not passed then either: with ``room``, how far it is to the limits
+    below and above, a target is taken at once only where braking afterwards ends within them.
     """
 
     def __init__(self, max_speed: float, acceleration: float, period: float) -> None:
@@ -45,33 +49,35 @@ class _Follower:
         self._period = period
         self._velocity: Tuple[float, ...] = ()
 
-    def step(self, away: Sequence[float], is_new: bool) -> Vector:
+    def step(self, away: Sequence[float], is_new: bool, room: Room = _NO_LIMITS) -> Vector:
         """The step of this cycle towards a target that is ``away`` from here; ``is_new``: since the last step."""
         if not self._velocity:
             self._velocity = (0.0,) * len(away)
         wanted: Tuple[float, ...] = tuple([a / self._period for a in away])
-        if not (is_new and self._takes_at_once(wanted)):
+        if not (is_new and self._takes_at_once(wanted, room)):
             wanted = self._limited(away)
         self._velocity = wanted
         return tuple(w * self._period for w in wanted)
 
-    def _takes_at_once(self, wanted: Tuple[float, ...]) -> bool:
-        velocity = self._velocity or (0.0,) * len(wanted)
-        return math.hypot(*wanted) <= self._max_speed and math.dist(wanted, velocity) <= self._max_change
+    def _takes_at_once(self, wanted: Tuple[float, ...], room: Room) -> bool:
+        velocity, speed = self._velocity or (0.0,) * len(wanted), math.hypot(*wanted)
+        way = speed * self._period + 0.5 * speed * speed / self._acceleration
+        return (speed <= self._max_speed and math.dist(wanted, velocity) <= self._max_change
+                and way <= room[wanted[0] > 0.0] + _WIRE_ROUNDING)
 
     @property
     def is_still(self) -> bool:
         """The last step was none."""
         return not self._velocity or math.hypot(*self._velocity) * self._period <= _ARRIVED
 
-    def arrives_within(self, away: Sequence[float], cycles: int) -> bool:
+    def arrives_within(self, away: Sequence[float], cycles: int, room: Room = _NO_LIMITS) -> bool:
         """Whether it would reach a new target that is ``away`` from here within so many cycles."""
-        if self._takes_at_once(tuple([a / self._period for a in away])):
+        if self._takes_at_once(tuple([a / self._period for a in away]), room):
             return True
         twin = _Follower(self._max_speed, self._max_change / self._period, self._period)
         twin._velocity = self._velocity
         for cycle in range(cycles):
-            away = tuple(a - s for a, s in zip(away, twin.step(away, is_new=cycle == 0)))
+            away = tuple(a - s for a, s in zip(away, twin.step(away, cycle == 0, room)))
             if math.hypot(*away) <= _ARRIVED:
                 return True
         return False
@@ -132,7 +138,7 @@ class JointServo:
             if jump > self._max_jump + _WIRE_ROUNDING:
                 raise InvalidCommand("refused: joint %d of the servo target is %.4f rad away, more than the allowed "
                                      "%.4f rad" % (index + 1, jump, self._max_jump))
-            if not follower.arrives_within((value - position,), self._cycles):
+            if not follower.arrives_within((value - position,), self._cycles, self._room(index)):
                 raise InvalidCommand("refused: joint %d of the servo target is %.4f rad away; the arm would not be "
                                      "there within %.3g s (servo_ahead); send smaller steps"
                                      % (index + 1, jump, self._ahead))
@@ -155,10 +161,16 @@ class JointServo:
 
     def next_frame(self) -> ServoJoint:
         is_new, self._is_new = self._is_new, False
-        self._position = tuple(
-            p + follower.step((t - p,), is_new)[0]
-            for p, t, follower in zip(self._position, self._target, self._followers))
+        moved = [p + follower.step((t - p,), is_new, self._room(index))[0] for index, (p, t, follower) in enumerate(
+            zip(self._position, self._target, self._followers))]
+        # whole cycles brake a little less exactly than the formula; an arm that began beyond a limit is not pushed back
+        self._position = tuple(min(max(m, min(low, p)), max(high, p))
+                               for m, p, (low, high) in zip(moved, self._position, self._limits))
         return ServoJoint(self._position)
+
+    def _room(self, index: int) -> Room:
+        low, high = self._limits[index]
+        return self._position[index] - low, high - self._position[index]
 
 
 class PoseServo:
