@@ -1,8 +1,9 @@
 """The action ``~recover`` (jaka_msgs/Recover): the service of that name, with feedback, and it can be cancelled."""
+import contextlib
 import logging
 import threading
 from concurrent.futures import Future
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any, Dict, Optional
 
 import rospy
@@ -15,6 +16,8 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.services.service_server import CallCount
 
 _LOG = logging.getLogger(__name__)
+
+_FEEDBACK_PERIOD_S = 0.2
 
 
 class RecoverAction:
@@ -69,10 +72,16 @@ class RecoverAction:
                 del self._cancels[goal_id]
 
     def _recover(self, goal: Any, cancelled: threading.Event) -> str:
-        """Returns what was done; publishes the steps in this thread, because the client's must not wait."""
-        steps: "SimpleQueue[Optional[RecoveryStep]]" = SimpleQueue()
-        done: "Future[str]" = self._arm.begin(lambda core: recover(core, steps.put, cancelled.is_set))
+        """Returns what was done; publishes the steps in this thread, because the client's must not wait.
+
+        The step under way is told again and again: an actionlib client misses what comes while it still sends its goal.
+        """
+        steps: SimpleQueue[Optional[RecoveryStep]] = SimpleQueue()
+        done: Future[str] = self._arm.begin(lambda core: recover(core, steps.put, cancelled.is_set))
         done.add_done_callback(lambda _: steps.put(None))
-        for step in iter(steps.get, None):
+        step = steps.get()
+        while step is not None:
             goal.publish_feedback(messages.RecoverFeedback(step=step.value))
+            with contextlib.suppress(Empty):
+                step = steps.get(timeout=_FEEDBACK_PERIOD_S)
         return done.result()

@@ -7,11 +7,20 @@ from jaka_ros_driver.client.core.motion import event_text, standing_cause
 from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.client.core.procedures.procedure import Now, Procedure, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
-from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, MotionInterrupted, StopCause
+from jaka_ros_driver.errors import (
+    CommandRejected,
+    ConnectionLost,
+    InvalidCommand,
+    JakaError,
+    MotionInterrupted,
+    StopCause,
+)
 from jaka_ros_driver.state import RobotState
 
 _REST_TIMEOUT_S = 1.5
 """s; a recovery waits so long for an arm that is coming to rest."""
+_FEED_DELAY_S = 0.1
+"""s; the status feed may show so much later than a reply what the reply tells of."""
 _LEAVES_WITH_THE_JOINT = (0x31, 0x32, 0x35, 0x36)
 """Events 0x0n0031 and so on: a joint stands on a soft limit, or a jog leads beyond it. They end when the joint is moved
 away, which they do not prevent (docs/controller-protocol.md section 4.4).
@@ -82,13 +91,11 @@ class _Recovery:
         self._check()
         if _needs_clearing(state) or standing_cause(state) is not None:
             yield from self._await_rest()
-            yield from self._clear((yield from self._state()))
-            if not (yield from self._state()).is_powered:
-                self._begin(RecoveryStep.POWER)
-                yield from power.switch_power(core, True, self._check)
-            if not (yield from self._state()).is_enabled:
-                self._begin(RecoveryStep.ENABLE)
-                yield from power.switch_drives(core, True, self._check)
+            try:
+                yield from self._steps()
+            except CommandRejected:
+                yield from core.seen(lambda s: False, _FEED_DELAY_S, self._check)  # it may tell why, an emergency stop
+                raise
         state = yield from self._state()
         self._check()
         cause = standing_cause(state)
@@ -98,6 +105,15 @@ class _Recovery:
         if state.has_fault:
             text += "; %s stands until the joint is moved away from its limit" % event_text(state)
         return text
+
+    def _steps(self) -> Procedure:
+        yield from self._clear((yield from self._state()))
+        if not (yield from self._state()).is_powered:
+            self._begin(RecoveryStep.POWER)
+            yield from power.switch_power(self._core, True, self._check)
+        if not (yield from self._state()).is_enabled:
+            self._begin(RecoveryStep.ENABLE)
+            yield from power.switch_drives(self._core, True, self._check)
 
     def _clear(self, state: RobotState) -> Procedure:
         """The controller has one command for errors and protective stops (docs/controller-protocol.md section 5.10)."""
@@ -114,12 +130,18 @@ class _Recovery:
                     power.CLEAR_TIMEOUT_S, event_text((yield from self._state())) or "no event"))
 
     def _await_rest(self) -> Procedure:
+        """See the arm at rest, and the end of what an earlier call has begun: power_on is not sent a second time."""
         core = self._core
+        held_up_at = -_FEED_DELAY_S
 
-        def rests(_now: float) -> bool:
+        def rests(now: float) -> bool:
+            nonlocal held_up_at
             self._check()
+            if core.channel.is_held_up:
+                held_up_at = now
+            state = core.state
             return (core.custody.is_free and core.custody.stillness.duration() >= REST_TIME_S
-                    and not core.channel.is_held_up)
+                    and state is not None and state.received_at > held_up_at + _FEED_DELAY_S)
         if not (yield Until(rests, _REST_TIMEOUT_S)):
             if core.channel.is_held_up:
                 raise InvalidCommand("refused to recover: power_on or enable_robot of an earlier call is under way")
