@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Optional
 import rospy
 
 from jaka_ros_driver.client.arm_client import ArmClient, LoopTask
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.ros.industrial_messages import robot_status_type
@@ -39,28 +40,23 @@ NOTHING_KNOWN = Truth(UNKNOWN, UNKNOWN, UNKNOWN, FALSE, UNKNOWN, UNKNOWN, 0)
 """The controller is silent; this driver then refuses every motion."""
 
 
-def truth_of(state: RobotState, is_hand_guided: bool, is_motion_possible: bool, has_moved: bool) -> Truth:
+def truth_of(state: RobotState, is_hand_guided: bool, is_motion_possible: bool,
+             is_in_motion: bool) -> Truth:
     """What the fields are in a state.
 
     Args:
         state: Fresh.
         is_hand_guided: Somebody guides the arm by hand: then no program can move it, which is MANUAL.
         is_motion_possible: This driver can move the arm, or moves it.
-        has_moved: The measured joints have moved within the last 0.08 s.
+        is_in_motion: The arm moves, for whatever reason.
     """
     is_fault = state.has_fault and not state.has_warning
     in_error = is_fault or state.emergency_stop or state.protective_stop
     return Truth(
         mode=MANUAL if is_hand_guided else AUTO, e_stopped=int(state.emergency_stop),
         drives_powered=int(state.is_powered), motion_possible=int(is_motion_possible),
-        in_motion=int(has_moved or _is_under_way(state)), in_error=int(in_error),
+        in_motion=int(is_in_motion), in_error=int(in_error),
         error_code=min(state.error_code, _INT32) if is_fault else 0)
-
-
-def _is_under_way(state: RobotState) -> bool:
-    """A motion has begun that the joints may be too slow to show; one that is held is none."""
-    is_held = bool(state.is_paused) or state.program_state == 2 or state.rapid_rate == 0.0
-    return state.is_enabled and not state.is_in_position and not is_held
 
 
 class RobotStatusPublisher(LoopTask):
@@ -94,9 +90,19 @@ class RobotStatusPublisher(LoopTask):
         if not is_new or not self._publisher.get_num_connections():
             return
         truth = truth_of(state, self._arm.is_hand_guided(state), self._arm.is_motion_possible,
-                         self._arm.has_moved_since(state.received_at - REST_TIME_S))
+                         self._is_in_motion(state))
         if truth != self._newest or state.received_at - self._published_at >= _PERIOD_S:
             self._publish(truth, state.received_at)
+
+    def _is_in_motion(self, state: RobotState) -> bool:
+        """The measured joints have moved within the last 0.08 s, or a motion is under way that they may be too slow to
+        show. A motion that is held, and servo mode, show only in the joints.
+        """
+        if self._arm.has_moved_since(state.received_at - REST_TIME_S):
+            return True
+        is_held = bool(state.is_paused) or state.program_state == 2 or state.rapid_rate == 0.0
+        is_servo = self._arm.is_servo_active or self._arm.motion_owner is MotionOwner.SERVO
+        return state.is_enabled and not state.is_in_position and not is_held and not is_servo
 
     def _publish(self, truth: Truth, told_at: float) -> None:
         self._newest, self._published_at = truth, told_at
