@@ -321,6 +321,17 @@ def test_an_arm_that_this_driver_moves_is_not_recovered_but_left_alone(bench):
     assert one.is_moving()
 
 
+def test_an_alarm_is_not_cleared_while_this_driver_moves_the_arm(bench):
+    one = bench()
+    arm = one.connect()
+    event(events.LINEAR_MOVE_FAILED)(one, arm)
+    arm.move(c.JointMove((3.0,) + HOME[1:], 0.2, 4.0), wait=False)
+    assert eventually(one.is_moving)
+    with pytest.raises(InvalidCommand, match="refused to recover: a move owns the arm's motion; stop it first"):
+        Recovering(arm)()
+    assert one.is_moving() and one.requests("clear_error") == 0
+
+
 def test_shutdown_ends_it(bench, call):
     one = bench(start="off", power_delay=60.0)
     arm = one.connect()

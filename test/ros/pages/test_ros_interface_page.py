@@ -12,7 +12,7 @@ PAGE = import_graph.ROOT / "docs" / "ros-interface.md"
 ANSWERS = {
     "rosservice call /jaka_driver/recover": 'message: "the arm is ready: ',
     "rostopic type /jaka_driver/robot_status": "industrial_msgs/RobotStatus",
-    "timeout -s INT 5 rostopic hz /jaka_driver/robot_status || true": "average rate: ",
+    "rosrun jaka_ros_driver jaka_bag info --freq status.bag": "/jaka_driver/robot_status",
 }
 
 
@@ -42,7 +42,7 @@ def test_each_command_of_the_page(shell, arm):
             if "recover/goal" in line:
                 until(lambda: "step: \"enable\"" in shell.said_by("feedback"), lambda: shell.said_by("feedback"))
             ran.append(line)
-    assert set(ANSWERS) <= set(ran) and len(ran) == 5
+    assert set(ANSWERS) <= set(ran) and len(ran) == 6
 
 
 def test_the_tables_of_recovery_name_the_steps_of_the_code():
