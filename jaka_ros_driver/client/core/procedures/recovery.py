@@ -143,6 +143,7 @@ class _Recovery:
             return (core.custody.is_free and core.custody.stillness.duration() >= REST_TIME_S
                     and state is not None and state.received_at > held_up_at + _FEED_DELAY_S)
         if not (yield Until(rests, _REST_TIMEOUT_S)):
+            yield from self._state()
             if core.channel.is_held_up:
                 raise InvalidCommand("refused to recover: power_on or enable_robot of an earlier call is under way")
             owner = core.motion_owner
