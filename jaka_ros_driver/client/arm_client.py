@@ -163,6 +163,19 @@ class ArmClient:
         return self._core.motion_owner
 
     @property
+    def is_motion_possible(self) -> bool:
+        """This driver can move the arm, or moves it: links, drives and stops allow it, and nobody else has the arm."""
+        return self._core.is_motion_possible(time.monotonic())
+
+    def is_hand_guided(self, state: RobotState) -> bool:
+        """Somebody guides the arm by hand in this state; not every feed tells."""
+        return self._core.is_hand_guided(state)
+
+    def has_moved_since(self, moment: float) -> bool:
+        """Fresh frames after this moment (monotonic, s) show the joints somewhere else than before."""
+        return self._core.custody.stillness.has_moved_since(moment)
+
+    @property
     def has_failed(self) -> bool:
         """True where the thread has ended by a defect; nothing works any more."""
         return self._is_closed and not self._is_closing
@@ -192,12 +205,16 @@ class ArmClient:
         return self.run(lambda core: core.ask(command), exclusive=isinstance(command, AT_REST_ONLY))
 
     def run(self, procedure: Callable[[ArmCore], Procedure], exclusive: bool = False) -> Any:
-        """Carry out a procedure of ``core/procedures/settings`` or ``core/procedures/power``, and return its result.
+        """Carry out a procedure of ``core/procedures``, and return its result.
 
         With ``exclusive`` it is refused while anything moves the arm, and nothing can begin to move it meanwhile.
         Raises what the procedure names.
         """
         return self._call(lambda call, now: self._core.run(call, procedure(self._core), now, exclusive))
+
+    def begin(self, procedure: Callable[[ArmCore], Procedure]) -> "Future[Any]":
+        """Begin a procedure and return at once; the future gets its result, or the error that it names."""
+        return self._begin(lambda call, now: self._core.run(call, procedure(self._core), now))
 
     def move(self, command: c.Motion, wait: bool = True) -> None:
         """Move to the command's target. Returns, with ``wait``, when the arm is there, otherwise when the controller
@@ -242,6 +259,9 @@ class ArmClient:
     # ---- inside ----
 
     def _call(self, enter: Callable[["Future[Any]", float], None]) -> Any:
+        return self._begin(enter).result()
+
+    def _begin(self, enter: Callable[["Future[Any]", float], None]) -> "Future[Any]":
         call: Future[Any] = Future()
         with self._lock:
             if self._is_closed:
@@ -250,7 +270,7 @@ class ArmClient:
             self._perform()
             if self._core.next_deadline() < self._wakes_at:
                 self._transport.wake()
-        return call.result()
+        return call
 
     def _perform(self) -> None:
         """Carry out the core's actions; the caller holds the lock. Listeners get states later, without the lock."""

@@ -25,11 +25,13 @@ from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig, config_from
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher
+from jaka_ros_driver.ros.services.recover_action import RecoverAction
 from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
 from jaka_ros_driver.ros.services.service_server import take_connection
 from jaka_ros_driver.ros.services.service_table import Services
 from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
 from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
+from jaka_ros_driver.ros.topics.robot_status import RobotStatusPublisher
 from jaka_ros_driver.ros.topics.servo_topics import ServoTopics
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames, StatePublishers
 
@@ -57,6 +59,8 @@ class Driver:
         decoder = RequestDecoder(model, config.is_vendor)
         self._publishers = StatePublishers(self._arm, config, self._frames)
         self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames), CallPublisher())
+        self._recover = RecoverAction(self._arm)
+        self._status = RobotStatusPublisher(self._arm)
         self._topics = ServoTopics(self._arm, decoder, FrameNames(config))
         self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames))
         self._master_watch = MasterWatch(self._set_description)
@@ -73,7 +77,9 @@ class Driver:
         self._set_description()
         keep_serving(take_connection)
         self._publishers.start()
+        self._status.start()
         self._services.offer()
+        self._recover.offer()
         self._topics.start()
         self._arm.start()
         self._frames.start()
@@ -101,6 +107,7 @@ class Driver:
         """Stop what this driver moves, answer every pending call, disconnect, and release the controller's lock."""
         self._arm.close()
         self._services.finish_calls(_ANSWER_TIMEOUT_S)
+        self._recover.finish_goals(_ANSWER_TIMEOUT_S)
         self._master_watch.close()
         self._diagnostics.close()
         self._frames.close()

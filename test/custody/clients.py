@@ -5,7 +5,7 @@ from driver_process import Call, DriverProcess
 from virtual_clock import Clock
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core.procedures import power, settings
+from jaka_ros_driver.client.core.procedures import power, recovery, settings
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm.plant import HOME
@@ -106,6 +106,7 @@ class Clients:
         make, exclusive = {
             "power": (lambda core: power.set_power(core, value), False),
             "enable": (lambda core: power.set_enabled(core, value), False),
+            "recover": (lambda core: recovery.recover(core), False),
             "clear_error": (lambda core: power.clear_error(core), False),
             "hand_guiding": (lambda core: settings.set_hand_guiding(core, value), True),
             "tool_frame": (lambda core: settings.set_tool_frame(

@@ -157,7 +157,8 @@ CALLS: _Weighted = (
     (0.5, _servo_mode(True)), (0.7, _servo_mode(False)), (1.5, _servo_stream), (0.5, _servo_burst), (2.5, _stop),
     (2.0, _stop_with_move),
     (0.5, _procedure("power", True, True, True, False)), (0.7, _procedure("enable", True, True, True, False)),
-    (1.0, _procedure("clear_error", None)), (0.5, _procedure("hand_guiding", True, False, False)),
+    (1.0, _procedure("clear_error", None)), (0.7, _procedure("recover", None)),
+    (0.5, _procedure("hand_guiding", True, False, False)),
     (0.3, _procedure("tool_frame", 1, 2)), (0.3, _procedure("user_frame", 1, 2)), (0.3, _procedure("payload", 1.0)),
     (0.3, _procedure("query", None)))
 

@@ -44,6 +44,8 @@ STOP_ANSWER_SLACK = 0.1
 """s, over the time-out of the reply: nothing else holds the answer to a stop up."""
 ANSWER_SLACK = 6.0
 """s, over what a call may take by its settings: waiting for rest, polls, repeated questions."""
+RECOVERY_SLACK = 8.0
+"""s, over that: a recovery waits for rest, and twice for what clear_error does."""
 FREE_AFTER = 2.0
 """s; so long after everything is well and the arm at rest, custody has ended."""
 _JOINT_TOLERANCE, _POSITION_TOLERANCE, _ANGLE_TOLERANCE = 0.01, 0.002, 0.02
@@ -332,6 +334,8 @@ class Judge:
             longest += settings.motion_timeout
         elif call.kind == "run":
             longest += settings.power_timeout + settings.enable_timeout
+            if call.command == ("recover", None):
+                longest += RECOVERY_SLACK
         return longest
 
     # ---- the end ----

@@ -63,6 +63,7 @@ class SentRules:
         self._orders = 0
         self._alarm = 0
         self._power_wish = {"power_on": -1, "enable_robot": -1}
+        self._recovery = -1
         self._auto: Optional[int] = None
         self._auto_acts = False
         self._servo_call = 0
@@ -84,10 +85,13 @@ class SentRules:
         self.open_calls[call.number] = call
         if call.kind == "stop":
             self.last_stop = call.number
+            self._recovery = -1  # a stop ends it
         elif call.command == ("power", True):
             self._power_wish["power_on"] = self._orders
         elif call.command == ("enable", True):
             self._power_wish["enable_robot"] = self._orders
+        elif call.command == ("recover", None):
+            self._recovery = self._orders
 
     def alarmed(self, is_fault: bool) -> None:
         """The driver learns of a fault, a restart or a lost link.
@@ -134,7 +138,7 @@ class SentRules:
         return requests
 
     def _energises(self, name: str, now: float) -> None:
-        if self._power_wish[name] > self._alarm:
+        if max(self._power_wish[name], self._recovery) > self._alarm:
             return
         if self._auto is not None and self._auto > self._alarm:
             self._auto_acts = True

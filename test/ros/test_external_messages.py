@@ -1,4 +1,4 @@
-"""The driver on the maker's own jaka_msgs (JAKA_MSGS_EXTERNAL=1), which has no ServiceCall."""
+"""The driver on the maker's own jaka_msgs (JAKA_MSGS_EXTERNAL=1), without ServiceCall and the action Recover."""
 import contextlib
 import os
 from pathlib import Path
@@ -32,7 +32,7 @@ def external_messages(tmp_path):
     return tmp_path
 
 
-def test_everything_is_served_but_the_record_of_calls(ros_node, external_messages):
+def test_everything_is_served_but_the_record_of_calls_and_the_action(ros_node, external_messages):
     path = os.pathsep.join((str(external_messages), os.environ["PYTHONPATH"]))
     with contextlib.closing(SimulatorProcess("--start", "enabled")) as simulator:
         driver = DriverProcess(NAME, environment={"PYTHONPATH": path}, interface="vendor",
@@ -46,9 +46,12 @@ def test_everything_is_served_but_the_record_of_calls(ros_node, external_message
             with contextlib.closing(rospy.ServiceProxy("/%s/servo_j" % NAME, ServoMoveWithSpeed)) as makers_client:
                 assert makers_client(pose=[0.0] * 6, speed=[1.0]).ret == 1
             arm.call("stop_move")
+            assert arm.call("recover").success, "the service does without the message type"
             topics = [topic for topic, _ in rospy.get_published_topics("/" + NAME)]
             code, said = driver.end()
     assert "/%s/robot_states" % NAME in topics and "/%s/service_calls" % NAME not in topics
+    assert not [topic for topic in topics if "/recover/" in topic]
     assert code == 0
+    assert len([line for line in said.splitlines() if "no action Recover" in line and "WARN" in line]) == 1
     warnings = [line for line in said.splitlines() if "ServiceCall" in line]
     assert len(warnings) == 1 and "WARN" in warnings[0] and str(external_messages) in warnings[0], said

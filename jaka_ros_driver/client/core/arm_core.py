@@ -44,6 +44,7 @@ class ArmCore:
         links: To the controller.
         disturbances: Counts what ends an act that was begun without a call: stops, faults, lost links, calls.
         last_disturbance: The last one, in words.
+        is_recovering: A recovery is under way.
     """
 
     def __init__(self, settings: ClientSettings, model: ArmModel) -> None:
@@ -60,6 +61,7 @@ class ArmCore:
         self._servo_end = ""
         self.disturbances = 0
         self.last_disturbance = ""
+        self.is_recovering = False
 
     # ---- what is known ----
 
@@ -96,6 +98,18 @@ class ArmCore:
             ConnectionLost: It is stale, or there is none.
         """
         return self.links.fresh_state(now)
+
+    def is_hand_guided(self, state: RobotState) -> bool:
+        """Somebody guides the arm by hand in this state."""
+        return self._admission.is_guided_in(state)
+
+    def is_motion_possible(self, now: float) -> bool:
+        """This driver can move the arm, or moves it: links, drives and stops allow it, and nobody else has the arm."""
+        try:
+            state = self._admission.require_ready_to_move(now)
+        except JakaError:
+            return False
+        return self.motion_owner is not None or state.program_state not in (1, 3)
 
     def take_actions(self) -> List[Action]:
         """What the shell is to do, in order, since it last asked."""

@@ -353,11 +353,15 @@ class Admission:
         """
         state = self._sight.fresh_state(now)
         require_drives(state)
-        if state.is_hand_guided or (state.is_hand_guided is None and self.is_guided):
+        if self.is_guided_in(state):
             raise InvalidCommand("refused: hand guiding owns the arm's motion; switch it off first")
         if not self._sight.is_up:
             raise ConnectionLost("no link to the controller: " + self._sight.last_error)
         return state
+
+    def is_guided_in(self, state: RobotState) -> bool:
+        """Somebody guides the arm by hand; where the feed does not tell, what this driver switched on counts."""
+        return self.is_guided if state.is_hand_guided is None else state.is_hand_guided
 
     def may_begin(self, call: Any, enter: Enter, asked_at: float, now: float) -> bool:
         """Whether something new may begin; else the call waits for the end of what comes to rest.

@@ -3,7 +3,7 @@
 What is lost with a link is told to the custody of the motion at once; nothing is ever sent twice.
 """
 from dataclasses import dataclass
-from typing import Any, Callable, Optional
+from typing import Any, Callable, Optional, Tuple
 
 from jaka_ros_driver.client.core.actions import Actions, Port, Show
 from jaka_ros_driver.client.core.channel import Channel
@@ -259,18 +259,19 @@ class Links:
 
 
 class _HealthWatch:
-    """Notices a stop, a fault, or drives that go off, in every frame, old or new."""
+    """Notices a stop, a fault, or drives that go off, in every frame, old or new; also one that joins another."""
 
     def __init__(self) -> None:
-        self._was_healthy = self._was_powered = self._was_enabled = False
+        self._before: Optional[Tuple[bool, ...]] = None
+        self._was_powered = self._was_enabled = False
 
     def trouble(self, state: RobotState) -> str:
         """What has become worse with this frame, in words; "" for nothing."""
-        is_healthy = not (state.emergency_stop or state.protective_stop or (state.has_fault and not state.has_warning))
+        now = (state.emergency_stop, state.protective_stop, state.has_fault and not state.has_warning)
         trouble = ""
-        if self._was_healthy and not is_healthy:
+        if self._before is not None and any(is_bad and not was_bad for is_bad, was_bad in zip(now, self._before)):
             trouble = "the arm was stopped or has a fault"
         elif (self._was_powered and not state.is_powered) or (self._was_enabled and not state.is_enabled):
             trouble = "the drives went off"
-        self._was_healthy, self._was_powered, self._was_enabled = is_healthy, state.is_powered, state.is_enabled
+        self._before, self._was_powered, self._was_enabled = now, state.is_powered, state.is_enabled
         return trouble

@@ -3,6 +3,7 @@
 service_table     every service: its type, how its request is decoded, which handler serves it, how it is answered
 service_handlers  what each service does with the arm
 service_server    rospy's service, for clients built with other definitions too; calls are counted
+recover_action    the action ~recover
 servo_move_wire   the maker's own definition of ServoMove.srv
 call_publisher    publishes a record of every call
 """

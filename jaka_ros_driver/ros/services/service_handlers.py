@@ -5,7 +5,7 @@ from typing import Any, Mapping, Sequence, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.core.procedures import power, settings
+from jaka_ros_driver.client.core.procedures import power, recovery, settings
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.ros.convert import Payload, Terminal
 from jaka_ros_driver.ros.frame_table import FrameTable
@@ -118,6 +118,10 @@ class ServiceHandlers:
         if state.emergency_stop:
             return Outcome("the emergency stop stands; to move the arm: %s" % ", ".join(missing), is_success=False)
         return Outcome("alarms cleared; to move the arm: %s" % ", ".join(missing))
+
+    def recover(self, _: None) -> Outcome:
+        """recover: clear, power and enable what needs it; returns when the arm can be moved."""
+        return Outcome(self._arm.run(recovery.recover))
 
     def power(self, on: bool) -> Outcome:
         """power: switch the power of the drives; returns when the arm reports it."""

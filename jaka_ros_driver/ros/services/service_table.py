@@ -8,7 +8,7 @@ import time
 from typing import Any, Callable, Dict, List, NamedTuple, Tuple
 
 import rospy
-from std_srvs.srv import Empty, SetBool
+from std_srvs.srv import Empty, SetBool, Trigger
 
 from jaka_msgs.srv import (
     ClearErr,
@@ -44,7 +44,7 @@ def as_ret(response: Any, outcome: Outcome, is_vendor: bool) -> None:
 
 
 def as_success(response: Any, outcome: Outcome, is_vendor: bool) -> None:
-    """Set the fields of std_srvs/SetBool."""
+    """Set the fields of std_srvs/SetBool and Trigger."""
     response.success = outcome.is_success
     response.message = outcome.message
 
@@ -122,6 +122,7 @@ SERVICES: Tuple[ServiceSpec, ...] = (
     ServiceSpec("clear_err", ClearErr, RequestDecoder.nothing, ServiceHandlers.clear_error),
     ServiceSpec("get_fk", GetFK, RequestDecoder.forward, ServiceHandlers.forward, as_pose),
     ServiceSpec("get_ik", GetIK, RequestDecoder.inverse, ServiceHandlers.inverse, as_joints),
+    ServiceSpec("recover", Trigger, RequestDecoder.nothing, ServiceHandlers.recover, as_success),
     ServiceSpec("power", SetBool, RequestDecoder.switch, ServiceHandlers.power, as_success),
     ServiceSpec("enable", SetBool, RequestDecoder.switch, ServiceHandlers.enable, as_success),
 )

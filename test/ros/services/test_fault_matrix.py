@@ -30,6 +30,7 @@ CALLS = {
     "clear_err": {},
     "enable": {"data": True},
     "power": {"data": True},
+    "recover": {},
     "stop_move": {},
 }
 
@@ -134,7 +135,7 @@ def outcome(arm, service):
         return not math.isnan(reply.value), reply.message
     if service in ("get_fk", "get_ik"):
         return bool(reply.cartesian_pose if service == "get_fk" else reply.joint), reply.message
-    return bool(reply.success if service in ("drag_mode", "power", "enable") else reply.ret), reply.message
+    return bool(reply.success if service in ("drag_mode", "power", "enable", "recover") else reply.ret), reply.message
 
 
 @pytest.fixture(scope="module")
@@ -165,7 +166,7 @@ def test_every_service_answers_and_says_why(arm, matrix, name):
             if condition.rest:
                 after = arm.simulator.state()["joint_position"]
                 assert max(abs(a - b) for a, b in zip(before, after)) < 1e-3, service
-        if done and service in MOVING + ("clear_err", "enable", "power", "stop_move"):
+        if done and service in MOVING + ("clear_err", "enable", "power", "recover", "stop_move"):
             recover(arm)
             condition.establish(arm)
     recover(arm)

@@ -63,6 +63,8 @@ GOOD = [
     ("power", "false", {"success": True}, lambda s: not s["is_powered"]),
     ("power", "true", {"success": True}, lambda s: s["is_powered"]),
     ("enable", "true", {"success": True}, lambda s: s["is_enabled"]),
+    ("enable", "false", {"success": True}, lambda s: not s["is_enabled"]),
+    ("recover", "", {"success": True, "message": "the arm is ready: enable"}, lambda s: s["is_enabled"]),
 ]
 
 

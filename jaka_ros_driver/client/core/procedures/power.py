@@ -10,7 +10,8 @@ from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
 
-_CLEAR_TIMEOUT_S = 3.0
+CLEAR_TIMEOUT_S = 3.0
+"""s; how long alarms may take to go, and the arm to come to rest."""
 _NEVER = float("inf")
 
 
@@ -39,12 +40,12 @@ def set_power(core: ArmCore, on: bool) -> Procedure:
     core.note_disturbance("a call of power")
     if on:
         _refuse_under_stop((yield from _state(core)), "power on")
-        yield from _switch_power(core, True)
+        yield from switch_power(core, True)
         return
     yield from _come_to_rest(core)
     if (yield from _state(core)).is_enabled:
-        yield from _switch_drives(core, False)
-    yield from _switch_power(core, False)
+        yield from switch_drives(core, False)
+    yield from switch_power(core, False)
 
 
 def set_enabled(core: ArmCore, on: bool) -> Procedure:
@@ -61,7 +62,7 @@ def set_enabled(core: ArmCore, on: bool) -> Procedure:
             raise InvalidCommand("refused: the drives have no power; power first")
     else:
         yield from _come_to_rest(core)
-    yield from _switch_drives(core, on)
+    yield from switch_drives(core, on)
 
 
 def clear_error(core: ArmCore) -> Procedure:
@@ -76,12 +77,10 @@ def clear_error(core: ArmCore) -> Procedure:
     """
     core.note_disturbance("a call of clear_err")
     yield from _state(core)
-    yield Ask(c.ClearError())
-    cleared = yield from core.seen(lambda s: not s.protective_stop and not s.has_fault, _CLEAR_TIMEOUT_S)
+    cleared = yield from clear_alarms(core, lambda s: not s.protective_stop and not s.has_fault)
     state = yield from _state(core)
     if not cleared and not state.emergency_stop:
-        raise MotionInterrupted(StopCause.FAULT, "an alarm still stands: 0x%X %s" % (state.error_code,
-                                                                                   state.error_message))
+        raise alarm_stands(state)
     return missing_for_motion(state)
 
 
@@ -103,20 +102,42 @@ def auto_enable(core: ArmCore) -> Procedure:
                          % ", ".join(missing_for_motion(state)))
         return
     try:
-        yield from _switch_power(core, True, require_calm)
-        yield from _switch_drives(core, True, require_calm)
+        yield from switch_power(core, True, require_calm)
+        yield from switch_drives(core, True, require_calm)
     except JakaError as error:
         core.actions.log(logging.ERROR, "auto_enable: %s; it is not tried again" % error)
         return
     core.actions.log(logging.INFO, "auto_enable: the arm is powered and enabled")
 
 
-def _switch_power(core: ArmCore, on: bool, check: Callable[[], None] = lambda: None) -> Procedure:
+def clear_alarms(core: ArmCore, is_done: Callable[[RobotState], bool],
+                 check: Callable[[], None] = lambda: None) -> Procedure:
+    """Send ``clear_error`` and wait until ``is_done``, 3 s at most; returns whether it came.
+
+    ``check`` may end it by raising; further errors as ``Ask``.
+    """
+    check()
+    yield Ask(c.ClearError())
+    return (yield from core.seen(is_done, CLEAR_TIMEOUT_S, check))
+
+
+def alarm_stands(state: RobotState) -> MotionInterrupted:
+    """The error where clearing was in vain."""
+    return MotionInterrupted(StopCause.FAULT, "an alarm still stands: 0x%X %s" % (state.error_code,
+                                                                                state.error_message))
+
+
+def switch_power(core: ArmCore, on: bool, check: Callable[[], None] = lambda: None) -> Procedure:
+    """Switch the power of the drives unless it is so already, and wait until the arm reports it; errors as ``Ask``.
+
+    ``check`` may end it by raising, before the command and while the arm is waited for. MotionInterrupted: not in time.
+    """
     return _switch(core, c.SetPower(on), lambda s: s.is_powered is on, core.settings.power_timeout,
                    "power on" if on else "power off", check)
 
 
-def _switch_drives(core: ArmCore, on: bool, check: Callable[[], None] = lambda: None) -> Procedure:
+def switch_drives(core: ArmCore, on: bool, check: Callable[[], None] = lambda: None) -> Procedure:
+    """Release or engage the brakes; as ``switch_power``."""
     return _switch(core, c.SetEnabled(on), lambda s: s.is_enabled is on, core.settings.enable_timeout,
                    "enable" if on else "disable", check)
 
@@ -155,8 +176,8 @@ def _come_to_rest(core: ArmCore) -> Procedure:
 
     def rests(now: float) -> bool:
         return core.custody.is_free and core.custody.stillness.duration() >= REST_TIME_S
-    if not (yield Until(rests, _CLEAR_TIMEOUT_S)):
-        raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not come to rest within %.0f s" % _CLEAR_TIMEOUT_S)
+    if not (yield Until(rests, CLEAR_TIMEOUT_S)):
+        raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not come to rest within %.0f s" % CLEAR_TIMEOUT_S)
 
 
 def _state(core: ArmCore) -> Procedure:

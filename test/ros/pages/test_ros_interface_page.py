@@ -1,0 +1,51 @@
+"""docs/ros-interface.md: its commands as they stand there, against a driver on a simulated controller."""
+import os
+import re
+
+import import_graph
+import pytest
+from page_commands import Shell, blocks, until
+
+from jaka_ros_driver.client.core.procedures.recovery import RecoveryStep
+
+PAGE = import_graph.ROOT / "docs" / "ros-interface.md"
+ANSWERS = {
+    "rosservice call /jaka_driver/recover": 'message: "the arm is ready: ',
+    "rostopic type /jaka_driver/robot_status": "industrial_msgs/RobotStatus",
+    "rosrun jaka_ros_driver jaka_bag info --freq status.bag": "/jaka_driver/robot_status",
+}
+
+
+@pytest.fixture
+def shell(ros_master, root, tmp_path):
+    (tmp_path / "build").symlink_to(root / "build")
+    one = Shell(tmp_path, dict(os.environ), ". build/devel/setup.bash")
+    yield one
+    one.close()
+
+
+@pytest.mark.timeout(600)
+def test_each_command_of_the_page(shell, arm):
+    ran = []
+    assert arm.call("enable", data=False).success
+    for block in blocks(PAGE):
+        assert block.language == "sh"
+        if block.note:
+            shell.start("feedback", block.text.strip())
+            until(lambda: "recover/feedback" in shell.run("rostopic list -s")[1], lambda: shell.said_by("feedback"))
+            assert arm.call("enable", data=False).success
+            continue
+        for line in block.text.strip().splitlines():
+            code, said = shell.run(line)
+            assert code == 0, "%s\n%s" % (line, said)
+            assert ANSWERS.get(line, "") in said, "%s\n%s" % (line, said)
+            if "recover/goal" in line:
+                until(lambda: "step: \"enable\"" in shell.said_by("feedback"), lambda: shell.said_by("feedback"))
+            ran.append(line)
+    assert set(ANSWERS) <= set(ran) and len(ran) == 6
+
+
+def test_the_tables_of_recovery_name_the_steps_of_the_code():
+    section = PAGE.read_text(encoding="utf-8").partition("## Recovery")[2]
+    rows = re.findall(r"^\| `([a-z ]+)` \| ", section, re.MULTILINE)
+    assert rows[:4] == [step.value for step in RecoveryStep]
