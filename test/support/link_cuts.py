@@ -17,7 +17,8 @@ MOTION_COMMANDS = ("joint_move", "moveL")
 
 
 def _another_client(simulator):
-    with RawClient(simulator.command_port):
+    with RawClient(simulator.command_port) as client:
+        client.send(b'{"cmdName": "get_version"}')
         time.sleep(0.1)
 
 
