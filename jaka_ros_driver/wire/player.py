@@ -6,6 +6,7 @@ stands still where the driver is late with a request that moved the arm, for ``P
 """
 import argparse
 import json
+import math
 import selectors
 import socket
 import sys
@@ -74,6 +75,7 @@ class WirePlayer(PortServer):
         self._begin: Optional[float] = None
         self._causes = list(script.causes)
         self._held = 0.0
+        self._latest_shift = 0.0
         self._held_since: Optional[float] = None
         self._is_over = False
         super().__init__(LOOPBACK, {port: ports.get(port, 0) for port in PORTS})
@@ -88,7 +90,9 @@ class WirePlayer(PortServer):
             return 0.0
         clock = time.monotonic()
         now = (clock - self._begin) * self._speed - self._held
-        if not self._causes or now <= self._causes[0].at:
+        # what came before the request on a connection that was made a little later than then, comes first here, too
+        before = self._causes[0].at + self._latest_shift if self._causes else math.inf
+        if now <= before:
             self._held_since = None
             return now
         if self._held_since is None:
@@ -97,7 +101,6 @@ class WirePlayer(PortServer):
             self._causes.pop(0)
             self._held_since = None
             return self._now()
-        before = self._causes[0].at
         self._held += now - before
         return before
 
@@ -126,6 +129,7 @@ class WirePlayer(PortServer):
             self._begin = time.monotonic() - recorded.opened / self._speed
             self._notice("begin", monotonic_s=self._begin, start_ns=self._script.start_ns)
         client = _Client(link, recorded, max(0.0, self._now() - recorded.opened), _GRACE_S * self._speed)
+        self._latest_shift = max(self._latest_shift, self._shift(client))
         self._clients[link] = client
         self._selector.register(link, selectors.EVENT_READ, client)
 

@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -102,6 +103,33 @@ def test_the_end_is_told_with_what_was_answered(recorded):
             wait.wait(0.05)
     assert [event for event, _ in heard] == ["begin", "end"]
     assert heard[1][1] == {"answered": 4, "repeated": 0, "unanswered": []}
+
+
+def test_the_frame_that_caused_a_request_comes_before_time_stands_still_for_it(tmp_path):
+    """Also to a client whose connection for status was made later than in the log."""
+    path = str(tmp_path / "wire.mcap")
+    log, second = WireLog(path), 10 ** 9
+    for number, port in ((1, "command"), (2, "status")):
+        log.event(0, port, number, "open", "127.0.0.1:1")
+    log.bytes_out(int(0.2 * second), "status", 2, b"before")
+    log.bytes_out(int(0.8 * second), "status", 2, b"collision")
+    log.bytes_in(int(0.801 * second), "command", 1, b'{"cmdName": "stop_program"}')
+    log.bytes_out(int(0.802 * second), "command", 1, b'{"cmdName": "stop_program", "errorCode": "0"}')
+    log.bytes_out(int(0.9 * second), "status", 2, b"stopped")
+    log.bytes_out(int(1.5 * second), "status", 2, b"end")
+    log.close()
+    with playing(path) as (player, _), RawClient(player.port_numbers["command"]) as client:
+        time.sleep(0.1)
+        address = ("127.0.0.1", player.port_numbers["status"])
+        with socket.create_connection(address, WAIT) as link:
+            link.settimeout(wire_player.PATIENCE_S - 2.0)
+            heard = b""
+            while not heard.endswith(b"collision"):
+                heard += link.recv(100)
+            assert client.code("stop_program") == "0"
+            while not heard.endswith(b"end"):
+                heard += link.recv(100)
+    assert heard == b"beforecollisionstoppedend"
 
 
 def test_a_log_tells_real_time(tmp_path):

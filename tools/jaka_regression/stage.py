@@ -186,9 +186,12 @@ class Stage:
             self._schedule(event["call"], event["monotonic_s"])
 
     def _schedule(self, call: Optional[int], moment: float) -> None:
-        """Start what the operator does after the start of a call (None: after the beginning)."""
-        events = sorted((event for event in self._scenario.events if event.after_call == call),
-                        key=lambda event: event.delay_s)
+        """Start what the operator does after the start of a call (None: after the beginning).
+
+        A recorded controller has no panel: what was done there is in its bytes.
+        """
+        events = sorted((event for event in self._scenario.events
+                         if event.after_call == call and event.arm in self._panels), key=lambda event: event.delay_s)
         if events:
             operator = threading.Thread(target=self._operate, args=(events, moment), daemon=True)
             self._operators.append(operator)
