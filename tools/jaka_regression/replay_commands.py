@@ -105,7 +105,7 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
     try:
         client.wait_for(sorted({call.service for call in log.calls}), args.wait)
         for topic, positions in starts.items():
-            if len(positions):
+            if len(positions) and not args.begin_at_stdin:  # then a recorded controller says where the arm stands
                 _check_start(args, client, topic, positions[0].tolist())
         begin = time.monotonic()
         if args.begin_at_stdin:
