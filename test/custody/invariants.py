@@ -101,6 +101,7 @@ class Judge:
         self._quiet: List[_Quiet] = []
         self._stops_before = 0
         self._stop_is_owed = False
+        self._showed_fault = False
         self._restarts_seen = 0
         self._next_look = clock.now
         self._joints_before: Optional[Vector] = None
@@ -142,7 +143,8 @@ class Judge:
                 continue
             self._seen_at = now
             if frame.shows_fault:
-                self.sent.alarmed(is_fault=True)
+                self.sent.alarmed(is_fault=True, is_standing=self._showed_fault)
+            self._showed_fault = frame.shows_fault
             if frame.restarts > self._restarts_seen:
                 self._restarts_seen = frame.restarts
                 self.sent.alarmed(is_fault=False)

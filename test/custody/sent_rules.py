@@ -93,13 +93,19 @@ class SentRules:
         elif call.command == ("recover", None):
             self._recovery = self._orders
 
-    def alarmed(self, is_fault: bool) -> None:
+    def alarmed(self, is_fault: bool, is_standing: bool = False) -> None:
         """The driver learns of a fault, a restart or a lost link.
+
+        A fault that was shown before, ``is_standing``, is the one that a recovery under way is there for.
 
         A link that is lost before auto_enable has begun to act says nothing: it waits for the first sight of the arm.
         """
+        goes_on = is_standing and self._recovery > self._alarm
         self._orders += 1
         self._alarm = self._orders
+        if goes_on:
+            self._orders += 1
+            self._recovery = self._orders
         if self._auto is not None and not self._auto_acts and not is_fault:
             self._auto = self._orders + 1
 
