@@ -1,7 +1,6 @@
 """Commands about inputs and outputs (docs/controller-protocol.md section 5.11)."""
 from typing import Tuple
 
-from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
@@ -40,15 +39,7 @@ def _set(signal: str) -> Handler:
             raise Refused()
         each = [Arguments({"value": value}) for value in given]
         values = [float(one.flag("value")) if signal == "digital" else one.number("value") for one in each]
-        bank, first = arguments.integer("type"), _first(state, arguments)
-        before = [state.io.get(signal, True, bank, first + i) for i in range(len(values))]
-        try:
-            for i, value in enumerate(values):
-                state.io.set(signal, True, bank, first + i, value)
-        except InvalidCommand:
-            for i, value in enumerate(before):
-                state.io.set(signal, True, bank, first + i, value)
-            raise
+        state.io.set(signal, True, arguments.integer("type"), _first(state, arguments), *values)
     return handle
 
 

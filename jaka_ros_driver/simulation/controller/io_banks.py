@@ -52,17 +52,19 @@ class IoBanks:
         """
         return self._values[self._key(signal, output, bank, index)][index]
 
-    def set(self, signal: str, output: bool, bank: int, index: int, value: float) -> None:
-        """Set a terminal, parameters as ``get``; any digital value but 0 is 1.
+    def set(self, signal: str, output: bool, bank: int, index: int, *new: float) -> None:
+        """Set one or more terminals from ``index`` on, parameters as ``get``; any digital value but 0 is 1.
 
-        Raises InvalidCommand where there is no such terminal, or the analog value is out of range.
+        Raises InvalidCommand, and sets none, where there is no such terminal, or an analog value is out of range.
         """
-        key = self._key(signal, output, bank, index)
-        if abs(value) > MAX_ANALOG:
-            raise InvalidCommand("%s %d: %g is beyond %g" % (key, index, value, MAX_ANALOG))
-        values = list(self._values[key])
-        values[index] = int(value != 0) if signal == "digital" else round(float(value), 5)
-        self._values[key] = tuple(values)
+        keys = [self._key(signal, output, bank, place) for place in range(index, index + len(new))]
+        for key, value in zip(keys, new):
+            if abs(value) > MAX_ANALOG:
+                raise InvalidCommand("%s %d: %g is beyond %g" % (key, index, value, MAX_ANALOG))
+        values = list(self._values[keys[0]])
+        values[index:index + len(new)] = [
+            int(value != 0) if signal == "digital" else round(float(value), 5) for value in new]
+        self._values[keys[0]] = tuple(values)
 
     def _key(self, signal: str, output: bool, bank: int, index: int) -> str:
         keys = _KEYS.get((signal, output))
