@@ -7,6 +7,7 @@ background_log      log records and lines on standard error, written in a thread
 state, commands     one sample of the arm; what an arm can be asked to do (SI units, frozen)
 kinematics          arm models, forward and inverse kinematics, the limits audit
 protocol            the controller's JSON protocol: bytes <-> state and commands, no I/O
+trajectory          joint trajectories: audited paths, and the clock that runs along them
 client              custody of the arm, its sockets and threads; without ROS
 wire                the bytes between driver and controller: recorded and played
 simulation          the simulated controller

@@ -113,6 +113,16 @@ class Stop:
 
 
 @dataclass(frozen=True)
+class PauseMotion:
+    """Hold a running program, and the planned moves; they are still to be done."""
+
+
+@dataclass(frozen=True)
+class ResumeMotion:
+    """Go on with what is paused."""
+
+
+@dataclass(frozen=True)
 class SetServoMode:
     """Enter or leave servo (streaming) mode."""
 
@@ -300,9 +310,9 @@ TERMINAL_COMMANDS = (SetDigitalOutput, SetAnalogOutput, GetDigitalOutput, GetAna
 Motion = Union[JointMove, LinearMove]
 
 Command = Union[
-    JointMove, LinearMove, Jog, JogStop, Stop, SetServoMode, ServoJoint, ServoPose, SetPower, SetEnabled,
-    ClearError, SetToolFrame, SelectTool, SetUserFrame, SelectUserFrame, SetPayload, SetHandGuiding,
-    SetCollisionLevel, SetDigitalOutput, SetAnalogOutput, SetRapidRate, SetFeedPeriod, SetLinkLoss,
+    JointMove, LinearMove, Jog, JogStop, Stop, PauseMotion, ResumeMotion, SetServoMode, ServoJoint, ServoPose,
+    SetPower, SetEnabled, ClearError, SetToolFrame, SelectTool, SetUserFrame, SelectUserFrame, SetPayload,
+    SetHandGuiding, SetCollisionLevel, SetDigitalOutput, SetAnalogOutput, SetRapidRate, SetFeedPeriod, SetLinkLoss,
     ForwardKinematics, InverseKinematics, Query, GetDigitalOutput, GetAnalogOutput]
 
 JOINTS: Tuple[str, ...] = tuple("joint_%d" % n for n in range(1, 7))

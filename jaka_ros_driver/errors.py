@@ -76,6 +76,8 @@ class StopCause(enum.Enum):
     LINK_LOST = "link to the controller lost"
     TIMEOUT = "timed out"
     SHUTDOWN = "driver shut down"
+    CANCELLED = "cancelled by its client"
+    REPLACED = "replaced by another trajectory"
 
 
 class MotionInterrupted(JakaError):
@@ -88,3 +90,17 @@ class MotionInterrupted(JakaError):
     def __init__(self, cause: StopCause, detail: str = "") -> None:
         super().__init__(cause.value + (": " + detail if detail else ""))
         self.cause = cause
+
+
+class PathToleranceViolated(MotionInterrupted):
+    """The arm left its trajectory by more than was allowed; it was stopped."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(StopCause.FAULT, detail)
+
+
+class GoalToleranceViolated(MotionInterrupted):
+    """The arm did not come to rest near enough to the end of its trajectory in time; it was stopped."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(StopCause.TIMEOUT, detail)

@@ -34,13 +34,14 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "commands": GROUND | {"state"},
         "kinematics": DOMAIN,
         "protocol": DOMAIN,
-        "client": DOMAIN | {"kinematics", "protocol"},
+        "trajectory": DOMAIN | {"kinematics"},
+        "client": DOMAIN | {"kinematics", "protocol", "trajectory"},
         "wire": DOMAIN | {"protocol"},
         "simulation": DOMAIN | SIMULATION | {"kinematics", "protocol", "wire"},
         "simulation.arm": DOMAIN | {"kinematics"},
         "simulation.controller": DOMAIN | {"kinematics", "protocol", "simulation.arm"},
         "simulation.server": DOMAIN | {"kinematics", "protocol", "wire", "simulation.arm", "simulation.controller"},
-        "ros": DOMAIN | {"kinematics", "protocol", "client"},
+        "ros": DOMAIN | {"kinematics", "protocol", "trajectory", "client"},
     }),
     **rooms("jaka_bag", {
         "": CONTAINERS | {"operations"},  # the names it lends to programs

@@ -13,12 +13,15 @@ from jaka_ros_driver.client.core.links import LinkHealth
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.client.core.procedures.procedure import Procedure
+from jaka_ros_driver.client.core.trajectory import Progress, StartChanged, TrajectoryStart
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
-from jaka_ros_driver.errors import ConnectionLost
+from jaka_ros_driver.errors import ConnectionLost, InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.trajectory.build import build_path
+from jaka_ros_driver.trajectory.points import JointTrajectory, Tolerances
 
 _LOG = logging.getLogger(__name__)
 
@@ -28,6 +31,11 @@ longer pauses that it was held up.
 """
 _REST_TIMEOUT_S = 1.0
 """s; how long ``close`` waits for the arm to come to rest."""
+
+_JOIN_LEAD_S = 0.016
+_BUILD_TIME_S = 5e-6
+"""s; a running trajectory is joined two cycles ahead, and so much later for each point of the new one."""
+_LONGEST_LEAD_S = 1.0
 
 StateListener = Callable[[RobotState, bool], None]
 
@@ -246,6 +254,50 @@ class ArmClient:
         """
         with self._lock:
             self._core.set_servo_target(command, time.monotonic())
+
+    def follow(self, trajectory: JointTrajectory, tolerances: Tolerances) -> "Future[None]":
+        """Begin to follow a trajectory; one that is under way is replaced, and joined where the arm then is.
+
+        Returns:
+            Ends when the arm rests at the last point and servo mode is left, or with a MotionInterrupted: of cause
+            CANCELLED, REPLACED, or what stopped the arm; PathToleranceViolated and GoalToleranceViolated are two.
+
+        Raises:
+            InvalidTrajectory: It is malformed, breaks a limit, or begins elsewhere; nothing was sent.
+            InvalidCommand, ConnectionLost: The arm cannot be moved now; nothing was sent.
+        """
+        lead = _JOIN_LEAD_S + _BUILD_TIME_S * len(trajectory.points)
+        while True:
+            done = self._try_to_follow(trajectory, tolerances, lead)
+            error = done.exception() if done.done() else None
+            if isinstance(error, StartChanged) and lead <= _LONGEST_LEAD_S:
+                lead *= 2.0
+            elif isinstance(error, InvalidCommand):
+                raise error
+            else:
+                return done
+
+    def _try_to_follow(self, trajectory: JointTrajectory, tolerances: Tolerances, lead: float) -> "Future[None]":
+        """The path is built and audited without the lock; meanwhile the arm may have gone on."""
+        starts_at = trajectory.starts_at
+        ahead = lead if starts_at is None else max(lead, starts_at - time.monotonic())
+        start: TrajectoryStart = self._call(lambda call, now: self._core.trajectory_start(call, ahead, now))
+        elapsed = 0.0
+        if starts_at is not None:
+            elapsed = time.monotonic() - starts_at + (ahead if start.running is not None else 0.0)
+        path = build_path(start.begin, trajectory, elapsed, self.model, self.settings.trajectory_start_tolerance)
+        return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, now))
+
+    def cancel_trajectory(self, goal: "Optional[Future[None]]" = None) -> bool:
+        """Brake a trajectory on its path, that of ``follow``'s future or any; False where it is not under way."""
+        with self._lock:
+            return self._core.cancel_trajectory(goal, time.monotonic())
+
+    @property
+    def trajectory(self) -> Optional[Progress]:
+        """How far the trajectory under way has come; None without one."""
+        with self._lock:
+            return self._core.trajectory
 
     def stop(self) -> None:
         """Stop all motion, queued motion and programs; leaves servo mode.

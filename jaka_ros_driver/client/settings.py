@@ -28,6 +28,7 @@ class ClientSettings:
         servo_max_joint_jump: Largest distance of a servo target from the frame sent last, rad.
         servo_max_linear_jump: The same for the position of a Cartesian target, m.
         servo_max_angular_jump: The same for its orientation, rad.
+        trajectory_start_tolerance: Largest distance of an arm at rest from where its trajectory begins, rad.
         link_loss_stop: The controller is asked to stop the arm this time after it has lost this client during a motion;
             0 where it is not asked.
         io_index_base: Index on the wire of the first input or output, 0 or 1; None where the controller's version tells
@@ -53,6 +54,7 @@ class ClientSettings:
     servo_max_joint_jump: float = 0.1
     servo_max_linear_jump: float = 0.05
     servo_max_angular_jump: float = 0.1
+    trajectory_start_tolerance: float = 0.01
     link_loss_stop: float = 0.3
     io_index_base: Optional[int] = None
     simulator: str = ""

@@ -264,6 +264,8 @@ _CHECKERS: Dict[type, Checker] = {
     commands.Jog: _jog,
     commands.JogStop: _jog_axis,
     commands.Stop: _fields(),
+    commands.PauseMotion: _fields(),
+    commands.ResumeMotion: _fields(),
     commands.SetServoMode: _fields(active=_flag),
     commands.ServoJoint: _servo_joint,
     commands.ServoPose: _servo_pose,

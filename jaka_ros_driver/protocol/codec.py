@@ -173,6 +173,8 @@ _ENCODERS: Dict[Type[Any], Tuple[Union[str, Callable[[Any], str]], Encoder]] = {
     c.JogStop: ("jog", lambda j: {
         "jog_mode": _JOG_STOP, "coord_map": _JOG_COORD_MAP[j.frame], "jnum": j.axis}),
     c.Stop: ("stop_program", lambda _: {}),
+    c.PauseMotion: ("pause_program", lambda _: {}),
+    c.ResumeMotion: ("resume_program", lambda _: {}),
     c.SetServoMode: ("servo_move", lambda s: {"relFlag": int(s.active)}),
     c.ServoJoint: ("servo_j", lambda s: {
         "relFlag": int(s.relative), "jointPosition": all_rad_to_deg(s.joint_position), "stepNum": s.cycles}),

@@ -5,7 +5,8 @@ params        private parameters, checked, as one DriverConfig
 convert       ROS requests to commands, results and states to ROS messages; no other file here changes units
 services      the services: their table, their server, what each does with the arm, the record of every call
 topics        state topics, transforms, diagnostics, and the topics that take servo targets
-industrial_messages   industrial_msgs/RobotStatus, installed or made at start
+trajectories  FollowJointTrajectory, and trajectories by topic
+other_messages   types of control_msgs and industrial_msgs, installed or made at start
 frame_table   the tool and user frames that the controller has stored
 model_check   whether the controller's pose agrees with the arm model
 connections   how many connections this node serves, and which are closed when there are too many

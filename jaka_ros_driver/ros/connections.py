@@ -135,11 +135,18 @@ class _TopicConnections:
 _TOPIC_CONNECTIONS = _TopicConnections(MOST_CONNECTIONS)
 
 
-def keep_serving(service_handler: Callable[[Any, Any, Dict[str, str]], Optional[str]]) -> None:
-    """Change how this process takes connections; call once, after init_node.
+def serve_from_the_start() -> None:
+    """Have every connection of this process make its handshake in a thread of its own; call once, before init_node.
 
-    Each connection has its handshake in a thread of its own. rospy makes them one after the other, so that a peer which
-    connects and sends nothing would keep everybody out, also clients that want to stop the arm.
+    rospy makes one handshake after the other, in the thread that takes connections, so that a peer which connects and
+    sends nothing would keep everybody out, also clients that want to stop the arm. Peers connect as soon as a node has
+    its first topic.
+    """
+    tcpros_base.TCPROSServer._tcp_server_callback = _shake_hands_in_background
+
+
+def keep_serving(service_handler: Callable[[Any, Any, Dict[str, str]], Optional[str]]) -> None:
+    """Bound the connections of this process; call once, after ``serve_from_the_start`` and init_node.
 
     Args:
         service_handler: Takes socket, address and connection header of a service client; returns why it is refused, or
@@ -151,7 +158,6 @@ def keep_serving(service_handler: Callable[[Any, Any, Dict[str, str]], Optional[
     server.service_connection_handler = service_handler
     listener = server.tcp_ros_server
     listener.server_sock.listen(_BACKLOG)
-    listener.inbound_handler = lambda sock, address: _shake_hands_in_background(server, sock, address)
     listener.server_sock = _AcceptingSocket(listener.server_sock)
     _prepare_xmlrpc()
 

@@ -26,6 +26,8 @@ from jaka_ros_driver.kinematics.rotations import (
 from jaka_ros_driver.state import IoBank, RobotState
 from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m, all_rad_to_deg, mm_to_m
 
+SLOWEST = 0.01
+"""Smallest share of the programmed speed that a caller can set; pause brings the arm to rest."""
 COLLISION_STEPS = (25, 50, 75, 100)
 """Upper ends of the ranges of ``value`` for the levels 1 to 4 (docs/interface.md section 2)."""
 COLLISION_LOWEST = 10
@@ -184,6 +186,13 @@ class RequestDecoder:
             return 0
         _whole("value", request.value, COLLISION_LOWEST, COLLISION_STEPS[-1])
         return 1 + sum(request.value > step for step in COLLISION_STEPS)
+
+    def speed(self, request: Any) -> float:
+        """Decode a SetSpeedSlider."""
+        fraction = _finite("speed_slider_fraction", request.speed_slider_fraction)
+        if not SLOWEST <= fraction <= 1.0:
+            raise InvalidCommand("speed_slider_fraction is %.9g; valid: %g to 1" % (fraction, SLOWEST))
+        return fraction
 
     def output(self, request: Any) -> Union[c.SetDigitalOutput, c.SetAnalogOutput]:
         """Decode a SetIO. Any value but 0 switches a digital output on."""

@@ -16,7 +16,7 @@ from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.urdf import urdf_from_model
-from jaka_ros_driver.ros.connections import keep_serving
+from jaka_ros_driver.ros.connections import keep_serving, serve_from_the_start
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.driver_lock import DriverLock
 from jaka_ros_driver.ros.frame_table import FrameTable
@@ -33,7 +33,9 @@ from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_na
 from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
 from jaka_ros_driver.ros.topics.robot_status import RobotStatusPublisher
 from jaka_ros_driver.ros.topics.servo_topics import ServoTopics
+from jaka_ros_driver.ros.topics.speed import SpeedPublisher
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames, StatePublishers
+from jaka_ros_driver.ros.trajectories.topics import TrajectoryInterface
 
 _LOG = logging.getLogger(__name__)
 
@@ -60,7 +62,9 @@ class Driver:
         self._publishers = StatePublishers(self._arm, config, self._frames)
         self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames), CallPublisher())
         self._recover = RecoverAction(self._arm)
+        self._trajectories = TrajectoryInterface(self._arm, config)
         self._status = RobotStatusPublisher(self._arm)
+        self._speed = SpeedPublisher(self._arm)
         self._topics = ServoTopics(self._arm, decoder, FrameNames(config))
         self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames))
         self._master_watch = MasterWatch(self._set_description)
@@ -78,8 +82,10 @@ class Driver:
         keep_serving(take_connection)
         self._publishers.start()
         self._status.start()
+        self._speed.start()
         self._services.offer()
         self._recover.offer()
+        self._trajectories.offer()
         self._topics.start()
         self._arm.start()
         self._frames.start()
@@ -108,6 +114,7 @@ class Driver:
         self._arm.close()
         self._services.finish_calls(_ANSWER_TIMEOUT_S)
         self._recover.finish_goals(_ANSWER_TIMEOUT_S)
+        self._trajectories.finish_goals(_ANSWER_TIMEOUT_S)
         self._master_watch.close()
         self._diagnostics.close()
         self._frames.close()
@@ -152,6 +159,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     except JakaError as error:
         print("%s cannot start: %s" % (_NAME, error), file=sys.stderr)
         return 1
+    serve_from_the_start()
     rospy.init_node(_NAME, disable_signals=True)
     drain_log = log_to_ros()
     signals = _Signals()

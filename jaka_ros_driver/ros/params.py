@@ -177,6 +177,22 @@ class DriverConfig:
                                            "The same for the position of a Cartesian target.")
     servo_max_angular_jump: float = _number(_CLIENT.servo_max_angular_jump, 0.0001, 3.2, "rad",
                                             "The same for its orientation.")
+    trajectory_controller: str = _text(
+        "", _PREFIX, "empty, or a ROS name", "Namespace of the trajectory action, `NAME/follow_joint_trajectory`, and "
+        "of the topics `NAME/command` and `NAME/state`. Empty: jaka_MODEL_controller, as in the maker's packages for "
+        "MoveIt.")
+    industrial_names: bool = _flag(False, "Trajectories are taken under the names of ROS-Industrial, too: "
+                                          "joint_trajectory_action, joint_path_command, feedback_states, stop_motion.")
+    trajectory_start_tolerance: float = _number(
+        _CLIENT.trajectory_start_tolerance, 0.0001, 1.0, "rad",
+        "A trajectory is refused where the arm is farther from its first point.")
+    trajectory_path_tolerance: float = _number(
+        0.0, 0.0, 1.0, "rad", "An arm that leaves its trajectory by more is stopped; 0: by more than 0.04 rad. A goal "
+        "may name others.")
+    trajectory_goal_tolerance: float = _number(
+        0.01, 0.0, 1.0, "rad", "So near to the last point a trajectory must end; 0: anywhere. A goal may name others.")
+    trajectory_goal_time: float = _number(
+        1.0, 0.0, 60.0, "s", "So long after a trajectory's time the arm must rest there. A goal may name another.")
     realtime_priority: int = _integer(0, 0, 99, "SCHED_FIFO priority of the driver's threads; 0 leaves the scheduler "
                                                 "as it is. Needs the right to it (rtprio).")
 
@@ -189,6 +205,11 @@ class DriverConfig:
     def activates_frames(self) -> bool:
         """True where a frame that is set also becomes the active one."""
         return not self.is_vendor if self.activate_frames is None else self.activate_frames
+
+    @property
+    def trajectory_controller_name(self) -> str:
+        """The namespace of the trajectory action."""
+        return self.trajectory_controller or "jaka_%s_controller" % re.sub(r"[^A-Za-z0-9_]", "_", self.arm_model().name)
 
     def client_settings(self) -> ClientSettings:
         """The settings of the client."""

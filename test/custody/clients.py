@@ -5,15 +5,19 @@ from driver_process import Call, DriverProcess
 from virtual_clock import Clock
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core.procedures import power, recovery, settings
+from jaka_ros_driver.client.core.procedures import pausing, power, recovery, settings
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.trajectory.build import build_path
+from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, Tolerances, TrajectoryPoint
 
 STOP_BUTTON = 9
 """The caller who asks for nothing but stops, and waits for no answer before the next one."""
 MAINTAINER = 8
+TRAJECTORY_HANDS = 7
+"""Who replaces, pauses and slows what others have begun."""
 QUEUERS = 100
 REFUSALS_TO_GIVE_UP = 3
 _TURN_BACK_S = 0.4
@@ -39,6 +43,20 @@ def _six(axis: int, value: float) -> Tuple[float, ...]:
 
 def _added(a: Sequence[float], b: Sequence[float]) -> Tuple[float, ...]:
     return tuple([p + q for p, q in zip(a, b)])
+
+
+def _points(targets: Sequence[Tuple[float, ...]], apart: float, first_at: float,
+            form: str) -> Tuple[TrajectoryPoint, ...]:
+    """At rest at each; or without velocities; or with those of a curve that flows through them, at rest at its end."""
+    points = []
+    for index, target in enumerate(targets):
+        velocity: Optional[Tuple[float, ...]] = (0.0,) * 6
+        if form == "straight":
+            velocity = None
+        elif form == "flowing" and 0 < index < len(targets) - 1:
+            velocity = tuple([(b - a) / (2.0 * apart) for a, b in zip(targets[index - 1], targets[index + 1])])
+        points.append(TrajectoryPoint(first_at + apart * index, target, velocity))
+    return tuple(points)
 
 
 class Clients:
@@ -94,6 +112,57 @@ class Clients:
             command = c.LinearMove(target, speed, acceleration)
             self.ask("move", command, lambda core, call, now: core.move(call, command, wait, now), caller, wait)
 
+    def trajectory(self, caller: int, ways: Sequence[Sequence[float]], apart: float, first_at: float, form: str,
+                   delay: float, build_time: float, lead: float, then: str, then_after: float) -> None:
+        """Points around where the arm was last shown, as the shell hands them on: start, audit, goal."""
+        joints = self._joints()
+        targets = [tuple([min(max(value, low), high) for value, (low, high) in zip(
+            _added(joints, way), self._model.joint_limits)]) for way in ways]
+        if first_at == 0.0:
+            targets[0] = tuple(joints)
+        points = _points(targets, apart, first_at, form)
+
+        def started(call: Call) -> None:
+            if call.error is None:
+                self._clock.after(build_time, lambda: self._follow(
+                    caller, points, -delay, call.result, then, then_after))
+        self.ask("trajectory_start", None, lambda core, call, now: core.trajectory_start(call, lead, now), caller,
+                 on_answer=started)
+
+    def _follow(self, caller: int, points: Tuple[TrajectoryPoint, ...], elapsed: float, start: Any, then: str,
+                then_after: float) -> None:
+        try:
+            path = build_path(start.begin, JointTrajectory(points), 0.0 if start.running is not None else elapsed,
+                              self._model, 0.01)
+        except InvalidTrajectory:
+            return
+        command = c.JointMove(path.at(path.end).position, 1.0, 1.0)
+        tolerances = Tolerances((None,) * 6, (0.01,) * 6, 1.0)
+
+        def give(core: Any, call: Call, now: float) -> None:
+            call.path, call.start = path, start
+            core.follow(call, path, start, tolerances, now)
+        self.ask("trajectory", command, give, caller, waits=True)
+        goal = self._busy.get(caller)
+        if then and goal is not None and goal.command is command:
+            self._clock.after(then_after, lambda: self._then(goal, then))
+
+    def _then(self, goal: Call, then: str) -> None:
+        if self.are_gone:
+            return
+        caller = TRAJECTORY_HANDS
+        if then == "cancel":
+            self._driver.whenever_awake(lambda now: goal.is_given and self._driver.core.cancel_trajectory(goal, now)
+                                        and None)
+        elif then == "replace":
+            self.trajectory(caller, ((0.1, -0.1, 0.05, 0.0, 0.1, 0.2),), 1.0, 1.0, "rest", 0.0, 0.002, 0.016, "", 0.0)
+        elif then == "pause":
+            self.procedure(caller, "pause", None)
+            self._clock.after(1.0, lambda: self.procedure(caller, "resume", None))
+        else:
+            self.procedure(caller, "speed", 0.3)
+            self._clock.after(1.5, lambda: self.procedure(caller, "speed", 1.0))
+
     def servo_mode(self, caller: int, active: bool, on_answer: Optional[Callable[[Call], None]] = None) -> None:
         """Enter servo mode, or leave it."""
         self.ask("servo_mode", active, lambda core, call, now: core.servo_mode(call, active, now), caller,
@@ -114,6 +183,9 @@ class Clients:
             "user_frame": (lambda core: settings.set_user_frame(
                 core, c.SetUserFrame(value, frame, "user"), True), True),
             "payload": (lambda core: settings.set_payload(core, 0, c.SetPayload(value, (0.0, 0.0, 0.02))), True),
+            "pause": (lambda core: pausing.pause(core), False),
+            "resume": (lambda core: pausing.resume(core), False),
+            "speed": (lambda core: pausing.set_speed(core, value), False),
             "query": (lambda core: core.ask(c.Query.VERSION), False)}[name]
         self.ask("run", (name, value), _run(make, exclusive), caller, on_answer=on_answer)
 

@@ -41,6 +41,7 @@ class Call:
         was_there: The arm has been at its target since.
         error: How it failed; None otherwise.
         give: Hands it to the core.
+        path, start: Of a trajectory: what is to be followed, and where it begins.
     """
 
     def __init__(self, kind: str, command: Any, give: Callable[[Any, "Call", float], None], waits: bool = False,
@@ -54,6 +55,13 @@ class Call:
         self.was_sent = self.was_there = False
         self.result: Any = None
         self.error: Optional[JakaError] = None
+        self.path: Any = None
+        self.start: Any = None
+
+    @property
+    def is_given(self) -> bool:
+        """The core has got it."""
+        return self.number > 0
 
     def __str__(self) -> str:
         return "%s #%d %s" % (self.kind, self.number, self.command)

@@ -138,6 +138,19 @@ def _servo_session(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
                                  pause=chance.choice((0.0, 0.05, 0.5)))
 
 
+def _trajectory(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    """Points that most often can be followed; the same caller may replace, cancel or pause its trajectory."""
+    count = chance.choice((1, 2, 3, 8))
+    size = chance.choice((0.0, 0.01, 0.2, 0.6))
+    return "trajectory", {
+        "ways": tuple(tuple(size * chance.uniform(-1.0, 1.0) for _ in range(6)) for _ in range(count)),
+        "apart": chance.choice((0.3, 0.6, 1.0)), "first_at": chance.choice((0.0, 0.5, 1.0)),
+        "form": chance.choice(("rest", "rest", "straight", "flowing")), "delay": chance.choice((0.0, 0.0, 0.0, 0.3)),
+        "build_time": chance.choice((0.0, 0.002, 0.004, 0.02)), "lead": 0.016,
+        "then": chance.choice(("", "", "", "cancel", "replace", "replace", "pause", "speed")),
+        "then_after": chance.choice((0.0, 0.05, chance.uniform(0.0, 1.5)))}
+
+
 def _stop(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
     return "stop", {}
 
@@ -154,6 +167,7 @@ def _procedure(name: str, *values: Any) -> _Draw:
 
 CALLS: _Weighted = (
     (12.0, _joint_move), (5.0, _linear_move), (2.0, _queue), (3.0, _jogging), (6.0, _servo_session),
+    (9.0, _trajectory), (0.5, _procedure("pause", None)), (0.7, _procedure("resume", None)),
     (0.5, _servo_mode(True)), (0.7, _servo_mode(False)), (1.5, _servo_stream), (0.5, _servo_burst), (2.5, _stop),
     (2.0, _stop_with_move),
     (0.5, _procedure("power", True, True, True, False)), (0.7, _procedure("enable", True, True, True, False)),
@@ -241,6 +255,8 @@ def _takes(kind: str, args: Dict[str, Any], jog_timeout: float) -> float:
         return min(5.0, max(map(abs, args["shift"])) / args["speed"] + 0.5)
     if kind == "servo_session":
         return float(args["duration"]) + 1.0
+    if kind == "trajectory":
+        return float(args["first_at"]) + float(args["apart"]) * len(args["ways"]) + 0.5
     return 1.0 if kind == "queue" else 0.1
 
 

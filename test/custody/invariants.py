@@ -46,6 +46,10 @@ ANSWER_SLACK = 6.0
 """s, over what a call may take by its settings: waiting for rest, polls, repeated questions."""
 RECOVERY_SLACK = 8.0
 """s, over that: a recovery waits for rest, and twice for what clear_error does."""
+LONGEST_TRAJECTORY = 300.0
+"""s; a trajectory may be paused or slowed for most of a scenario."""
+PAUSE_SLACK = 0.02
+"""s; of rest that was seen."""
 FREE_AFTER = 2.0
 """s; so long after everything is well and the arm at rest, custody has ended."""
 _JOINT_TOLERANCE, _POSITION_TOLERANCE, _ANGLE_TOLERANCE = 0.01, 0.002, 0.02
@@ -152,6 +156,8 @@ class Judge:
     def called(self, call: Call) -> None:
         """The core is about to get a call."""
         self.sent.called(call)
+        if call.command == ("resume", None):
+            self._quiet = [quiet for quiet in self._quiet if quiet.rule != "p"]
         self._stops_before = self.sent.stops_seen
         self._stop_is_owed = (call.kind == "stop" and self.driver.cables[Port.COMMAND] is not None
                               and (not self._settings.simulator or self.sent.knows_controller))
@@ -188,11 +194,17 @@ class Judge:
             self._is_quiet(_Quiet(now + REST_AFTER_STOP, call.number, "b", "after %s was answered" % call))
         elif call.kind == "jog" and call.error is None:
             self._jog_word_at = now
-        elif call.kind == "move" and call.waits and call.error is None:
+        elif call.kind in ("move", "trajectory") and call.waits and call.error is None:
             self._is_completed(call, now)
-        if call.was_sent and isinstance(call.error, MotionInterrupted) and call.error.cause is StopCause.STOPPED:
+        elif call.command == ("pause", None) and call.error is None and self._runs_trajectory():
+            self._is_quiet(_Quiet(now + PAUSE_SLACK, call.number, "p", "after %s was answered" % call))
+        if call.was_sent and isinstance(call.error, MotionInterrupted) and call.error.cause in (
+                StopCause.STOPPED, StopCause.CANCELLED):
             self._is_quiet(_Quiet(now + REST_AFTER_STOP, call.number + 1, "e",
                                   "after %s was told that it is stopped" % call))
+
+    def _runs_trajectory(self) -> bool:
+        return any(call.kind == "trajectory" and call.was_sent for call in self.sent.open_calls.values())
 
     def _is_quiet(self, quiet: _Quiet) -> None:
         if quiet.number > self.sent.last_motion:
@@ -332,7 +344,9 @@ class Judge:
         if call.kind in ("stop", "servo_target"):
             return settings.reply_timeout + STOP_ANSWER_SLACK
         longest = 2.0 * settings.reply_timeout + ANSWER_SLACK
-        if call.kind == "move" and call.waits:
+        if call.kind == "trajectory":
+            longest += LONGEST_TRAJECTORY
+        elif call.kind == "move" and call.waits:
             longest += settings.motion_timeout
         elif call.kind == "run":
             longest += settings.power_timeout + settings.enable_timeout

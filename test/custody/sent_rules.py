@@ -8,6 +8,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 from controller_room import ControllerRoom, is_motion
 from driver_process import Call
+from trajectory_rules import TrajectoryRules
 from verdict import RuleBroken
 
 from jaka_ros_driver import commands as c
@@ -73,6 +74,7 @@ class SentRules:
         self._is_target_known = True
         self._target_at = 0.0
         self._judged_from = 0.0
+        self.trajectory = TrajectoryRules()
 
     # ---- what happens ----
 
@@ -166,9 +168,11 @@ class SentRules:
         elif name == "jog":
             self._wished(name, now, lambda call: isinstance(call.command, c.Jog) and _is_jog(call.command, request))
         elif name == "servo_move":
-            self._wished(name, now, lambda call: call.kind == "servo_mode" and call.command is True)
+            self._wished(name, now, lambda call: call.kind == "trajectory" or (
+                call.kind == "servo_mode" and call.command is True))
             self._servo_call = self.last_motion
             self._frame = self._target = None
+            self.trajectory.begin()
             self._kind, self._is_target_known = "", True
         else:
             self._servo_frame(name, request, now)
@@ -205,6 +209,11 @@ class SentRules:
             values = tuple(all_mm_to_m(wire[:3])) + tuple(all_deg_to_rad(wire[3:]))
         self._rests_on_target(name, values, now)
         self._frame, self._kind = values, name
+        goals = [call for call in self.open_calls.values() if call.kind == "trajectory" and call.path is not None]
+        if goals:
+            goals[-1].was_sent = True
+            self.last_motion = max(self.last_motion, goals[-1].number)
+        self.trajectory.sends(values, goals[-1] if goals else None, now)
 
     def _joint_frame(self, joints: Tuple[float, ...], cycles: int, now: float) -> None:
         self._within_limits("servo_j", joints, now)

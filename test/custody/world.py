@@ -240,6 +240,9 @@ class World:
     def do_servo_session(self, caller: int, **args: Any) -> None:
         self._clients.servo_session(caller, **args)
 
+    def do_trajectory(self, caller: int, **args: Any) -> None:
+        self._clients.trajectory(caller, **args)
+
     def do_procedure(self, caller: int, **args: Any) -> None:
         self._clients.procedure(caller, **args)
 

@@ -23,11 +23,13 @@ DESCRIPTORS = 256
 SERVED_WITHIN = 2.0
 NODE = """
 import os
+import socket
 import time
 import rospy
+from rospy.impl import tcpros_base
 from std_srvs.srv import Empty, EmptyResponse, SetBool, SetBoolResponse, Trigger, TriggerResponse
 from jaka_msgs.srv import GetIO, GetIOResponse
-from jaka_ros_driver.ros.connections import keep_serving
+from jaka_ros_driver.ros.connections import keep_serving, serve_from_the_start
 from jaka_ros_driver.ros.log_bridge import log_to_ros
 from jaka_ros_driver.ros.services.service_server import CallCount, ServiceServer, take_connection
 
@@ -42,7 +44,11 @@ def hold_all_descriptors(request):
         os.close(descriptor)
     return TriggerResponse(True, str(len(held)))
 
+serve_from_the_start()
 rospy.init_node("doorkeeper", disable_signals=True)
+tcpros_base.start_tcpros_server()
+early = socket.create_connection(tcpros_base.get_tcpros_server_address())  # it says nothing, and is there first
+time.sleep(0.2)
 log_to_ros()
 keep_serving(take_connection)
 calls = CallCount()

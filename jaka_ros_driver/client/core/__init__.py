@@ -12,7 +12,9 @@ move            a planned move, or several that are queued
 jog             goes on as long as it is called for
 servo_planner   servo targets to one frame a cycle
 servo_trace     where the arm may be while it is streamed
-servo           servo mode: entered, streamed, left
+streaming       what motions in servo mode have in common: entered, one frame a cycle, left
+servo           servo mode for a client that streams targets
+trajectory      a joint trajectory, streamed along its audited path
 procedures      what takes several requests, as generators: session, power, settings
 arm_core        routes events and calls
 """

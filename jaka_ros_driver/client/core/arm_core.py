@@ -16,8 +16,17 @@ from jaka_ros_driver.client.core.links import Links
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Running, Until
-from jaka_ros_driver.client.core.servo import Servo, left_servo_mode
+from jaka_ros_driver.client.core.servo import Servo
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
+from jaka_ros_driver.client.core.streaming import Streaming, left_servo_mode
+from jaka_ros_driver.client.core.trajectory import (
+    Goal,
+    Progress,
+    Trajectory,
+    TrajectoryStart,
+    require_start,
+    start_at_rest,
+)
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import (
     ConnectionLost,
@@ -30,6 +39,8 @@ from jaka_ros_driver.errors import (
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.trajectory.path import Path
+from jaka_ros_driver.trajectory.points import Tolerances
 
 AT_REST_ONLY = (c.SetToolFrame, c.SelectTool, c.SetUserFrame, c.SelectUserFrame, c.SetPayload, c.SetHandGuiding)
 """They change what a motion under way means, or what the arm carries."""
@@ -84,7 +95,13 @@ class ArmCore:
     def late_servo_cycles(self) -> int:
         """Cycles of the present servo stream that came too late to be sent."""
         motion = self.custody.motion
-        return motion.late_cycles if isinstance(motion, Servo) else 0
+        return motion.late_cycles if isinstance(motion, Streaming) else 0
+
+    @property
+    def trajectory(self) -> Optional[Progress]:
+        """How far the trajectory under way has come; None without one."""
+        motion = self.custody.motion
+        return motion.progress if isinstance(motion, Trajectory) else None
 
     def is_ready(self, now: float) -> bool:
         """Both links are up and the state is fresh."""
@@ -222,6 +239,42 @@ class ArmCore:
                 " (it ended: %s)" % reason if reason else ""))
         limits.check(command, self.model, self.state)
         running.set_target(command, now)
+
+    def trajectory_start(self, call: Any, lead: float, now: float) -> None:
+        """Answered with a ``TrajectoryStart``: the running trajectory ``lead`` s ahead, or the arm, once it rests.
+
+        Errors: InvalidCommand, ConnectionLost: the arm cannot be moved now.
+        """
+        def enter(at: float) -> None:
+            state = self._admission.require_ready_to_move(at)
+            running = self.custody.motion
+            if isinstance(running, Trajectory) and not self.custody.is_ending and running.can_be_joined:
+                self.actions.answer(call, running.start_after(lead))
+            elif self._admission.may_begin(call, enter, now, at):
+                self.actions.answer(call, start_at_rest(state))
+        self._enter(call, enter, now)
+
+    def follow(self, call: Any, path: Path, start: TrajectoryStart, tolerances: Tolerances, now: float) -> None:
+        """Follow an audited path from its start on; answered when the arm rests at its end, and servo mode is left.
+
+        Errors as ``move``, and: StartChanged (the arm is not there any more, nothing was sent), PathToleranceViolated,
+        GoalToleranceViolated.
+        """
+        def enter(at: float) -> None:
+            state = self._admission.require_ready_to_move(at)
+            goal, running = Goal(call, tolerances), self.custody.motion
+            if start.running is not None and running is start.running and not self.custody.is_ending:
+                start.running.replace(goal, path, start)
+            elif self._admission.may_begin(call, enter, now, at):
+                require_start(path, state)
+                self.custody.begin(Trajectory(self.custody, self.model, goal, path, state, self._servo_mode_is), at)
+        self._enter(call, enter, now)
+
+    def cancel_trajectory(self, call: Any, now: float) -> bool:
+        """Brake the trajectory that answers ``call`` (None: any) on its path; False where it is not under way."""
+        self.links.note_time(now)
+        running = self.custody.motion
+        return isinstance(running, Trajectory) and not self.custody.is_ending and running.cancel(call)
 
     def stop(self, call: Any, now: float) -> None:
         """Stop all motion, queued motion and programs; leaves servo mode. Answered with the controller's word.

@@ -19,6 +19,7 @@ class MotionOwner(enum.Enum):
     MOVE = "a move"
     JOG = "a jog"
     SERVO = "servo mode"
+    TRAJECTORY = "a trajectory"
     SETTING = "a change of frames, payload or hand guiding"
 
 

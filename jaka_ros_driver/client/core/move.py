@@ -38,6 +38,8 @@ class Move(Motion):
     """Completed when the arm is at the last target and still; stopped when anything contradicts that it gets there."""
 
     owner = MotionOwner.MOVE
+    is_paused = False
+    """Paused by a call; the time in which it is does not count."""
 
     def __init__(self, custody: Custody, command: MoveCommand, call: Any, waits: bool, state: RobotState) -> None:
         """Prepare.
@@ -83,7 +85,9 @@ class Move(Motion):
             self._look_for_the_end(self._target, state, now)
 
     def tick(self, now: float) -> None:
-        if self._target is not None and now >= self.deadline:
+        if self.is_paused:
+            self.deadline = max(self.deadline, now + START_WINDOW_S)
+        elif self._target is not None and now >= self.deadline:
             self._custody.stop(MotionInterrupted(
                 StopCause.TIMEOUT, "not completed after %.0f s" % self._custody.settings.motion_timeout), now)
 

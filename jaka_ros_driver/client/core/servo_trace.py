@@ -19,16 +19,18 @@ class _Extent(NamedTuple):
 
 
 class ServoTrace:
-    """The extent of what was sent within the last second, coordinate by coordinate; pure, it is told the time."""
+    """The extent of what was sent lately, coordinate by coordinate; pure, it is told the time."""
 
-    def __init__(self) -> None:
+    def __init__(self, window_s: float = _WINDOW_S, bucket_s: float = _BUCKET_S) -> None:
+        """Remember what was sent within the last ``window_s``, in pieces of ``bucket_s``."""
+        self._window, self._bucket = window_s, bucket_s
         self._extents: Deque[_Extent] = deque()
 
     def sent(self, point: Sequence[float], now: float) -> None:
         """This point was sent at this time, s."""
-        if not self._extents or now - self._extents[-1].since > _BUCKET_S:
+        if not self._extents or now - self._extents[-1].since > self._bucket:
             self._extents.append(_Extent(now, list(point), list(point)))
-            while now - self._extents[0].since > _WINDOW_S + _BUCKET_S:
+            while now - self._extents[0].since > self._window + self._bucket:
                 self._extents.popleft()
             return
         _, low, high = self._extents[-1]
@@ -40,8 +42,12 @@ class ServoTrace:
 
     def excess(self, point: Sequence[float]) -> float:
         """How far the point lies outside that extent, in its farthest coordinate; 0 inside, and before the first."""
-        if not self._extents:
-            return 0.0
+        return max(self.excesses(point))
+
+    def excesses(self, point: Sequence[float]) -> List[float]:
+        """The same for each coordinate."""
         extents = list(self._extents)
-        return max(0.0, max(max(min(e.low[i] for e in extents) - value, value - max(e.high[i] for e in extents))
-                            for i, value in enumerate(point)))
+        if not extents:
+            return [0.0] * len(point)
+        return [max(0.0, min([e.low[i] for e in extents]) - value, value - max([e.high[i] for e in extents]))
+                for i, value in enumerate(point)]

@@ -5,7 +5,7 @@ from typing import Any, Mapping, Sequence, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.core.procedures import power, recovery, settings
+from jaka_ros_driver.client.core.procedures import pausing, power, recovery, settings
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.ros.convert import Payload, Terminal
 from jaka_ros_driver.ros.frame_table import FrameTable
@@ -122,6 +122,18 @@ class ServiceHandlers:
     def recover(self, _: None) -> Outcome:
         """recover: clear, power and enable what needs it; returns when the arm can be moved."""
         return Outcome(self._arm.run(recovery.recover))
+
+    def pause(self, _: None) -> Outcome:
+        """pause: hold the moves or the trajectory under way; returns when the arm rests."""
+        return Outcome(self._arm.run(pausing.pause))
+
+    def resume(self, _: None) -> Outcome:
+        """resume: go on with what was paused."""
+        return Outcome(self._arm.run(pausing.resume))
+
+    def speed(self, fraction: float) -> Outcome:
+        """set_speed_slider: set the controller's speed override; returns when the feed shows it."""
+        return Outcome(self._arm.run(lambda core: pausing.set_speed(core, fraction)))
 
     def power(self, on: bool) -> Outcome:
         """power: switch the power of the drives; returns when the arm reports it."""

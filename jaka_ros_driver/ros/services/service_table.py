@@ -10,6 +10,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Tuple
 import rospy
 from std_srvs.srv import Empty, SetBool, Trigger
 
+from jaka_msgs import srv as types
 from jaka_msgs.srv import (
     ClearErr,
     GetFK,
@@ -123,9 +124,14 @@ SERVICES: Tuple[ServiceSpec, ...] = (
     ServiceSpec("get_fk", GetFK, RequestDecoder.forward, ServiceHandlers.forward, as_pose),
     ServiceSpec("get_ik", GetIK, RequestDecoder.inverse, ServiceHandlers.inverse, as_joints),
     ServiceSpec("recover", Trigger, RequestDecoder.nothing, ServiceHandlers.recover, as_success),
+    ServiceSpec("pause", Trigger, RequestDecoder.nothing, ServiceHandlers.pause, as_success),
+    ServiceSpec("resume", Trigger, RequestDecoder.nothing, ServiceHandlers.resume, as_success),
     ServiceSpec("power", SetBool, RequestDecoder.switch, ServiceHandlers.power, as_success),
     ServiceSpec("enable", SetBool, RequestDecoder.switch, ServiceHandlers.enable, as_success),
 )
+if hasattr(types, "SetSpeedSlider"):  # a jaka_msgs from elsewhere (JAKA_MSGS_EXTERNAL=1) lacks it
+    SERVICES += (ServiceSpec("set_speed_slider", types.SetSpeedSlider, RequestDecoder.speed, ServiceHandlers.speed,
+                             as_success),)
 OTHER_DEFINITIONS: Dict[Any, Tuple[Any, ...]] = {ServoMove: (ServoMoveWithSpeed,)}
 """For a type of jaka_msgs: other definitions with which clients may have been built."""
 

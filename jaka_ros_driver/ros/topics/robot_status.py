@@ -11,7 +11,7 @@ from jaka_ros_driver.client.arm_client import ArmClient, LoopTask
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import ConnectionLost
-from jaka_ros_driver.ros.industrial_messages import robot_status_type
+from jaka_ros_driver.ros.other_messages import message_type
 from jaka_ros_driver.ros.topics.stamps import StampClock, ros_clock
 from jaka_ros_driver.state import RobotState
 
@@ -64,7 +64,7 @@ class RobotStatusPublisher(LoopTask):
 
     def __init__(self, arm: ArmClient) -> None:
         self._arm = arm
-        self._type = robot_status_type()
+        self._type = message_type("industrial_msgs/RobotStatus")
         self._publisher = rospy.Publisher("~robot_status", self._type, queue_size=_QUEUE, tcp_nodelay=True)
         self._clock = StampClock(ros_clock())
         self._newest: Optional[Truth] = None

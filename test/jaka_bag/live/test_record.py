@@ -315,6 +315,7 @@ def test_simulated_time_stamps_messages_with_the_clock(graph):
         a = publisher.advertise("/a", string_connection("/a"), False)
         with_subscribers(publisher, clock, a)
         publisher.publish(a, string_frame("before"))
+        live_ros.all_read(publisher)
         for second in (100, 200):
             publisher.publish(clock, frame_of(struct.pack("<II", second, 500)))
             live_ros.all_read(publisher)

@@ -4,5 +4,6 @@ procedure   the steps of which procedures are made, and what drives them
 session     what is asked of a controller when it is connected
 power       power, enabling and alarms
 recovery    all steps to an arm that can move, as one act
+pausing     pause and resume, and the speed of it all
 settings    settings that are read back
 """

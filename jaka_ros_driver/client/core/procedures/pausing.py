@@ -1,0 +1,92 @@
+"""Pause and resume what this driver moves, and the speed of all that the controller and this driver run."""
+from typing import Union
+
+from jaka_ros_driver.client.core.arm_core import ArmCore
+from jaka_ros_driver.client.core.motion import Motion
+from jaka_ros_driver.client.core.move import Move
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure, Until
+from jaka_ros_driver.client.core.stillness import REST_TIME_S
+from jaka_ros_driver.client.core.trajectory import Trajectory
+from jaka_ros_driver.commands import PauseMotion, ResumeMotion, SetRapidRate
+from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
+
+_TIMEOUT_S = 2.0
+_SAME_RATE = 0.005
+
+
+def pause(core: ArmCore) -> Procedure:
+    """Hold the trajectory or the planned moves under way, at rest on their path; returns when the arm rests.
+
+    Raises:
+        InvalidCommand: Nothing is under way that can be paused, or it has ended meanwhile.
+        MotionInterrupted: The arm did not come to rest within 2 s; it is still in custody, and a stop ends it.
+        JakaError: As ``Ask``.
+    """
+    motion = _pausable(core)
+    if isinstance(motion, Trajectory):
+        motion.pause()
+    else:
+        yield Ask(PauseMotion())
+
+    def is_held(_now: float) -> bool:
+        _require_still_under_way(core, motion, "paused")
+        if core.custody.stillness.duration() < REST_TIME_S:
+            return False
+        return motion.is_held if isinstance(motion, Trajectory) else core.state is not None and bool(
+            core.state.is_paused)
+    if not (yield Until(is_held, _TIMEOUT_S)):
+        raise MotionInterrupted(StopCause.TIMEOUT, "the arm was not seen paused within %.0f s; %s goes on" % (
+            _TIMEOUT_S, motion.owner.value))
+    motion.is_paused = True
+    return "%s is paused; resume goes on, stop_move ends it" % motion.owner.value
+
+
+def resume(core: ArmCore) -> Procedure:
+    """Go on with what ``pause`` has paused.
+
+    Raises:
+        InvalidCommand: Nothing is paused, or it has ended meanwhile.
+        JakaError: As ``Ask``.
+    """
+    motion = _pausable(core)
+    is_held = motion.is_paused or (core.state is not None and bool(core.state.is_paused))
+    if not is_held:
+        raise InvalidCommand("refused: %s is not paused" % motion.owner.value)
+    if isinstance(motion, Trajectory):
+        motion.resume()
+    else:
+        yield Ask(ResumeMotion())
+        _require_still_under_way(core, motion, "resumed")
+        motion.is_paused = False
+    return "%s goes on" % motion.owner.value
+
+
+def set_speed(core: ArmCore, fraction: float) -> Procedure:
+    """Set the controller's speed override, 0 to 1; trajectories of this driver follow it.
+
+    Raises:
+        MotionInterrupted: The controller accepted it, and its status feed does not show it within 2 s.
+        JakaError: As ``Ask``.
+    """
+    yield Ask(core.audited(SetRapidRate(fraction)))
+    if core.state is None or core.state.rapid_rate is None:
+        return "speed %.3g %% set (not verified: this controller does not report it)" % (100.0 * fraction)
+    if not (yield from core.seen(lambda s: s.rapid_rate is not None and abs(s.rapid_rate - fraction) <= _SAME_RATE,
+                                 _TIMEOUT_S)):
+        raise MotionInterrupted(StopCause.TIMEOUT, "the controller accepted a speed of %.3g %%, and still reports "
+                                "%.3g %%" % (100.0 * fraction, 100.0 * (core.state.rapid_rate or 0.0)))
+    return "speed %.3g %%" % (100.0 * fraction)
+
+
+def _pausable(core: ArmCore) -> Union[Move, Trajectory]:
+    motion = core.custody.motion
+    if not isinstance(motion, (Move, Trajectory)):
+        raise InvalidCommand("refused: %s; only moves and trajectories of this driver can be paused and resumed" % (
+            "this driver moves nothing" if motion is None else "%s owns the arm's motion" % motion.owner.value))
+    _require_still_under_way(core, motion, "paused or resumed")
+    return motion
+
+
+def _require_still_under_way(core: ArmCore, motion: Motion, what: str) -> None:
+    if core.custody.motion is not motion or core.custody.is_ending or motion.is_leaving:
+        raise InvalidCommand("refused: %s has ended, it cannot be %s" % (motion.owner.value, what))

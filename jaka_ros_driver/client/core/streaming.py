@@ -1,0 +1,195 @@
+"""What motions in servo mode have in common: entered and confirmed, one frame every 8 ms, left at rest."""
+from typing import Any, Callable, List, Optional, Union
+
+from jaka_ros_driver.client.core.custody import Custody
+from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Running, pause
+from jaka_ros_driver.client.core.servo_trace import ServoTrace
+from jaka_ros_driver.commands import Command, Query, ServoJoint, ServoPose, SetServoMode
+from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause
+from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
+from jaka_ros_driver.state import RobotState, Vector
+
+MAX_JOINT_DEVIATION = 0.04
+"""rad; more than the step of one cycle at 180 deg/s, behind which a controller ignores frames."""
+_CONFIRM_TIMEOUT_S = 2.0
+_POLL_PERIOD_S = 0.02
+_NEVER = float("inf")
+
+Frame = Union[ServoJoint, ServoPose]
+OnMode = Callable[[bool, str], None]
+
+
+class Streaming(Motion):
+    """A motion that sends a frame each cycle. Late cycles are left out, never caught up in a burst.
+
+    Whatever goes wrong stops the arm. A child says what the frames are, and when the stream is over.
+
+    Attributes:
+        late_cycles: Cycles that came too late to be sent.
+    """
+
+    def __init__(self, custody: Custody, state: RobotState, on_mode: OnMode) -> None:
+        """Prepare.
+
+        Args:
+            custody: Of this motion.
+            state: Before the motion.
+            on_mode: Told whether servo mode is on and, when it has ended, why.
+        """
+        self._custody = custody
+        self._watch = InterruptionWatch(state)
+        self._state = state
+        self._on_mode = on_mode
+        self._trace = ServoTrace()
+        self._next_frame = _NEVER
+        self._leave_reason: Optional[str] = None
+        self._confirming: Optional[Running] = None
+        self._is_entered = False
+        self._left_at: Optional[float] = None
+        self.late_cycles = 0
+
+    # ---- what a child says ----
+
+    def _entered(self, now: float) -> None:
+        """Servo mode is on: the frames begin with the next tick."""
+        raise NotImplementedError
+
+    def _not_entered(self, error: JakaError) -> None:
+        """Servo mode could not be entered; nothing has moved."""
+        raise NotImplementedError
+
+    def _frame(self, now: float) -> Frame:
+        """The frame of this cycle."""
+        raise NotImplementedError
+
+    def _sent_point(self) -> Vector:
+        """Where that frame leads, in the coordinates that ``_contradiction`` compares."""
+        raise NotImplementedError
+
+    def _is_over(self) -> bool:
+        """Nothing is left to be sent: servo mode can be left."""
+        raise NotImplementedError
+
+    def _contradiction(self, state: RobotState) -> Optional[MotionInterrupted]:
+        """What in this state contradicts the stream; None where nothing does."""
+        raise NotImplementedError
+
+    def _skipped(self, cycles: int) -> None:
+        """So many cycles came too late."""
+
+    # ---- life ----
+
+    @property
+    def is_streaming(self) -> bool:
+        """Frames are being sent."""
+        return self._next_frame != _NEVER
+
+    def begin(self, now: float) -> None:
+        self._confirming = Running(_entered(), self._custody.channel, self._enter_ended)
+        self._confirming.begin(now)
+
+    def due(self) -> float:
+        return min(self._next_frame, self._confirming.deadline if self._confirming else _NEVER)
+
+    def observe(self, state: RobotState, now: float) -> None:
+        self._state = state
+        cause = self._watch.cause(state)
+        if cause is None and self.is_streaming:
+            cause = self._contradiction(state)
+        if cause is not None:
+            self._custody.stop(cause, now)
+        elif self._left_at is not None and self._custody.stillness.duration(self._left_at) >= self.rest_time:
+            self._custody.finish(now)
+
+    def tick(self, now: float) -> None:
+        if self._confirming is not None:
+            self._confirming.tick(now)
+        if now < self._next_frame:
+            return
+        if self._is_over():
+            self._next_frame = _NEVER
+            self._confirming = Running(left_servo_mode(), self._custody.channel, self._leave_ended)
+            self._confirming.begin(now)
+            return
+        self._send_frame(now)
+
+    def halts(self) -> List[Command]:
+        self._next_frame = _NEVER
+        self._confirming = None
+        return [SetServoMode(False)]
+
+    # ---- inside ----
+
+    def _enter_ended(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+        if self._custody.motion is not self or self._custody.is_ending:
+            return
+        self._confirming = None
+        if error is None:
+            self._is_entered = True
+            self._next_frame = now
+            self._on_mode(True, "")
+            self._entered(now)
+            return
+        if isinstance(error, MotionInterrupted):
+            self._custody.stop(error, now)
+            return
+        self._not_entered(error)
+        if isinstance(error, CommandRejected) and error.command == "servo_move":
+            self._custody.settle(now)
+        else:
+            self._custody.stop(MotionInterrupted(StopCause.FAULT, str(error)), now)
+
+    def _leave_ended(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+        if self._custody.motion is not self or self._custody.is_ending:
+            return
+        self._confirming = None
+        if error is None:
+            self._left_at = now
+            self._on_mode(False, self._leave_reason or "")
+        else:
+            self._custody.stop(MotionInterrupted(StopCause.FAULT, "servo mode was not left: %s" % error), now)
+
+    def _send_frame(self, now: float) -> None:
+        frame = self._frame(now)
+        self._trace.sent(self._sent_point(), now)
+        self._next_frame += SERVO_PERIOD_S
+        late = now - self._next_frame
+        if late > 0.0:
+            skipped = 1 + int(late / SERVO_PERIOD_S)
+            self.late_cycles += skipped
+            self._next_frame += SERVO_PERIOD_S * skipped
+            self._skipped(skipped)
+        self._custody.channel.request(frame, now, self._frame_replied)
+
+    def _frame_replied(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+        if error is not None and self._custody.motion is self and self.is_streaming:
+            self._custody.stop(MotionInterrupted(StopCause.FAULT, "servo stream ended: %s" % error), now)
+
+
+def commanded_joints(state: RobotState) -> Vector:
+    """Where a stream of joint frames begins, rad (6,): as commanded where the arm is near to that, else as measured."""
+    start = state.joint_position_commanded
+    if start is None or max([abs(a - b) for a, b in zip(start, state.joint_position)]) > MAX_JOINT_DEVIATION:
+        return state.joint_position
+    return start
+
+
+def _entered() -> Procedure:
+    yield Ask(SetServoMode(True))
+    yield from _confirmed(True)
+
+
+def left_servo_mode() -> Procedure:
+    """Leave servo mode; MotionInterrupted when the controller does not confirm it within 2 s."""
+    yield Ask(SetServoMode(False))
+    yield from _confirmed(False)
+
+
+def _confirmed(active: bool) -> Procedure:
+    begun = yield Now()
+    while bool((yield Ask(Query.SERVO_MODE))) is not active:
+        if (yield Now()) - begun > _CONFIRM_TIMEOUT_S:
+            raise MotionInterrupted(StopCause.TIMEOUT, "the controller did not %s servo mode"
+                                    % ("enter" if active else "leave"))
+        yield pause(_POLL_PERIOD_S)

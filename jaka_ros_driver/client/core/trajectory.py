@@ -1,0 +1,277 @@
+"""A joint trajectory: streamed along its audited path, joined by the next one, ended at rest on its last point."""
+from typing import Any, NamedTuple, Optional
+
+from jaka_ros_driver.client.core.custody import Custody
+from jaka_ros_driver.client.core.motion import MotionOwner
+from jaka_ros_driver.client.core.servo_trace import ServoTrace
+from jaka_ros_driver.client.core.stillness import REST_TIME_S
+from jaka_ros_driver.client.core.streaming import MAX_JOINT_DEVIATION, OnMode, Streaming, commanded_joints
+from jaka_ros_driver.commands import ServoJoint
+from jaka_ros_driver.errors import (
+    GoalToleranceViolated,
+    InvalidCommand,
+    JakaError,
+    MotionInterrupted,
+    PathToleranceViolated,
+    StopCause,
+)
+from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
+from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
+from jaka_ros_driver.state import RobotState, Vector
+from jaka_ros_driver.trajectory.build import PathStart
+from jaka_ros_driver.trajectory.clock import PathClock
+from jaka_ros_driver.trajectory.path import JointState, Path
+from jaka_ros_driver.trajectory.points import Tolerances
+
+_LAG_S = 0.2
+"""s; a client's path tolerance is compared with what was sent within this time, of which a controller's queue and the
+feed take some.
+"""
+_LONGEST_LAG_S = 0.5
+"""s; so much may the filters of a controller take besides; an arm that is near nothing it was sent since is stopped."""
+_SAME_START = 1e-4
+"""rad; an arm that is farther from where its path was begun has moved since."""
+_BRAKE_TIME_S = 1.0
+"""s; an arm that is not seen at rest so long after its stream has come to rest is stopped."""
+_SEEN_LATE_S = 0.3
+"""s; rest is seen so much later than it begins, at most, by a feed that works."""
+_CATCH_UP = 0.05
+"""Share by which the clock runs faster while it makes up for cycles that were late."""
+_LONGEST_CATCH_UP_S = 0.1
+_NOTHING = (0.0,) * JOINT_COUNT
+
+
+class StartChanged(InvalidCommand):
+    """The arm is not any more where the path was built to begin: it must be built anew."""
+
+
+class TrajectoryStart(NamedTuple):
+    """Where a path may begin.
+
+    Attributes:
+        begin: Position and motion there.
+        running: The trajectory that is joined; None where the arm rests.
+        path: What it follows.
+        time: On that path, where it is joined, s.
+    """
+
+    begin: PathStart
+    running: Optional["Trajectory"] = None
+    path: Optional[Path] = None
+    time: float = 0.0
+
+
+class Goal(NamedTuple):
+    """What a client has asked for, and by which call it is answered."""
+
+    call: Any
+    tolerances: Tolerances
+
+
+class Progress(NamedTuple):
+    """How far a trajectory has come.
+
+    Attributes:
+        call: Of its goal.
+        time: On its path, from the time of its points, s.
+        desired: Where the joints are wanted now.
+    """
+
+    call: Any
+    time: float
+    desired: JointState
+
+
+class Trajectory(Streaming):
+    """Runs along one path, and on to those that replace it. Whatever contradicts it stops the arm; nothing resumes."""
+
+    owner = MotionOwner.TRAJECTORY
+
+    def __init__(self, custody: Custody, model: ArmModel, goal: Goal, path: Path, state: RobotState,
+                 on_mode: OnMode) -> None:
+        """Prepare; the goal is answered when the arm rests at the path's end, and servo mode is left.
+
+        Args:
+            custody: Of this motion.
+            model: Whose limits hold.
+            goal: Whom the path is for.
+            path: Audited; begins where the arm is commanded.
+            state: Before the motion.
+            on_mode: Told whether servo mode is on and, when it has ended, why.
+        """
+        super().__init__(custody, state, on_mode)
+        self._goal = goal
+        self._clock = PathClock(path, model)
+        self._end = path.at(path.end).position
+        self._trace = ServoTrace(_LONGEST_LAG_S, 0.1 * _LONGEST_LAG_S)
+        self._near = ServoTrace(_LAG_S, 0.1 * _LAG_S)
+        self._built_at = 0.0
+        self._lag = 0.0
+        self._rests_since: Optional[float] = None
+        self._is_begun = False
+        self._is_cancelled = False
+        self.is_paused = False
+
+    # ---- calls ----
+
+    @property
+    def can_be_joined(self) -> bool:
+        """Another trajectory can take over from here."""
+        return not self.is_leaving
+
+    @property
+    def progress(self) -> Progress:
+        """How far it has come."""
+        return Progress(self._goal.call, self._clock.time, self._clock.state())
+
+    @property
+    def is_held(self) -> bool:
+        """It is paused, and its stream has come to rest."""
+        return self.is_paused and self._clock.is_still and self._clock.rate == 0.0
+
+    def start_after(self, lead: float) -> TrajectoryStart:
+        """Where another trajectory can join this one, so far ahead on the path, s."""
+        time = self._clock.time + lead
+        return TrajectoryStart(PathStart(self._clock.path.at(time), False), self, self._clock.path, time)
+
+    def replace(self, goal: Goal, path: Path, start: TrajectoryStart) -> None:
+        """Go over to another path where it starts on the present one; the goal that was under way is told at once.
+
+        Raises:
+            StartChanged: The arm has come further than that, or is on another path.
+        """
+        if not self.can_be_joined or self._clock.path is not start.path or self._clock.time > start.time:
+            raise StartChanged("the arm has passed the point where the new trajectory was to join; send it again")
+        self._clock.join(start.time, path)
+        before, self._goal = self._goal, goal
+        self._end = path.at(path.end).position
+        self._custody.actions.answer(before.call, None, MotionInterrupted(StopCause.REPLACED))
+
+    def cancel(self, call: Any) -> bool:
+        """Brake on the path, and end at rest; ``call``: whose goal, None for any. False: it is not under way."""
+        if self._leave_reason is not None or (call is not None and call is not self._goal.call):
+            return False
+        self._is_cancelled = self.is_leaving = True
+        return True
+
+    def pause(self) -> None:
+        """Brake on the path, and stay."""
+        self.is_paused = True
+
+    def resume(self) -> None:
+        """Go on after a pause."""
+        self.is_paused = False
+
+    # ---- life ----
+
+    def begin(self, now: float) -> None:
+        self._built_at = now
+        super().begin(now)
+
+    def observe(self, state: RobotState, now: float) -> None:
+        super().observe(state, now)
+        if self._rests_since is not None and self._leave_reason is None and not self._custody.is_ending:
+            self._look_for_the_end(state, now)
+
+    def ended(self, outcome: Optional[MotionInterrupted]) -> None:
+        if outcome is None and self._is_cancelled:
+            outcome = MotionInterrupted(StopCause.CANCELLED)
+        self._on_mode(False, str(outcome) if outcome is not None else "the trajectory is completed")
+        self._answer(outcome)
+
+    def _entered(self, now: float) -> None:
+        clock = self._clock
+        if max([abs(a - b) for a, b in zip(commanded_joints(self._state), clock.position)]) > _SAME_START:
+            self._custody.stop(MotionInterrupted(StopCause.FAULT, "the arm moved before its trajectory began"), now)
+        elif clock.time < 0.0:  # it starts later: entering servo mode has taken some of the time until then
+            clock.time = min(0.0, clock.time + now - self._built_at)
+
+    def _not_entered(self, error: JakaError) -> None:
+        self._answer(error)
+
+    def _frame(self, now: float) -> ServoJoint:
+        clock, scale = self._clock, self._scale
+        if not self._is_begun:  # a stream begins where the arm is (docs/controller-protocol.md section 5.6.5)
+            self._is_begun = True
+            return ServoJoint(clock.position)
+        wanted = 0.0 if self.is_paused or self._is_cancelled else scale * (1.0 + _CATCH_UP * (self._lag > 0.0))
+        frame = ServoJoint(clock.step(wanted))
+        if self._lag > 0.0:
+            self._lag = 0.0 if wanted == 0.0 else self._lag - max(0.0, clock.rate - scale) * SERVO_PERIOD_S
+        self._near.sent(clock.position, now)
+        is_over = clock.is_still and (clock.is_at_end or (self._is_cancelled and clock.rate == 0.0))
+        if is_over and self._rests_since is None:
+            self._rests_since = now
+            self.is_leaving = True
+        return frame
+
+    def _sent_point(self) -> Vector:
+        return self._clock.position
+
+    def _is_over(self) -> bool:
+        return self._leave_reason is not None
+
+    def _skipped(self, cycles: int) -> None:
+        self._lag = min(self._lag + cycles * SERVO_PERIOD_S * self._clock.rate, _LONGEST_CATCH_UP_S)
+
+    def _contradiction(self, state: RobotState) -> Optional[MotionInterrupted]:
+        excess = self._trace.excess(state.joint_position)
+        if excess > MAX_JOINT_DEVIATION:
+            return PathToleranceViolated("the arm is %.3f rad from where it was sent" % excess)
+        for joint, (away, tolerance) in enumerate(zip(self._near.excesses(state.joint_position),
+                                                      self._goal.tolerances.path), 1):
+            if tolerance is not None and away > tolerance:
+                return PathToleranceViolated("joint %d is %.4f rad from its trajectory; allowed: %.4f rad" % (
+                    joint, away, tolerance))
+        return None
+
+    # ---- inside ----
+
+    @property
+    def _scale(self) -> float:
+        rate = self._state.rapid_rate
+        return 1.0 if rate is None else min(max(rate, 0.0), 1.0)
+
+    def _look_for_the_end(self, state: RobotState, now: float) -> None:
+        """The stream has come to rest; the arm must, too, and where it is asked to."""
+        assert self._rests_since is not None
+        is_still = self._custody.stillness.duration(self._rests_since) >= REST_TIME_S
+        waited = now - self._rests_since
+        if self._is_cancelled:
+            if is_still:
+                self._leave("cancelled")
+            elif waited > _BRAKE_TIME_S:
+                self._custody.stop(MotionInterrupted(StopCause.CANCELLED), now)
+            return
+        tolerances = self._goal.tolerances
+        far = ["joint %d is %.4f rad from its last point, allowed: %.4f rad" % (joint, abs(at - end), tolerance)
+               for joint, (at, end, tolerance) in enumerate(zip(state.joint_position, self._end, tolerances.goal), 1)
+               if tolerance is not None and abs(at - end) > tolerance]
+        if is_still and not far:
+            self._leave("the trajectory is completed")
+        elif tolerances.goal_time is not None and waited > tolerances.goal_time + _SEEN_LATE_S:
+            self._custody.stop(GoalToleranceViolated("%.3f s after the end of the trajectory %s" % (
+                waited, "; ".join(far) or "the arm is not at rest")), now)
+
+    def _leave(self, reason: str) -> None:
+        self._leave_reason = reason
+
+    def _answer(self, error: Optional[JakaError]) -> None:
+        goal, self._goal = self._goal, self._goal._replace(call=None)
+        self._custody.actions.answer(goal.call, None, error)
+
+
+def start_at_rest(state: RobotState) -> TrajectoryStart:
+    """Where a path begins whose arm rests: where it is commanded."""
+    return TrajectoryStart(PathStart(JointState(commanded_joints(state), _NOTHING, _NOTHING), True))
+
+
+def require_start(path: Path, state: RobotState) -> None:
+    """See that the arm is where the path begins.
+
+    Raises:
+        StartChanged: It is not.
+    """
+    begin = path.at(path.begin).position
+    if max([abs(a - b) for a, b in zip(commanded_joints(state), begin)]) > _SAME_START:
+        raise StartChanged("the arm has moved since its trajectory was audited; send it again")

@@ -1,0 +1,100 @@
+"""Types of control_msgs and industrial_msgs, which are not packaged everywhere: the installed one, or one made here.
+
+The definitions are of our own writing and have the fields of the published ones, so that their md5 is the same: with
+another one no program that was built with the published definition would connect.
+"""
+import hashlib
+import importlib
+from typing import Any, Dict
+
+import genpy.dynamic
+from std_srvs.srv import EmptyRequest
+
+MD5 = {
+    "control_msgs/FollowJointTrajectoryAction": "bc4f9b743838566551c0390c65f1a248",
+    "control_msgs/FollowJointTrajectoryFeedback": "10817c60c2486ef6b33e97dcd87f4474",
+    "control_msgs/JointTrajectoryControllerState": "10817c60c2486ef6b33e97dcd87f4474",
+    "industrial_msgs/RobotStatus": "b733cb45a38101840b75c4c0d6093d19",
+}
+"""Of the published definitions."""
+_DEFINITIONS = {
+    "actionlib_msgs/GoalID": "time stamp\nstring id\n",
+    "actionlib_msgs/GoalStatus": (
+        "GoalID goal_id\nuint8 status\nuint8 PENDING=0\nuint8 ACTIVE=1\nuint8 PREEMPTED=2\nuint8 SUCCEEDED=3\n"
+        "uint8 ABORTED=4\nuint8 REJECTED=5\nuint8 PREEMPTING=6\nuint8 RECALLING=7\nuint8 RECALLED=8\nuint8 LOST=9\n"
+        "string text\n"),
+    "control_msgs/FollowJointTrajectoryAction": (
+        "FollowJointTrajectoryActionGoal action_goal\nFollowJointTrajectoryActionResult action_result\n"
+        "FollowJointTrajectoryActionFeedback action_feedback\n"),
+    "control_msgs/FollowJointTrajectoryActionFeedback": (
+        "Header header\nactionlib_msgs/GoalStatus status\nFollowJointTrajectoryFeedback feedback\n"),
+    "control_msgs/FollowJointTrajectoryActionGoal": (
+        "Header header\nactionlib_msgs/GoalID goal_id\nFollowJointTrajectoryGoal goal\n"),
+    "control_msgs/FollowJointTrajectoryActionResult": (
+        "Header header\nactionlib_msgs/GoalStatus status\nFollowJointTrajectoryResult result\n"),
+    "control_msgs/FollowJointTrajectoryFeedback": (
+        "Header header\nstring[] joint_names\ntrajectory_msgs/JointTrajectoryPoint desired\n"
+        "trajectory_msgs/JointTrajectoryPoint actual\ntrajectory_msgs/JointTrajectoryPoint error\n"),
+    "control_msgs/FollowJointTrajectoryGoal": (
+        "trajectory_msgs/JointTrajectory trajectory\nJointTolerance[] path_tolerance\n"
+        "JointTolerance[] goal_tolerance\nduration goal_time_tolerance\n"),
+    "control_msgs/FollowJointTrajectoryResult": (
+        "int32 error_code\nint32 SUCCESSFUL = 0\nint32 INVALID_GOAL = -1\nint32 INVALID_JOINTS = -2\n"
+        "int32 OLD_HEADER_TIMESTAMP = -3\nint32 PATH_TOLERANCE_VIOLATED = -4\nint32 GOAL_TOLERANCE_VIOLATED = -5\n"
+        "string error_string\n"),
+    "control_msgs/JointTolerance": (
+        "string name\nfloat64 position       # rad; 0: the default, negative: none\nfloat64 velocity\n"
+        "float64 acceleration\n"),
+    "control_msgs/JointTrajectoryControllerState": (
+        "Header header\nstring[] joint_names\ntrajectory_msgs/JointTrajectoryPoint desired\n"
+        "trajectory_msgs/JointTrajectoryPoint actual\ntrajectory_msgs/JointTrajectoryPoint error\n"),
+    "industrial_msgs/RobotMode": "int8 val\nint8 UNKNOWN=-1\nint8 MANUAL=1\nint8 AUTO=2\n",
+    "industrial_msgs/RobotStatus": (
+        "Header header                   # stamp: arrival of the status frame that tells this; frame_id: empty\n"
+        "industrial_msgs/RobotMode mode\nindustrial_msgs/TriState e_stopped\n"
+        "industrial_msgs/TriState drives_powered\nindustrial_msgs/TriState motion_possible\n"
+        "industrial_msgs/TriState in_motion\nindustrial_msgs/TriState in_error\n"
+        "int32 error_code                # entry of the controller's event list, 0 for no error\n"),
+    "industrial_msgs/ServiceReturnCode": "int8 val\nint8 SUCCESS=1\nint8 FAILURE=-1\n",
+    "industrial_msgs/StopMotionResponse": "industrial_msgs/ServiceReturnCode code\n",
+    "industrial_msgs/TriState": (
+        "int8 val\nint8 UNKNOWN=-1\nint8 TRUE=1\nint8 ON=1\nint8 ENABLED=1\nint8 HIGH=1\nint8 CLOSED=1\nint8 FALSE=0\n"
+        "int8 OFF=0\nint8 DISABLED=0\nint8 LOW=0\nint8 OPEN=0\n"),
+    "std_msgs/Header": "uint32 seq\ntime stamp\nstring frame_id\n",
+    "trajectory_msgs/JointTrajectory": "Header header\nstring[] joint_names\nJointTrajectoryPoint[] points\n",
+    "trajectory_msgs/JointTrajectoryPoint": (
+        "float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\nfloat64[] effort\n"
+        "duration time_from_start\n"),
+}
+_SEPARATOR = "=" * 80 + "\nMSG: %s\n"
+_made: Dict[str, Any] = {}
+
+
+def message_type(name: str) -> Any:
+    """The class of a message, as ``package/Name``: that of an installed package, else ``made_type``."""
+    package, short = name.split("/")
+    try:
+        return getattr(importlib.import_module(package + ".msg"), short)
+    except (ImportError, AttributeError):
+        return made_type(name)
+
+
+def made_type(name: str) -> Any:
+    """A class made from the definitions of this file, the same on the wire. All that it holds are made, too."""
+    if name not in _made:
+        parts = [_DEFINITIONS[name]]
+        parts += [_SEPARATOR % other + text for other, text in sorted(_DEFINITIONS.items()) if other != name]
+        _made.update(genpy.dynamic.generate_dynamic(name, "".join(parts)))
+    return _made[name]
+
+
+def stop_motion_type() -> Any:
+    """The class of the service industrial_msgs/StopMotion: the installed one, else one made here."""
+    try:
+        return importlib.import_module("industrial_msgs.srv").StopMotion
+    except (ImportError, AttributeError):
+        code = made_type("industrial_msgs/ServiceReturnCode")
+        return type("StopMotion", (), {
+            "_type": "industrial_msgs/StopMotion", "_request_class": EmptyRequest,
+            "_response_class": made_type("industrial_msgs/StopMotionResponse"),
+            "_md5sum": hashlib.md5(("%s code" % code._md5sum).encode()).hexdigest()})

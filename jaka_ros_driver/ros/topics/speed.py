@@ -1,0 +1,26 @@
+"""``~speed_scaling_factor``: the controller's speed override, with which trajectories run, too."""
+from typing import Optional
+
+import rospy
+from std_msgs.msg import Float64
+
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.state import RobotState
+
+
+class SpeedPublisher:
+    """Publishes it, latched, with each change; 0 to 1. Nothing is published where the controller does not report it."""
+
+    def __init__(self, arm: ArmClient) -> None:
+        self._arm = arm
+        self._published: Optional[float] = None
+        self._publisher = rospy.Publisher("~speed_scaling_factor", Float64, queue_size=1, latch=True)
+
+    def start(self) -> None:
+        """Begin to publish."""
+        self._arm.add_listener(self._arrived)
+
+    def _arrived(self, state: RobotState, is_new: bool) -> None:
+        if is_new and state.rapid_rate is not None and state.rapid_rate != self._published:
+            self._published = state.rapid_rate
+            self._publisher.publish(state.rapid_rate)

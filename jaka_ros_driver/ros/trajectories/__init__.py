@@ -1,0 +1,6 @@
+"""Trajectories over ROS, by the names and types of ros_controllers' JointTrajectoryController and of ROS-Industrial.
+
+messages  goals to trajectories and tolerances, states to messages
+action    FollowJointTrajectory: goals one after the other, each with exactly one end
+topics    trajectories by topic, the controller's state, the service stop_motion
+"""

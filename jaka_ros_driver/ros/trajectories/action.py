@@ -1,0 +1,189 @@
+"""The action FollowJointTrajectory: goals are taken one after the other, and each ends exactly once."""
+import logging
+import threading
+import time
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as StillRunning
+from queue import SimpleQueue
+from typing import Any, Callable, Dict, Optional
+
+import rospy
+from actionlib import ActionServer
+
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.errors import (
+    GoalToleranceViolated,
+    InvalidCommand,
+    JakaError,
+    MotionInterrupted,
+    StopCause,
+)
+from jaka_ros_driver.ros.other_messages import message_type
+from jaka_ros_driver.ros.services.service_server import CallCount
+from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder, fill_states
+from jaka_ros_driver.trajectory.points import TrajectoryOfThePast
+
+_LOG = logging.getLogger(__name__)
+
+SUCCESSFUL, INVALID_GOAL, INVALID_JOINTS, OLD_HEADER_TIMESTAMP = 0, -1, -2, -3
+PATH_TOLERANCE_VIOLATED, GOAL_TOLERANCE_VIOLATED = -4, -5
+"""Of control_msgs/FollowJointTrajectoryResult."""
+_FEEDBACK_PERIOD_S = 0.05
+_STOP_WAIT_S = 2.0
+
+
+class TurnQueue:
+    """A thread in which goals begin in the order in which they came: the last one is the one that moves the arm."""
+
+    def __init__(self) -> None:
+        self._work: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        threading.Thread(target=self._run, name="trajectory goals", daemon=True).start()
+
+    def put(self, work: Callable[[], None]) -> None:
+        """Have this done when all that was put before has been done."""
+        self._work.put(work)
+
+    def _run(self) -> None:
+        while True:
+            work = self._work.get()
+            try:
+                work()
+            except Exception:  # a defect in one goal must not keep later ones from being taken
+                _LOG.exception("a trajectory could not be begun")
+
+
+class _Goal:
+    """One goal: whether its client has cancelled it, and what ends when the arm has followed it."""
+
+    def __init__(self) -> None:
+        self.is_cancelled = False
+        self.done: Optional[Future[None]] = None
+
+
+class TrajectoryAction:
+    """One name under which goals are taken."""
+
+    def __init__(self, name: str, arm: ArmClient, decoder: TrajectoryDecoder, turns: TurnQueue,
+                 goals: CallCount) -> None:
+        """Prepare; ``offer`` begins.
+
+        Args:
+            name: Of the action, as rospy takes it.
+            arm: Follows the trajectories.
+            decoder: Decodes them.
+            turns: Shared by all who send trajectories to this arm.
+            goals: Counts those that have not ended.
+        """
+        self._name = name
+        self._arm = arm
+        self._decoder = decoder
+        self._turns = turns
+        self._count = goals
+        self._goals: Dict[str, _Goal] = {}
+        action = message_type("control_msgs/FollowJointTrajectoryAction")
+        self._spec = action
+        self._result_type = type(action().action_result.result)
+        self._feedback_type = type(action().action_feedback.feedback)
+        self._server: Optional[ActionServer] = None
+
+    def offer(self) -> None:
+        """Begin to take goals."""
+        self._server = ActionServer(rospy.resolve_name(self._name), self._spec, self._take, self._cancel,
+                                    auto_start=False)
+        self._server.start()
+
+    # ---- called by actionlib ----
+
+    def _take(self, handle: Any) -> None:
+        self._goals[handle.get_goal_id().id] = _Goal()
+        self._turns.put(lambda: self._begin(handle))
+
+    def _cancel(self, handle: Any) -> None:
+        goal = self._goals.get(handle.get_goal_id().id)
+        if goal is not None:
+            goal.is_cancelled = True
+            if goal.done is not None:
+                self._arm.cancel_trajectory(goal.done)
+
+    # ---- in the thread of turns ----
+
+    def _begin(self, handle: Any) -> None:
+        goal_id = handle.get_goal_id().id
+        goal, message = self._goals[goal_id], handle.get_goal()
+        if goal.is_cancelled:
+            self._end(handle, handle.set_canceled, SUCCESSFUL, "cancelled before it began")
+            return
+        try:
+            trajectory = self._decoder.trajectory(message.trajectory)
+            tolerances = self._decoder.tolerances(message)
+            if trajectory is None:
+                self._arm.cancel_trajectory()
+            else:
+                goal.done = self._arm.follow(trajectory, tolerances)
+        except JakaError as error:
+            _LOG.info("%s: %s", self._name, error)
+            self._end(handle, handle.set_rejected, _code_of_refusal(error), str(error))
+            return
+        handle.set_accepted()
+        if goal.is_cancelled and goal.done is not None:
+            self._arm.cancel_trajectory(goal.done)
+        threading.Thread(target=self._watch, args=(handle, goal.done), name="trajectory goal", daemon=True).start()
+
+    # ---- in the goal's own thread ----
+
+    def _watch(self, handle: Any, done: "Optional[Future[None]]") -> None:
+        with self._count.one():
+            if done is None:
+                self._hold(handle)
+            while done is not None:
+                try:
+                    done.result(_FEEDBACK_PERIOD_S)
+                except StillRunning:
+                    self._publish_feedback(handle, done)
+                    continue
+                except JakaError as error:
+                    self._ended_with(handle, error)
+                    return
+                self._end(handle, handle.set_succeeded, SUCCESSFUL, "the arm rests at the last point")
+                return
+
+    def _hold(self, handle: Any) -> None:
+        """A goal without points has ended what was under way; it succeeds when the arm rests."""
+        deadline = time.monotonic() + _STOP_WAIT_S
+        while self._arm.trajectory is not None and time.monotonic() < deadline:
+            time.sleep(_FEEDBACK_PERIOD_S)
+        if self._arm.trajectory is None:
+            self._end(handle, handle.set_succeeded, SUCCESSFUL, "an empty trajectory: the arm holds its place")
+        else:
+            self._end(handle, handle.set_aborted, PATH_TOLERANCE_VIOLATED, "the arm was not seen at rest")
+
+    def _publish_feedback(self, handle: Any, done: "Future[None]") -> None:
+        progress, state = self._arm.trajectory, self._arm.state
+        if progress is not None and progress.call is done and state is not None:
+            handle.publish_feedback(fill_states(
+                self._feedback_type(), self._decoder.joint_names, rospy.Time.now(), progress.desired,
+                (state.joint_position, state.joint_velocity), progress.time))
+
+    def _ended_with(self, handle: Any, error: JakaError) -> None:
+        _LOG.info("%s: %s", self._name, error)
+        if isinstance(error, MotionInterrupted) and error.cause in (StopCause.CANCELLED, StopCause.REPLACED):
+            self._end(handle, handle.set_canceled, SUCCESSFUL, str(error))
+        else:
+            self._end(handle, handle.set_aborted, _code_of_end(error), str(error))
+
+    def _end(self, handle: Any, end: Callable[[Any, str], None], code: int, text: str) -> None:
+        end(self._result_type(error_code=code, error_string=text), text)
+        self._goals.pop(handle.get_goal_id().id, None)
+
+
+def _code_of_refusal(error: JakaError) -> int:
+    if isinstance(error, InvalidJoints):
+        return INVALID_JOINTS
+    return OLD_HEADER_TIMESTAMP if isinstance(error, TrajectoryOfThePast) else INVALID_GOAL
+
+
+def _code_of_end(error: JakaError) -> int:
+    """The action has no code of its own for an arm that was stopped: the path was not followed."""
+    if isinstance(error, GoalToleranceViolated):
+        return GOAL_TOLERANCE_VIOLATED
+    return INVALID_GOAL if isinstance(error, InvalidCommand) else PATH_TOLERANCE_VIOLATED

@@ -1,0 +1,115 @@
+"""Trajectories by topic, the controller's state, and what ROS-Industrial programs expect beside them."""
+from typing import Any, List, Optional
+
+import rospy
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
+
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.ros.other_messages import message_type, stop_motion_type
+from jaka_ros_driver.ros.params import DriverConfig
+from jaka_ros_driver.ros.services.service_server import CallCount
+from jaka_ros_driver.ros.topics.stamps import StampClock, ros_clock
+from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
+from jaka_ros_driver.ros.trajectories.action import TrajectoryAction, TurnQueue
+from jaka_ros_driver.ros.trajectories.messages import TrajectoryDecoder, fill_states
+from jaka_ros_driver.state import RobotState, Vector
+from jaka_ros_driver.trajectory.path import JointState
+
+STATE_PERIOD_S = 0.02
+"""s; ros_controllers publishes the state of a trajectory controller at 50 Hz."""
+_EARLY_S = 0.004
+_QUEUE = 10
+_LOG_PERIOD_S = 1.0
+
+
+class TrajectoryInterface:
+    """All names under which trajectories are taken, and what is told of them."""
+
+    def __init__(self, arm: ArmClient, config: DriverConfig) -> None:
+        self._arm = arm
+        self._decoder = TrajectoryDecoder(config)
+        self._turns = TurnQueue()
+        self._goals = CallCount()
+        self._controller = config.trajectory_controller_name
+        self._has_industrial_names = config.industrial_names
+        names = [self._controller + "/follow_joint_trajectory"]
+        names += ["joint_trajectory_action"] if config.industrial_names else []
+        self._actions = [TrajectoryAction(name, arm, self._decoder, self._turns, self._goals) for name in names]
+        self._states: List[rospy.Publisher] = []
+        self._velocity = VelocityEstimate()
+        self._clock = StampClock(ros_clock())
+        self._published_at = 0.0
+        self._stop_service: Optional[rospy.Service] = None
+
+    def offer(self) -> None:
+        """Begin to take trajectories, and to publish."""
+        self._states = [rospy.Publisher(self._controller + "/state", message_type(
+            "control_msgs/JointTrajectoryControllerState"), queue_size=_QUEUE)]
+        commands = [self._controller + "/command"]
+        if self._has_industrial_names:
+            self._states.append(rospy.Publisher("feedback_states", message_type(
+                "control_msgs/FollowJointTrajectoryFeedback"), queue_size=_QUEUE))
+            commands.append("joint_path_command")
+            self._stop_service = rospy.Service("stop_motion", stop_motion_type(), self._stop_motion)
+        self._arm.add_listener(self._arrived)
+        for action in self._actions:
+            action.offer()
+        for name in commands:
+            rospy.Subscriber(name, JointTrajectoryMessage, self._command, name, queue_size=_QUEUE, tcp_nodelay=True)
+
+    def finish_goals(self, timeout: float) -> None:
+        """Wait until every goal has its result, at most ``timeout`` s."""
+        if not self._goals.wait_for_none(timeout):
+            rospy.logwarn("a trajectory's goal was not answered before the driver shut down")
+
+    # ---- inside ----
+
+    def _command(self, message: Any, name: str) -> None:
+        self._turns.put(lambda: self._follow(message, name))
+
+    def _follow(self, message: Any, name: str) -> None:
+        """A topic has no answer: what is refused or ends early is logged."""
+        try:
+            trajectory = self._decoder.trajectory(message, may_end_moving=True)
+            if trajectory is None:
+                self._arm.cancel_trajectory()
+                return
+            done = self._arm.follow(trajectory, self._decoder.tolerances())
+        except JakaError as error:
+            rospy.logwarn_throttle(_LOG_PERIOD_S, "%s: %s" % (name, error))
+            return
+        done.add_done_callback(lambda ended: ended.exception() and rospy.loginfo("%s: %s", name, ended.exception()))
+
+    def _stop_motion(self, _request: Any) -> Any:
+        response = stop_motion_type()._response_class()
+        try:
+            self._arm.stop()
+            response.code.val = 1
+        except JakaError as error:
+            rospy.logwarn("stop_motion: %s", error)
+            response.code.val = -1
+        return response
+
+    def _arrived(self, state: RobotState, is_new: bool) -> None:
+        self._velocity.add(state)
+        if not is_new or state.received_at - self._published_at < STATE_PERIOD_S - _EARLY_S:
+            return
+        heard = [publisher for publisher in self._states if publisher.get_num_connections()]
+        if not heard:
+            return
+        self._published_at = state.received_at
+        velocity = state.joint_velocity if state.joint_velocity is not None else self._velocity.value()
+        progress = self._arm.trajectory
+        desired = _resting(state) if progress is None else progress.desired
+        stamp = self._clock.stamp(state.received_at)
+        for publisher in heard:
+            publisher.publish(fill_states(publisher.data_class(), self._decoder.joint_names, stamp, desired,
+                                          (state.joint_position, velocity), 0.0 if progress is None
+                                          else progress.time))
+
+
+def _resting(state: RobotState) -> JointState:
+    """What is desired while no trajectory is under way: that the arm is where the controller commands it."""
+    commanded: Vector = state.joint_position_commanded or state.joint_position
+    return JointState(commanded, (0.0,) * len(commanded), (0.0,) * len(commanded))

@@ -1,0 +1,106 @@
+"""Runs along a path, one step each cycle: at the speed that is wanted, and never faster than the joints can follow.
+
+Only the clock's speed changes, never the path: a pause, another speed, a stop or time that was lost lead the arm along
+the same way.
+"""
+import math
+from typing import Optional, Tuple
+
+from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
+from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, SERVO_PERIOD_S
+from jaka_ros_driver.state import Vector
+from jaka_ros_driver.trajectory.path import JointState, Path
+
+_STILL = 1e-9
+_NEARLY = 1.0 - 1e-9
+_SAME_RATE = 0.01
+
+
+class PathClock:
+    """Where on its path the arm is sent.
+
+    Attributes:
+        path: What is followed.
+        time: On the path, s.
+        rate: Seconds of the path for each second, in the last cycle.
+        position: Where the arm was sent last, rad (6,).
+        velocity: Of the last cycle, rad/s (6,).
+    """
+
+    def __init__(self, path: Path, model: ArmModel) -> None:
+        """Begin at rest at the path's begin."""
+        self.path = path
+        self.time = path.begin
+        self.rate = 0.0
+        self.position: Vector = path.at(path.begin).position
+        self.velocity: Vector = (0.0,) * JOINT_COUNT
+        self._next: Optional[Tuple[float, Path]] = None
+        self._top = tuple([min(speed, JOINT_SPEED_CEILING) for speed in model.joint_max_speed])
+
+    @property
+    def is_at_end(self) -> bool:
+        """The path has been followed to its end."""
+        return self.time >= self._end
+
+    @property
+    def is_still(self) -> bool:
+        """The last cycle moved nothing."""
+        return max(map(abs, self.velocity)) <= _STILL
+
+    def state(self) -> JointState:
+        """Where the joints are wanted now, and how they are to move at the present rate."""
+        position, velocity, acceleration = self._at(self.time)
+        return JointState(position, tuple([v * self.rate for v in velocity]),
+                          tuple([a * self.rate * self.rate for a in acceleration]))
+
+    def join(self, time: float, path: Path) -> None:
+        """Follow another path, from its begin on, when this one has come to ``time``, which is now or later, s."""
+        self._next = time, path
+
+    def step(self, wanted: float) -> Vector:
+        """Go one cycle further, if possible at the rate ``wanted`` (0 and more); returns the position, rad (6,)."""
+        expected = max(self.rate, min(wanted, 1.0))
+        rate = self._possible(wanted, expected)
+        if abs(rate - expected) > _SAME_RATE:  # another stretch of the path: its speed is not quite the same
+            rate = self._possible(wanted, rate)
+        time = min(self.time + rate * SERVO_PERIOD_S, self._end)
+        position = self._at(time).position
+        excess = max([abs(new - old) / (top * SERVO_PERIOD_S) for new, old, top in zip(
+            position, self.position, self._top)])
+        if excess > 1.0:
+            time = self.time + (time - self.time) * _NEARLY / excess
+            position = self._at(time).position
+        self.rate = (time - self.time) / SERVO_PERIOD_S if time < self._end else rate
+        self.velocity = tuple([(new - old) / SERVO_PERIOD_S for new, old in zip(position, self.position)])
+        self.time, self.position = time, position
+        if self._next is not None and time >= self._next[0]:
+            (joined_at, path), self._next = self._next, None
+            self.path, self.time = path, path.begin + time - joined_at
+        return position
+
+    @property
+    def _end(self) -> float:
+        if self._next is None:
+            return self.path.end
+        joined_at, path = self._next
+        return joined_at + path.end - path.begin
+
+    def _at(self, time: float) -> JointState:
+        if self._next is None or time < self._next[0]:
+            return self.path.at(time)
+        joined_at, path = self._next
+        return path.at(path.begin + time - joined_at)
+
+    def _possible(self, wanted: float, expected: float) -> float:
+        """The rate nearest to the wanted one that asks no joint for more speed or acceleration than it has.
+
+        Judged by the speeds in the middle of the stretch that is passed at the ``expected`` rate.
+        """
+        change = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
+        middle = self._at(self.time + 0.5 * SERVO_PERIOD_S * expected)
+        low, high = 0.0, math.inf
+        for speed, before, top in zip(middle.velocity, self.velocity, self._top):
+            if abs(speed) > _STILL:
+                ends = (before - change) / speed, (before + change) / speed
+                low, high = max(low, min(ends)), min(high, max(ends), top / abs(speed))
+        return max(0.0, min(max(wanted, low), high))

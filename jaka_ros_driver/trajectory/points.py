@@ -1,0 +1,110 @@
+"""What a client asks for: points of a trajectory, and how near the arm must keep to it."""
+import math
+from dataclasses import dataclass
+from typing import Optional, Tuple
+
+from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT
+from jaka_ros_driver.state import Vector
+
+MAX_POINTS = 100_000
+"""A plan of 800 s with a point each cycle; a longer one is sent in parts."""
+MAX_DURATION_S = 24.0 * 3600.0
+REST_VELOCITY = 1e-3
+"""rad/s; a last point that is slower than this means rest."""
+
+
+class InvalidTrajectory(InvalidCommand):
+    """The trajectory is malformed, or the arm cannot follow it; nothing was sent."""
+
+
+class TrajectoryOfThePast(InvalidTrajectory):
+    """Every point was to be reached before now."""
+
+
+@dataclass(frozen=True)
+class TrajectoryPoint:
+    """One point; joint 1 (base) first.
+
+    Attributes:
+        time: From the trajectory's start, s.
+        position: rad (6,).
+        velocity: rad/s (6,), or None.
+        acceleration: rad/s2 (6,), or None.
+    """
+
+    time: float
+    position: Vector
+    velocity: Optional[Vector] = None
+    acceleration: Optional[Vector] = None
+
+
+@dataclass(frozen=True)
+class JointTrajectory:
+    """Points in the order of time.
+
+    Attributes:
+        points: At least one.
+        starts_at: When it is to start, monotonic time, s; None: as soon as it is taken.
+        may_end_moving: A last point with a velocity is taken; the arm brakes behind it. Else it is refused.
+    """
+
+    points: Tuple[TrajectoryPoint, ...]
+    starts_at: Optional[float] = None
+    may_end_moving: bool = False
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """How near the arm must keep to a trajectory; None: the joint is not watched.
+
+    Attributes:
+        path: On the way, rad (6,).
+        goal: At the end, rad (6,).
+        goal_time: So long after its time the arm must rest at the end, s; None: however long it takes.
+    """
+
+    path: Tuple[Optional[float], ...]
+    goal: Tuple[Optional[float], ...]
+    goal_time: Optional[float]
+
+
+def check_points(trajectory: JointTrajectory) -> None:
+    """See that the points are six finite numbers each, at times that rise, and that the arm is to rest at the end.
+
+    Raises:
+        InvalidTrajectory: The message names the point, its value, and what is valid.
+    """
+    points = trajectory.points
+    if not 1 <= len(points) <= MAX_POINTS:
+        raise InvalidTrajectory("the trajectory has %d points; valid: 1 to %d" % (len(points), MAX_POINTS))
+    before = -math.inf
+    for number, point in enumerate(points, 1):
+        _check_vector(number, "position", point.position, "rad")
+        if point.velocity is not None:
+            _check_vector(number, "velocity", point.velocity, "rad/s")
+        if point.acceleration is not None:
+            _check_vector(number, "acceleration", point.acceleration, "rad/s2")
+            if point.velocity is None:
+                raise InvalidTrajectory("point %d has accelerations, and no velocities" % number)
+        if not 0.0 <= point.time <= MAX_DURATION_S:
+            raise InvalidTrajectory("point %d has the time %.9g s; valid: 0 to %g s" % (
+                number, point.time, MAX_DURATION_S))
+        if point.time <= before:
+            raise InvalidTrajectory("point %d has the time %.9g s, and the point before it %.9g s; times must rise" % (
+                number, point.time, before))
+        before = point.time
+    last = points[-1].velocity
+    if last is not None and not trajectory.may_end_moving and max(map(abs, last)) > REST_VELOCITY:
+        raise InvalidTrajectory("the last point has a velocity of %.4g rad/s; the arm must rest there" % max(
+            last, key=abs))
+
+
+def _check_vector(number: int, name: str, values: Vector, unit: str) -> None:
+    if len(values) != JOINT_COUNT:
+        raise InvalidTrajectory("point %d has %d numbers as its %s; it must be %d, in %s" % (
+            number, len(values), name, JOINT_COUNT, unit))
+    for joint, value in enumerate(values, 1):
+        if not math.isfinite(value):
+            raise InvalidTrajectory("point %d: the %s of joint %d is %r; it must be a finite number in %s" % (
+                number, name, joint, value, unit))

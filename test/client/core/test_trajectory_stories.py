@@ -1,0 +1,328 @@
+"""A trajectory in custody: streamed on its path, joined, paused, cancelled, and stopped by whatever contradicts it."""
+import math
+
+import pytest
+from stories import HOME, PERIOD, Story
+
+from jaka_ros_driver.client.core.actions import Port
+from jaka_ros_driver.client.core.procedures.pausing import pause, resume
+from jaka_ros_driver.client.core.trajectory import StartChanged
+from jaka_ros_driver.errors import (
+    CommandRejected,
+    GoalToleranceViolated,
+    InvalidCommand,
+    PathToleranceViolated,
+    StopCause,
+)
+from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.trajectory.build import build_path
+from jaka_ros_driver.trajectory.points import JointTrajectory, Tolerances, TrajectoryPoint
+
+MODEL = load_model("zu7")
+REST = (0.0,) * 6
+LOOSE = Tolerances((None,) * 6, (0.01,) * 6, 1.0)
+
+
+class Following(Story):
+    """An arm that is where it was sent one cycle ago, unless its ``joints`` are held by the test."""
+
+    def __init__(self, **settings):
+        super().__init__(**settings)
+        self.is_held = False
+        self.fields["rapidrate"] = 1.0
+
+    def run(self, seconds, **fields):
+        for _ in range(int(round(seconds / PERIOD))):
+            last = frames(self)[-1:]
+            super().run(PERIOD, **fields)
+            if last and not self.is_held:
+                self.joints = list(last[0])
+        return self
+
+    def follow(self, call, points, tolerances=LOOSE, elapsed=0.0, lead=0.016):
+        """As the shell does it: start, path, audit, goal."""
+        token = "start of %s" % call
+        self.core.trajectory_start(token, lead, self.now)
+        self.perform()
+        _, start, error = self.answers[token]
+        if error is not None:
+            raise error
+        path = build_path(start.begin, JointTrajectory(tuple(points)), elapsed, MODEL, 0.01)
+        self.core.follow(call, path, start, tolerances, self.now)
+        self.perform()
+        return path
+
+
+def to(time, *ways):
+    """A point of rest: joint 1 this far from home, and so on."""
+    return TrajectoryPoint(time, tuple(h + w for h, w in zip(HOME, ways + REST[len(ways):])), REST)
+
+
+def frames(story):
+    return [tuple(math.radians(q) for q in request["jointPosition"])
+            for _, request in story.sent if request["cmdName"] == "servo_j"]
+
+
+def moves(story):
+    """Joint 1 from frame to frame, rad."""
+    path = [frame[0] for frame in frames(story)]
+    return [b - a for a, b in zip(path, path[1:])]
+
+
+def following(*points, **settings):
+    story = Following(**settings)
+    story.follow("goal", points or (to(2.0, 0.5),))
+    return story
+
+
+def test_a_trajectory_is_sent_frame_by_frame_and_answered_at_rest_on_its_last_point_with_servo_mode_left():
+    story = following(to(1.0, 0.3, 0.1))
+    story.run(1.05)
+    assert story.error("goal") == "pending" and story.servo_mode
+    story.run(0.4)
+    assert story.error("goal") is None and not story.servo_mode and story.core.is_free
+    assert frames(story)[-1] == pytest.approx(tuple(h + w for h, w in zip(HOME, (0.3, 0.1, 0, 0, 0, 0))), abs=1e-9)
+    moving = [step for step in moves(story) if abs(step) > 1e-9]
+    assert len(moving) == pytest.approx(1.0 / PERIOD, abs=1)
+    assert story.count("stop_program") == 0 and story.told == [True, False]
+
+
+def test_the_path_is_that_of_its_polynomials_at_each_cycle():
+    story = Following()
+    path = story.follow("goal", (to(0.6, 0.2), to(1.2, -0.1, 0.2)))
+    story.run(1.6)
+    begun = next(index for index, step in enumerate(moves(story)) if abs(step) > 0.0)
+    for number, frame in enumerate(frames(story)[begun + 1:begun + 140], 1):
+        assert frame == pytest.approx(path.at(number * PERIOD).position, abs=1e-9)
+
+
+def test_a_trajectory_that_starts_later_is_held_until_then():
+    story = Following()
+    story.follow("goal", (to(1.0, 0.3),), elapsed=-0.5)
+    story.run(0.45)
+    assert story.servo_mode and not any(abs(step) > 0.0 for step in moves(story))
+    story.run(1.1)
+    assert story.joints[0] == pytest.approx(0.3, abs=1e-6)
+
+
+def test_late_cycles_are_left_out_and_made_up_for_without_a_jump():
+    story = following(to(2.0, 0.5)).run(0.8)
+    before = max(moves(story))
+    story.now += 0.056
+    story.frame()
+    story.core.tick(story.now)
+    story.perform()
+    story.run(1.3)
+    assert story.core.late_servo_cycles >= 6
+    assert max(moves(story)) < 1.15 * max(before, 1.875 * 0.25 * PERIOD)
+    times = [at for at, request in story.sent if request["cmdName"] == "servo_j"]
+    first = next(i for i, step in enumerate(moves(story)) if abs(step) > 1e-12)
+    last = max(i for i, step in enumerate(moves(story)) if abs(step) > 1e-12)
+    assert times[last + 1] - times[first] == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_cancelled_trajectory_brakes_on_its_path_and_ends_at_rest():
+    story = following(to(1.0, 1.0, 0.5)).run(0.6)
+    assert story.core.cancel_trajectory("goal", story.now)
+    story.run(0.5)
+    assert story.cause("goal") is StopCause.CANCELLED and story.core.is_free and not story.servo_mode
+    assert story.count("stop_program") == 0
+    changes = [abs(b - a) / PERIOD ** 2 for a, b in zip(moves(story), moves(story)[1:])]
+    assert max(changes) <= 4.0 * math.pi * 1.03
+    at = frames(story)[-1]
+    assert at[0] - HOME[0] == pytest.approx(2.0 * (at[1] - HOME[1]), abs=1e-9), "it left its path"
+    assert not story.core.cancel_trajectory("goal", story.now)
+
+
+def test_another_goal_does_not_cancel_this_one():
+    story = following().run(0.5)
+    assert not story.core.cancel_trajectory("other", story.now)
+    assert story.core.cancel_trajectory(None, story.now)
+
+
+def test_a_trajectory_replaces_the_one_under_way_and_joins_it_where_it_is():
+    story = following(to(2.0, 0.8)).run(0.9)
+    story.follow("next", (to(1.0, 0.2),))
+    assert story.cause("goal") is StopCause.REPLACED and story.error("next") == "pending"
+    story.run(1.5)
+    assert story.error("next") is None and story.joints[0] == pytest.approx(0.2, abs=1e-6)
+    assert story.count("servo_move") == 2 and story.count("stop_program") == 0
+    changes = [abs(b - a) / PERIOD ** 2 for a, b in zip(moves(story), moves(story)[1:])]
+    assert max(changes) <= 4.0 * math.pi
+
+
+def test_a_path_that_comes_too_late_to_join_is_refused_and_the_one_under_way_goes_on():
+    story = following(to(2.0, 0.8)).run(0.9)
+    story.core.trajectory_start("start", 0.016, story.now)
+    story.perform()
+    start = story.answers["start"][1]
+    path = build_path(start.begin, JointTrajectory((to(1.0, 0.2),)), 0.0, MODEL, 0.01)
+    story.run(0.05)
+    story.core.follow("next", path, start, LOOSE, story.now)
+    story.perform()
+    assert isinstance(story.error("next"), StartChanged) and story.error("goal") == "pending"
+
+
+def test_an_arm_that_has_moved_since_the_audit_is_not_streamed():
+    story = Following()
+    story.core.trajectory_start("start", 0.0, story.now)
+    story.perform()
+    start = story.answers["start"][1]
+    path = build_path(start.begin, JointTrajectory((to(1.0, 0.2),)), 0.0, MODEL, 0.01)
+    story.joints[0] += 0.005
+    story.run(0.2)
+    story.core.follow("goal", path, start, LOOSE, story.now)
+    story.perform()
+    assert isinstance(story.error("goal"), StartChanged) and story.count("servo_move") == 0 and story.core.is_free
+
+
+def test_a_stop_ends_it_and_no_frame_follows():
+    story = following().run(0.8)
+    story.core.stop("stop", story.now)
+    story.perform()
+    sent = story.count("servo_j")
+    story.run(0.5)
+    assert story.cause("goal") is StopCause.STOPPED and story.count("servo_j") == sent
+    assert story.error("stop") is None and not story.servo_mode and story.core.is_free
+
+
+@pytest.mark.parametrize("fields, cause", [
+    ({"emergency_stop": 1, "enabled": False}, StopCause.EMERGENCY_STOP),
+    ({"protective_stop": 1}, StopCause.PROTECTIVE_STOP),
+    ({"enabled": False}, StopCause.NOT_ENABLED),
+    ({"errcode": "0x10F003"}, StopCause.FAULT)])
+def test_whatever_contradicts_it_stops_the_arm_and_nothing_resumes(fields, cause):
+    story = following().run(0.8)
+    story.run(0.016, **fields)
+    sent = story.count("servo_j")
+    story.run(1.0)
+    assert story.cause("goal") is cause and story.count("stop_program") >= 1 and story.count("servo_j") == sent
+
+
+def test_a_refused_frame_stops_the_arm():
+    story = following().run(0.8)
+    story.replies["servo_j"] = "-8"
+    story.run(0.5)
+    assert story.cause("goal") is StopCause.FAULT and "servo stream ended" in str(story.error("goal"))
+    assert story.count("stop_program") == 1
+
+
+def test_a_lost_link_ends_it_and_the_stop_is_the_first_word_afterwards():
+    story = following().run(0.8)
+    story.core.closed(Port.COMMAND, "cut", story.now)
+    story.perform()
+    assert story.cause("goal") is StopCause.LINK_LOST
+    del story.sent[:]
+    story.run(0.3)
+    story.core.opened(Port.COMMAND, story.now)
+    story.perform()
+    story.run(0.5)
+    assert story.names()[:2] == ["servo_move", "stop_program"] and story.count("servo_j") == 0
+
+
+def test_servo_mode_that_is_refused_leaves_the_arm_free():
+    story = Following()
+    story.replies["servo_move"] = "2"
+    story.follow("goal", (to(1.0, 0.3),))
+    assert isinstance(story.error("goal"), CommandRejected)
+    assert story.run(0.3).core.is_free and not frames(story)
+
+
+def test_an_arm_that_does_not_follow_is_stopped_by_name():
+    story = following(to(2.0, 1.0)).run(0.6)
+    story.is_held = True
+    story.run(0.7)
+    assert isinstance(story.error("goal"), PathToleranceViolated) and story.count("stop_program") == 1
+
+
+def test_a_path_tolerance_of_the_goal_holds_for_its_joint():
+    story = Following()
+    tolerances = Tolerances((None, 0.005, None, None, None, None), (0.01,) * 6, 1.0)
+    story.follow("goal", (to(2.0, 0.5, 0.5),), tolerances)
+    story.run(0.6)
+    assert story.error("goal") == "pending"
+    story.is_held = True
+    story.run(0.3)
+    assert isinstance(story.error("goal"), PathToleranceViolated) and "joint 2" in str(story.error("goal"))
+
+
+def test_an_arm_that_rests_beside_its_goal_violates_the_goal_tolerance():
+    story = Following()
+    story.follow("goal", (to(1.0, 0.3),), Tolerances((None,) * 6, (0.01,) * 6, 0.5))
+    story.run(0.9)
+    story.is_held = True
+    story.joints[0] -= 0.015
+    story.run(0.3)
+    assert story.error("goal") == "pending"
+    story.run(1.0)
+    assert isinstance(story.error("goal"), GoalToleranceViolated) and "joint 1 is 0.0" in str(story.error("goal"))
+
+
+def test_nothing_else_moves_the_arm_meanwhile():
+    story = following().run(0.5)
+    story.core.servo_mode("servo", True, story.now)
+    story.perform()
+    assert isinstance(story.error("servo"), InvalidCommand) and "a trajectory owns" in str(story.error("servo"))
+
+
+# ---- speed, pause and resume ----
+
+def test_a_trajectory_runs_at_the_controllers_speed():
+    story = following(to(1.0, 0.3)).run(0.2, rapidrate=0.5)
+    story.run(1.5, rapidrate=0.5)
+    assert story.error("goal") == "pending"
+    story.run(0.7, rapidrate=0.5)
+    assert story.error("goal") is None
+
+
+def test_speed_changes_leave_the_path_and_the_limits_as_they_are():
+    story = Following()
+    path = story.follow("goal", (to(2.0, 1.5, -0.7), to(4.0, 0.0)))
+    wanted = {1.0: 1.2, 0.3: 0.8, 0.0: 0.5}
+    for rate, seconds in wanted.items():
+        story.run(seconds, rapidrate=rate)
+    assert max(map(abs, moves(story)[-20:])) == 0.0
+    story.run(4.0)
+    assert story.error("goal") is None
+    steps = moves(story)
+    assert max(abs(b - a) / PERIOD ** 2 for a, b in zip(steps, steps[1:])) <= 4.0 * math.pi * 1.03
+    nearest = [path.at(k * 0.001).position for k in range(4001)]
+    for frame in frames(story)[::40]:
+        assert min(max(abs(a - b) for a, b in zip(frame, at)) for at in nearest) < 1e-3
+
+
+def test_pause_rests_on_the_path_and_resume_goes_on():
+    story = following(to(1.5, 1.0)).run(0.7)
+    story.core.run("pause", pause(story.core), story.now)
+    story.perform()
+    story.run(0.6)
+    assert story.error("pause") is None and "paused" in story.answers["pause"][1]
+    assert max(map(abs, moves(story)[-10:])) == 0.0 and story.servo_mode
+    story.run(5.0)
+    assert story.error("goal") == "pending" and max(map(abs, moves(story)[-10:])) == 0.0
+    story.core.run("resume", resume(story.core), story.now)
+    story.perform()
+    story.run(1.6)
+    assert story.error("resume") is None and story.error("goal") is None
+
+
+def test_a_paused_trajectory_that_is_stopped_does_not_resume():
+    story = following(to(1.5, 1.0)).run(0.7)
+    story.core.run("pause", pause(story.core), story.now)
+    story.run(0.6)
+    story.core.stop("stop", story.now)
+    story.perform()
+    story.run(0.5)
+    story.core.run("resume", resume(story.core), story.now)
+    story.perform()
+    assert isinstance(story.error("resume"), InvalidCommand) and story.cause("goal") is StopCause.STOPPED
+
+
+def test_resume_without_a_pause_and_pause_without_a_motion_are_refused():
+    story = following().run(0.5)
+    story.core.run("resume", resume(story.core), story.now)
+    idle = Following()
+    idle.core.run("pause", pause(idle.core), idle.now)
+    story.perform()
+    idle.perform()
+    assert "is not paused" in str(story.error("resume")) and "moves nothing" in str(idle.error("pause"))
