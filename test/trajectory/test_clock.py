@@ -7,6 +7,7 @@ from plans import ACCELERATION, HOME, MODEL, PERIOD, REST, TOP, at, build, resti
 
 from jaka_ros_driver.trajectory.clock import PathClock
 from jaka_ros_driver.trajectory.path import Path
+from jaka_ros_driver.trajectory.points import InvalidTrajectory
 from jaka_ros_driver.trajectory.splines import spline
 
 SLACK = 1.03
@@ -65,7 +66,7 @@ PATHS = {
 
 
 def drawn_rates(seed):
-    """Rates that a client, a pendant and a pause might ask for, one after the other: some for long, some for a cycle."""
+    """Rates that a client, a pendant and a pause might ask for: some for long, some for one cycle."""
     chance = random.Random(seed)
     while True:
         rate = chance.choice([0.0, 0.0, 1.0, 1.0, 0.01, 0.1, 0.5, 1.05, chance.random(), chance.random()])
@@ -91,6 +92,51 @@ def test_whatever_rates_are_wanted_the_frames_keep_to_the_path_and_to_the_limits
     assert np.abs(np.diff(frames, axis=0)).max() <= TOP * PERIOD * (1.0 + 1e-9)
     assert accelerations(frames).max() <= ACCELERATION * SLACK
     assert tuple(frames[-1]) == path.at(path.end).position
+
+
+@pytest.mark.parametrize("share", [0.95, 1.0, 1.01, 1.019])
+def test_a_brake_that_needs_what_the_audit_allows_above_the_ceiling_keeps_its_time(share):
+    speed, length = 2.5, 2.5 / (share * ACCELERATION)
+    path = build([at(1.0, (0.5 * speed,), (speed,)), at(1.1, (0.6 * speed,), (speed,)),
+                  at(1.1 + length, ((0.6 + 0.5 * length) * speed,), REST)])
+    frames = run(PathClock(path, MODEL))
+    assert accelerations(frames).max() <= ACCELERATION * SLACK
+    assert moving_cycles(frames) * PERIOD == pytest.approx(1.1 + length, abs=PERIOD)
+
+
+def drawn_points(chance):
+    """Points of some kind, near to each other or far apart; many of them ask too much."""
+    count, apart, kind, size = chance.integers(2, 8), chance.uniform(0.08, 0.6), chance.integers(3), chance.uniform(
+        0.02, 1.2)
+    positions, velocities, accelerations_ = (
+        chance.uniform(-1.0, 1.0, (count, 6)) * size * scale for scale in (apart, 1.5, 5.0))
+    velocities[-1] = accelerations_[-1] = 0.0
+    return [at(float(apart) * (n + 1), tuple(positions[n]), tuple(velocities[n]) if kind else None,
+               tuple(accelerations_[n]) if kind == 2 else None) for n in range(count)]
+
+
+@pytest.mark.parametrize("first", range(0, 200, 20))
+def test_whatever_the_audit_takes_is_followed_within_the_limits(first):
+    taken = 0
+    for seed in range(first, first + 20):
+        try:
+            path = build(drawn_points(np.random.default_rng(seed)))
+        except InvalidTrajectory:
+            continue
+        taken += 1
+        clock, rates = PathClock(path, MODEL), drawn_rates(seed)
+        frames = [clock.position]
+        while not (clock.is_at_end and clock.is_still):
+            frames.append(clock.step(next(rates) if len(frames) < 3000 else 1.0))
+            assert len(frames) < 5000, "it does not end"
+        assert accelerations(np.array(frames)).max() <= ACCELERATION * SLACK, "seed %d" % seed
+        assert tuple(frames[-1]) == path.at(path.end).position
+    assert taken > 2
+
+
+def test_time_is_made_up_for_where_there_is_room():
+    frames = run(PathClock(build(wave(0.1, size=0.2)), MODEL), 1.05)
+    assert moving_cycles(frames) * PERIOD == pytest.approx(4.0 / 1.05, abs=2 * PERIOD)
 
 
 @pytest.mark.parametrize("at_rate", [1.0, 0.5])

@@ -50,7 +50,7 @@ def test_a_spline_has_positions_velocities_and_accelerations_of_its_points(has_a
         if has_acceleration:
             assert state.acceleration == pytest.approx(point.acceleration, abs=1e-9)
     assert path.at(path.end).position == pytest.approx(points[-1].position, abs=1e-12)
-    for before, point in zip(points, points[1:]):  # from the left, too
+    for point in points[1:]:  # from the left, too
         just = path.at(point.time - 1e-9)
         assert just.position == pytest.approx(point.position, abs=1e-8)
         assert just.velocity == pytest.approx(point.velocity, abs=1e-6)
