@@ -130,7 +130,8 @@ def followed(model, points):
     assert np.abs(np.diff(joints, 2, axis=0)).max() <= JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S ** 2 * 1.03
     assert np.diff(times) == pytest.approx(SERVO_PERIOD_S, abs=1e-6)
     wanted = ideal(points)(np.clip(times - times[0], 0.0, points[-1].time))
-    return abs(float(times[-1] - times[0]) - points[-1].time), float(np.sqrt(((joints - wanted) ** 2).mean(axis=0)).max())
+    rms = np.sqrt(((joints - wanted) ** 2).mean(axis=0)).max()
+    return abs(float(times[-1] - times[0]) - points[-1].time), float(rms)
 
 
 @pytest.mark.parametrize("name, first", [
