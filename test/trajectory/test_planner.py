@@ -130,7 +130,8 @@ def followed(model, points):
     assert np.abs(np.diff(joints, 2, axis=0)).max() <= JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S ** 2 * 1.03
     assert np.diff(times) == pytest.approx(SERVO_PERIOD_S, abs=1e-6)
     wanted = ideal(points)(np.clip(times - times[0], 0.0, points[-1].time))
-    return abs(times[-1] - times[0] - points[-1].time), float(np.sqrt(((joints - wanted) ** 2).mean(axis=0)).max())
+    rms = np.sqrt(((joints - wanted) ** 2).mean(axis=0)).max()
+    return abs(float(times[-1] - times[0]) - points[-1].time), float(rms)
 
 
 @pytest.mark.parametrize("name, first", [
@@ -144,7 +145,7 @@ def test_plans_of_a_planner_are_followed_in_their_time_and_on_their_spline(name,
         assert duration_error <= DURATION_TOLERANCE_S + 1e-6, "plan %d" % number
         assert rms < RMS_TOLERANCE, "plan %d" % number
         errors.append((duration_error, rms))
-    worst = np.array(errors).max(axis=0)
+    worst = np.array(errors).max(axis=0).tolist()  # pytest-xdist passes plain numbers on, and no others
     record_property("worst duration error, s", worst[0])
     record_property("worst RMS error, rad", worst[1])
     print("%s, plans %d to %d: duration within %.2f ms, RMS error at most %.7f mrad" % (
