@@ -1,0 +1,96 @@
+"""Trajectories on the running node: duration and path on the wire for each spacing of points, intervals, the CPU.
+
+Compared in one run: the driver's CPU at rest, with a servo stream by topic, and with a trajectory. Run it in the devel
+space, quiet or beside other processes; the argument is the number of rounds (2).
+"""
+import math
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
+
+import rospy  # noqa: E402
+from live_driver import LiveDriver  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from soak_bench import master  # noqa: E402
+from trajectory_bench import START, Client, goal_of, joints_of, smooth  # noqa: E402
+from wire_verdict import WireVerdict  # noqa: E402
+
+SPACINGS_S = (0.1, 0.05, 0.02, 0.01, 0.008, 0.004)
+DURATION_S = 4.0
+WAY = 1.2
+
+
+def cpu_of(pid):
+    """CPU time of a process, s."""
+    fields = Path("/proc/%d/stat" % pid).read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def share(live, act):
+    """CPU of the driver while something is done, percent of a core."""
+    before, begun = cpu_of(live.process.pid), time.monotonic()
+    act()
+    return 100.0 * (cpu_of(live.process.pid) - before) / (time.monotonic() - begun)
+
+
+def home(live):
+    assert live.arm.call("joint_move", pose=START, mvvelo=3.0, mvacc=12.0).ret == 1
+
+
+def stream(live):
+    """Servo targets by topic at 125 Hz."""
+    publisher = rospy.Publisher(live.arm.name + "/servo_j_command", JointState, queue_size=1, tcp_nodelay=True)
+    assert live.arm.call("servo_move_enable", enable=True).ret == 1
+    time.sleep(0.5)
+    rate, begun = rospy.Rate(125.0), time.monotonic()
+    while time.monotonic() - begun < DURATION_S:
+        place = 0.2 * math.sin(time.monotonic() - begun)
+        publisher.publish(JointState(name=["joint_%d" % n for n in range(1, 7)], position=[place] + START[1:]))
+        rate.sleep()
+    assert live.arm.call("servo_move_enable", enable=False).ret == 1
+
+
+def report(spacing, frames):
+    first = next(i for i, (_, joints) in enumerate(frames) if joints != frames[0][1])
+    last = max(i for i, (_, joints) in enumerate(frames) if joints != frames[-1][1])
+    path = frames[first - 1:last + 2]
+    intervals = sorted(1e3 * (b - a) for (a, _), (b, _) in zip(path, path[1:]))
+    square = 0.0
+    for number, (_, joints) in enumerate(path):
+        s = min(1.0, number * 0.008 / DURATION_S)
+        square += (joints[0] - START[0] - WAY * s ** 3 * (10 - 15 * s + 6 * s * s)) ** 2
+    print("%5.0f ms  duration %+7.2f ms  frames %4d  RMS %8.5f mrad  interval p50 %.2f p99 %.2f max %.2f ms" % (
+        1e3 * spacing, 1e3 * (path[-1][0] - path[0][0] - DURATION_S), len(path),
+        1e3 * math.sqrt(square / len(path)), intervals[len(intervals) // 2], intervals[int(0.99 * len(intervals))],
+        intervals[-1]))
+
+
+def main(rounds):
+    with tempfile.TemporaryDirectory() as folder, master(), LiveDriver(
+            folder, name="jaka_driver", guard=True) as live:
+        live.arm.wait_until_ready()
+        client, begun = Client(), []
+        for _ in range(rounds):
+            home(live)
+            idle = share(live, lambda: time.sleep(DURATION_S))
+            streaming = share(live, lambda: stream(live))
+            for spacing in SPACINGS_S:
+                home(live)
+                begun.append((spacing, time.monotonic()))
+                running = share(live, lambda spacing=spacing: client.run(goal_of(smooth(WAY, DURATION_S, spacing))))
+            print("CPU of the driver, percent of a core: at rest %.1f, servo stream %.1f, trajectory %.1f" % (
+                idle, streaming, running))
+        code, said = live.end_driver()
+        assert code == 0, said
+        log = WireVerdict(live.log_file)
+        sent = [(at, joints_of(request)) for at, request in log.received() if request["cmdName"] == "servo_j"]
+        for spacing, since in begun:
+            report(spacing, [frame for frame in sent if since <= frame[0] < since + DURATION_S + 0.4])
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 2)
