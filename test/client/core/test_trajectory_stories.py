@@ -295,6 +295,7 @@ def test_pause_rests_on_the_path_and_resume_goes_on():
     story = following(to(1.5, 1.0)).run(0.7)
     story.core.run("pause", pause(story.core), story.now)
     story.perform()
+    assert story.error("pause") == "pending"
     story.run(0.6)
     assert story.error("pause") is None and "paused" in story.answers["pause"][1]
     assert max(map(abs, moves(story)[-10:])) == 0.0 and story.servo_mode
