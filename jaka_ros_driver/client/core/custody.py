@@ -13,7 +13,7 @@ from typing import Any, Callable, List, NamedTuple, Optional, Protocol
 
 from jaka_ros_driver.client.core.actions import Actions, Tell
 from jaka_ros_driver.client.core.channel import Channel
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner, require_drives
+from jaka_ros_driver.client.core.motion import Motion, MotionOwner, require_drives, standing_cause
 from jaka_ros_driver.client.core.stillness import REST_TIME_S, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import SetLinkLoss, Stop
@@ -34,6 +34,8 @@ _COASTING_TIME_S = 0.5
 """s; an arm that still moves so long after an accepted stop is stopped once more."""
 _TELL_AFTER_S = 1.0
 """s; callers of a motion whose stop is not accepted are told its end at the latest then."""
+_CAUSE_TIME_S = 0.1
+"""s; the status feed may show so much later why the controller has refused a frame."""
 _SAY_PERIOD_S = 1.0
 _WAIT_FOR_REST_S = 1.5
 """s; a motion waits so long for the arm to come to rest from what was before it."""
@@ -74,6 +76,7 @@ class Custody:
         self._number = 0
         self._outcome: Optional[MotionInterrupted] = None
         self._is_told = False
+        self._is_guess = False
         self._began_at = 0.0
         self._sent_at = 0.0
         self._outstanding = 0
@@ -153,11 +156,14 @@ class Custody:
         elif not isinstance(error, (ConnectionLost, ReplyTimeout)):  # with these the link goes, and ``link_lost`` acts
             self.stop(MotionInterrupted(StopCause.FAULT, str(error)), now)
 
-    def stop(self, outcome: Optional[MotionInterrupted], now: float) -> None:
-        """Stop the motion; its callers are told this outcome when the stop is accepted. The first one counts."""
+    def stop(self, outcome: Optional[MotionInterrupted], now: float, is_guess: bool = False) -> None:
+        """Stop the motion; its callers are told this outcome when the stop is accepted. The first one counts.
+
+        ``is_guess``: the status feed may soon show why; then that is told.
+        """
         if self._phase in (_Phase.HELD, _Phase.SETTLING):
             self._phase = _Phase.STOPPING
-            self._outcome, self._began_at = outcome, now
+            self._outcome, self._began_at, self._is_guess = outcome, now, is_guess
             if outcome is not None and outcome.cause is not StopCause.STOPPED:
                 self.actions.log(logging.WARNING, "stopping the arm: %s" % outcome)
             self._send_stop(now)
@@ -184,7 +190,10 @@ class Custody:
                 self.stop(MotionInterrupted(StopCause.FAULT, "the arm moves though the motion was refused"), now)
             elif self.stillness.duration(self._began_at) >= REST_TIME_S:
                 self._release(now)
-        elif self._accepted_at is not None:
+            return
+        if self._phase is _Phase.STOPPING and self._is_guess:
+            self._look_for_the_cause(state, now)
+        if self._phase is _Phase.STOPPING and self._accepted_at is not None:
             if self.stillness.duration(self._accepted_at) >= motion.rest_time:
                 self._release(now)
             elif self.stillness.has_moved_since(self._sent_at + max(_COASTING_TIME_S, motion.rest_time)):
@@ -253,10 +262,20 @@ class Custody:
         self._outstanding = max(0, self._outstanding - 1)
         if error is None:
             self._accepted_at = now
-            self._tell_end()
+            if not self._is_guess:
+                self._tell_end()
         elif not isinstance(error, ConnectionLost) and self._accepted_at is None:
             self._retry_at = now + _RETRY_PERIOD_S
             self._say(logging.ERROR, "the stop was not accepted, sending it again: %s" % error, now)
+
+    def _look_for_the_cause(self, state: RobotState, now: float) -> None:
+        cause = standing_cause(state)
+        if cause is not None:
+            self._outcome = cause
+        if cause is not None or now - self._began_at >= _CAUSE_TIME_S:
+            self._is_guess = False
+            if self._accepted_at is not None:
+                self._tell_end()
 
     def _say(self, level: int, text: str, now: float) -> None:
         """Log, but not the same trouble at every repetition."""

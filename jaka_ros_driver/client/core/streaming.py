@@ -164,7 +164,7 @@ class Streaming(Motion):
 
     def _frame_replied(self, _result: Any, error: Optional[JakaError], now: float) -> None:
         if error is not None and self._custody.motion is self and self.is_streaming:
-            self._custody.stop(MotionInterrupted(StopCause.FAULT, "servo stream ended: %s" % error), now)
+            self._custody.stop(MotionInterrupted(StopCause.FAULT, "servo stream ended: %s" % error), now, is_guess=True)
 
 
 def commanded_joints(state: RobotState) -> Vector:
