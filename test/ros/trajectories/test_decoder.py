@@ -1,6 +1,8 @@
 """Goals to trajectories and tolerances, and the types that are made where no package has them; no running driver."""
 import math
+import sys
 import time
+import types
 
 import pytest
 import rospy
@@ -179,11 +181,9 @@ def test_the_codes_of_the_result_are_those_that_the_action_answers():
         "GOAL_TOLERANCE_VIOLATED")] == [0, -1, -2, -3, -4, -5]
 
 
-def test_installed_packages_are_taken(tmp_path, monkeypatch):
-    for package, module, name in (("control_msgs", "msg", "FollowJointTrajectoryAction"),
-                                  ("industrial_msgs", "srv", "StopMotion")):
-        (tmp_path / package).mkdir()
-        (tmp_path / package / "__init__.py").touch()
-        (tmp_path / package / (module + ".py")).write_text("class %s:\n    installed = True\n" % name)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    assert other_messages.message_type(ACTION).installed and other_messages.stop_motion_type().installed
+def test_installed_packages_are_taken(monkeypatch):
+    installed = types.SimpleNamespace(FollowJointTrajectoryAction="the action", StopMotion="the service")
+    monkeypatch.setitem(sys.modules, "control_msgs.msg", installed)
+    monkeypatch.setitem(sys.modules, "industrial_msgs.srv", installed)
+    assert other_messages.message_type(ACTION) == "the action"
+    assert other_messages.stop_motion_type() == "the service"
