@@ -6,14 +6,21 @@ the same way.
 import math
 from typing import Optional, Tuple
 
+import numpy as np
+
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, SERVO_PERIOD_S
 from jaka_ros_driver.state import Vector
+from jaka_ros_driver.trajectory.build import ACCELERATION_SLACK
 from jaka_ros_driver.trajectory.path import JointState, Path
 
 _STILL = 1e-9
 _NEARLY = 1.0 - 1e-9
 _SAME_RATE = 0.01
+_CHANGE = ACCELERATION_SLACK * JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
+"""rad/s for each cycle; a path that was audited keeps it at a rate of 1."""
+_AHEAD = np.arange(0.0, 0.12, 2.0 * SERVO_PERIOD_S)
+"""s; a rate above 1 is given up in less, before a stretch where the joints have nothing to spare."""
 
 
 class PathClock:
@@ -57,6 +64,20 @@ class PathClock:
         """Follow another path, from its begin on, when this one has come to ``time``, which is now or later, s."""
         self._next = time, path
 
+    def has_reserve(self, rate: float) -> bool:
+        """The next stretch leaves the joints speed and acceleration enough to pass it at this rate, above 1."""
+        if self._next is not None:
+            return False
+        times = self.time + _AHEAD
+        _, velocities, accelerations = self.path.samples(times[times < self.path.end])
+        return bool((np.abs(velocities) * rate <= self._top).all() and (
+            np.abs(accelerations) * rate * rate <= JOINT_ACCELERATION_CEILING).all())
+
+    def pass_rest(self, seconds: float) -> None:
+        """Go so far ahead on a path that starts later, s: to its start at most, or to where another one is joined."""
+        until = 0.0 if self._next is None else min(0.0, self._next[0])
+        self.time = max(self.time, min(self.time + seconds, until))
+
     def step(self, wanted: float) -> Vector:
         """Go one cycle further, if possible at the rate ``wanted`` (0 and more); returns the position, rad (6,)."""
         expected = max(self.rate, min(wanted, 1.0))
@@ -96,11 +117,12 @@ class PathClock:
 
         Judged by the speeds in the middle of the stretch that is passed at the ``expected`` rate.
         """
-        change = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
+        change = _CHANGE
         middle = self._at(self.time + 0.5 * SERVO_PERIOD_S * expected)
         low, high = 0.0, math.inf
         for speed, before, top in zip(middle.velocity, self.velocity, self._top):
             if abs(speed) > _STILL:
                 ends = (before - change) / speed, (before + change) / speed
                 low, high = max(low, min(ends)), min(high, max(ends), top / abs(speed))
+        low = min(low, max(self.rate, wanted))  # where the path itself brakes hardest, going faster is no way to brake
         return max(0.0, min(max(wanted, low), high))

@@ -35,9 +35,8 @@ class TrajectoryRules:
         """A frame goes out; ``goal``: the newest trajectory that is not answered."""
         if goal is not None and goal is not self._goal:
             self._goal = goal
-            if goal.start.running is None:
-                self._paths = []
-            self._paths.append((goal.path, goal.path.begin))
+            joined = [known for known in self._paths if known[0] is goal.start.path]
+            self._paths = joined + [(goal.path, goal.path.begin)]
         if not self._paths or len(joints) != 6:
             return
         self._is_smooth(joints, now)
@@ -56,7 +55,7 @@ class TrajectoryRules:
     def _is_on_path(self, joints: Tuple[float, ...], now: float) -> None:
         """On the newest path from its begin on, or still on the one before it, a little further than the last frame."""
         best = math.inf
-        for number in range(len(self._paths) - 1, max(-1, len(self._paths) - 3), -1):
+        for number in reversed(range(len(self._paths))):
             path, since = self._paths[number]
             times = np.clip(since + _AROUND, path.breaks[0], path.end)
             distances = np.abs(path.samples(times)[0] - np.array(joints)).max(axis=1)

@@ -1,5 +1,5 @@
 """A joint trajectory: streamed along its audited path, joined by the next one, ended at rest on its last point."""
-from typing import Any, NamedTuple, Optional
+from typing import Any, List, NamedTuple, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import MotionOwner
@@ -38,6 +38,7 @@ _SEEN_LATE_S = 0.3
 _CATCH_UP = 0.05
 """Share by which the clock runs faster while it makes up for cycles that were late."""
 _LONGEST_CATCH_UP_S = 0.1
+_WITHOUT_CATCH_UP = 1.0 - _CATCH_UP
 _NOTHING = (0.0,) * JOINT_COUNT
 
 
@@ -176,6 +177,8 @@ class Trajectory(Streaming):
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         if outcome is None and self._is_cancelled:
             outcome = MotionInterrupted(StopCause.CANCELLED)
+        elif outcome is None and self._far_from_goal(self._state):
+            outcome = MotionInterrupted(StopCause.STOPPED, "the arm was moved away when servo mode had been left")
         self._on_mode(False, str(outcome) if outcome is not None else "the trajectory is completed")
         self._answer(outcome)
 
@@ -183,8 +186,8 @@ class Trajectory(Streaming):
         clock = self._clock
         if max([abs(a - b) for a, b in zip(commanded_joints(self._state), clock.position)]) > _SAME_START:
             self._custody.stop(MotionInterrupted(StopCause.FAULT, "the arm moved before its trajectory began"), now)
-        elif clock.time < 0.0:  # it starts later: entering servo mode has taken some of the time until then
-            clock.time = min(0.0, clock.time + now - self._built_at)
+        else:  # entering servo mode has taken some of the time until a trajectory that starts later
+            clock.pass_rest(now - self._built_at)
 
     def _not_entered(self, error: JakaError) -> None:
         self._answer(error)
@@ -194,7 +197,9 @@ class Trajectory(Streaming):
         if not self._is_begun:  # a stream begins where the arm is (docs/controller-protocol.md section 5.6.5)
             self._is_begun = True
             return ServoJoint(clock.position)
-        wanted = 0.0 if self.is_paused or self._is_cancelled else scale * (1.0 + _CATCH_UP * (self._lag > 0.0))
+        wanted = 0.0 if self.is_paused or self._is_cancelled else scale
+        if self._lag > 0.0 and (scale < _WITHOUT_CATCH_UP or clock.has_reserve(1.0 + _CATCH_UP)):
+            wanted *= 1.0 + _CATCH_UP
         frame = ServoJoint(clock.step(wanted))
         if self._lag > 0.0:
             self._lag = 0.0 if wanted == 0.0 else self._lag - max(0.0, clock.rate - scale) * SERVO_PERIOD_S
@@ -244,14 +249,18 @@ class Trajectory(Streaming):
                 self._custody.stop(MotionInterrupted(StopCause.CANCELLED), now)
             return
         tolerances = self._goal.tolerances
-        far = ["joint %d is %.4f rad from its last point, allowed: %.4f rad" % (joint, abs(at - end), tolerance)
-               for joint, (at, end, tolerance) in enumerate(zip(state.joint_position, self._end, tolerances.goal), 1)
-               if tolerance is not None and abs(at - end) > tolerance]
+        far = self._far_from_goal(state)
         if is_still and not far:
             self._leave("the trajectory is completed")
         elif tolerances.goal_time is not None and waited > tolerances.goal_time + _SEEN_LATE_S:
             self._custody.stop(GoalToleranceViolated("%.3f s after the end of the trajectory %s" % (
                 waited, "; ".join(far) or "the arm is not at rest")), now)
+
+    def _far_from_goal(self, state: RobotState) -> List[str]:
+        return ["joint %d is %.4f rad from its last point, allowed: %.4f rad" % (joint, abs(at - end), tolerance)
+                for joint, (at, end, tolerance) in enumerate(
+                    zip(state.joint_position, self._end, self._goal.tolerances.goal), 1)
+                if tolerance is not None and abs(at - end) > tolerance]
 
     def _leave(self, reason: str) -> None:
         self._leave_reason = reason

@@ -105,6 +105,18 @@ def test_a_trajectory_that_starts_later_is_held_until_then():
     assert story.joints[0] == pytest.approx(0.3, abs=1e-6)
 
 
+def test_a_trajectory_that_is_replaced_before_servo_mode_is_on_does_not_jump():
+    story = Following()
+    story.follow("goal", (to(1.0, 0.3),), elapsed=-0.5)
+    story.servo_mode = False
+    story.run(0.1)
+    story.follow("next", (to(0.6, 0.3),))
+    story.run(0.3)
+    story.servo_mode = True
+    story.run(1.2)
+    assert story.error("next") is None and max(map(abs, moves(story))) < 0.01
+
+
 def test_late_cycles_are_left_out_and_made_up_for_without_a_jump():
     story = following(to(2.0, 0.5)).run(0.8)
     before = max(moves(story))
@@ -256,6 +268,16 @@ def test_an_arm_that_rests_beside_its_goal_violates_the_goal_tolerance():
     assert story.error("goal") == "pending"
     story.run(1.0)
     assert isinstance(story.error("goal"), GoalToleranceViolated) and "joint 1 is 0.0" in str(story.error("goal"))
+
+
+def test_an_arm_that_somebody_moves_from_its_goal_before_the_end_is_not_said_to_be_there():
+    story = following(to(1.0, 0.3)).run(1.05)
+    while story.servo_mode:
+        story.run(PERIOD)
+    story.is_held = True
+    story.joints[0] -= 0.05
+    story.run(0.5)
+    assert story.cause("goal") is StopCause.STOPPED and "moved away" in str(story.error("goal"))
 
 
 def test_nothing_else_moves_the_arm_meanwhile():
