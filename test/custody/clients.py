@@ -123,7 +123,7 @@ class Clients:
         points = _points(targets, apart, first_at, form)
 
         def started(call: Call) -> None:
-            if call.error is None:
+            if call.result is not None:
                 self._clock.after(build_time, lambda: self._follow(
                     caller, points, -delay, call.result, then, then_after))
         self.ask("trajectory_start", None, lambda core, call, now: core.trajectory_start(call, lead, now), caller,

@@ -255,6 +255,25 @@ class StreamsOn(Wrapped):
         return True
 
 
+class BesidePath(Wrapped):
+    """Servo frames lie a little beside where they should."""
+
+    def lets_pass(self, request: Dict[str, Any]) -> bool:
+        if request["cmdName"] == "servo_j":
+            request["jointPosition"][3] += 0.3
+        return True
+
+
+class PausesNothing(Wrapped):
+    """A pause is said to be done, and the trajectory goes on."""
+
+    def run(self, call: Any, procedure: Any, now: float, exclusive: bool = False) -> None:
+        if call is not None and call.command == ("pause", None):
+            self.good.actions.answer(call, "paused")
+        else:
+            self.good.run(call, procedure, now, exclusive)
+
+
 class LeavesLimits(Wrapped):
     """Targets are not held against the joint limits."""
 
@@ -359,7 +378,7 @@ DEFECTS: Tuple[Defect, ...] = (
     Defect(FreeAtOnce, "a"), Defect(NeverFree, "k"), Defect(StopsOnce, "cm"), Defect(StopsForCallsOnly, "cejm"),
     Defect(JogsOn, "bc"), Defect(StopsLater, "i"), Defect(SendsAgain, "b"), Defect(ForgetsStops, "b"),
     Defect(AnswersTwice, "e"), Defect(AnswersNever, "e"), Defect(AnswersGood, "e"), Defect(PowersAgain, "dn"),
-    Defect(JumpsInServo, "f"), Defect(StreamsOn, "f"), Defect(LeavesLimits, "f"), Defect(ShowsOldAsNew, "g"),
+    Defect(JumpsInServo, "f"), Defect(StreamsOn, "ft"), Defect(LeavesLimits, "f"), Defect(ShowsOldAsNew, "g"),
     Defect(GuardIsNotTold, "h"), Defect(GuardIsToldTooSoon, "h"), Defect(DoesNotSeeSilence, "fhj"),
     Defect(ConnectsOnce, "kl"), Defect(TalksToStrangers, "n"), Defect(Raises, "contract"),
-    Defect(SendsWithoutLink, "contract"))
+    Defect(SendsWithoutLink, "contract"), Defect(BesidePath, "ft"), Defect(PausesNothing, "p"))

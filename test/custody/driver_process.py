@@ -323,7 +323,8 @@ class DriverProcess:
 
     def _answer(self, action: Answer, now: float) -> None:
         call = action.call
-        self._note("answer", call, "error: %s" % action.error if action.error is not None else action.result)
+        shown = "a start" if call.kind == "trajectory_start" else action.result
+        self._note("answer", call, "error: %s" % action.error if action.error is not None else shown)
         was_answered = call.is_answered
         call.is_answered, call.answered_at = True, now
         call.result, call.error = action.result, action.error
