@@ -25,6 +25,7 @@ GOOD = [
     c.JointMove(HOME, 1.0, 2.0), c.LinearMove(POSE, 0.25, 1.0), c.LinearMove(POSE, 2.5, 8.0, 0.0),
     c.LinearMove(POSE, 0.25, 1.0, 0.001, math.pi, 4.0 * math.pi),
     c.Jog(JOINT, 5, -3.0), c.Jog(BASE, 0, 0.1), c.Jog(TOOL, 3, -1.0), c.JogStop(BASE, 2), c.Stop(),
+    c.PauseMotion(), c.ResumeMotion(),
     c.SetServoMode(True), c.ServoJoint(HOME), c.ServoJoint((0.001,) * 6, relative=True, cycles=2),
     c.ServoPose(POSE), c.ServoPose(POSE, True, 4), c.SetPower(True), c.SetEnabled(False), c.ClearError(),
     c.SetToolFrame(1, POSE, "gripper"), c.SetToolFrame(11, POSE, ""), c.SelectTool(0), c.SelectTool(11),

@@ -33,6 +33,7 @@ REQUESTS = [
     (c.Jog(c.JogFrame.TOOL, 5, 5 * DEG), {"cmdName": "jog", "jog_mode": 1, "coord_map": 2, "jnum": 5, "jogvel": 5.0}),
     (c.JogStop(c.JogFrame.TOOL, 2), {"cmdName": "jog", "jog_mode": 0, "coord_map": 2, "jnum": 2}),
     (c.Stop(), {"cmdName": "stop_program"}),
+    (c.PauseMotion(), {"cmdName": "pause_program"}), (c.ResumeMotion(), {"cmdName": "resume_program"}),
     (c.SetServoMode(True), {"cmdName": "servo_move", "relFlag": 1}),
     (c.SetServoMode(False), {"cmdName": "servo_move", "relFlag": 0}),
     (c.ServoJoint(JOINTS), {"cmdName": "servo_j", "relFlag": 0, "jointPosition": WIRE_JOINTS, "stepNum": 1}),

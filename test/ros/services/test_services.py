@@ -2,10 +2,12 @@
 import math
 
 import pytest
+import rospy
 import rosservice as rosservice_library
 from import_graph import ROOT
 from reference_values import reference_values
 from ros_bench import HOME, eventually, evidence_of, rosservice
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from jaka_msgs.srv import Move, MoveRequest, MoveResponse
 from jaka_ros_driver.ros.services.service_table import SERVICES
@@ -22,6 +24,15 @@ def text(**fields):
 def beside_the_present_pose(arm):
     x, y, z, *rpy = arm.simulator.state()["tcp_pose"]
     return text(pose=[x / 1000.0 + 0.005, y / 1000.0, z / 1000.0] + [math.radians(angle) for angle in rpy])
+
+
+def with_a_trajectory_under_way(arm):
+    publisher = rospy.Publisher("/jaka_zu7_controller/command", JointTrajectory, queue_size=1)
+    assert eventually(lambda: publisher.get_num_connections())
+    publisher.publish(joint_names=["joint_%d" % n for n in range(1, 7)], points=[JointTrajectoryPoint(
+        positions=HOME, time_from_start=rospy.Duration(20.0))])
+    assert eventually(arm.simulator.is_moving)
+    return ""
 
 
 @pytest.fixture
@@ -52,6 +63,8 @@ GOOD = [
      lambda s: s["payload"]["mass"] == 1.5 and s["tool_id"] == 0),
     ("drag_mode", "true", {"success": True}, lambda s: s["is_hand_guided"]),
     ("drag_move", "false", {"success": True}, lambda s: not s["is_hand_guided"]),
+    ("set_speed_slider", text(speed_slider_fraction=0.5), {"success": True, "message": "speed 50 %"}, lambda s: True),
+    ("set_speed_slider", text(speed_slider_fraction=1.0), {"success": True}, lambda s: True),
     ("set_collisionlevel", text(is_enable="true", value=60), {"ret": 1}, lambda s: s["collision_level"] == 3),
     ("set_io", text(signal="digital", type=0, index=2, value=1.0), {"ret": 1}, lambda s: s["digital_outputs"][2] == 1),
     ("get_io", text(signal="digital", path=1, type=0, index=2), {"value": 1.0}, lambda s: True),
@@ -65,6 +78,9 @@ GOOD = [
     ("enable", "true", {"success": True}, lambda s: s["is_enabled"]),
     ("enable", "false", {"success": True}, lambda s: not s["is_enabled"]),
     ("recover", "", {"success": True, "message": "the arm is ready: enable"}, lambda s: s["is_enabled"]),
+    ("pause", with_a_trajectory_under_way, {"success": True}, lambda s: not s["is_moving"]),
+    ("resume", "", {"success": True}, lambda s: s["is_moving"]),
+    ("stop_move", "", {}, lambda s: not s["is_moving"]),
 ]
 
 
@@ -104,6 +120,9 @@ BAD = [
     ("set_userframe", {"pose": [0.0] * 6, "user_num": 11}, "user_num is 11"),
     ("set_payload", {"tool_num": 1, "mass": -1.0}, "mass is -1"),
     ("set_collisionlevel", {"is_enable": True, "value": 5}, "value is 5"),
+    ("set_speed_slider", {"speed_slider_fraction": 0.0}, "valid: 0.01 to 1"),
+    ("set_speed_slider", {"speed_slider_fraction": NAN}, "finite"),
+    ("pause", {}, "moves nothing"), ("resume", {}, "moves nothing"),
     ("set_io", {"signal": "x", "type": 0, "index": 0, "value": 1.0}, "signal is 'x'"),
     ("set_io", {"signal": "digital", "type": 0, "index": 500, "value": 1.0}, ""),
 ]
@@ -113,7 +132,8 @@ BAD = [
 def test_a_bad_request_is_answered_with_ret_0_and_the_reason_and_moves_nothing(arm, name, fields, reason):
     before = arm.simulator.state()["joint_position"]
     answer = arm.call(name, **fields)
-    assert answer.ret == 0 and answer.message and reason in answer.message
+    assert not (answer.ret if hasattr(answer, "ret") else answer.success)
+    assert answer.message and reason in answer.message
     assert arm.simulator.state()["joint_position"] == before
 
 
