@@ -76,6 +76,8 @@ def _build(start: PathStart, trajectory: JointTrajectory, elapsed: float, model:
         breaks, coefficients = _through([first, *left], start)
         path = Path(*_ended(breaks, coefficients, left[-1]), begin=begin)
         audit(path, model)
+        change = np.array([path.at(since).velocity]) - np.array([start.state.velocity])
+        _refuse_changes(np.array([since]), change)
         return path
     at_rest = PathStart(JointState(trajectory.points[0].position, (0.0,) * JOINT_COUNT, (0.0,) * JOINT_COUNT), True)
     breaks, coefficients = _ended(*_through(trajectory.points, at_rest), left[-1])
@@ -168,6 +170,7 @@ def _check_start(measured: Sequence[float], planned: Sequence[float], tolerance:
 
 
 def _audit_at(path: Path, model: ArmModel, times: Array) -> None:
+    times = times[times >= path.begin]  # what lies before is not followed, and an approach means nothing there
     positions, velocities, accelerations = path.samples(times)
     low, high = np.array(model.joint_limits).T
     beyond = np.maximum(low - positions, positions - high) - _POSITION_SLACK
@@ -191,10 +194,14 @@ def _audit_changes(path: Path) -> None:
     if path.end - path.begin <= SERVO_PERIOD_S:
         return
     is_later = path.breaks[1:] > path.begin
+    _refuse_changes(path.breaks[1:][is_later], changes[is_later])
+
+
+def _refuse_changes(times: Array, changes: Array) -> None:
     allowed = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S * ACCELERATION_SLACK
-    _refuse_worst(path.breaks[1:][is_later], np.abs(changes[is_later]) - allowed, lambda where, joint: (
+    _refuse_worst(times, np.abs(changes) - allowed, lambda where, joint: (
         "the speed of joint %d would change by %.4f rad/s at once %%s, which no joint can; give velocities for every "
-        "point" % (joint + 1, changes[is_later][where, joint])))
+        "point" % (joint + 1, changes[where, joint])))
 
 
 def _refuse_worst(times: Array, excess: Array, text: "object") -> None:

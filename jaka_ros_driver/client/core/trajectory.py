@@ -38,7 +38,6 @@ _SEEN_LATE_S = 0.3
 _CATCH_UP = 0.05
 """Share by which the clock runs faster while it makes up for cycles that were late."""
 _LONGEST_CATCH_UP_S = 0.1
-_WITHOUT_CATCH_UP = 1.0 - _CATCH_UP
 _NOTHING = (0.0,) * JOINT_COUNT
 
 
@@ -198,7 +197,7 @@ class Trajectory(Streaming):
             self._is_begun = True
             return ServoJoint(clock.position)
         wanted = 0.0 if self.is_paused or self._is_cancelled else scale
-        if self._lag > 0.0 and (scale < _WITHOUT_CATCH_UP or clock.has_reserve(1.0 + _CATCH_UP)):
+        if self._lag > 0.0:
             wanted *= 1.0 + _CATCH_UP
         frame = ServoJoint(clock.step(wanted))
         if self._lag > 0.0:
