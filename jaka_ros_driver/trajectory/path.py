@@ -69,7 +69,7 @@ class Path:
         values = _sampled(times - self.breaks[index], self.coefficients[index])
         approach = self.approach
         if approach is not None:
-            near = (times >= approach.since) & (times < approach.until)
+            near = times < approach.until
             added = _sampled(times[near] - approach.since, np.broadcast_to(
                 approach.coefficients, (int(near.sum()), TERMS, JOINT_COUNT)))
             for value, more in zip(values, added):
