@@ -3,39 +3,10 @@
 ``old`` occurs once in its file; ``tests`` are those that should notice, the likeliest first. Nearly all of them need
 neither a ROS master nor a process of their own, so that all mutants are tried in some minutes.
 """
-from pathlib import Path
-from typing import NamedTuple, Tuple
+from typing import Tuple
 
-
-class Mutant(NamedTuple):
-    """One defect.
-
-    Attributes:
-        name: What goes wrong.
-        file: Below ``jaka_ros_driver``.
-        old: The text to be replaced.
-        new: What stands there instead.
-        tests: Arguments of pytest.
-    """
-
-    name: str
-    file: str
-    old: str
-    new: str
-    tests: Tuple[str, ...]
-
-
-def path_of(root: Path, mutant: Mutant) -> Path:
-    """The file that it changes."""
-    return root / "jaka_ros_driver" / mutant.file
-
-
-def mutated(mutant: Mutant, text: str) -> str:
-    """The text of its file with the defect; raises ValueError where it fits in no place, or in several."""
-    if text.count(mutant.old) != 1:
-        raise ValueError("%s: its text occurs %d times in %s" % (mutant.name, text.count(mutant.old), mutant.file))
-    return text.replace(mutant.old, mutant.new)
-
+from mutant import Mutant
+from trajectory_mutants import OF_TRAJECTORIES
 
 CODEC = ("test/protocol/test_codec.py",)
 EXCHANGE = ("test/protocol/test_exchange.py",)
@@ -514,4 +485,4 @@ OF_ROS: Tuple[Mutant, ...] = (
            "feed_period=min(_CLIENT.feed_period, ", "feed_period=max(0.001, ", PARAMS),
 )
 
-MUTANTS: Tuple[Mutant, ...] = OF_PROTOCOL + OF_KINEMATICS + OF_CLIENT + OF_ROS
+MUTANTS: Tuple[Mutant, ...] = OF_PROTOCOL + OF_KINEMATICS + OF_CLIENT + OF_ROS + OF_TRAJECTORIES

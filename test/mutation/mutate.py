@@ -20,7 +20,8 @@ from typing import Callable, Dict, Iterator, List, NamedTuple, Sequence, Tuple, 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from mutants import MUTANTS, Mutant, mutated, path_of  # noqa: E402
+from mutant import Mutant, mutated, path_of  # noqa: E402
+from mutants import MUTANTS  # noqa: E402
 
 NOT_COPIED = ("build", "devel", "install", "__pycache__", "*.pyc", ".*_cache", ".git", ".hypothesis", "*.egg-info",
               "jaka_reports")

@@ -4,9 +4,10 @@ import shutil
 
 import mutate
 import pytest
-from mutants import MUTANTS, Mutant, mutated, path_of
+from mutant import Mutant, mutated, path_of
+from mutants import MUTANTS
 
-ROOMS = ("protocol", "client", "ros", "kinematics")
+ROOMS = ("protocol", "client", "ros", "kinematics", "trajectory")
 
 
 def test_every_mutant_fits_one_place_of_its_file_and_leaves_it_python():

@@ -107,12 +107,15 @@ def test_a_trajectory_that_starts_later_is_held_until_then():
 
 def test_a_trajectory_that_is_replaced_before_servo_mode_is_on_does_not_jump():
     story = Following()
+    story.replies["servo_move"] = None
     story.follow("goal", (to(1.0, 0.3),), elapsed=-0.5)
-    story.servo_mode = False
     story.run(0.1)
     story.follow("next", (to(0.6, 0.3),))
     story.run(0.3)
+    assert not frames(story)
+    del story.replies["servo_move"]
     story.servo_mode = True
+    story.reply("servo_move")
     story.run(1.2)
     assert story.error("next") is None and max(map(abs, moves(story))) < 0.01
 
@@ -317,6 +320,7 @@ def test_pause_rests_on_the_path_and_resume_goes_on():
     story = following(to(1.5, 1.0)).run(0.7)
     story.core.run("pause", pause(story.core), story.now)
     story.perform()
+    assert story.error("pause") == "pending"
     story.run(0.6)
     assert story.error("pause") is None and "paused" in story.answers["pause"][1]
     assert max(map(abs, moves(story)[-10:])) == 0.0 and story.servo_mode

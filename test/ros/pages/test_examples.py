@@ -1,25 +1,34 @@
 """The programs of docs/examples, each as a reader would start it."""
+import math
 import os
 import re
+import signal
 import subprocess
 import sys
 
 import import_graph
 import log_samples
 import pytest
-from ros_bench import HOME
+from ros_bench import HOME, eventually
 
 EXAMPLES = import_graph.ROOT / "docs" / "examples"
-TESTED = {"move_and_stop.py", "stream_servo_targets.py", "read_log_into_numpy.py", "simulator_in_a_test.py"}
+TESTED = {"move_and_stop.py", "stream_servo_targets.py", "follow_trajectory.py", "read_log_into_numpy.py",
+          "simulator_in_a_test.py"}
 PATIENCE_S = 90.0
 
 
-def run(folder, *words):
-    """Exit code and output of python3 with these words; it finds the packages where the tests find them."""
+def started(folder, *words):
+    """python3 with these words; it finds the packages where the tests find them."""
     path = os.pathsep.join([str(import_graph.ROOT)] + [entry for entry in sys.path if entry])
-    done = subprocess.run([sys.executable, *words], cwd=str(folder), env=dict(os.environ, PYTHONPATH=path), text=True,
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=PATIENCE_S)
-    return done.returncode, done.stdout
+    return subprocess.Popen([sys.executable, *words], cwd=str(folder), env=dict(os.environ, PYTHONPATH=path), text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+
+
+def run(folder, *words):
+    """Its exit code and output."""
+    process = started(folder, *words)
+    said = process.communicate(timeout=PATIENCE_S)[0]
+    return process.returncode, said
 
 
 def test_every_example_is_tested_and_in_the_index():
@@ -42,6 +51,24 @@ def test_a_client_that_streams_servo_targets(arm, tmp_path):
     code, said = run(tmp_path, str(EXAMPLES / "stream_servo_targets.py"))
     assert code == 0 and "501 targets" in said and "servo mode left" in said, said
     assert arm.simulator.state()["joint_position"][0] == pytest.approx(HOME[0], abs=0.1)
+
+
+def test_a_client_that_sends_a_trajectory(arm, tmp_path):
+    arm.go_home()
+    code, said = run(tmp_path, str(EXAMPLES / "follow_trajectory.py"))
+    assert code == 0 and "SUCCEEDED: the arm rests at the last point" in said, said
+    assert arm.simulator.state()["joint_position"] == pytest.approx([math.degrees(q) for q in HOME], abs=0.1)
+
+
+def test_a_client_that_cancels_its_trajectory_with_ctrl_c(arm, tmp_path):
+    arm.go_home()
+    process = started(tmp_path, str(EXAMPLES / "follow_trajectory.py"))
+    assert eventually(arm.simulator.is_moving)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=PATIENCE_S)[0]
+    assert process.returncode == 1 and "PREEMPTED: cancelled by its client" in said, said
+    assert not arm.simulator.is_moving()
+    assert eventually(lambda: arm.call("joint_move", pose=HOME, mvvelo=3.0, mvacc=12.0).ret == 1)
 
 
 def test_a_program_that_reads_a_log(tmp_path):

@@ -11,6 +11,11 @@ from jaka_ros_driver.client.core.procedures.recovery import RecoveryStep
 PAGE = import_graph.ROOT / "docs" / "ros-interface.md"
 ANSWERS = {
     "rosservice call /jaka_driver/recover": 'message: "the arm is ready: ',
+    "rosservice call /jaka_driver/pause": 'message: "a trajectory is paused;',
+    "rosservice call /jaka_driver/resume": 'message: "a trajectory goes on"',
+    'rosservice call /jaka_driver/set_speed_slider "speed_slider_fraction: 0.5"': 'message: "speed 50 %"',
+    "rostopic echo -n 1 /jaka_driver/speed_scaling_factor": "data: 0.5",
+    'rosservice call /jaka_driver/set_speed_slider "speed_slider_fraction: 1.0"': 'message: "speed 100 %"',
     "rostopic type /jaka_driver/robot_status": "industrial_msgs/RobotStatus",
     "rosrun jaka_ros_driver jaka_bag info --freq status.bag": "/jaka_driver/robot_status",
 }
@@ -36,13 +41,19 @@ def test_each_command_of_the_page(shell, arm):
             assert arm.call("enable", data=False).success
             continue
         for line in block.text.strip().splitlines():
+            if "_controller/command" in line and "points" in line:
+                arm.wait_until_ready()
+                arm.go_home()
             code, said = shell.run(line)
             assert code == 0, "%s\n%s" % (line, said)
             assert ANSWERS.get(line, "") in said, "%s\n%s" % (line, said)
             if "recover/goal" in line:
                 until(lambda: "step: \"enable\"" in shell.said_by("feedback"), lambda: shell.said_by("feedback"))
+            if "_controller/command" in line:
+                is_sent = "points" in line
+                until(lambda is_sent=is_sent: arm.simulator.is_moving() is is_sent, lambda: "the arm moves, or rests")
             ran.append(line)
-    assert set(ANSWERS) <= set(ran) and len(ran) == 6
+    assert set(ANSWERS) <= set(ran) and len(ran) == 14
 
 
 def test_the_tables_of_recovery_name_the_steps_of_the_code():

@@ -1,0 +1,174 @@
+"""How a goal of the action ends, and with which code: an arm and goal handles of the tests' own, no ROS master."""
+import threading
+import types
+from concurrent.futures import Future
+
+import pytest
+
+from jaka_ros_driver.errors import (
+    ConnectionLost,
+    GoalToleranceViolated,
+    InvalidCommand,
+    MotionInterrupted,
+    PathToleranceViolated,
+    StopCause,
+)
+from jaka_ros_driver.ros.other_messages import made_type
+from jaka_ros_driver.ros.params import config_from
+from jaka_ros_driver.ros.services.service_server import CallCount
+from jaka_ros_driver.ros.trajectories import action
+from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder
+from jaka_ros_driver.trajectory.points import InvalidTrajectory, TrajectoryOfThePast
+
+WAIT = 20.0
+
+
+class Arm:
+    """Follows whatever it is given, until the test ends it; ``refusal`` is raised instead."""
+
+    def __init__(self):
+        self.refusal = None
+        self.goals = []
+        self.cancelled = []
+        self.trajectory = None
+        self.state = None
+        self.asked = threading.Event()
+
+    def follow(self, trajectory, tolerances):
+        if self.refusal is not None:
+            raise self.refusal
+        self.goals.append(Future())
+        self.asked.set()
+        return self.goals[-1]
+
+    def cancel_trajectory(self, goal=None):
+        self.cancelled.append(goal)
+        return True
+
+
+class Handle:
+    """A goal as actionlib hands it over; notes what becomes of it."""
+
+    def __init__(self, number, points=1):
+        goal = made_type("control_msgs/FollowJointTrajectoryGoal")()
+        goal.trajectory.joint_names = ["joint_%d" % n for n in range(1, 7)]
+        goal.trajectory.points = [made_type("trajectory_msgs/JointTrajectoryPoint")(positions=[0.0] * 6)] * points
+        self._goal, self._id = goal, types.SimpleNamespace(id="goal %d" % number)
+        self.ends = []
+        self.is_accepted = False
+        self.ended = threading.Event()
+
+    def get_goal(self):
+        return self._goal
+
+    def get_goal_id(self):
+        return self._id
+
+    def set_accepted(self):
+        self.is_accepted = True
+
+    def _end(self, how):
+        def end(result, text):
+            self.ends.append((how, result.error_code, text))
+            assert result.error_string == text
+            self.ended.set()
+        return end
+
+    def __getattr__(self, name):
+        return self._end(name[4:]) if name.startswith("set_") else super().__getattribute__(name)
+
+    def end(self):
+        assert self.ended.wait(WAIT)
+        (one,) = self.ends
+        return one
+
+
+@pytest.fixture
+def arm():
+    return Arm()
+
+
+@pytest.fixture
+def server(arm):
+    decoder = TrajectoryDecoder(config_from({}))
+    return action.TrajectoryAction("controller/follow_joint_trajectory", arm, decoder, action.TurnQueue(), CallCount())
+
+
+def begun(server, arm, number=1):
+    handle = Handle(number)
+    server._take(handle)
+    assert arm.asked.wait(WAIT)
+    arm.asked.clear()
+    return handle
+
+
+@pytest.mark.parametrize("refusal, code", [
+    (InvalidTrajectory("malformed"), action.INVALID_GOAL), (InvalidJoints("no such joint"), action.INVALID_JOINTS),
+    (TrajectoryOfThePast("late"), action.OLD_HEADER_TIMESTAMP), (InvalidCommand("a jog"), action.INVALID_GOAL),
+    (ConnectionLost("no link"), action.INVALID_GOAL)])
+def test_what_is_refused_is_rejected_with_its_code_and_reason(server, arm, refusal, code):
+    arm.refusal = refusal
+    handle = Handle(1)
+    server._take(handle)
+    assert handle.end() == ("rejected", code, str(refusal)) and not handle.is_accepted
+
+
+@pytest.mark.parametrize("outcome, end", [
+    (None, ("succeeded", action.SUCCESSFUL)),
+    (MotionInterrupted(StopCause.CANCELLED), ("canceled", action.SUCCESSFUL)),
+    (MotionInterrupted(StopCause.REPLACED), ("canceled", action.SUCCESSFUL)),
+    (PathToleranceViolated("far"), ("aborted", action.PATH_TOLERANCE_VIOLATED)),
+    (GoalToleranceViolated("beside"), ("aborted", action.GOAL_TOLERANCE_VIOLATED)),
+    (InvalidCommand("the arm has moved"), ("aborted", action.INVALID_GOAL)),
+    *((MotionInterrupted(cause), ("aborted", action.PATH_TOLERANCE_VIOLATED)) for cause in (
+        StopCause.STOPPED, StopCause.EMERGENCY_STOP, StopCause.PROTECTIVE_STOP, StopCause.FAULT, StopCause.NOT_ENABLED,
+        StopCause.LINK_LOST, StopCause.SHUTDOWN))], ids=str)
+def test_what_ends_a_trajectory_ends_its_goal_once_with_the_code_for_it(server, arm, outcome, end):
+    handle = begun(server, arm)
+    assert not handle.ended.wait(0.2), "it has ended before the arm"
+    if outcome is None:
+        arm.goals[0].set_result(None)
+    else:
+        arm.goals[0].set_exception(outcome)
+    assert handle.end()[:2] == end and handle.is_accepted
+    assert outcome is None or handle.ends[0][2] == str(outcome)
+
+
+def test_a_cancelled_goal_brakes_the_arm_and_no_other(server, arm):
+    first = begun(server, arm, 1)
+    second = begun(server, arm, 2)
+    assert first.ended.wait(0.0) is second.ended.wait(0.0) is False
+    server._cancel(second)
+    assert arm.cancelled == [arm.goals[1]] and not second.ended.wait(0.2), "it is told when the arm rests"
+    arm.goals[1].set_exception(MotionInterrupted(StopCause.CANCELLED))
+    assert second.end()[0] == "canceled" and not first.ends
+    arm.goals[0].set_result(None)
+    assert first.end()[0] == "succeeded"
+
+
+def test_a_goal_that_is_cancelled_before_its_turn_never_moves_the_arm(server, arm):
+    is_free = threading.Event()
+    server._turns.put(lambda: is_free.wait(WAIT))
+    handle = Handle(1)
+    server._take(handle)
+    server._cancel(handle)
+    is_free.set()
+    assert handle.end()[0] == "canceled" and not arm.goals
+
+
+def test_a_goal_without_points_ends_what_is_under_way_and_succeeds_when_the_arm_rests(server, arm):
+    arm.trajectory = object()
+    handle = Handle(1, points=0)
+    server._take(handle)
+    assert not handle.ended.wait(0.2) and arm.cancelled == [None] and handle.is_accepted
+    arm.trajectory = None
+    assert handle.end()[:2] == ("succeeded", action.SUCCESSFUL) and not arm.goals
+
+
+def test_a_defect_in_one_goal_does_not_keep_the_next_one_from_being_taken(server, arm):
+    arm.refusal = RuntimeError("a defect")
+    server._take(Handle(1))
+    server._turns.put(lambda: setattr(arm, "refusal", None))
+    second = begun(server, arm, 2)
+    arm.goals[-1].set_result(None)
+    assert second.end()[0] == "succeeded"
