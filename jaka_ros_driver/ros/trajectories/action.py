@@ -11,6 +11,7 @@ import rospy
 from actionlib import ActionServer
 
 from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.errors import (
     GoalToleranceViolated,
     InvalidCommand,
@@ -117,17 +118,26 @@ class TrajectoryAction:
             trajectory = self._decoder.trajectory(message.trajectory)
             tolerances = self._decoder.tolerances(message)
             if trajectory is None:
-                self._arm.cancel_trajectory()
+                self._end_what_is_under_way()
             else:
                 goal.done = self._arm.follow(trajectory, tolerances)
         except JakaError as error:
             _LOG.info("%s: %s", self._name, error)
             self._end(handle, handle.set_rejected, _code_of_refusal(error), str(error))
             return
+        except Exception as error:  # a defect; its client must not wait for ever
+            self._end(handle, handle.set_rejected, INVALID_GOAL, "internal error: %r" % error)
+            raise
         handle.set_accepted()
         if goal.is_cancelled and goal.done is not None:
             self._arm.cancel_trajectory(goal.done)
         threading.Thread(target=self._watch, args=(handle, goal.done), name="trajectory goal", daemon=True).start()
+
+    def _end_what_is_under_way(self) -> None:
+        owner = self._arm.motion_owner
+        if not self._arm.cancel_trajectory() and owner not in (None, MotionOwner.TRAJECTORY):
+            raise InvalidCommand("refused: %s owns the arm's motion; an empty trajectory ends trajectories only"
+                                 % owner.value)
 
     # ---- in the goal's own thread ----
 

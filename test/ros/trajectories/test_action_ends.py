@@ -5,6 +5,7 @@ from concurrent.futures import Future
 
 import pytest
 
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.errors import (
     ConnectionLost,
     GoalToleranceViolated,
@@ -31,6 +32,7 @@ class Arm:
         self.goals = []
         self.cancelled = []
         self.trajectory = None
+        self.motion_owner = None
         self.state = None
         self.asked = threading.Event()
 
@@ -43,7 +45,7 @@ class Arm:
 
     def cancel_trajectory(self, goal=None):
         self.cancelled.append(goal)
-        return True
+        return goal is not None or self.trajectory is not None
 
 
 class Handle:
@@ -165,9 +167,19 @@ def test_a_goal_without_points_ends_what_is_under_way_and_succeeds_when_the_arm_
     assert handle.end()[:2] == ("succeeded", action.SUCCESSFUL) and not arm.goals
 
 
-def test_a_defect_in_one_goal_does_not_keep_the_next_one_from_being_taken(server, arm):
+def test_a_goal_without_points_is_refused_while_something_else_moves_the_arm(server, arm):
+    arm.motion_owner = MotionOwner.MOVE
+    handle = Handle(1, points=0)
+    server._take(handle)
+    how, code, text = handle.end()
+    assert (how, code) == ("rejected", action.INVALID_GOAL) and "a move owns" in text
+
+
+def test_a_defect_in_one_goal_ends_it_and_does_not_keep_the_next_one_from_being_taken(server, arm):
     arm.refusal = RuntimeError("a defect")
-    server._take(Handle(1))
+    first = Handle(1)
+    server._take(first)
+    assert first.end()[:2] == ("rejected", action.INVALID_GOAL) and "a defect" in first.ends[0][2]
     server._turns.put(lambda: setattr(arm, "refusal", None))
     second = begun(server, arm, 2)
     arm.goals[-1].set_result(None)
