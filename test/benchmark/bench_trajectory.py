@@ -1,4 +1,4 @@
-"""Trajectories on the running node: duration and path on the wire for each spacing of points, intervals, the CPU.
+"""Trajectories on the running node: duration and path on the wire for each spacing of points, intervals, cancel, CPU.
 
 Compared in one run: the driver's CPU at rest, with a servo stream by topic, and with a trajectory. Run it in the devel
 space, quiet or beside other processes; the argument is the number of rounds (2).
@@ -54,6 +54,29 @@ def stream(live):
     assert live.arm.call("servo_move_enable", enable=False).ret == 1
 
 
+def cancel_half_way(live, client):
+    """When a goal was sent, and when it was cancelled in the middle."""
+    home(live)
+    sent = time.monotonic()
+    handle = client.send(goal_of(smooth(WAY, DURATION_S, 0.05)))
+    while time.monotonic() - sent < 0.5 * DURATION_S:
+        time.sleep(0.005)
+    cancelled = time.monotonic()
+    handle.cancel()
+    state, _ = client.end(handle)
+    print("cancelled half-way: %s after %.0f ms" % (state, 1e3 * (time.monotonic() - cancelled)))
+    return sent, cancelled
+
+
+def report_cancel(cancelled, frames):
+    """When the stream came to rest, and the largest acceleration of a joint."""
+    path = [joints for _, joints in frames]
+    last = max(i for i, joints in enumerate(path) if joints != path[-1])
+    change = max(abs(c - 2.0 * b + a) for p, q, r in zip(path, path[1:], path[2:]) for a, b, c in zip(p, q, r))
+    print("cancelled half-way: stream at rest after %.0f ms, at most %.2f rad/s2" % (
+        1e3 * (frames[last + 1][0] - cancelled), change / 0.008 ** 2))
+
+
 def report(spacing, frames):
     first = next(i for i, (_, joints) in enumerate(frames) if joints != frames[0][1])
     last = max(i for i, (_, joints) in enumerate(frames) if joints != frames[-1][1])
@@ -73,7 +96,7 @@ def main(rounds):
     with tempfile.TemporaryDirectory() as folder, master(), LiveDriver(
             folder, name="jaka_driver", guard=True) as live:
         live.arm.wait_until_ready()
-        client, begun = Client(), []
+        client, begun, cancels = Client(), [], []
         for _ in range(rounds):
             home(live)
             idle = share(live, lambda: time.sleep(DURATION_S))
@@ -82,6 +105,7 @@ def main(rounds):
                 home(live)
                 begun.append((spacing, time.monotonic()))
                 running = share(live, lambda spacing=spacing: client.run(goal_of(smooth(WAY, DURATION_S, spacing))))
+            cancels.append(cancel_half_way(live, client))
             print("CPU of the driver, percent of a core: at rest %.1f, servo stream %.1f, trajectory %.1f" % (
                 idle, streaming, running))
         code, said = live.end_driver()
@@ -90,6 +114,8 @@ def main(rounds):
         sent = [(at, joints_of(request)) for at, request in log.received() if request["cmdName"] == "servo_j"]
         for spacing, since in begun:
             report(spacing, [frame for frame in sent if since <= frame[0] < since + DURATION_S + 0.4])
+        for since, cancelled in cancels:
+            report_cancel(cancelled, [frame for frame in sent if since <= frame[0] < cancelled + 0.5])
 
 
 if __name__ == "__main__":

@@ -127,7 +127,7 @@ class Custody:
         assert self.is_free
         self._number += 1
         self.motion, self._phase = motion, _Phase.HELD
-        self._outcome, self._is_told = None, False
+        self._outcome, self._is_told, self._is_guess = None, False, False
         self._accepted_at, self._retry_at, self._outstanding = None, _NEVER, 0
         self.actions.add(Tell(True))
         self._set_link_loss(self.settings.link_loss_stop, now)
