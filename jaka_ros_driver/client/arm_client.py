@@ -17,7 +17,7 @@ from jaka_ros_driver.client.core.trajectory import Progress, StartChanged, Traje
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
-from jaka_ros_driver.errors import ConnectionLost, InvalidCommand
+from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.trajectory.build import build_path
@@ -255,8 +255,19 @@ class ArmClient:
         with self._lock:
             self._core.set_servo_target(command, time.monotonic())
 
-    def follow(self, trajectory: JointTrajectory, tolerances: Tolerances) -> "Future[None]":
+    @property
+    def stops(self) -> int:
+        """So many stops were asked for; see ``follow``."""
+        return self._core.stops
+
+    def follow(self, trajectory: JointTrajectory, tolerances: Tolerances,
+               stops: Optional[int] = None) -> "Future[None]":
         """Begin to follow a trajectory; one that is under way is replaced, and joined where the arm then is.
+
+        Args:
+            trajectory: What is to be followed.
+            tolerances: How near.
+            stops: The number of stops when it was asked for; a stop since then ends it. None: it is asked for now.
 
         Returns:
             Ends when the arm rests at the last point and servo mode is left, or with a MotionInterrupted: of cause
@@ -265,28 +276,31 @@ class ArmClient:
         Raises:
             InvalidTrajectory: It is malformed, breaks a limit, or begins elsewhere; nothing was sent.
             InvalidCommand, ConnectionLost: The arm cannot be moved now; nothing was sent.
+            MotionInterrupted: A stop came after it was asked for; nothing was sent.
         """
+        asked_with = self.stops if stops is None else stops
         lead = _JOIN_LEAD_S + _BUILD_TIME_S * len(trajectory.points)
         while True:
-            done = self._try_to_follow(trajectory, tolerances, lead)
+            done = self._try_to_follow(trajectory, tolerances, asked_with, lead)
             error = done.exception() if done.done() else None
             if isinstance(error, StartChanged) and lead <= _LONGEST_LEAD_S:
                 lead *= 2.0
-            elif isinstance(error, InvalidCommand):
+            elif error is not None:
                 raise error
             else:
                 return done
 
-    def _try_to_follow(self, trajectory: JointTrajectory, tolerances: Tolerances, lead: float) -> "Future[None]":
+    def _try_to_follow(self, trajectory: JointTrajectory, tolerances: Tolerances, stops: int,
+                       lead: float) -> "Future[None]":
         """The path is built and audited without the lock; meanwhile the arm may have gone on."""
         starts_at = trajectory.starts_at
         ahead = lead if starts_at is None else max(lead, starts_at - time.monotonic())
-        start: TrajectoryStart = self._call(lambda call, now: self._core.trajectory_start(call, ahead, now))
+        start: TrajectoryStart = self._call(lambda call, now: self._core.trajectory_start(call, ahead, stops, now))
         elapsed = 0.0
         if starts_at is not None:
             elapsed = time.monotonic() - starts_at + (ahead if start.running is not None else 0.0)
         path = build_path(start.begin, trajectory, elapsed, self.model, self.settings.trajectory_start_tolerance)
-        return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, now))
+        return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, stops, now))
 
     def cancel_trajectory(self, goal: "Optional[Future[None]]" = None) -> bool:
         """Brake a trajectory on its path, that of ``follow``'s future or any; False where it is not under way."""

@@ -124,13 +124,18 @@ class Clients:
 
         def started(call: Call) -> None:
             if call.result is not None:
-                self._clock.after(build_time, lambda: self._follow(
-                    caller, points, -delay, call.result, then, then_after))
-        self.ask("trajectory_start", None, lambda core, call, now: core.trajectory_start(call, lead, now), caller,
-                 on_answer=started)
+                self._clock.after(build_time, lambda: self._follow(caller, points, -delay, call, then, then_after))
+                if then == "stop before":
+                    self._clock.after(0.5 * build_time, self.stop)
 
-    def _follow(self, caller: int, points: Tuple[TrajectoryPoint, ...], elapsed: float, start: Any, then: str,
+        def give(core: Any, call: Call, now: float) -> None:
+            call.stops = core.stops
+            core.trajectory_start(call, lead, call.stops, now)
+        self.ask("trajectory_start", None, give, caller, on_answer=started)
+
+    def _follow(self, caller: int, points: Tuple[TrajectoryPoint, ...], elapsed: float, asked: Call, then: str,
                 then_after: float) -> None:
+        start = asked.result
         try:
             path = build_path(start.begin, JointTrajectory(points), 0.0 if start.running is not None else elapsed,
                               self._model, 0.01)
@@ -140,8 +145,8 @@ class Clients:
         tolerances = Tolerances((None,) * 6, (0.01,) * 6, 1.0)
 
         def give(core: Any, call: Call, now: float) -> None:
-            call.path, call.start = path, start
-            core.follow(call, path, start, tolerances, now)
+            call.path, call.start, call.asked = path, start, asked
+            core.follow(call, path, start, tolerances, asked.stops, now)
         self.ask("trajectory", command, give, caller, waits=True)
         goal = self._busy.get(caller)
         if then and goal is not None and goal.command is command:
@@ -159,7 +164,7 @@ class Clients:
         elif then == "pause":
             self.procedure(caller, "pause", None)
             self._clock.after(1.0, lambda: self.procedure(caller, "resume", None))
-        else:
+        elif then == "speed":
             self.procedure(caller, "speed", 0.3)
             self._clock.after(1.5, lambda: self.procedure(caller, "speed", 1.0))
 

@@ -42,6 +42,8 @@ class Call:
         error: How it failed; None otherwise.
         give: Hands it to the core.
         path, start: Of a trajectory: what is to be followed, and where it begins.
+        asked: Of a trajectory: the call with which it was asked for.
+        stops: The core's number of stops then.
     """
 
     def __init__(self, kind: str, command: Any, give: Callable[[Any, "Call", float], None], waits: bool = False,
@@ -57,6 +59,8 @@ class Call:
         self.error: Optional[JakaError] = None
         self.path: Any = None
         self.start: Any = None
+        self.asked: Any = None
+        self.stops = 0
 
     @property
     def is_given(self) -> bool:

@@ -147,7 +147,7 @@ def _trajectory(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
         "apart": chance.choice((0.3, 0.6, 1.0)), "first_at": chance.choice((0.0, 0.5, 1.0)),
         "form": chance.choice(("rest", "rest", "straight", "flowing")), "delay": chance.choice((0.0, 0.0, 0.0, 0.3)),
         "build_time": chance.choice((0.0, 0.002, 0.004, 0.02)), "lead": 0.016,
-        "then": chance.choice(("", "", "", "cancel", "replace", "replace", "pause", "speed")),
+        "then": chance.choice(("", "", "", "cancel", "replace", "replace", "pause", "speed", "stop before")),
         "then_after": chance.choice((0.0, 0.05, chance.uniform(0.0, 1.5)))}
 
 

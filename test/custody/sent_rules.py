@@ -181,7 +181,7 @@ class SentRules:
         """Somebody waits for this, asked for it after the last stop, and has not got it yet: nothing is sent twice."""
         for call in self.open_calls.values():
             if not call.was_sent and asks(call):
-                if call.number < self.last_stop:
+                if (call if call.asked is None else call.asked).number < self.last_stop:
                     raise RuleBroken("b", now, "%s was asked for before the stop, and is sent after it" % call)
                 call.was_sent = True
                 self.last_motion = call.number

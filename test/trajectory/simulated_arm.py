@@ -83,12 +83,12 @@ class SimulatedArm:
 
     def follow(self, points):
         """As the shell does it; returns the error of the answer, None for none, when the arm is free again."""
-        self.core.trajectory_start("start", 0.016, self.now)
+        self.core.trajectory_start("start", 0.016, 0, self.now)
         self._perform()
         start, error = self.answers.pop("start")
         assert error is None, error
         path = build_path(start.begin, JointTrajectory(tuple(points)), 0.0, self._model, START_TOLERANCE)
-        self.core.follow("goal", path, start, Tolerances((0.02,) * 6, (0.001,) * 6, 0.5), self.now)
+        self.core.follow("goal", path, start, Tolerances((0.02,) * 6, (0.001,) * 6, 0.5), 0, self.now)
         self._perform()
         until = self.now + path.end + 3.0
         while "goal" not in self.answers:

@@ -53,6 +53,7 @@ class ArmCore:
         actions: Collects what the shell is to do.
         custody: Who moves the arm.
         links: To the controller.
+        stops: So many stops were asked for.
         disturbances: Counts what ends an act that was begun without a call: stops, faults, lost links, calls.
         last_disturbance: The last one, in words.
         is_recovering: A recovery is under way.
@@ -70,6 +71,7 @@ class ArmCore:
         self._running: List[Running] = []
         self._is_closing = False
         self._servo_end = ""
+        self.stops = 0
         self.disturbances = 0
         self.last_disturbance = ""
         self.is_recovering = False
@@ -240,12 +242,15 @@ class ArmCore:
         limits.check(command, self.model, self.state)
         running.set_target(command, now)
 
-    def trajectory_start(self, call: Any, lead: float, now: float) -> None:
+    def trajectory_start(self, call: Any, lead: float, stops: int, now: float) -> None:
         """Answered with a ``TrajectoryStart``: the running trajectory ``lead`` s ahead, or the arm, once it rests.
 
-        Errors: InvalidCommand, ConnectionLost: the arm cannot be moved now.
+        ``stops``: the number of stops when the trajectory was asked for; a later one ends it.
+
+        Errors: InvalidCommand, ConnectionLost: the arm cannot be moved now. MotionInterrupted: a stop came between.
         """
         def enter(at: float) -> None:
+            self._require_no_stop_since(stops)
             state = self._admission.require_ready_to_move(at)
             running = self.custody.motion
             if isinstance(running, Trajectory) and not self.custody.is_ending and running.can_be_joined:
@@ -254,13 +259,15 @@ class ArmCore:
                 self.actions.answer(call, start_at_rest(state))
         self._enter(call, enter, now)
 
-    def follow(self, call: Any, path: Path, start: TrajectoryStart, tolerances: Tolerances, now: float) -> None:
+    def follow(self, call: Any, path: Path, start: TrajectoryStart, tolerances: Tolerances, stops: int,
+               now: float) -> None:
         """Follow an audited path from its start on; answered when the arm rests at its end, and servo mode is left.
 
-        Errors as ``move``, and: StartChanged (the arm is not there any more, nothing was sent), PathToleranceViolated,
-        GoalToleranceViolated.
+        ``stops`` as for ``trajectory_start``. Errors as ``move``, and: StartChanged (the arm is not there any more,
+        nothing was sent), PathToleranceViolated, GoalToleranceViolated.
         """
         def enter(at: float) -> None:
+            self._require_no_stop_since(stops)
             state = self._admission.require_ready_to_move(at)
             goal, running = Goal(call, tolerances), self.custody.motion
             if start.running is not None and running is start.running and not self.custody.is_ending:
@@ -284,6 +291,7 @@ class ArmCore:
         """
         self.links.note_time(now)
         self.note_disturbance("a stop")
+        self.stops += 1
         self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
         if not self.custody.is_free:
             self.custody.stop_for(call, now)
@@ -339,6 +347,7 @@ class ArmCore:
 
     def stop_own(self, now: float) -> None:
         """A stop that nobody is answered for."""
+        self.stops += 1
         self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
         if self.custody.is_free:
             self._stop_free_arm(None, now)
@@ -381,6 +390,10 @@ class ArmCore:
             enter(now)
         except JakaError as error:
             self.actions.answer(call, None, error)
+
+    def _require_no_stop_since(self, stops: int) -> None:
+        if self.stops != stops:
+            raise MotionInterrupted(StopCause.STOPPED, "it was asked for before the stop")
 
     def _stop_free_arm(self, call: Any, now: float) -> None:
         """A stop where this driver moves nothing: a program, the pendant, or servo mode of somebody else.

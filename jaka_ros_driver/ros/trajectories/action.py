@@ -54,9 +54,13 @@ class TurnQueue:
 
 
 class _Goal:
-    """One goal: whether its client has cancelled it, and what ends when the arm has followed it."""
+    """One goal: whether its client has cancelled it, and what ends when the arm has followed it.
 
-    def __init__(self) -> None:
+    ``stops``: how many stops had been asked for when it came; a later one ends it, also while it waits for its turn.
+    """
+
+    def __init__(self, stops: int) -> None:
+        self.stops = stops
         self.is_cancelled = False
         self.done: Optional[Future[None]] = None
 
@@ -96,7 +100,7 @@ class TrajectoryAction:
     # ---- called by actionlib ----
 
     def _take(self, handle: Any) -> None:
-        self._goals[handle.get_goal_id().id] = _Goal()
+        self._goals[handle.get_goal_id().id] = _Goal(self._arm.stops)
         self._turns.put(lambda: self._begin(handle))
 
     def _cancel(self, handle: Any) -> None:
@@ -120,7 +124,7 @@ class TrajectoryAction:
             if trajectory is None:
                 self._end_what_is_under_way()
             else:
-                goal.done = self._arm.follow(trajectory, tolerances)
+                goal.done = self._arm.follow(trajectory, tolerances, goal.stops)
         except JakaError as error:
             _LOG.info("%s: %s", self._name, error)
             self._end(handle, handle.set_rejected, _code_of_refusal(error), str(error))

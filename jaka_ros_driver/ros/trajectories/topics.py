@@ -1,5 +1,5 @@
 """Trajectories by topic, the controller's state, and what ROS-Industrial programs expect beside them."""
-from typing import Any, List, Optional
+from typing import Any, Dict, List, Optional
 
 import rospy
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
@@ -40,6 +40,7 @@ class TrajectoryInterface:
         self._velocity = VelocityEstimate()
         self._clock = StampClock(ros_clock())
         self._published_at = 0.0
+        self._newest: Dict[str, Any] = {}
         self._stop_service: Optional[rospy.Service] = None
 
     def offer(self) -> None:
@@ -66,16 +67,26 @@ class TrajectoryInterface:
     # ---- inside ----
 
     def _command(self, message: Any, name: str) -> None:
-        self._turns.put(lambda: self._follow(message, name))
+        """Of several that wait the newest is taken: a faster stream than can be audited must not be followed late.
 
-    def _follow(self, message: Any, name: str) -> None:
+        One without points ends what is under way at once, and all that wait.
+        """
+        self._newest[name] = message
+        if message.points:
+            stops = self._arm.stops
+            self._turns.put(lambda: self._follow(message, name, stops))
+            return
+        self._newest.clear()
+        self._arm.cancel_trajectory()
+
+    def _follow(self, message: Any, name: str, stops: int) -> None:
         """A topic has no answer: what is refused or ends early is logged."""
+        if self._newest.get(name) is not message:
+            return
         try:
             trajectory = self._decoder.trajectory(message, may_end_moving=True)
-            if trajectory is None:
-                self._arm.cancel_trajectory()
-                return
-            done = self._arm.follow(trajectory, self._decoder.tolerances())
+            assert trajectory is not None
+            done = self._arm.follow(trajectory, self._decoder.tolerances(), stops)
         except JakaError as error:
             rospy.logwarn_throttle(_LOG_PERIOD_S, "%s: %s" % (name, error))
             return

@@ -42,13 +42,13 @@ class Following(Story):
     def follow(self, call, points, tolerances=LOOSE, elapsed=0.0, lead=0.016):
         """As the shell does it: start, path, audit, goal."""
         token = "start of %s" % call
-        self.core.trajectory_start(token, lead, self.now)
+        self.core.trajectory_start(token, lead, self.core.stops, self.now)
         self.perform()
         _, start, error = self.answers[token]
         if error is not None:
             raise error
         path = build_path(start.begin, JointTrajectory(tuple(points)), elapsed, MODEL, 0.01)
-        self.core.follow(call, path, start, tolerances, self.now)
+        self.core.follow(call, path, start, tolerances, self.core.stops, self.now)
         self.perform()
         return path
 
@@ -168,25 +168,25 @@ def test_a_trajectory_replaces_the_one_under_way_and_joins_it_where_it_is():
 
 def test_a_path_that_comes_too_late_to_join_is_refused_and_the_one_under_way_goes_on():
     story = following(to(2.0, 0.8)).run(0.9)
-    story.core.trajectory_start("start", 0.016, story.now)
+    story.core.trajectory_start("start", 0.016, 0, story.now)
     story.perform()
     start = story.answers["start"][1]
     path = build_path(start.begin, JointTrajectory((to(1.0, 0.2),)), 0.0, MODEL, 0.01)
     story.run(0.05)
-    story.core.follow("next", path, start, LOOSE, story.now)
+    story.core.follow("next", path, start, LOOSE, 0, story.now)
     story.perform()
     assert isinstance(story.error("next"), StartChanged) and story.error("goal") == "pending"
 
 
 def test_an_arm_that_has_moved_since_the_audit_is_not_streamed():
     story = Following()
-    story.core.trajectory_start("start", 0.0, story.now)
+    story.core.trajectory_start("start", 0.0, 0, story.now)
     story.perform()
     start = story.answers["start"][1]
     path = build_path(start.begin, JointTrajectory((to(1.0, 0.2),)), 0.0, MODEL, 0.01)
     story.joints[0] += 0.005
     story.run(0.2)
-    story.core.follow("goal", path, start, LOOSE, story.now)
+    story.core.follow("goal", path, start, LOOSE, 0, story.now)
     story.perform()
     assert isinstance(story.error("goal"), StartChanged) and story.count("servo_move") == 0 and story.core.is_free
 
@@ -199,6 +199,27 @@ def test_a_stop_ends_it_and_no_frame_follows():
     story.run(0.5)
     assert story.cause("goal") is StopCause.STOPPED and story.count("servo_j") == sent
     assert story.error("stop") is None and not story.servo_mode and story.core.is_free
+
+
+@pytest.mark.parametrize("when", ["before its start is known", "while its path is audited"])
+def test_a_stop_ends_a_trajectory_that_was_asked_for_before_it(when):
+    story = Following()
+    if when == "before its start is known":
+        story.core.stop("stop", story.now)
+        story.run(0.3)
+        story.core.trajectory_start("start", 0.016, 0, story.now)
+        story.perform()
+        assert story.cause("start") is StopCause.STOPPED
+        return
+    story.core.trajectory_start("start", 0.016, 0, story.now)
+    story.perform()
+    start = story.answers["start"][1]
+    path = build_path(start.begin, JointTrajectory((to(1.0, 0.2),)), 0.0, MODEL, 0.01)
+    story.core.stop("stop", story.now)
+    story.run(0.3)
+    story.core.follow("goal", path, start, LOOSE, 0, story.now)
+    story.perform()
+    assert story.cause("goal") is StopCause.STOPPED and story.run(0.3).count("servo_move") == 0
 
 
 @pytest.mark.parametrize("fields, cause", [

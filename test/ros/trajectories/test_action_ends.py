@@ -33,10 +33,13 @@ class Arm:
         self.cancelled = []
         self.trajectory = None
         self.motion_owner = None
+        self.stops = 0
+        self.asked_with = []
         self.state = None
         self.asked = threading.Event()
 
-    def follow(self, trajectory, tolerances):
+    def follow(self, trajectory, tolerances, stops):
+        self.asked_with.append(stops)
         if self.refusal is not None:
             raise self.refusal
         self.goals.append(Future())
@@ -156,6 +159,16 @@ def test_a_goal_that_is_cancelled_before_its_turn_never_moves_the_arm(server, ar
     server._cancel(handle)
     is_free.set()
     assert handle.end()[0] == "canceled" and not arm.goals
+
+
+def test_a_goal_belongs_to_the_time_at_which_it_came_not_to_that_of_its_turn(server, arm):
+    is_free = threading.Event()
+    server._turns.put(lambda: is_free.wait(WAIT))
+    handle = Handle(1)
+    server._take(handle)
+    arm.stops += 1
+    is_free.set()
+    assert arm.asked.wait(WAIT) and arm.asked_with == [0]
 
 
 def test_a_goal_without_points_ends_what_is_under_way_and_succeeds_when_the_arm_rests(server, arm):
