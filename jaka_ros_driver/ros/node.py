@@ -62,7 +62,7 @@ class Driver:
         self._publishers = StatePublishers(self._arm, config, self._frames)
         self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames), CallPublisher())
         self._recover = RecoverAction(self._arm)
-        self._trajectories = TrajectoryInterface(self._arm, config)
+        self._trajectories = TrajectoryInterface(self._arm, config, self._publishers.joint_velocity)
         self._status = RobotStatusPublisher(self._arm)
         self._speed = SpeedPublisher(self._arm)
         self._topics = ServoTopics(self._arm, decoder, FrameNames(config))

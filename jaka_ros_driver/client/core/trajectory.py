@@ -83,7 +83,11 @@ class Progress(NamedTuple):
 
 
 class Trajectory(Streaming):
-    """Runs along one path, and on to those that replace it. Whatever contradicts it stops the arm; nothing resumes."""
+    """Runs along one path, and on to those that replace it. Whatever contradicts it stops the arm; nothing resumes.
+
+    Attributes:
+        is_paused: It brakes on its path, and stays there until this is False again.
+    """
 
     owner = MotionOwner.TRAJECTORY
 
@@ -154,14 +158,6 @@ class Trajectory(Streaming):
         self._is_cancelled = self.is_leaving = True
         return True
 
-    def pause(self) -> None:
-        """Brake on the path, and stay."""
-        self.is_paused = True
-
-    def resume(self) -> None:
-        """Go on after a pause."""
-        self.is_paused = False
-
     # ---- life ----
 
     def begin(self, now: float) -> None:
@@ -183,7 +179,7 @@ class Trajectory(Streaming):
 
     def _entered(self, now: float) -> None:
         clock = self._clock
-        if max([abs(a - b) for a, b in zip(commanded_joints(self._state), clock.position)]) > _SAME_START:
+        if not _is_at(clock.position, self._state):
             self._custody.stop(MotionInterrupted(StopCause.FAULT, "the arm moved before its trajectory began"), now)
         else:  # entering servo mode has taken some of the time until a trajectory that starts later
             clock.pass_rest(now - self._built_at)
@@ -243,14 +239,14 @@ class Trajectory(Streaming):
         waited = now - self._rests_since
         if self._is_cancelled:
             if is_still:
-                self._leave("cancelled")
+                self._leave_reason = "cancelled"
             elif waited > _BRAKE_TIME_S:
                 self._custody.stop(MotionInterrupted(StopCause.CANCELLED), now)
             return
         tolerances = self._goal.tolerances
         far = self._far_from_goal(state)
         if is_still and not far:
-            self._leave("the trajectory is completed")
+            self._leave_reason = "the trajectory is completed"
         elif tolerances.goal_time is not None and waited > tolerances.goal_time + _SEEN_LATE_S:
             self._custody.stop(GoalToleranceViolated("%.3f s after the end of the trajectory %s" % (
                 waited, "; ".join(far) or "the arm is not at rest")), now)
@@ -260,9 +256,6 @@ class Trajectory(Streaming):
                 for joint, (at, end, tolerance) in enumerate(
                     zip(state.joint_position, self._end, self._goal.tolerances.goal), 1)
                 if tolerance is not None and abs(at - end) > tolerance]
-
-    def _leave(self, reason: str) -> None:
-        self._leave_reason = reason
 
     def _answer(self, error: Optional[JakaError]) -> None:
         goal, self._goal = self._goal, self._goal._replace(call=None)
@@ -280,6 +273,9 @@ def require_start(path: Path, state: RobotState) -> None:
     Raises:
         StartChanged: It is not.
     """
-    begin = path.at(path.begin).position
-    if max([abs(a - b) for a, b in zip(commanded_joints(state), begin)]) > _SAME_START:
+    if not _is_at(path.at(path.begin).position, state):
         raise StartChanged("the arm has moved since its trajectory was audited; send it again")
+
+
+def _is_at(joints: Vector, state: RobotState) -> bool:
+    return max([abs(a - b) for a, b in zip(commanded_joints(state), joints)]) <= _SAME_START

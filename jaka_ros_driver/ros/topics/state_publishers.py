@@ -20,7 +20,7 @@ from jaka_ros_driver.ros.params import TF_ALL, TF_NONE, DriverConfig
 from jaka_ros_driver.ros.topics.stamps import StampClock, ros_clock
 from jaka_ros_driver.ros.topics.state_repeater import StateRepeater, StateThinner
 from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
-from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.state import RobotState, Vector
 
 _QUEUE = 10
 _EARLY_S = 0.0005
@@ -90,6 +90,10 @@ class StatePublishers(LoopTask):
             self._publish(newest)
             self._repeater.repeated(now)
 
+    def joint_velocity(self, state: RobotState) -> Optional[Vector]:
+        """The controller's, else estimated at the newest state; rad/s (6,), None while there are too few samples."""
+        return state.joint_velocity if state.joint_velocity is not None else self._velocity.value()
+
     def _arrived(self, state: RobotState, is_new: bool) -> None:
         self._velocity.add(state)
         if not is_new or not self._thinner.takes(state.received_at):
@@ -104,8 +108,8 @@ class StatePublishers(LoopTask):
         self._publish(sample)
         self._repeater.arrived(state.received_at)
         if self._joint_states.get_num_connections():
-            velocity = state.joint_velocity if state.joint_velocity is not None else self._velocity.value()
-            self._joint_states.publish(convert.joint_position(state, stamp, self._joint_names, velocity))
+            self._joint_states.publish(convert.joint_position(
+                state, stamp, self._joint_names, self.joint_velocity(state)))
         if self._tf is not None and self._tf.get_num_connections():
             self._tf.publish(TFMessage(self._transforms(state, stamp)))
 

@@ -1,5 +1,5 @@
 """Trajectories by topic, the controller's state, and what ROS-Industrial programs expect beside them."""
-from typing import Any, Dict, List, Optional
+from typing import Any, Callable, Dict, List, Optional
 
 import rospy
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
@@ -10,7 +10,6 @@ from jaka_ros_driver.ros.other_messages import message_type, stop_motion_type
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.services.service_server import CallCount
 from jaka_ros_driver.ros.topics.stamps import StampClock, ros_clock
-from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
 from jaka_ros_driver.ros.trajectories.action import TrajectoryAction, TurnQueue
 from jaka_ros_driver.ros.trajectories.messages import TrajectoryDecoder, fill_states
 from jaka_ros_driver.state import RobotState, Vector
@@ -26,7 +25,9 @@ _LOG_PERIOD_S = 1.0
 class TrajectoryInterface:
     """All names under which trajectories are taken, and what is told of them."""
 
-    def __init__(self, arm: ArmClient, config: DriverConfig) -> None:
+    def __init__(self, arm: ArmClient, config: DriverConfig,
+                 joint_velocity: Callable[[RobotState], Optional[Vector]]) -> None:
+        """Prepare; ``joint_velocity`` tells how fast the joints are in the newest state, rad/s (6,)."""
         self._arm = arm
         self._decoder = TrajectoryDecoder(config)
         self._turns = TurnQueue()
@@ -37,7 +38,7 @@ class TrajectoryInterface:
         names += ["joint_trajectory_action"] if config.industrial_names else []
         self._actions = [TrajectoryAction(name, arm, self._decoder, self._turns, self._goals) for name in names]
         self._states: List[rospy.Publisher] = []
-        self._velocity = VelocityEstimate()
+        self._joint_velocity = joint_velocity
         self._clock = StampClock(ros_clock())
         self._published_at = 0.0
         self._newest: Dict[str, Any] = {}
@@ -52,7 +53,9 @@ class TrajectoryInterface:
             self._states.append(rospy.Publisher("feedback_states", message_type(
                 "control_msgs/FollowJointTrajectoryFeedback"), queue_size=_QUEUE))
             commands.append("joint_path_command")
-            self._stop_service = rospy.Service("stop_motion", stop_motion_type(), self._stop_motion)
+            stop_motion = stop_motion_type()
+            self._stop_service = rospy.Service("stop_motion", stop_motion,
+                                               lambda _: self._stop_motion(stop_motion._response_class()))
         self._arm.add_listener(self._arrived)
         for action in self._actions:
             action.offer()
@@ -92,8 +95,7 @@ class TrajectoryInterface:
             return
         done.add_done_callback(lambda ended: ended.exception() and rospy.loginfo("%s: %s", name, ended.exception()))
 
-    def _stop_motion(self, _request: Any) -> Any:
-        response = stop_motion_type()._response_class()
+    def _stop_motion(self, response: Any) -> Any:
         try:
             self._arm.stop()
             response.code.val = 1
@@ -103,14 +105,13 @@ class TrajectoryInterface:
         return response
 
     def _arrived(self, state: RobotState, is_new: bool) -> None:
-        self._velocity.add(state)
         if not is_new or state.received_at - self._published_at < STATE_PERIOD_S - _EARLY_S:
             return
         heard = [publisher for publisher in self._states if publisher.get_num_connections()]
         if not heard:
             return
         self._published_at = state.received_at
-        velocity = state.joint_velocity if state.joint_velocity is not None else self._velocity.value()
+        velocity = self._joint_velocity(state)
         progress = self._arm.trajectory
         desired = _resting(state) if progress is None else progress.desired
         stamp = self._clock.stamp(state.received_at)

@@ -24,7 +24,7 @@ def pause(core: ArmCore) -> Procedure:
     """
     motion = _pausable(core)
     if isinstance(motion, Trajectory):
-        motion.pause()
+        motion.is_paused = True
     else:
         yield Ask(PauseMotion())
 
@@ -52,12 +52,10 @@ def resume(core: ArmCore) -> Procedure:
     is_held = motion.is_paused or (core.state is not None and bool(core.state.is_paused))
     if not is_held:
         raise InvalidCommand("refused: %s is not paused" % motion.owner.value)
-    if isinstance(motion, Trajectory):
-        motion.resume()
-    else:
+    if isinstance(motion, Move):
         yield Ask(ResumeMotion())
         _require_still_under_way(core, motion, "resumed")
-        motion.is_paused = False
+    motion.is_paused = False
     return "%s goes on" % motion.owner.value
 
 
