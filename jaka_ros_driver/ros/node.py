@@ -23,7 +23,7 @@ from jaka_ros_driver.ros.frame_table import FrameTable
 from jaka_ros_driver.ros.log_bridge import log_to_ros
 from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
-from jaka_ros_driver.ros.params import DriverConfig, config_from
+from jaka_ros_driver.ros.params import DEFAULT_REALTIME_PRIORITY, DriverConfig, config_from
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher
 from jaka_ros_driver.ros.services.recover_action import RecoverAction
 from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
@@ -216,9 +216,14 @@ def _print_urdf(options: argparse.Namespace) -> int:
 
 
 def _set_scheduler(priority: int) -> None:
-    """Set real-time priority for this thread and those that it starts later."""
-    if priority:
-        try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-        except PermissionError:
-            _LOG.warning("~realtime_priority %d: not permitted (limit rtprio); going on without", priority)
+    """Set real-time priority for the threads of this process and those that they start later."""
+    if not priority:
+        return
+    try:
+        # all of them: one that holds the interpreter's lock and is put aside would hold up the one that sends frames
+        for thread in os.listdir("/proc/self/task"):
+            os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(priority))
+    except OSError as error:
+        _LOG.log(logging.INFO if priority == DEFAULT_REALTIME_PRIORITY else logging.WARNING,
+                 "~realtime_priority %d: not permitted (limit rtprio: %s); beside other load on this computer servo "
+                 "frames can be late", priority, error.strerror)

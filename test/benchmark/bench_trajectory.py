@@ -2,7 +2,7 @@
 
 Compared in one run: the driver's CPU at rest, with a servo stream by topic, and with a trajectory. Run it in the devel
 space, quiet or beside other processes; the arguments are the number of rounds (2) and the driver's realtime_priority
-(0).
+(20). The simulated controller, whose log tells when frames came, has real-time priority: it is the clock here.
 """
 import math
 import os
@@ -95,7 +95,7 @@ def report(spacing, frames):
 
 def main(rounds, priority):
     with tempfile.TemporaryDirectory() as folder, master(), LiveDriver(
-            folder, name="jaka_driver", guard=True, realtime_priority=priority) as live:
+            folder, name="jaka_driver", guard=True, simulator=("--realtime",), realtime_priority=priority) as live:
         live.arm.wait_until_ready()
         client, begun, cancels = Client(), [], []
         for _ in range(rounds):
@@ -120,4 +120,4 @@ def main(rounds, priority):
 
 
 if __name__ == "__main__":
-    main(*map(int, (sys.argv[1:] + ["2", "0"][len(sys.argv) - 1:])[:2]))
+    main(*map(int, (sys.argv[1:] + ["2", "20"][len(sys.argv) - 1:])[:2]))

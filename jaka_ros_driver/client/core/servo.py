@@ -38,6 +38,7 @@ class Servo(Streaming):
         self._calls: List[Any] = [call]
         self._stream: Union[JointServo, PoseServo, None] = None
         self._last_target_at = 0.0
+        self._moved_at = 0.0
 
     # ---- calls ----
 
@@ -100,6 +101,8 @@ class Servo(Streaming):
         timeout = self._custody.settings.servo_timeout
         if now - self._last_target_at > timeout:
             self.leave(None, "no servo target for %.1f s" % timeout)
+        if not self._stream.is_at_rest:
+            self._moved_at = now
         return self._stream.next_frame()
 
     def _sent_point(self) -> Vector:
@@ -132,7 +135,7 @@ class Servo(Streaming):
     def _require_rest(self) -> None:
         """A stream of the other kind begins at rest, where the arm is measured: only there do the two agree."""
         if (self._stream is not None and not self._stream.is_at_rest) or (
-                self._custody.stillness.duration() < REST_TIME_S):
+                self._custody.stillness.duration(self._moved_at) < REST_TIME_S):
             raise InvalidCommand("refused: joint and pose targets can be changed over at rest only")
 
     def _joint_stream_at_rest(self) -> JointServo:

@@ -1,15 +1,15 @@
 """Moves the arm along one route; speed changes, pauses and stops stay on the route."""
+import copy
 from typing import Optional, Sequence
 
 from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.arm.arm_frames import same_joints
 from jaka_ros_driver.simulation.arm.events import PlantEvent
-from jaka_ros_driver.simulation.arm.profiles import Profile, stopping_way
+from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S, Profile, stopping_way
 from jaka_ros_driver.simulation.arm.routes import Route
 from jaka_ros_driver.state import Vector
 
 _OVERSPEED = 1.05  # a joint that exceeds its speed limit by this factor means that the path runs into a singularity
-_NO_CHANGE = 1e-9
 
 
 class Follower:
@@ -53,7 +53,7 @@ class Follower:
 
     def take_limits_of(self, route: Route) -> bool:
         """Continue with the limits of ``route``; False where it is another path or ends before the arm can stop."""
-        needed = stopping_way(self.speed, route.stopping_acceleration(self.way, 0.0), self._profile.jerk_time)
+        needed = stopping_way(self.speed, route.stopping_acceleration(self.way, 0.0, 0.0), self._profile.jerk_time)
         here = route.joints_at(self.way, self.joints)
         if route.length <= self.way + needed or here is None or not same_joints(here, self.joints):
             return False
@@ -69,15 +69,20 @@ class Follower:
         """Slow down along the path; returns the parameter where the arm will come to rest."""
         self._is_braking = True
         self._aimed_at = (-1.0, -1.0, -1.0)
-        profile, route = self._profile, self.route
-        acceleration = route.stopping_acceleration(profile.position, 0.0)
-        ahead = stopping_way(profile.velocity, acceleration, profile.jerk_time)
-        acceleration = route.stopping_acceleration(profile.position, ahead)
-        where = profile.brake(acceleration)
-        if where > route.length:
-            profile.aim(route.length, max(profile.velocity, _NO_CHANGE), acceleration)
-            where = route.length
-        return where
+        profile = copy.copy(self._profile)
+        while not profile.at_rest:
+            self._slow_down(profile)
+            profile.step(CYCLE_TIME_S)
+        return profile.position
+
+    def _slow_down(self, profile: Profile) -> None:
+        """Have the profile brake as hard as the arm can where it is.
+
+        One deceleration for the whole way, that of its weakest place, would leave the arm too fast for the bends on
+        the way there.
+        """
+        profile.slow_down(self.route.stopping_acceleration(profile.position, profile.velocity, profile.jerk_time),
+                          self.route.length)
 
     def step(self, dt: float, rate: float) -> Vector:
         """Run one cycle of ``dt`` s at ``rate`` (0 to 1) of the programmed speed; returns the joints, rad (6,).
@@ -86,6 +91,8 @@ class Follower:
         """
         if not self.is_ending:
             self._steer(rate)
+        if self._is_braking:
+            self._slow_down(self._profile)
         way = self._profile.step(dt)
         joints = self.route.joints_at(way, self.joints)
         if joints is None or not all(

@@ -15,8 +15,9 @@ from jaka_ros_driver.simulation.arm.legs import Line, arc_through
 from jaka_ros_driver.simulation.arm.limit_watch import NEAR_LIMIT, LimitWatch
 from jaka_ros_driver.simulation.arm.motion_queue import MotionQueue
 from jaka_ros_driver.simulation.arm.moves import DEFAULT_JOINT_ACCELERATION, positive, same_pose, tool_pace, tool_rate
+from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S
 from jaka_ros_driver.simulation.arm.routes import JointRoute
-from jaka_ros_driver.simulation.arm.servo import CYCLE_TIME_S, ServoStream, Starvation
+from jaka_ros_driver.simulation.arm.servo import ServoStream, Starvation
 from jaka_ros_driver.simulation.arm.servo_filters import ServoFilter, checked_parameters, make_filter
 from jaka_ros_driver.state import Vector
 

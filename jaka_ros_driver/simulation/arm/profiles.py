@@ -7,6 +7,8 @@ import importlib
 import math
 from typing import Any, Optional
 
+CYCLE_TIME_S = 0.008
+"""s, interpolation cycle: docs/controller-protocol.md section 5.6.5."""
 JERK_TIME_S = 0.05
 """s; with ruckig, the time in which acceleration builds up or fades. No vendor value exists."""
 
@@ -42,6 +44,7 @@ class Profile:
         self.acceleration = 0.0
         self.jerk_time = jerk_time(jerk_limited)
         self._target: Optional[float] = None
+        self._slowed_by: Optional[float] = None
         self._max_velocity = 0.0
         self._max_acceleration = 1.0
         self._trajectory: Any = None
@@ -61,6 +64,7 @@ class Profile:
             self.brake(max_acceleration)
             return
         self._target, self._max_velocity, self._max_acceleration = target, max_velocity, max_acceleration
+        self._slowed_by = None
         remaining = target - self.position
         if remaining > 0.0:
             self._max_acceleration = max(max_acceleration, 0.5 * self.velocity * self.velocity / remaining)
@@ -71,6 +75,7 @@ class Profile:
     def brake(self, max_acceleration: float) -> float:
         """Come to rest as soon as the limits allow; returns the position where that will be."""
         self._target, self._max_velocity, self._max_acceleration = None, 0.0, max_acceleration
+        self._slowed_by = None
         self._trajectory = None
         if self.velocity == 0.0:
             self.acceleration = 0.0
@@ -80,6 +85,14 @@ class Profile:
         if self._trajectory is not None:
             return max(self.position, self._trajectory.at_time(self._trajectory.duration)[0][0])
         return self.position + 0.5 * self.velocity * self.velocity / max_acceleration
+
+    def slow_down(self, max_acceleration: float, end: float) -> None:
+        """Come to rest at this deceleration, at ``end`` at the latest. Told again, it changes nothing."""
+        if self._slowed_by == max_acceleration:
+            return
+        if self.brake(max_acceleration) > end:
+            self.aim(end, max(self.velocity, _REST_SPEED), max_acceleration)
+        self._slowed_by = max_acceleration
 
     def step(self, dt: float) -> float:
         """Let dt seconds pass; returns the new position."""

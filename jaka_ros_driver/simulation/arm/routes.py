@@ -13,7 +13,7 @@ from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, nearest_joints
 from jaka_ros_driver.simulation.arm.events import PlantEvent
 from jaka_ros_driver.simulation.arm.legs import Corner, Leg, Line, corner_half
 from jaka_ros_driver.simulation.arm.path_scan import PathScan, Stretch, merged
-from jaka_ros_driver.simulation.arm.profiles import speed_for_way
+from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S, speed_for_way
 from jaka_ros_driver.state import Vector
 
 _PIECE_WAY = 0.03  # m; length of a stretch of a leg in the first scan
@@ -48,8 +48,9 @@ class Route:
         """The joints at this parameter nearest to the reference, rad (6,); None where inverse kinematics has none."""
         raise NotImplementedError
 
-    def stopping_acceleration(self, way: float, ahead: float) -> float:
-        """The strongest deceleration that is allowed everywhere between ``way`` and ``way + ahead``."""
+    def stopping_acceleration(self, way: float, speed: float, jerk_time: float) -> float:
+        """The strongest deceleration that is allowed at this place and where the arm gets before it can change it."""
+        ahead = _reaction_way(speed, jerk_time)
         return min((stretch.braking for begin, stretch in zip(self._begins, self._stretches)
                     if begin <= way + ahead and begin + stretch.way >= way), default=math.inf)
 
@@ -71,7 +72,7 @@ class Route:
             self._index += 1
         n = self._index
         allowed, acceleration = self._allowed(n, way, jerk_time), self._stretches[n].acceleration
-        ahead = way + speed * (_LOOK_AHEAD * jerk_time + 0.008)
+        ahead = way + _reaction_way(speed, jerk_time)
         while n + 1 < len(self._begins) and self._begins[n + 1] <= ahead:
             n += 1
             acceleration = min(acceleration, self._stretches[n].acceleration)
@@ -242,6 +243,10 @@ class CartesianRoute(Route):
 
     def moves_left(self, way: float) -> int:
         return len(self._pieces) - self._piece_at(way)
+
+
+def _reaction_way(speed: float, jerk_time: float) -> float:
+    return speed * (_LOOK_AHEAD * jerk_time + CYCLE_TIME_S)
 
 
 def _cut(stretches: Sequence[Stretch], end: float, begin: float) -> List[Stretch]:

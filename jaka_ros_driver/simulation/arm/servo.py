@@ -9,11 +9,10 @@ from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, finite_six
 from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
 from jaka_ros_driver.simulation.arm.legs import Line, Pace
+from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S
 from jaka_ros_driver.simulation.arm.servo_filters import Filter
 from jaka_ros_driver.state import Vector
 
-CYCLE_TIME_S = 0.008
-"""s, interpolation cycle: docs/controller-protocol.md section 5.6.5."""
 MAX_STEP_SPEED = math.pi
 """rad/s (180 deg/s): a point that needs more of a joint is ignored, docs/controller-protocol.md section 5.6.5."""
 MAX_POINTS = 50

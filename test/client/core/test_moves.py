@@ -5,6 +5,7 @@ import pytest
 from stories import HOME, Story
 
 from jaka_ros_driver.client.core.move import START_WINDOW_S
+from jaka_ros_driver.client.core.procedures.pausing import pause
 from jaka_ros_driver.commands import JointMove, LinearMove, Pose
 from jaka_ros_driver.errors import CommandRejected, ConnectionLost, InvalidCommand, ReplyTimeout, StopCause
 
@@ -250,3 +251,12 @@ def test_without_a_link_nothing_is_begun():
 def story_port(name):
     from jaka_ros_driver.client.core.actions import Port
     return Port[name]
+
+
+def test_rest_from_before_a_move_does_not_count_for_its_pause():
+    story = begun().run(0.016, move=TARGET[0], speed=0.005, **MOVING)
+    story.core.run("pause", pause(story.core), story.now)
+    story.perform()
+    story.run(0.016, move=TARGET[0], speed=0.002, paused=True, **MOVING)
+    assert story.error("pause") == "pending", "the arm has moved less than 0.1 mrad, and has not been seen at rest"
+    assert "paused" in story.run(0.1, paused=True, **MOVING).answers["pause"][1]

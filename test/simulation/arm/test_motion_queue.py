@@ -123,3 +123,13 @@ TestAnySequence = AnySequence.TestCase
 TestAnySequence.settings = FEW
 TestAnySequenceOfTrapezoids = AnySequenceOfTrapezoids.TestCase
 TestAnySequenceOfTrapezoids.settings = FEW
+
+
+def test_a_stop_on_the_way_into_a_singular_place_is_as_gentle_as_the_way_itself():
+    watch = PlantWatch(jerk_limited=False)
+    watch.plant.add_arc_move(shift(0.0, 0.1, 0.0), shift(0.1, 0.0, 0.05, (-0.23, 0.0, -0.23)), 0.4, relative=True,
+                             circle_mode=1, line_id=4)
+    watch.step(170)
+    watch.plant.stop()
+    watch.run(3.0)
+    assert watch.hardest <= 1.02

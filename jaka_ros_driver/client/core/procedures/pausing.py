@@ -5,13 +5,13 @@ from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import Motion
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure, Until
-from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.client.core.trajectory import Trajectory
 from jaka_ros_driver.commands import PauseMotion, ResumeMotion, SetRapidRate
 from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
 
 _TIMEOUT_S = 2.0
 _SAME_RATE = 0.005
+_NEVER = float("inf")
 
 
 def pause(core: ArmCore) -> Procedure:
@@ -28,13 +28,17 @@ def pause(core: ArmCore) -> Procedure:
     else:
         yield Ask(PauseMotion())
 
-    def is_held(_now: float) -> bool:
+    held_since = _NEVER  # rest of before that shows nothing: the arm may just have begun to move
+
+    def rests(now: float) -> bool:
+        nonlocal held_since
         _require_still_under_way(core, motion, "paused")
-        if core.custody.stillness.duration() < REST_TIME_S:
-            return False
-        return motion.is_held if isinstance(motion, Trajectory) else core.state is not None and bool(
+        is_held = motion.is_held if isinstance(motion, Trajectory) else core.state is not None and bool(
             core.state.is_paused)
-    if not (yield Until(is_held, _TIMEOUT_S)):
+        held_since = min(held_since, now) if is_held else _NEVER
+        return core.custody.stillness.duration(held_since) >= motion.rest_time
+
+    if not (yield Until(rests, _TIMEOUT_S + motion.rest_time)):
         raise MotionInterrupted(StopCause.TIMEOUT, "the arm was not seen paused within %.0f s; %s goes on" % (
             _TIMEOUT_S, motion.owner.value))
     motion.is_paused = True
