@@ -84,6 +84,7 @@ class ControllerRoom:
         mover: Who started the motion under way.
         is_off: Without power.
         stop_executed_at: When it last carried a stop out, s.
+        resumed_at: When motion was last let go on at the pendant, s.
         motion_executed_at: When it last began to carry a motion out, s.
     """
 
@@ -96,6 +97,7 @@ class ControllerRoom:
         self.mover = NOBODY
         self.is_off = False
         self.stop_executed_at = -1e9
+        self.resumed_at = -1e9
         self.motion_executed_at = -1e9
         self.on_executed: Callable[[Dict[str, Any], bool, str], None] = lambda request, taken, who: None
         self.on_lost_reply: Callable[[], None] = lambda: None
@@ -306,6 +308,7 @@ class ControllerRoom:
         self.clock.after(duration, self._resume)
 
     def _resume(self) -> None:
+        self.resumed_at = self.clock.now
         with contextlib.suppress(Refused):
             self.controller.state.resume()
 

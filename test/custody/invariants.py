@@ -196,15 +196,12 @@ class Judge:
             self._jog_word_at = now
         elif call.kind in ("move", "trajectory") and call.waits and call.error is None:
             self._is_completed(call, now)
-        elif call.command == ("pause", None) and call.error is None and self._runs_trajectory():
+        elif call.command == ("pause", None) and call.error is None:
             self._is_quiet(_Quiet(now + PAUSE_SLACK, call.number, "p", "after %s was answered" % call))
         if call.was_sent and isinstance(call.error, MotionInterrupted) and call.error.cause in (
                 StopCause.STOPPED, StopCause.CANCELLED):
             self._is_quiet(_Quiet(now + REST_AFTER_STOP, call.number + 1, "e",
                                   "after %s was told that it is stopped" % call))
-
-    def _runs_trajectory(self) -> bool:
-        return any(call.kind == "trajectory" and call.was_sent for call in self.sent.open_calls.values())
 
     def _is_quiet(self, quiet: _Quiet) -> None:
         if quiet.number > self.sent.last_motion:
@@ -283,6 +280,8 @@ class Judge:
             self._unowned(now)
             self._untold(now, plant.joint_position)
         for quiet in self._quiet:
+            if quiet.rule == "p" and self._room.resumed_at > quiet.since - PAUSE_SLACK:
+                continue  # at the pendant
             if now > max(quiet.since, self._awake_since) + _CYCLE:
                 raise RuleBroken(quiet.rule, now, "the arm moves at %.4f rad/s, %.3f s %s" % (
                     max(map(abs, plant.joint_velocity)), now - quiet.since + REST_AFTER_STOP, quiet.why))

@@ -16,7 +16,7 @@ RULES: Dict[str, str] = {
     "l": "when all is well, the driver is ready again",
     "m": "what the driver began to stop comes to rest, however often the stop is refused or lost",
     "n": "a controller that is not the one that was meant is left alone",
-    "p": "a trajectory that is paused rests until it is resumed",
+    "p": "what is paused rests until it is resumed",
     "t": "a trajectory's frames are on its path, and smooth",
     "contract": "the core keeps its contract with the shell",
 }
