@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "jogging")]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/jogging")]
 
 from jog_pad import KILLED, WAYS, last_frame_of_motion, let_go  # noqa: E402
 from live_driver import LiveDriver  # noqa: E402
