@@ -227,7 +227,7 @@ def last_frame_of_motion(verdict, since, until):
     """When the last servo frame came in that differs from the one before it."""
     frames = [(at, request["jointPosition"]) for at, request in verdict.received()
               if request["cmdName"] == "servo_j" and since - 1.0 <= at <= until]
-    return max(b[0] for a, b in zip(frames, frames[1:]) if a[1] != b[1])
+    return max([b[0] for a, b in zip(frames, frames[1:]) if a[1] != b[1]], default=since)
 
 
 def main():
