@@ -14,6 +14,7 @@ from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.client.core.procedures.procedure import Procedure
 from jaka_ros_driver.client.core.trajectory import Progress, StartChanged, TrajectoryStart
+from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
@@ -254,6 +255,31 @@ class ArmClient:
         """
         with self._lock:
             self._core.set_servo_target(command, time.monotonic())
+
+    def jog_velocity(self, message: JogMessage) -> None:
+        """Jog as one message of a stream says, until it is not fresh any more.
+
+        Raises InvalidCommand or ConnectionLost where it moves nothing; see ``ArmCore.jog_velocity``.
+        """
+        with self._lock:
+            if self._is_closed:
+                raise ConnectionLost("driver shut down")
+            try:
+                self._core.jog_velocity(message, time.monotonic())
+            finally:
+                self._perform()
+                if self._core.next_deadline() < self._wakes_at:
+                    self._transport.wake()
+
+    @property
+    def jogged_by(self) -> str:
+        """Who holds the dead-man of a velocity jog; "" for nobody."""
+        return self._core.dead_man.source
+
+    @property
+    def last_jog_end(self) -> str:
+        """Why it was let go last, in words."""
+        return self._core.dead_man.last_end
 
     @property
     def stops(self) -> int:

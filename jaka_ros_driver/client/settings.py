@@ -29,6 +29,9 @@ class ClientSettings:
         servo_max_linear_jump: The same for the position of a Cartesian target, m.
         servo_max_angular_jump: The same for its orientation, rad.
         trajectory_start_tolerance: Largest distance of an arm at rest from where its trajectory begins, rad.
+        jog_max_joint_speed: Highest speed of a joint in a velocity jog by joints, rad/s.
+        jog_max_linear_speed: Highest speed of the tool in a velocity jog, m/s.
+        jog_max_angular_speed: Highest speed of the tool's turning in a velocity jog, rad/s.
         link_loss_stop: The controller is asked to stop the arm this time after it has lost this client during a motion;
             0 where it is not asked.
         io_index_base: Index on the wire of the first input or output, 0 or 1; None where the controller's version tells
@@ -55,6 +58,9 @@ class ClientSettings:
     servo_max_linear_jump: float = 0.05
     servo_max_angular_jump: float = 0.1
     trajectory_start_tolerance: float = 0.01
+    jog_max_joint_speed: float = 0.5
+    jog_max_linear_speed: float = 0.25
+    jog_max_angular_speed: float = 0.5
     link_loss_stop: float = 0.3
     io_index_base: Optional[int] = None
     simulator: str = ""

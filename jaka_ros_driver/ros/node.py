@@ -31,6 +31,7 @@ from jaka_ros_driver.ros.services.service_server import take_connection
 from jaka_ros_driver.ros.services.service_table import Services
 from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
 from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
+from jaka_ros_driver.ros.topics.jog_topics import JogTopics
 from jaka_ros_driver.ros.topics.robot_status import RobotStatusPublisher
 from jaka_ros_driver.ros.topics.servo_topics import ServoTopics
 from jaka_ros_driver.ros.topics.speed import SpeedPublisher
@@ -66,6 +67,7 @@ class Driver:
         self._status = RobotStatusPublisher(self._arm)
         self._speed = SpeedPublisher(self._arm)
         self._topics = ServoTopics(self._arm, decoder, FrameNames(config))
+        self._jog_topics = JogTopics(self._arm, FrameNames(config), self._frames)
         self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames))
         self._master_watch = MasterWatch(self._set_description)
         self._simulated = rospy.Publisher("~simulated", Bool, queue_size=1, latch=True)
@@ -87,6 +89,7 @@ class Driver:
         self._recover.offer()
         self._trajectories.offer()
         self._topics.start()
+        self._jog_topics.start()
         self._arm.start()
         self._frames.start()
         self._diagnostics.start()

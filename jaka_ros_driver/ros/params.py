@@ -178,6 +178,13 @@ class DriverConfig:
                                            "The same for the position of a Cartesian target.")
     servo_max_angular_jump: float = _number(_CLIENT.servo_max_angular_jump, 0.0001, 3.2, "rad",
                                             "The same for its orientation.")
+    jog_max_joint_speed: float = _number(_CLIENT.jog_max_joint_speed, 0.001, 1.0, "rad/s",
+                                         "Highest speed of a joint by jog_joints; more is slowed down to it.")
+    jog_max_linear_speed: float = _number(
+        _CLIENT.jog_max_linear_speed, 0.001, 0.6, "m/s", "Highest speed of the tool by jog_twist; more is slowed down "
+        "to it. The default is the reduced speed of ISO 10218-1.")
+    jog_max_angular_speed: float = _number(_CLIENT.jog_max_angular_speed, 0.001, 1.0, "rad/s",
+                                           "The same for its turning.")
     trajectory_controller: str = _text(
         "", _PREFIX, "empty, or a ROS name", "Namespace of the trajectory action, `NAME/follow_joint_trajectory`, and "
         "of the topics `NAME/command` and `NAME/state`. Empty: jaka_MODEL_controller, as in the maker's packages for "

@@ -6,6 +6,8 @@ from virtual_clock import Clock
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.procedures import pausing, power, recovery, settings
+from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
+from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm.plant import HOME
@@ -21,6 +23,9 @@ TRAJECTORY_HANDS = 7
 QUEUERS = 100
 REFUSALS_TO_GIVE_UP = 3
 _TURN_BACK_S = 0.4
+_REST_FIRST_S = 0.1
+_STALL_S = 0.4
+_LONGEST_JOG_END_S = 0.8
 
 
 def _run(make: Callable[[Any], Any], exclusive: bool) -> Callable[[Any, Call, float], None]:
@@ -240,6 +245,50 @@ class Clients:
                 back = c.Jog(command.frame, command.axis, -command.velocity)
                 self._clock.after(1.0 / rate, lambda: again(back, last + 0.5 * duration, False))
         again(c.Jog(c.JogFrame(frame), axis, velocity), until, then_back)
+
+    def velocity_jog(self, caller: int, frame: int, axis: int, speed: float, rate: float, duration: float, end: str,
+                     says_rest: bool) -> None:
+        """Rest for a moment, then motion for a while, and then an end of some kind."""
+        began, source = self._clock.now, "/pad_%d" % caller
+        stamps = [began]
+
+        def again() -> None:
+            now = self._clock.now
+            over = now - began - _REST_FIRST_S - duration
+            if self.are_gone or over > _LONGEST_JOG_END_S:
+                return
+            said: Optional[float] = 0.0 if says_rest and now - began < _REST_FIRST_S else speed
+            delay = 0.0
+            if over > 0.0:
+                if end == "silence":
+                    return
+                if end == "nonsense" and over < 0.1:
+                    said = None
+                elif end == "stalled" and over < _STALL_S:
+                    delay = _STALL_S - over
+                elif end == "second":
+                    self._jog_message("/other", now, said, frame, axis)
+                elif end == "rest":
+                    said = 0.0
+            if over <= 0.0 or end != "frozen":
+                stamps[0] = now
+            self._clock.after(delay, lambda stamp=stamps[0], said=said: self._jog_message(
+                source, stamp, said, frame, axis))
+            self._clock.after(1.0 / rate, again)
+        again()
+
+    def _jog_message(self, source: str, stamp: float, speed: Optional[float], frame: int, axis: int) -> None:
+        wish = None if speed is None else Wish(c.JogFrame(frame), _six(axis, speed))
+
+        def give(core: Any, call: Call, now: float) -> None:
+            error: Optional[JakaError] = None
+            try:
+                core.jog_velocity(JogMessage(source, int(1e9 * stamp), now - stamp, now, wish, "nonsense"), now)
+            except JakaError as refusal:
+                error = refusal
+            core.actions.answer(call, None, error)
+        if not self.are_gone:
+            self._driver.call(Call("jog_message", (source, stamp, speed), give))
 
     def servo_stream(self, caller: int, is_pose: bool, relative: bool, rate: float, duration: float, speed: float,
                      form: str, axis: int, on_end: Callable[[], None] = lambda: None) -> None:

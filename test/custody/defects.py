@@ -2,6 +2,7 @@
 
 They work at the contract of core and shell alone: what the core is told, what it asks for, what it says of itself.
 """
+import contextlib
 import json
 from typing import Any, Callable, Dict, List, NamedTuple, Tuple
 
@@ -9,7 +10,7 @@ from sent_rules import requests_in
 
 from jaka_ros_driver.client.core.actions import Answer, Open, Port, Send, Show, Tell
 from jaka_ros_driver.client.core.arm_core import ArmCore
-from jaka_ros_driver.errors import MotionInterrupted
+from jaka_ros_driver.errors import JakaError, MotionInterrupted
 
 _MOTIONS = ("joint_move", "moveL", "jog")
 
@@ -274,6 +275,33 @@ class PausesNothing(Wrapped):
             self.good.run(call, procedure, now, exclusive)
 
 
+class KeepsHold(Wrapped):
+    """The last message of a velocity jog counts for ever."""
+
+    message: Any = None
+
+    def jog_velocity(self, message: Any, now: float) -> None:
+        self.message = message
+        self.good.jog_velocity(message, now)
+
+    def tick(self, now: float) -> None:
+        if self.message is not None and self.message.wish is not None and self.good.dead_man.is_held:
+            with contextlib.suppress(JakaError):
+                self.good.jog_velocity(self.message._replace(stamp_ns=int(1e9 * now), age=0.0, received_at=now), now)
+        self.good.tick(now)
+
+
+class NeedsNoRest(Wrapped):
+    """A velocity jog is begun by whatever message comes first."""
+
+    def jog_velocity(self, message: Any, now: float) -> None:
+        if message.wish is not None and not self.good.dead_man.is_held:
+            with contextlib.suppress(JakaError):
+                self.good.jog_velocity(message._replace(
+                    stamp_ns=message.stamp_ns - 1, wish=message.wish._replace(velocity=(0.0,) * 6)), now)
+        self.good.jog_velocity(message, now)
+
+
 class LeavesLimits(Wrapped):
     """Targets are not held against the joint limits."""
 
@@ -381,4 +409,5 @@ DEFECTS: Tuple[Defect, ...] = (
     Defect(JumpsInServo, "f"), Defect(StreamsOn, "ft"), Defect(LeavesLimits, "f"), Defect(ShowsOldAsNew, "g"),
     Defect(GuardIsNotTold, "h"), Defect(GuardIsToldTooSoon, "h"), Defect(DoesNotSeeSilence, "fhj"),
     Defect(ConnectsOnce, "kl"), Defect(TalksToStrangers, "n"), Defect(Raises, "contract"),
-    Defect(SendsWithoutLink, "contract"), Defect(BesidePath, "ft"), Defect(PausesNothing, "p"))
+    Defect(SendsWithoutLink, "contract"), Defect(BesidePath, "ft"), Defect(PausesNothing, "p"),
+    Defect(KeepsHold, "v"), Defect(NeedsNoRest, "v"))

@@ -151,6 +151,17 @@ def _trajectory(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
         "then_after": chance.choice((0.0, 0.05, chance.uniform(0.0, 1.5)))}
 
 
+def _velocity_jog(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    """Messages of one publisher that end in one of many ways."""
+    frame, axis = chance.choice((JogFrame.JOINT, JogFrame.JOINT, JogFrame.BASE, JogFrame.TOOL)), chance.randrange(6)
+    highest = 0.25 if frame is not JogFrame.JOINT and axis < 3 else 0.8
+    return "velocity_jog", {
+        "frame": int(frame), "axis": axis, "speed": _log_uniform(chance, 0.02, highest) * chance.choice((-1.0, 1.0)),
+        "rate": chance.choice((10.0, 20.0, 50.0)), "duration": chance.choice((0.05, 0.5, 1.5)),
+        "end": chance.choice(("rest", "silence", "frozen", "nonsense", "second", "stalled", "held")),
+        "says_rest": chance.random() < 0.9}
+
+
 def _stop(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
     return "stop", {}
 
@@ -167,7 +178,7 @@ def _procedure(name: str, *values: Any) -> _Draw:
 
 CALLS: _Weighted = (
     (12.0, _joint_move), (5.0, _linear_move), (2.0, _queue), (3.0, _jogging), (6.0, _servo_session),
-    (9.0, _trajectory), (0.5, _procedure("pause", None)), (0.7, _procedure("resume", None)),
+    (9.0, _trajectory), (5.0, _velocity_jog), (0.5, _procedure("pause", None)), (0.7, _procedure("resume", None)),
     (0.5, _servo_mode(True)), (0.7, _servo_mode(False)), (1.5, _servo_stream), (0.5, _servo_burst), (2.5, _stop),
     (2.0, _stop_with_move),
     (0.5, _procedure("power", True, True, True, False)), (0.7, _procedure("enable", True, True, True, False)),
@@ -255,6 +266,8 @@ def _takes(kind: str, args: Dict[str, Any], jog_timeout: float) -> float:
         return min(5.0, max(map(abs, args["shift"])) / args["speed"] + 0.5)
     if kind == "servo_session":
         return float(args["duration"]) + 1.0
+    if kind == "velocity_jog":
+        return float(args["duration"]) + 2.0
     if kind == "trajectory":
         return float(args["first_at"]) + float(args["apart"]) * len(args["ways"]) + 0.5
     return 1.0 if kind == "queue" else 0.1

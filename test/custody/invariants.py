@@ -33,6 +33,9 @@ UNOWNED = 0.3
 REST_AFTER_STOP = 0.5
 """s; the longest coast that the generator's motions have is shorter."""
 JOG_SLACK = 0.3
+JOG_LAG = 0.15
+"""s; so late an arm follows the frames of a jog, at most."""
+JOG_BRAKE = 0.1
 STOP_AGAIN = 0.2
 """s; from the last refusal of a stop to the next one."""
 SIGHT_SLACK = 0.3
@@ -137,6 +140,7 @@ class Judge:
     def link_lost(self, port: Port, now: float) -> None:
         """The driver knows that a connection has ended: by a fault, or because it gave it up itself."""
         self.sent.alarmed(is_fault=False)
+        self.sent.jog.ended(now)
         if port is Port.COMMAND:
             self.sent.knows_controller = False
 
@@ -148,6 +152,7 @@ class Judge:
             self._seen_at = now
             if frame.shows_fault:
                 self.sent.alarmed(is_fault=True, is_standing=self._showed_fault)
+                self.sent.jog.ended(now)
             self._showed_fault = frame.shows_fault
             if frame.restarts > self._restarts_seen:
                 self._restarts_seen = frame.restarts
@@ -156,6 +161,11 @@ class Judge:
     def called(self, call: Call) -> None:
         """The core is about to get a call."""
         self.sent.called(call)
+        self.sent.asking = call
+        if call.kind == "jog_message":
+            self.sent.jog.told(*call.command, self._clock.now)
+        elif call.kind == "stop":
+            self.sent.jog.ended(self._clock.now)
         if call.command == ("resume", None):
             self._quiet = [quiet for quiet in self._quiet if quiet.rule != "p"]
         self._stops_before = self.sent.stops_seen
@@ -164,6 +174,7 @@ class Judge:
 
     def was_called(self, call: Call) -> None:
         """Everything that the core does at once because of this call has been done."""
+        self.sent.asking = None
         if self._stop_is_owed and self.sent.stops_seen == self._stops_before:
             raise RuleBroken("i", self._clock.now, "%s: the command port is open, and no stop went out" % call)
 
@@ -289,6 +300,9 @@ class Judge:
                                           self._excused_until) + JOG_SLACK:
             raise RuleBroken("c", now, "the arm is jogged, %.3f s after the last accepted call" % (
                 now - self._jog_word_at))
+        rests_from = max(self.sent.jog.rests_from, self._excused_until, self._awake_since + JOG_BRAKE)
+        if self.sent.jog.is_running and now > rests_from + JOG_LAG:
+            raise RuleBroken("v", now, "the arm moves, %.3f s after its jog should rest" % (now - rests_from))
         if now > max(self._stop_wanted_at, self._excused_until) + REST_AFTER_STOP:
             raise RuleBroken("m", now, "the arm moves, %.3f s after the driver sent a stop" % (
                 now - self._stop_wanted_at))
@@ -340,7 +354,7 @@ class Judge:
 
     def _longest(self, call: Call) -> float:
         settings = self._settings
-        if call.kind in ("stop", "servo_target"):
+        if call.kind in ("stop", "servo_target", "jog_message"):
             return settings.reply_timeout + STOP_ANSWER_SLACK
         longest = 2.0 * settings.reply_timeout + ANSWER_SLACK
         if call.kind == "trajectory":

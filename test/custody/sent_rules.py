@@ -6,8 +6,9 @@ import json
 import math
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
-from controller_room import ControllerRoom, is_motion
+from controller_room import STREAMED, ControllerRoom, is_motion
 from driver_process import Call
+from jog_rules import JogRules
 from trajectory_rules import TrajectoryRules
 from verdict import RuleBroken
 
@@ -49,6 +50,8 @@ class SentRules:
         knows_controller: Something else was asked on this connection than who the controller is.
         open_calls: Those that are not answered, by their numbers.
         stops_seen: So many stops went out.
+        jog: Rules about velocity jogs.
+        asking: The call that the core is getting; None where it gets none.
     """
 
     def __init__(self, room: ControllerRoom, model: ArmModel, settings: ClientSettings, lateness: float,
@@ -75,6 +78,8 @@ class SentRules:
         self._target_at = 0.0
         self._judged_from = 0.0
         self.trajectory = TrajectoryRules()
+        self.jog = JogRules(lateness)
+        self.asking: Optional[Call] = None
 
     # ---- what happens ----
 
@@ -156,7 +161,12 @@ class SentRules:
     def _motion(self, name: str, request: Dict[str, Any], now: float) -> None:
         if self.is_closed:
             raise RuleBroken("b", now, "%s is sent after the driver was told to shut down" % name)
-        if name == "joint_move":
+        if name not in STREAMED:
+            self.jog.begin(name == "servo_move" and self.asking is not None and self.asking.kind == "jog_message")
+        if self.jog.is_running and name == "servo_move":
+            self.jog.may_begin(now)
+            self._enters_servo_mode(self.asking)
+        elif name == "joint_move":
             target = all_deg_to_rad(request["jointPosition"])
             self._within_limits(name, target, now)
             self._wished(name, now, lambda call: isinstance(call.command, c.JointMove)
@@ -170,12 +180,17 @@ class SentRules:
         elif name == "servo_move":
             self._wished(name, now, lambda call: call.kind == "trajectory" or (
                 call.kind == "servo_mode" and call.command is True))
-            self._servo_call = self.last_motion
-            self._frame = self._target = None
-            self.trajectory.begin()
-            self._kind, self._is_target_known = "", True
+            self._enters_servo_mode(None)
         else:
             self._servo_frame(name, request, now)
+
+    def _enters_servo_mode(self, jog_message: Optional[Call]) -> None:
+        if jog_message is not None:
+            self.last_motion = jog_message.number
+        self._servo_call = self.last_motion
+        self._frame = self._target = None
+        self.trajectory.begin()
+        self._kind, self._is_target_known = "", True
 
     def _wished(self, name: str, now: float, asks: Callable[[Call], bool]) -> None:
         """Somebody waits for this, asked for it after the last stop, and has not got it yet: nothing is sent twice."""
@@ -204,6 +219,7 @@ class SentRules:
         if name == "servo_j":
             values: Tuple[float, ...] = all_deg_to_rad(request["jointPosition"])
             self._joint_frame(values, int(request.get("stepNum", 1)), now)
+            self.jog.sends(values, self._judged_from, now)
         else:
             wire = request["catPosition"]
             values = tuple(all_mm_to_m(wire[:3])) + tuple(all_deg_to_rad(wire[3:]))

@@ -18,6 +18,7 @@ RULES: Dict[str, str] = {
     "n": "a controller that is not the one that was meant is left alone",
     "p": "what is paused rests until it is resumed",
     "t": "a trajectory's frames are on its path, and smooth",
+    "v": "a velocity jog begins after rest was said, and rests 0.3 s after its last message that counts",
     "contract": "the core keeps its contract with the shell",
 }
 

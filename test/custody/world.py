@@ -243,6 +243,9 @@ class World:
     def do_trajectory(self, caller: int, **args: Any) -> None:
         self._clients.trajectory(caller, **args)
 
+    def do_velocity_jog(self, caller: int, **args: Any) -> None:
+        self._clients.velocity_jog(caller, **args)
+
     def do_procedure(self, caller: int, **args: Any) -> None:
         self._clients.procedure(caller, **args)
 

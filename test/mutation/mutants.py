@@ -5,6 +5,7 @@ neither a ROS master nor a process of their own, so that all mutants are tried i
 """
 from typing import Tuple
 
+from jog_mutants import OF_JOGS
 from mutant import Mutant
 from trajectory_mutants import OF_TRAJECTORIES
 
@@ -255,13 +256,13 @@ OF_CLIENT: Tuple[Mutant, ...] = (
     Mutant("two motions at a time", "client/core/custody.py",
            "if motion is not None and not self._custody.is_ending and not motion.is_leaving:", "if False:", CORE),
     Mutant("a motion begins while the arm coasts", "client/core/custody.py",
-           "            if self._custody.stillness.duration() >= REST_TIME_S:\n", "            if True:\n", CUSTODY),
+           "        return self._custody.stillness.duration() >= REST_TIME_S\n", "        return True\n", CUSTODY),
     Mutant("a cancelled call begins all the same", "client/core/custody.py",
            "for one in self._waiting], error)\n        self._waiting = []\n", "for one in self._waiting], error)\n",
            CORE),
     Mutant("a motion begins beside a stop under way", "client/core/custody.py",
-           "if self._custody.is_free and not self.is_setting and not self.stops_under_way:",
-           "if self._custody.is_free and not self.is_setting:", CUSTODY),
+           "if not self._custody.is_free or self.is_setting or self.stops_under_way:",
+           "if not self._custody.is_free or self.is_setting:", CUSTODY),
     Mutant("deg for rad in the tolerance of a target", "client/core/move.py",
            "_JOINT_TOLERANCE = 0.01\n", "_JOINT_TOLERANCE = 0.57\n", CORE),
     Mutant("mm for m in the tolerance of a target", "client/core/move.py",
@@ -371,7 +372,9 @@ OF_CLIENT: Tuple[Mutant, ...] = (
     Mutant("an old state shows what was just switched", "client/core/arm_core.py",
            "state is not None and state.received_at > begun and holds(state)", "state is not None and holds(state)",
            CUSTODY),
-    Mutant("calls begin during the shutdown", "client/core/arm_core.py", "if self._is_closing:", "if False:", CUSTODY),
+    Mutant("calls begin during the shutdown", "client/core/arm_core.py",
+           "            if self._is_closing:\n                raise", "            if False:\n                raise",
+           CUSTODY),
     Mutant("a faulty arm is powered by itself", "client/core/procedures/power.py",
            "if state.emergency_stop or state.protective_stop or state.has_fault:", "if False:", CUSTODY),
     Mutant("power goes on under an emergency stop", "client/core/procedures/power.py",
@@ -485,4 +488,4 @@ OF_ROS: Tuple[Mutant, ...] = (
            "feed_period=min(_CLIENT.feed_period, ", "feed_period=max(0.001, ", PARAMS),
 )
 
-MUTANTS: Tuple[Mutant, ...] = OF_PROTOCOL + OF_KINEMATICS + OF_CLIENT + OF_ROS + OF_TRAJECTORIES
+MUTANTS: Tuple[Mutant, ...] = OF_PROTOCOL + OF_KINEMATICS + OF_CLIENT + OF_ROS + OF_TRAJECTORIES + OF_JOGS

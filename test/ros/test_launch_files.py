@@ -1,16 +1,20 @@
 """The launch files: documented arguments, ip alone drives a real arm, the demo, the tree of frames for display."""
 import contextlib
 import math
+import shlex
 import xml.etree.ElementTree as ElementTree
 
 import pytest
 import roslaunch
 import rospy
+import std_msgs.msg
+from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from import_graph import ROOT
 from ros_bench import Arm, SimulatorProcess, collecting, eventually
 from tf2_msgs.msg import TFMessage
 from wire_verdict import WireVerdict
 
+from jaka_ros_driver.client.core.velocity_jog.dead_man import FRESH_S
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.kinematics.rotations import IDENTITY, compose, matrix_from_rotation_vector
@@ -36,8 +40,8 @@ def identities(path, *arguments):
 
 
 def test_the_launch_files_are_these():
-    assert [path.name for path in FILES] == ["demo.launch", "display.launch", "robot_start_launch.launch",
-                                             "two_arms.launch"]
+    assert [path.name for path in FILES] == ["demo.launch", "display.launch", "gamepad.launch",
+                                             "robot_start_launch.launch", "two_arms.launch"]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
@@ -99,6 +103,29 @@ def test_what_the_launch_file_sets_is_what_the_driver_takes_and_has_its_defaults
     _, params = nodes(["sim:=false"])
     given = {key.split("/")[-1]: value for key, value in params.items() if key.startswith("/jaka_driver/")}
     assert given == {name: getattr(DriverConfig(), name) for name in given}
+
+
+@pytest.mark.parametrize("arguments, topic, frame", [
+    ([], "/jaka_driver/jog_twist", "base"), (["driver:=left/jaka_driver", "frame:=tool"], "/left/jaka_driver/jog_twist",
+                                             "tool")], ids=["defaults", "another arm, tool"])
+def test_a_gamepad_is_stamped_and_sent_to_the_driver(ros_node, arguments, topic, frame):
+    """joy and teleop_twist_joy are not packaged by Debian: the file is read, and what stamps is tried here."""
+    path = str(ROOT / "launch" / "gamepad.launch")
+    started, params = nodes(arguments, path)
+    assert {(node.package, node_type) for node_type, node in started.items()} == {
+        ("joy", "joy_node"), ("teleop_twist_joy", "teleop_node"), ("topic_tools", "transform")}
+    assert {node.namespace for node in started.values()} == {"/gamepad/"}
+    assert params["/gamepad/joy/autorepeat_rate"] * FRESH_S >= 5, "several messages within the time that one counts"
+    assert params["/gamepad/teleop/scale_linear/y"] <= DriverConfig().jog_max_linear_speed
+    assert params["/gamepad/teleop/scale_angular/yaw"] <= DriverConfig().jog_max_angular_speed
+    stamp = started["transform"]
+    assert list(map(list, stamp.remap_args)) == [["jog_twist", topic]]
+    words = shlex.split(stamp.args)
+    assert words[:4] == ["--wait-for-start", "cmd_vel", "jog_twist", "geometry_msgs/TwistStamped"]
+    assert words[5:] == ["--import", "rospy", "std_msgs"]
+    made = TwistStamped(*eval(words[4], {"rospy": rospy, "std_msgs": std_msgs}, {"m": Twist(linear=Vector3(y=0.1))}))
+    assert made.header.frame_id == frame and made.twist.linear.y == 0.1
+    assert abs((rospy.Time.now() - made.header.stamp).to_sec()) < 10.0
 
 
 def test_the_demo_runs(ros_node, launch, free_ports):

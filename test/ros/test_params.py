@@ -36,6 +36,8 @@ WRONG = [
     ("simulator", "two words", "identity"), ("simulator", 7, "identity"),
     ("servo_max_joint_jump", 0.0, "0.0001 to 6.3 rad"), ("servo_max_linear_jump", 2.5, "0.0001 to 2 m"),
     ("servo_max_angular_jump", math.nan, "0.0001 to 3.2 rad"), ("realtime_priority", 100, "0 to 99"),
+    ("jog_max_joint_speed", 1.5, "0.001 to 1 rad/s"), ("jog_max_linear_speed", 0.0, "0.001 to 0.6 m/s"),
+    ("jog_max_angular_speed", -0.5, "0.001 to 1 rad/s"),
     ("trajectory_controller", "my controller", "ROS name"), ("industrial_names", "yes", "true or false"),
     ("trajectory_start_tolerance", 0.0, "0.0001 to 1 rad"), ("trajectory_path_tolerance", -0.1, "0 to 1 rad"),
     ("trajectory_goal_tolerance", math.nan, "0 to 1 rad"), ("trajectory_goal_time", 61.0, "0 to 60 s"),

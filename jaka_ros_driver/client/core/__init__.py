@@ -15,6 +15,7 @@ servo_trace     where the arm may be while it is streamed
 streaming       what motions in servo mode have in common: entered, one frame a cycle, left
 servo           servo mode for a client that streams targets
 trajectory      a joint trajectory, streamed along its audited path
+velocity_jog    the arm moves only while fresh messages say so: dead-man, ramp, motion
 procedures      what takes several requests, as generators: session, power, settings
 arm_core        routes events and calls
 """

@@ -27,6 +27,9 @@ from jaka_ros_driver.client.core.trajectory import (
     require_start,
     start_at_rest,
 )
+from jaka_ros_driver.client.core.velocity_jog.dead_man import DeadMan, JogMessage
+from jaka_ros_driver.client.core.velocity_jog.ramp import require_possible
+from jaka_ros_driver.client.core.velocity_jog.velocity_jog import VelocityJog
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import (
     ConnectionLost,
@@ -57,6 +60,7 @@ class ArmCore:
         disturbances: Counts what ends an act that was begun without a call: stops, faults, lost links, calls.
         last_disturbance: The last one, in words.
         is_recovering: A recovery is under way.
+        dead_man: Who holds a velocity jog.
     """
 
     def __init__(self, settings: ClientSettings, model: ArmModel) -> None:
@@ -75,6 +79,7 @@ class ArmCore:
         self.disturbances = 0
         self.last_disturbance = ""
         self.is_recovering = False
+        self.dead_man = DeadMan()
 
     # ---- what is known ----
 
@@ -242,6 +247,39 @@ class ArmCore:
         limits.check(command, self.model, self.state)
         running.set_target(command, now)
 
+    def jog_velocity(self, message: JogMessage, now: float) -> None:
+        """Jog as one message of a stream says, until it is not fresh any more; no call, because nobody waits for it.
+
+        Raises:
+            InvalidCommand: It does not count (``DeadMan.take``), the arm does not have that speed, or cannot be moved
+                now.
+            ConnectionLost: There is no link.
+        """
+        self.links.note_time(now)
+        if message.wish is not None:
+            try:
+                require_possible(message.wish, self.model)
+            except InvalidCommand as error:
+                message = message._replace(wish=None, problem=str(error))
+        wish = self.dead_man.take(message, now)
+        running = self.custody.motion
+        is_jogging = isinstance(running, VelocityJog) and not self.custody.is_ending and not running.is_leaving
+        if is_jogging or wish.is_zero:
+            return
+        try:
+            self._begin_velocity_jog(now)
+        except JakaError as error:
+            self.dead_man.let_go(str(error))
+            raise
+
+    def _begin_velocity_jog(self, now: float) -> None:
+        """Where the arm still comes to rest from what was before, a later message tries again."""
+        if self._is_closing:
+            raise ConnectionLost("the driver is shutting down")
+        state = self._admission.require_ready_to_move(now)
+        if self._admission.is_free_at_rest(now):
+            self.custody.begin(VelocityJog(self.custody, self.model, self.dead_man, state, self._servo_mode_is), now)
+
     def trajectory_start(self, call: Any, lead: float, stops: int, now: float) -> None:
         """Answered with a ``TrajectoryStart``: the running trajectory ``lead`` s ahead, or the arm, once it rests.
 
@@ -325,6 +363,7 @@ class ArmCore:
         self._is_closing = True
         self.links.close()
         ended = MotionInterrupted(StopCause.SHUTDOWN)
+        self.dead_man.let_go(str(ended))
         self._admission.end_waiting(ended)
         self.custody.stop(ended, now)
         for running in list(self._running):
@@ -348,6 +387,7 @@ class ArmCore:
     def stop_own(self, now: float) -> None:
         """A stop that nobody is answered for."""
         self.stops += 1
+        self.dead_man.let_go("a stop")
         self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
         if self.custody.is_free:
             self._stop_free_arm(None, now)
@@ -369,9 +409,10 @@ class ArmCore:
         return (yield Until(is_seen, timeout))
 
     def note_disturbance(self, what: str) -> None:
-        """This ends what was begun without a call."""
+        """This ends what was begun without a call: auto_enable, a velocity jog."""
         self.disturbances += 1
         self.last_disturbance = what
+        self.dead_man.let_go(what)
 
     def hand_guiding_was_set(self, active: bool) -> None:
         """The controller took it; not every feed tells."""

@@ -389,14 +389,8 @@ class Admission:
             InvalidCommand: Somebody else has the arm, and keeps it.
             ConnectionLost: Whether the arm rests is not known.
         """
-        motion = self._custody.motion
-        if motion is not None and not self._custody.is_ending and not motion.is_leaving:
-            raise InvalidCommand("refused: %s owns the arm's motion; wait for its end or stop it first"
-                                 % motion.owner.value)
-        if self._custody.is_free and not self.is_setting and not self.stops_under_way:
-            self._sight.fresh_state(now)
-            if self._custody.stillness.duration() >= REST_TIME_S:
-                return True
+        if self.is_free_at_rest(now):
+            return True
         if now - asked_at >= _WAIT_FOR_REST_S:
             self._sight.fresh_state(now)
             owner = self.owner
@@ -405,6 +399,22 @@ class Admission:
                 else "%s is still being ended" % owner.value))
         self._waiting.append(_Waiting(call, enter, asked_at + _WAIT_FOR_REST_S))
         return False
+
+    def is_free_at_rest(self, now: float) -> bool:
+        """Whether something new may begin now; False while the arm comes to rest from what was before.
+
+        Raises:
+            InvalidCommand: Somebody else has the arm, and keeps it.
+            ConnectionLost: Whether the arm rests is not known.
+        """
+        motion = self._custody.motion
+        if motion is not None and not self._custody.is_ending and not motion.is_leaving:
+            raise InvalidCommand("refused: %s owns the arm's motion; wait for its end or stop it first"
+                                 % motion.owner.value)
+        if not self._custody.is_free or self.is_setting or self.stops_under_way:
+            return False
+        self._sight.fresh_state(now)
+        return self._custody.stillness.duration() >= REST_TIME_S
 
     def retry(self, now: float) -> None:
         """Try again to begin what waits."""

@@ -20,6 +20,7 @@ class MotionOwner(enum.Enum):
     JOG = "a jog"
     SERVO = "servo mode"
     TRAJECTORY = "a trajectory"
+    VELOCITY_JOG = "a velocity jog"
     SETTING = "a change of frames, payload or hand guiding"
 
 

@@ -6,5 +6,6 @@ stamps, velocity  ROS time of a sample; joint velocity where the controller does
 speed             the speed override
 robot_status      the status message of ROS-Industrial
 servo_topics      servo targets by topic
+jog_topics        velocity jog by topic
 diagnostics       condition of arm and link, once a second
 """

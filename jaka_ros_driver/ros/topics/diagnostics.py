@@ -80,7 +80,7 @@ class Diagnostics:
             ("protective stop", self._of_state(_flag("protective_stop", ERROR, "stands: clear_err", "none"))),
             ("soft limit", self._of_state(_flag("on_soft_limit", WARN, "a joint stands at its soft limit", "none"))),
             ("temperature", self._of_state(_temperature)), ("servo stream", self._servo),
-            ("kinematic model", self._of_state(self._model)), ("versions", self._versions))
+            ("velocity jog", self._jog), ("kinematic model", self._of_state(self._model)), ("versions", self._versions))
 
     def _of_state(self, task: StateTask) -> Task:
         """A task that needs a fresh state."""
@@ -187,6 +187,11 @@ class Diagnostics:
         else:
             status.summary(OK, "on time")
         status.add("late cycles of this stream", str(late))
+
+    def _jog(self, status: DiagnosticStatusWrapper) -> None:
+        held_by = self._arm.jogged_by
+        status.summary(OK, "held by " + held_by if held_by else "not held")
+        status.add("last end", self._arm.last_jog_end)
 
     def _model(self, status: DiagnosticStatusWrapper, state: RobotState) -> None:
         deviation = self._model_check.check(state)

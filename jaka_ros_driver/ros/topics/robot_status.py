@@ -102,7 +102,7 @@ class RobotStatusPublisher(LoopTask):
             return True
         is_held = bool(state.is_paused) or state.program_state == 2 or state.rapid_rate == 0.0
         is_servo = self._arm.is_servo_active or self._arm.motion_owner in (
-            MotionOwner.SERVO, MotionOwner.TRAJECTORY)
+            MotionOwner.SERVO, MotionOwner.TRAJECTORY, MotionOwner.VELOCITY_JOG)
         return state.is_enabled and not state.is_in_position and not is_held and not is_servo
 
     def _publish(self, truth: Truth, told_at: float) -> None:

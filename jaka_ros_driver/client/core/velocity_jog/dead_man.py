@@ -1,0 +1,115 @@
+"""The dead-man of a velocity jog: which messages count, and when the hand has let go. Pure, it is told the time.
+
+Silence, an old or repeated stamp, a message that cannot be understood, a second publisher: each lets go, and from then
+on nothing counts until a message of zero velocity has come.
+"""
+from typing import Dict, NamedTuple, Optional
+
+from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
+from jaka_ros_driver.errors import InvalidCommand
+
+FRESH_S = 0.2
+"""s; a message counts for so long, from its stamp and from its arrival."""
+ALONE_S = 0.5
+"""s; a publisher is there until so long after its last message, whatever that said."""
+_AHEAD_S = 0.05
+"""s; a stamp that is farther in the future shows that the clocks of the two computers differ: its age is not known."""
+_NEVER_HELD = "nothing has been held yet"
+
+
+class JogMessage(NamedTuple):
+    """One message of a publisher.
+
+    Attributes:
+        source: Names the publisher and its topic.
+        stamp_ns: Of its header, ns.
+        age: By its stamp, when it arrived, s; negative where the stamp is in the future.
+        received_at: When it arrived, monotonic, s.
+        wish: What it asks for; None where it cannot be understood.
+        problem: Why it cannot be understood.
+    """
+
+    source: str
+    stamp_ns: int
+    age: float
+    received_at: float
+    wish: Optional[Wish]
+    problem: str = ""
+
+
+class DeadMan:
+    """Decides by each message and by the time.
+
+    Attributes:
+        is_held: A message of zero velocity has come, and fresh ones since.
+        source: Whose; "" where it is not held.
+        grip: Counts how often it was taken hold of.
+        last_end: Why it was let go, in words.
+    """
+
+    def __init__(self) -> None:
+        self.is_held = False
+        self.source = ""
+        self.grip = 0
+        self.last_end = _NEVER_HELD
+        self._wish: Optional[Wish] = None
+        self._stamp_ns = 0
+        self._counts_until = 0.0
+        self._heard: Dict[str, float] = {}
+
+    def take(self, message: JogMessage, now: float) -> Wish:
+        """Take one message into account; returns what it asks for.
+
+        Raises:
+            InvalidCommand: It does not count. Where it cannot be understood, or comes from a second publisher, the hand
+                has let go.
+        """
+        self.wish(now)
+        self._heard = {source: at for source, at in self._heard.items() if now - at <= ALONE_S}
+        self._heard[message.source] = now
+        if len(self._heard) > 1:
+            self._refuse("several publishers at once: %s" % ", ".join(sorted(self._heard)))
+        if message.wish is None:
+            self._refuse(message.problem)
+        self._require_fresh(message, now)
+        assert message.wish is not None
+        if not self.is_held:
+            if not message.wish.is_zero:
+                raise InvalidCommand("refused: a message of zero velocity must come first (%s)" % self.last_end)
+            self.is_held, self.source = True, message.source
+            self.grip += 1
+        self._wish, self._stamp_ns = message.wish, message.stamp_ns
+        self._counts_until = _counts_until(message)
+        return message.wish
+
+    def wish(self, now: float) -> Optional[Wish]:
+        """What is asked for at this time; None while nothing is held."""
+        if self.is_held and now > self._counts_until:
+            self.let_go("no fresh message for %g s" % FRESH_S)
+        return self._wish
+
+    def let_go(self, why: str) -> None:
+        """Whatever was held is not any more; ``why`` is told to who asks next."""
+        if self.is_held:
+            self.last_end = why
+        self.is_held, self.source, self._wish = False, "", None
+
+    def _refuse(self, why: str) -> None:
+        self.let_go(why)
+        raise InvalidCommand("refused: " + why)
+
+    def _require_fresh(self, message: JogMessage, now: float) -> None:
+        if not message.stamp_ns:
+            raise InvalidCommand("refused: header.stamp is 0; the publisher must stamp each message with the time")
+        if message.age < -_AHEAD_S:
+            raise InvalidCommand("refused: header.stamp is %.3f s in the future; the computers' clocks differ"
+                                 % -message.age)
+        if now > _counts_until(message):
+            raise InvalidCommand("refused: the message is %.3f s old; at most %g s" % (
+                max(message.age, 0.0) + now - message.received_at, FRESH_S))
+        if self.is_held and message.stamp_ns <= self._stamp_ns:
+            raise InvalidCommand("refused: header.stamp is not later than that of the message before")
+
+
+def _counts_until(message: JogMessage) -> float:
+    return message.received_at + FRESH_S - max(message.age, 0.0)

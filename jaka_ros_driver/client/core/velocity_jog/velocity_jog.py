@@ -1,0 +1,105 @@
+"""A velocity jog: streamed as joint frames while the dead-man is held; braked, and servo mode left, when it is not."""
+import logging
+from typing import List, Optional
+
+from jaka_ros_driver.client.core.custody import Custody
+from jaka_ros_driver.client.core.motion import MotionOwner
+from jaka_ros_driver.client.core.streaming import MAX_JOINT_DEVIATION, OnMode, Streaming, commanded_joints
+from jaka_ros_driver.client.core.velocity_jog.dead_man import DeadMan
+from jaka_ros_driver.client.core.velocity_jog.ramp import JogRamp, JogSpeeds
+from jaka_ros_driver.commands import Command, ServoJoint
+from jaka_ros_driver.errors import JakaError, MotionInterrupted, StopCause
+from jaka_ros_driver.kinematics.arm_models import ArmModel
+from jaka_ros_driver.state import RobotState, Vector
+
+_IDLE_S = 1.0
+"""s; servo mode is left when nothing but rest has been asked for so long: then others can have the arm."""
+
+
+class VelocityJog(Streaming):
+    """Follows what the dead-man holds, and brakes when it lets go. It never begins again by itself."""
+
+    owner = MotionOwner.VELOCITY_JOG
+
+    def __init__(self, custody: Custody, model: ArmModel, dead_man: DeadMan, state: RobotState,
+                 on_mode: OnMode) -> None:
+        """Prepare.
+
+        Args:
+            custody: Of this motion.
+            model: Whose limits hold.
+            dead_man: Is held now.
+            state: Before the motion.
+            on_mode: Told whether servo mode is on and, when it has ended, why.
+        """
+        super().__init__(custody, state, on_mode)
+        self._model = model
+        self._dead_man = dead_man
+        self._grip = dead_man.grip
+        self._ramp: Optional[JogRamp] = None
+        self._idle_since: Optional[float] = None
+
+    # ---- life ----
+
+    def halts(self) -> List[Command]:
+        self._dead_man.let_go("the jog was stopped")
+        return super().halts()
+
+    def ended(self, outcome: Optional[MotionInterrupted]) -> None:
+        reason = self._leave_reason or "" if outcome is None else str(outcome)
+        if outcome is not None:
+            self._dead_man.let_go(reason)
+        self._on_mode(False, reason)
+
+    def _entered(self, now: float) -> None:
+        settings = self._custody.settings
+        self._ramp = JogRamp(commanded_joints(self._state), self._model, JogSpeeds(
+            settings.jog_max_joint_speed, settings.jog_max_linear_speed, settings.jog_max_angular_speed))
+
+    def _not_entered(self, error: JakaError) -> None:
+        self._dead_man.let_go(str(error))
+        self._custody.actions.log(logging.WARNING, "velocity jog: %s" % error)
+
+    def _frame(self, now: float) -> ServoJoint:
+        assert self._ramp is not None
+        wish = self._dead_man.wish(now)
+        if self._leave_reason is not None or wish is None or self._dead_man.grip != self._grip:
+            self._let_go()
+            return ServoJoint(self._ramp.step(None))
+        if not (wish.is_zero and self._ramp.is_still):
+            self._idle_since = None
+        elif self._idle_since is None:
+            self._idle_since = now
+        elif now - self._idle_since >= _IDLE_S:
+            self._leave("the jog has rested for %g s" % _IDLE_S)
+        return ServoJoint(self._ramp.step(wish, self._scale))
+
+    def _sent_point(self) -> Vector:
+        assert self._ramp is not None
+        return self._ramp.position
+
+    def _is_over(self) -> bool:
+        return self._leave_reason is not None and self._ramp is not None and self._ramp.is_still
+
+    def _contradiction(self, state: RobotState) -> Optional[MotionInterrupted]:
+        excess = self._trace.excess(state.joint_position)
+        if excess <= MAX_JOINT_DEVIATION:
+            return None
+        return MotionInterrupted(StopCause.FAULT, "the arm is %.3f rad from where it was sent" % excess)
+
+    # ---- inside ----
+
+    @property
+    def _scale(self) -> float:
+        """The controller's speed override."""
+        rate = self._state.rapid_rate
+        return 1.0 if rate is None else min(max(rate, 0.0), 1.0)
+
+    def _leave(self, reason: str) -> None:
+        self._leave_reason = reason
+        self.is_leaving = True
+
+    def _let_go(self) -> None:
+        if self._leave_reason is None:
+            self._leave(self._dead_man.last_end)
+            self._custody.actions.log(logging.INFO, "velocity jog: %s; the arm brakes" % self._leave_reason)

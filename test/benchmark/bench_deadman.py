@@ -1,0 +1,40 @@
+"""How soon a velocity jog rests after each way of letting go: from the last message that counted to the last frame of
+motion on the wire, and to the arm's rest.
+
+Moments on the wire and of the arm are those of the simulated controller's log. Run it in the devel space, on a quiet
+host; the arguments are the number of repeats (30) and the driver's realtime_priority (0).
+"""
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/jogging")]
+
+from jog_pad import KILLED, WAYS, last_frame_of_motion, let_go  # noqa: E402
+from live_driver import LiveDriver  # noqa: E402
+from soak_bench import master, percentile  # noqa: E402
+
+TOPICS = ("jog_joints", "jog_twist")
+
+
+def main(repeats, priority):
+    with tempfile.TemporaryDirectory() as folder, master(), LiveDriver(
+            folder, name="jogging", guard=True, realtime_priority=priority) as live:
+        live.arm.wait_until_ready()
+        moments = {}
+        for way in [*WAYS, KILLED]:
+            for repeat in range(repeats):
+                live.arm.go_home()
+                moments.setdefault(way, []).append(let_go(live.arm, way, TOPICS[repeat % 2]))
+        verdict = live.verdict()
+    print("way               repeats   frames at rest: p50    max      arm at rest: p50    max   (ms)")
+    for way, ends in moments.items():
+        wire = [1e3 * (last_frame_of_motion(verdict, since, until) - since) for since, until in ends]
+        arm = [1e3 * (verdict.rest_after(since, until) - since) for since, until in ends]
+        print("%-18s %6d   %19.0f %6.0f   %16.0f %6.0f" % (
+            way, len(ends), percentile(wire, 0.5), max(wire), percentile(arm, 0.5), max(arm)))
+
+
+if __name__ == "__main__":
+    main(*map(int, (sys.argv[1:] + ["30", "0"][len(sys.argv) - 1:])[:2]))
