@@ -24,6 +24,7 @@ from .motion.path import REST_S
 from .motion.picture import check_picture, draw_plan
 from .motion.plan import MotionPlan, plan_motion
 from .motion.recorded import LONGEST_GAP_S, Recording, recorded_joints
+from .motion.time_law import SOLVERS
 
 _START_SPEED = 0.2
 """rad/s; of the fastest joint on the way to the start."""
@@ -43,8 +44,8 @@ toppra; with ruckig alone the whole motion is slowed down where toppra slows dow
 THE ARM MOVES, also a real one, on the recorded way: what stands in it now is not known to anybody. Look at a dry run,
 and begin with --speed 0.2.
 
-The arm must stand where the motion began; --move-to-start moves it there first, joint by joint on a straight line, at
-most 0.2 rad/s fast. Ctrl-C has it brake on its path, and ends when it rests.
+The arm must stand where the motion began; --move-to-start moves it there first, each joint straight to its
+place, all together, at most 0.2 rad/s fast. Ctrl-C has it brake on its path, and ends when it rests.
 
 --dry-run sends nothing. It draws the motion, beside the log or to --output: .html, .svg or .png. Without a running
 driver the limits are those in the log (.mcap, recorded while the driver ran), or of the URDF that --description names.
@@ -76,6 +77,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--move-to-start", action="store_true", help="first move to where the motion began")
     how.add_argument("--start-tolerance", type=positive_number, default=_REACH_RAD, metavar="RAD",
                      help="how far each joint may be from there (default %g)" % _REACH_RAD)
+    how.add_argument("--solver", choices=SOLVERS, help="the Python package that gives the motion its times (default: "
+                                                       "the first that is installed)")
     how.add_argument("--driver", metavar="NODE", help="whose arm moves, as /left/jaka_driver (default: the log's)")
     how.add_argument("--any-model", action="store_true", help="also where the log tells of another arm's model")
     how.add_argument("--description", metavar="URDF", help="file with the limits of the arm (default: the driver's)")
@@ -113,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
     elif not same_model(model_of_log, limits.model) and not args.any_model:
         raise BagError("%s was recorded with a %s, and this arm is a %s; --any-model replays it all the same, within "
                        "the limits of this arm" % (args.log, model_of_log, limits.model))
-    plan = plan_motion(recording, limits, args.speed, args.max_pause)
+    plan = plan_motion(recording, limits, args.speed, args.max_pause, args.solver)
     report.tell("note", notes + plan.notes)
     if target is not None:
         draw_plan(plan, target, args.force)

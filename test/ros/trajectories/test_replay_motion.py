@@ -15,7 +15,9 @@ from import_graph import ROOT
 from page_commands import Shell, blocks, until
 from ros_bench import HOME
 
-from jaka_regression.trajectory_client import ACTION_TYPE, made_action_type
+from jaka_bag.live.graph import RemoteNode
+from jaka_regression.driver_client import DriverNotThere
+from jaka_regression.trajectory_client import ACTION_TYPE, action_of, made_action_type
 from jaka_ros_driver.ros.other_messages import MD5
 
 PAGE = ROOT / "docs" / "state_logs.md"
@@ -31,7 +33,15 @@ def program(*words):
 
 
 def run(*words):
-    process = program(*words)
+    return ended(program(*words))
+
+
+def replay(*words):
+    """With ruckig, which is imported many times as fast as toppra."""
+    return program("replay-motion", *map(str, words), "--solver", "ruckig")
+
+
+def ended(process):
     said, errors = process.communicate(timeout=PATIENCE_S)
     return process.returncode, said, errors
 
@@ -76,12 +86,12 @@ def guided(arm, shell):
 
 
 def test_the_commands_of_the_page_replay_it(arm, shell, guided):
-    _, end, (look, replay) = guided
+    _, end, (look, again) = guided
     here = joints_of(arm)
     code, said = shell.run(look)
     assert code == 0 and joints_of(arm) == pytest.approx(here, abs=1e-3), said
     assert (shell.folder / "guided.motion.html").exists()
-    code, said = shell.run(replay)
+    code, said = shell.run(again)
     assert code == 0 and "done: the arm rests at the last point" in said, said
     assert joints_of(arm) == pytest.approx(end, abs=2e-3)
 
@@ -93,7 +103,7 @@ def test_what_a_hand_did_is_done_again_and_compares_the_same(arm, guided, tmp_pa
     recorder = program("record", "--state-log", "-O", str(again))
     assert eventually(again.with_suffix(".mcap.active").exists)
     arm.listen("joint_position", 60)
-    code, said, errors = run("replay-motion", str(log), "--json")
+    code, said, errors = ended(replay(log, "--json"))
     recorder.send_signal(signal.SIGINT)
     recorder.communicate(timeout=PATIENCE_S)
     assert code == 0 and recorder.returncode == 0, errors
@@ -112,14 +122,14 @@ def test_what_a_hand_did_is_done_again_and_compares_the_same(arm, guided, tmp_pa
 def test_an_arm_that_stands_elsewhere_is_left_there(arm, guided):
     away = [0.3, *HOME[1:]]
     stand_at(arm, away)
-    code, _, errors = run("replay-motion", str(guided[0]))
+    code, _, errors = ended(replay(guided[0]))
     assert code == 1 and "joint_1 stands 0.3" in errors and "--move-to-start" in errors
     assert joints_of(arm) == pytest.approx(away, abs=1e-3)
 
 
 def test_ctrl_c_brakes_the_arm_on_its_path(arm, guided):
     arm.go_home()
-    process = program("replay-motion", str(guided[0]), "--speed", "0.2")
+    process = replay(guided[0], "--speed", "0.2")
     assert eventually(arm.simulator.is_moving)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=PATIENCE_S)
@@ -128,16 +138,18 @@ def test_ctrl_c_brakes_the_arm_on_its_path(arm, guided):
     assert max(abs(a - b) for a, b in zip(joints_of(arm), guided[1])) > 0.05
 
 
-def test_a_refusal_of_the_driver_is_told(arm, guided):
+def test_a_refusal_of_the_driver_is_told_and_so_is_a_driver_that_is_not_there(arm, guided, ros_master):
     arm.go_home()
     assert arm.call("drag_mode", data=True).success
     try:
-        code, _, errors = run("replay-motion", str(guided[0]))
+        code, _, errors = ended(replay(guided[0]))
     finally:
         assert arm.call("drag_mode", data=False).success
     assert code == 1 and "hand guiding owns" in errors and rests(arm)
-    code, _, errors = run("replay-motion", str(guided[0]), "--driver", "/left/jaka_driver")
-    assert code == 1 and "no node /left/jaka_driver takes trajectories" in errors
+    with RemoteNode(ros_master, "/jaka_tests_client") as master:
+        assert action_of(master, arm.name) == "/jaka_zu7_controller/follow_joint_trajectory"
+        with pytest.raises(DriverNotThere, match="no node /left/jaka_driver takes trajectories"):
+            action_of(master, "/left/jaka_driver")
 
 
 def test_the_types_made_here_are_the_published_ones():
