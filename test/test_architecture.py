@@ -77,7 +77,7 @@ NAME_MODULES_IN_STRINGS = {"jaka_bag", "jaka_bag.cli.main", "jaka_bag.containers
 OPEN_SOCKETS = tuple("jaka_ros_driver." + name for name in (
     "client.transport", "ros.connections", "ros.driver_lock", "simulation.server.server",
     "wire")) + ("jaka_bag.live.tcpros", "jaka_bag.live.publisher")
-USE_ROS = ("jaka_ros_driver.ros", "jaka_regression.driver_client")
+USE_ROS = ("jaka_ros_driver.ros", "jaka_regression.driver_client", "jaka_regression.trajectory_client")
 LONGEST = 600
 LARGEST = 20
 WRITTEN = {"", ".in", ".launch", ".md", ".msg", ".py", ".rst", ".sh", ".srv", ".toml", ".txt", ".xml", ".yaml"}

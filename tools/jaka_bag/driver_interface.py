@@ -1,5 +1,6 @@
-"""The numbers in the topics of JAKA drivers that the plots and the comparison give names to."""
+"""What the log tools know of JAKA drivers: the numbers in their topics, and what they ask of no joint."""
 import enum
+import math
 
 
 class MotionState(enum.IntEnum):
@@ -10,3 +11,11 @@ class MotionState(enum.IntEnum):
     EMERGENCY_STOP = 2
     RUNNING = 3
     ERROR = 4
+
+
+JOINTS = tuple("joint_%d" % number for number in range(1, 7))
+"""Names of an arm's joints, the base's first (docs/interface.md); some topics have a prefix before them."""
+JOINT_SPEED_CEILING = math.pi
+"""rad/s; the driver lets no joint of any model go faster (docs/controller-protocol.md sections 5.2 and 5.6.5)."""
+JOINT_ACCELERATION_CEILING = 4.0 * math.pi
+"""rad/s2; likewise (docs/controller-protocol.md section 5.2)."""

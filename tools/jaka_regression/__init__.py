@@ -13,6 +13,9 @@ stage              master, simulated or recorded controllers, drivers, recorder 
 replay             a golden log happens again and is compared
 replay_commands    the subcommand ``jaka_bag replay-commands``
 replay_wire        the subcommand ``jaka_bag replay-wire``
+motion             what an arm did in a log, as a trajectory: path, limits, times
+trajectory_client  the driver's action FollowJointTrajectory through actionlib
+replay_motion      the subcommand ``jaka_bag replay-motion``
 pytest_plugin      golden logs as tests of pytest
 rostest_program    a golden log as a rostest
 """

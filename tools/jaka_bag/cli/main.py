@@ -48,6 +48,8 @@ COMMANDS: Dict[str, Command] = {
                                "make the service calls of a log again, against a live driver"),
     "replay-wire": Command("jaka_regression.replay_wire",
                            "play a recorded controller's bytes to the driver, and compare"),
+    "replay-motion": Command("jaka_regression.replay_motion",
+                             "do again what the arm did in a log, hand guiding included, as a trajectory"),
     "completion": Command("jaka_bag.cli.completion", "completion for bash or zsh"),
 }
 

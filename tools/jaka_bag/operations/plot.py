@@ -1,7 +1,7 @@
 """Pictures of a state log: joints, TCP position and path, states over time (SVG or PNG, by matplotlib)."""
 import importlib
 from pathlib import Path
-from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
+from typing import Any, Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -176,10 +176,33 @@ def plot(data: Dict[str, Columns], target: PathLike, title: str, fields: Sequenc
         BagError: The suffix is neither, there is nothing to draw, or the output cannot be created.
         MissingDependency: matplotlib is not installed.
     """
-    suffix = Path(target).suffix
-    if suffix not in FORMATS:
-        raise BagError("%s: the name of a picture ends in one of %s" % (target, ", ".join(FORMATS)))
+    check_format(target)
     panels, paths = panels_of(data, fields)
+    return draw(panels, target, title, {topic: data[topic] for topic in paths}, overwrite)
+
+
+def check_format(target: PathLike) -> None:
+    """Refuse a picture whose suffix no format has; raises BagError."""
+    if Path(target).suffix not in FORMATS:
+        raise BagError("%s: the name of a picture ends in one of %s" % (target, ", ".join(FORMATS)))
+
+
+def draw(panels: Sequence[Panel], target: PathLike, title: str, paths: Mapping[str, Columns],
+         overwrite: bool = False) -> int:
+    """Draw diagrams one below the other, and the paths of some topics; give their number.
+
+    Args:
+        panels: The diagrams.
+        target: .svg or .png by suffix.
+        title: Stands above all.
+        paths: TCP positions by topic, drawn in space below the diagrams.
+        overwrite: Replace an existing picture.
+
+    Raises:
+        BagError: The output cannot be created.
+        MissingDependency: matplotlib is not installed.
+    """
+    suffix = Path(target).suffix
     try:
         figure_module = importlib.import_module("matplotlib.figure")
         importlib.import_module("mpl_toolkits.mplot3d")
@@ -197,8 +220,8 @@ def plot(data: Dict[str, Columns], target: PathLike, title: str, fields: Sequenc
         first.figure.axes[len(panels) - 1].set_xlabel("time since the first message, s")
         if paths:
             axes = figure.add_subplot(grid[len(panels)], projection="3d")
-            for topic in paths:
-                _draw_path(axes, topic, data[topic])
+            for topic, columns in paths.items():
+                _draw_path(axes, topic, columns)
         figure.suptitle(title, fontsize=10)
         figure.tight_layout(rect=(0, 0, 1, 0.99))
         figure.savefig(output.file, format=suffix[1:], dpi=110)

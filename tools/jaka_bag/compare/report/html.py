@@ -73,21 +73,31 @@ _LEGEND = """<p class="legend"><span class="golden" style="--k:var(--golden)">go
 <span class="band">allowed</span><span class="mark">worst moment</span></p>"""
 
 
-def _figures(figures: Iterable[Figure]) -> str:
+def page(title: str, body: str) -> str:
+    """A page that needs no network and no scripts, to be written as UTF-8; ``body`` is HTML, ``title`` is text."""
+    return ('<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
+            '<meta name="viewport" content="width=device-width,initial-scale=1">'
+            "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">"
+            '<title>%s</title><style>%s</style></head><body>%s</body></html>\n' % (escape(title), _STYLE, body))
+
+
+def figures_of(figures: Iterable[Figure]) -> str:
+    """Pictures, each below its caption, as HTML."""
     return "".join("<figure><figcaption>%s</figcaption>%s</figure>" % (escape(figure.caption), figure.picture)
                    for figure in figures)
 
 
-def _definitions(rows: Iterable[Tuple[str, str]]) -> str:
+def definitions(rows: Iterable[Tuple[str, str]]) -> str:
+    """Pairs of a word and its meaning, text, as HTML."""
     return "<dl>%s</dl>" % "".join("<dt>%s</dt><dd>%s</dd>" % (escape(a), escape(b)) for a, b in rows)
 
 
 def _difference(check: Check, figures: List[Figure]) -> str:
-    values = _definitions([("golden", check.golden), ("candidate", check.candidate)]) \
+    values = definitions([("golden", check.golden), ("candidate", check.candidate)]) \
         if check.golden or check.candidate else ""
     return ('<article class="card bad"><h3>%s</h3><p>%s <span class="amount">%s</span></p>'
             '<div class="values">%s</div>%s</article>'
-            % (escape(check.name), escape(check.detail), escape(check.amount), values, _figures(figures)))
+            % (escape(check.name), escape(check.detail), escape(check.amount), values, figures_of(figures)))
 
 
 def _table(checks: Iterable[Check]) -> str:
@@ -121,20 +131,18 @@ def as_html(comparison: Comparison, tolerances: Tolerances) -> str:
                     for number, check in enumerate(worst))
     sections = [("differences", "Differences, the worst first", _LEGEND + cards)] if worst else []
     sections += [(name, heading, '<div class="card">%s</div>' % content) for name, heading, content in (
-        ("timeline", "States and calls", _figures(pictures.time_lines())),
-        ("path", "Tool centre point", _figures(pictures.paths())),
-        ("joints", "Joints", _figures(pictures.joints())),
-        ("timing", "Timing of the motions", _figures(pictures.timing())),
+        ("timeline", "States and calls", figures_of(pictures.time_lines())),
+        ("path", "Tool centre point", figures_of(pictures.paths())),
+        ("joints", "Joints", figures_of(pictures.joints())),
+        ("timing", "Timing of the motions", figures_of(pictures.timing())),
         ("checks", "All checks", _table(comparison.checks)),
         ("tolerances", "Tolerances", "<details><summary>The tolerances as a YAML file</summary><pre>%s</pre></details>"
          % escape(as_yaml(tolerances)))) if content]
     links = "".join('<li><a href="#%s">%s</a></li>' % (name, heading) for name, heading, _ in sections)
     body = "".join('<section id="%s"><h2>%s</h2>%s</section>' % section for section in sections)
-    return ('<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
-            '<meta name="viewport" content="width=device-width,initial-scale=1">'
-            "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">"
-            '<title>%s: %s</title><style>%s</style></head><body><a class="skip" href="#checks">To all checks</a><main>'
-            '<header class="verdict %s"><h1>%s %s</h1><p>%s</p></header><nav aria-label="Sections"><ul>%s</ul></nav>'
-            '<div class="card">%s</div>%s%s</main></body></html>\n'
-            % (verdict, escape(title), _STYLE, verdict, sign, words, escape(headline(comparison)), links,
-               _definitions(facts), _LEGEND if not worst else "", body))
+    return page("%s: %s" % (verdict, title), (
+        '<a class="skip" href="#checks">To all checks</a><main>'
+        '<header class="verdict %s"><h1>%s %s</h1><p>%s</p></header><nav aria-label="Sections"><ul>%s</ul></nav>'
+        '<div class="card">%s</div>%s%s</main>'
+        % (verdict, sign, words, escape(headline(comparison)), links, definitions(facts), _LEGEND if not worst else "",
+           body)))

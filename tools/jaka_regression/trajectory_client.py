@@ -1,0 +1,170 @@
+"""A client of the driver's action FollowJointTrajectory, through actionlib: one goal, its end, and its cancelling.
+
+control_msgs is not packaged everywhere; where it is not installed, its types are made from definitions of our own
+writing, which have the md5 of the published ones.
+"""
+import threading
+import time
+from typing import Any, NamedTuple, Sequence
+
+import actionlib as untyped_actionlib
+import genpy.dynamic as untyped_dynamic
+import roslib.message as untyped_roslib
+import rospy as untyped_rospy
+
+from jaka_bag.errors import BagError
+from jaka_bag.live.graph import RemoteNode
+from jaka_bag.messages.batch import Array
+
+from .driver_client import DriverNotThere
+
+actionlib: Any = untyped_actionlib
+dynamic: Any = untyped_dynamic
+roslib_message: Any = untyped_roslib
+rospy: Any = untyped_rospy
+
+ACTION_TYPE = "control_msgs/FollowJointTrajectoryAction"
+_SUFFIX = "/follow_joint_trajectory"
+_POLL_S = 0.1
+_BRAKE_S = 5.0
+_SILENCE_S = 10.0
+"""s; an action server tells its state five times a second."""
+_SEPARATOR = "=" * 80 + "\nMSG: %s\n"
+_HEAD = "Header header\nactionlib_msgs/%s\n"
+_DEFINITIONS = {
+    "control_msgs/FollowJointTrajectoryAction": (
+        "FollowJointTrajectoryActionGoal action_goal\nFollowJointTrajectoryActionResult action_result\n"
+        "FollowJointTrajectoryActionFeedback action_feedback\n"),
+    "control_msgs/FollowJointTrajectoryActionGoal": (_HEAD % "GoalID goal_id") + "FollowJointTrajectoryGoal goal\n",
+    "control_msgs/FollowJointTrajectoryActionResult": (
+        (_HEAD % "GoalStatus status") + "FollowJointTrajectoryResult result\n"),
+    "control_msgs/FollowJointTrajectoryActionFeedback": (
+        (_HEAD % "GoalStatus status") + "FollowJointTrajectoryFeedback feedback\n"),
+    "control_msgs/FollowJointTrajectoryGoal": (
+        "trajectory_msgs/JointTrajectory trajectory\nJointTolerance[] path_tolerance\n"
+        "JointTolerance[] goal_tolerance\nduration goal_time_tolerance\n"),
+    "control_msgs/FollowJointTrajectoryResult": (
+        "int32 error_code\nint32 SUCCESSFUL = 0\nint32 INVALID_GOAL = -1\nint32 INVALID_JOINTS = -2\n"
+        "int32 OLD_HEADER_TIMESTAMP = -3\nint32 PATH_TOLERANCE_VIOLATED = -4\nint32 GOAL_TOLERANCE_VIOLATED = -5\n"
+        "string error_string\n"),
+    "control_msgs/FollowJointTrajectoryFeedback": (
+        "Header header\nstring[] joint_names\ntrajectory_msgs/JointTrajectoryPoint desired\n"
+        "trajectory_msgs/JointTrajectoryPoint actual\ntrajectory_msgs/JointTrajectoryPoint error\n"),
+    "control_msgs/JointTolerance": "string name\nfloat64 position\nfloat64 velocity\nfloat64 acceleration\n",
+}
+_INSTALLED = ("std_msgs/Header", "actionlib_msgs/GoalID", "actionlib_msgs/GoalStatus",
+              "trajectory_msgs/JointTrajectory", "trajectory_msgs/JointTrajectoryPoint")
+
+
+class End(NamedTuple):
+    """How a goal ended.
+
+    Attributes:
+        succeeded: The arm rests at the last point.
+        text: What the driver says of it.
+        is_known: The driver has told its end; else the arm may still be under way.
+    """
+
+    succeeded: bool
+    text: str
+    is_known: bool = True
+
+
+def action_type() -> Any:
+    """The class of control_msgs/FollowJointTrajectoryAction: the installed one, else ``made_action_type``.
+
+    Raises:
+        BagError: A type that it holds is not installed.
+    """
+    return roslib_message.get_message_class(ACTION_TYPE) or made_action_type()
+
+
+def made_action_type() -> Any:
+    """The class made from the definitions of this file; raises BagError where a type that it holds is missing."""
+    definitions = dict(_DEFINITIONS)
+    for name in _INSTALLED:
+        known = roslib_message.get_message_class(name)
+        if known is None:
+            raise BagError("the message type %s is not installed" % name)
+        definitions[name] = known._full_text.partition("=" * 80)[0].rstrip("\n") + "\n"
+    text = definitions.pop(ACTION_TYPE) + "".join(_SEPARATOR % name + own for name, own in sorted(definitions.items()))
+    return dynamic.generate_dynamic(ACTION_TYPE, text)[ACTION_TYPE]
+
+
+def action_of(master: RemoteNode, node: str) -> str:
+    """Name of the action at which a driver takes trajectories, as ``/jaka_zu7_controller/follow_joint_trajectory``.
+
+    Raises:
+        DriverNotThere: The node offers none.
+        ConnectionLost, ProtocolError: The master does not answer.
+    """
+    _, subscribers, _ = master.call("getSystemState")
+    names = [topic[:-len("/goal")] for topic, nodes in subscribers
+             if topic.endswith(_SUFFIX + "/goal") and node in nodes]
+    if not names:
+        raise DriverNotThere("no node %s takes trajectories: is the driver running? --driver names it" % node)
+    return str(sorted(names)[0])
+
+
+class TrajectoryClient:
+    """Sends trajectories of joints; the process must be a ROS node."""
+
+    def __init__(self, action: str, timeout_s: float) -> None:
+        """Connect to an action by its name.
+
+        Raises:
+            DriverNotThere: Nobody offers it within the time.
+        """
+        self._name = action
+        self._client = actionlib.SimpleActionClient(action, action_type())
+        if not self._client.wait_for_server(rospy.Duration(timeout_s)):
+            raise DriverNotThere("nobody answers at %s" % action)
+
+    def follow(self, names: Sequence[str], time_s: Array, position: Array, velocity: Array, acceleration: Array,
+               cancelled: threading.Event) -> End:
+        """Have the arm go along points, and wait for its rest; when cancelled, for the rest after that.
+
+        Args:
+            names: Of the joints.
+            time_s: Of the points, s (n,).
+            position: rad (n, joints).
+            velocity: rad/s (n, joints).
+            acceleration: rad/s2 (n, joints).
+            cancelled: Set to have the arm brake on its path.
+        """
+        goal = self._client.action_client.ActionGoal().goal
+        goal.trajectory.joint_names = list(names)
+        point = roslib_message.get_message_class("trajectory_msgs/JointTrajectoryPoint")
+        goal.trajectory.points = [
+            point(positions=p, velocities=v, accelerations=a, time_from_start=rospy.Duration.from_sec(t))
+            for t, p, v, a in zip(time_s.tolist(), position.tolist(), velocity.tolist(), acceleration.tolist())]
+        if cancelled.is_set():
+            return End(False, "interrupted")
+        self._client.send_goal(goal)
+        heard, status = time.monotonic(), None
+        while not self._client.wait_for_result(rospy.Duration(_POLL_S)):
+            newest = self._client.action_client.last_status_msg
+            if newest is not status:
+                heard, status = time.monotonic(), newest
+            if time.monotonic() - heard > _SILENCE_S:
+                return End(False, "the driver says nothing more at %s" % self._name, False)
+            if cancelled.is_set():
+                return self._cancel()
+        return self._end()
+
+    def close(self) -> None:
+        """Leave the action."""
+        self._client.stop_tracking_goal()
+        self._client.action_client.stop()
+
+    def _cancel(self) -> End:
+        self._client.cancel_goal()
+        if not self._client.wait_for_result(rospy.Duration(_BRAKE_S)):  # the result comes when the arm rests
+            return End(False, "interrupted, and the driver does not say that the arm rests", False)
+        return End(False, "interrupted: %s" % self._end().text)
+
+    def _end(self) -> End:
+        result = self._client.get_result()
+        text = result.error_string if result is not None else ""
+        return End(self._client.get_state() == actionlib.GoalStatus.SUCCEEDED,
+                   text or self._client.get_goal_status_text())
