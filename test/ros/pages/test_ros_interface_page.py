@@ -1,15 +1,22 @@
 """docs/ros-interface.md: its commands as they stand there, against a driver on a simulated controller."""
+import contextlib
 import os
 import re
 
 import import_graph
 import pytest
 from page_commands import Shell, blocks, until
+from ros_bench import SimulatorProcess
 
 from jaka_ros_driver.client.core.procedures.recovery import RecoveryStep
 
 PAGE = import_graph.ROOT / "docs" / "ros-interface.md"
 ANSWERS = {
+    "rostopic echo -n 1 /jaka_driver/io_states/cabinet": "digital_inputs: [False, False",
+    "rostopic echo -n 1 /jaka_driver/joint_temperatures": "data: [31.0, 31.0",
+    "rostopic echo -n 1 /jaka_driver/joint_currents": "data: [0.4, 0.4",
+    "rostopic echo -n 1 /jaka_driver/wrench": "frame_id: \"tool0\"",
+    "rosservice call /jaka_driver/zero_ftsensor": 'message: "the force sensor reads zero"',
     "rosservice call /jaka_driver/recover": 'message: "the arm is ready: ',
     "rosservice call /jaka_driver/pause": 'message: "a trajectory is paused;',
     "rosservice call /jaka_driver/resume": 'message: "a trajectory goes on"',
@@ -19,6 +26,13 @@ ANSWERS = {
     "rostopic type /jaka_driver/robot_status": "industrial_msgs/RobotStatus",
     "rosrun jaka_ros_driver jaka_bag info --freq status.bag": "/jaka_driver/robot_status",
 }
+
+
+@pytest.fixture(scope="module")
+def simulator():
+    """With a force sensor, which a section of the page is about."""
+    with contextlib.closing(SimulatorProcess("--start", "enabled", "--force-sensor")) as process:
+        yield process
 
 
 @pytest.fixture
@@ -53,7 +67,7 @@ def test_each_command_of_the_page(shell, arm):
                 is_sent = "points" in line
                 until(lambda is_sent=is_sent: arm.simulator.is_moving() is is_sent, lambda: "the arm moves, or rests")
             ran.append(line)
-    assert set(ANSWERS) <= set(ran) and len(ran) == 14
+    assert set(ANSWERS) <= set(ran) and len(ran) == 19
 
 
 def test_the_tables_of_recovery_name_the_steps_of_the_code():

@@ -12,6 +12,7 @@ from ..messages.columns import Columns
 from ..output_file import OutputFile
 from ..paths import PathLike
 from ..units import NS_PER_S
+from .tool_poses import ToolPoses, tool_poses
 
 FORMATS = (".svg", ".png")
 _MAX_POINTS = 4000
@@ -68,11 +69,11 @@ def _joint_panels(topic: str, columns: Columns, start_ns: int) -> List[Panel]:
     return [Panel(topic + "  position", "rad", lines)]
 
 
-def _tcp_panels(topic: str, columns: Columns, start_ns: int) -> List[Panel]:
+def _tcp_panels(topic: str, columns: Columns, poses: ToolPoses, start_ns: int) -> List[Panel]:
     time = _seconds(columns, start_ns)
     panels = []
-    for part, title, unit in (("twist.linear", "position", "m"), ("twist.angular", "rotation vector", "rad")):
-        lines = tuple((axis, *thin(time, columns.fields["%s.%s" % (part, axis)])) for axis in "xyz")
+    for values, title, unit in ((poses.position, "position", "m"), (poses.rotation_vector, "rotation vector", "rad")):
+        lines = tuple((axis, *thin(time, values[:, i])) for i, axis in enumerate("xyz"))
         panels.append(Panel("%s  %s" % (topic, title), unit, lines))
     return panels
 
@@ -122,10 +123,11 @@ def panels_of(data: Dict[str, Columns], fields: Sequence[Tuple[str, str]] = ()) 
     states: List[Panel] = []
     paths: List[str] = []
     for topic, columns in sorted(data.items()):
+        poses = tool_poses(columns)
         if columns.connection.datatype == "sensor_msgs/JointState":
             joints += _joint_panels(topic, columns, start_ns)
-        elif columns.connection.datatype == "geometry_msgs/TwistStamped":
-            positions += _tcp_panels(topic, columns, start_ns)
+        elif poses is not None:
+            positions += _tcp_panels(topic, columns, poses, start_ns)
             paths.append(topic)
         elif all(name in columns.fields for name in ("motion_state",) + _FLAGS):
             states += _state_panels(topic, columns, start_ns)
@@ -147,8 +149,7 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
         axes.legend(fontsize=7, loc="upper right", ncol=3)
 
 
-def _draw_path(axes: Any, topic: str, columns: Columns) -> None:
-    points = np.stack([columns.fields["twist.linear." + axis] for axis in "xyz"], axis=1)
+def _draw_path(axes: Any, topic: str, points: Array) -> None:
     if len(points) > _MAX_POINTS:
         points = points[np.linspace(0, len(points) - 1, _MAX_POINTS).astype(np.int64)]
     axes.plot(points[:, 0], points[:, 1], points[:, 2], linewidth=0.8)
@@ -198,7 +199,9 @@ def plot(data: Dict[str, Columns], target: PathLike, title: str, fields: Sequenc
         if paths:
             axes = figure.add_subplot(grid[len(panels)], projection="3d")
             for topic in paths:
-                _draw_path(axes, topic, data[topic])
+                poses = tool_poses(data[topic])
+                if poses is not None:
+                    _draw_path(axes, topic, poses.position)
         figure.suptitle(title, fontsize=10)
         figure.tight_layout(rect=(0, 0, 1, 0.99))
         figure.savefig(output.file, format=suffix[1:], dpi=110)
