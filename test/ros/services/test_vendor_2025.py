@@ -33,6 +33,7 @@ def pose_of(driver):
 def test_tool_position_is_a_pose_in_mm_with_a_unit_quaternion(driver):
     driver.go_home()
     position, turn = pose_of(driver)
+    assert eventually(lambda: abs(driver.listen("tool_position", 1)[0].pose.position.x - 1000.0 * position[0]) < 1e-3)
     message = driver.listen("tool_position", 1)[0]
     assert isinstance(message, PoseStamped) and message.header.frame_id == "base_link"
     p, q = message.pose.position, message.pose.orientation
