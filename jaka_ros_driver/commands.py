@@ -239,6 +239,11 @@ class SetAnalogOutput:
 
 
 @dataclass(frozen=True)
+class ZeroForceSensor:
+    """Have the force sensor at the flange take what it reads as nothing."""
+
+
+@dataclass(frozen=True)
 class SetRapidRate:
     """Speed override, 0 to 1."""
 
@@ -313,6 +318,6 @@ Command = Union[
     JointMove, LinearMove, Jog, JogStop, Stop, PauseMotion, ResumeMotion, SetServoMode, ServoJoint, ServoPose,
     SetPower, SetEnabled, ClearError, SetToolFrame, SelectTool, SetUserFrame, SelectUserFrame, SetPayload,
     SetHandGuiding, SetCollisionLevel, SetDigitalOutput, SetAnalogOutput, SetRapidRate, SetFeedPeriod, SetLinkLoss,
-    ForwardKinematics, InverseKinematics, Query, GetDigitalOutput, GetAnalogOutput]
+    ForwardKinematics, InverseKinematics, Query, GetDigitalOutput, GetAnalogOutput, ZeroForceSensor]
 
 JOINTS: Tuple[str, ...] = tuple("joint_%d" % n for n in range(1, 7))

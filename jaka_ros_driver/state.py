@@ -1,7 +1,7 @@
 """The state of the arm at one moment, SI units; made from a status frame and immutable."""
 import enum
 from dataclasses import dataclass, field
-from typing import Dict, Optional, Tuple
+from typing import Dict, NamedTuple, Optional, Tuple
 
 Vector = Tuple[float, ...]
 
@@ -24,6 +24,33 @@ class IoBank(enum.IntEnum):
     EXTENSION = 2
 
 
+class FieldBus(enum.IntEnum):
+    """A field bus on which the controller has terminals, numbered as IoBank (docs/controller-protocol.md section 5.11).
+
+    Nobody can name one to ``set_io`` and ``get_io``.
+    """
+
+    MODBUS_SLAVE = 4
+    PROFINET_SLAVE = 5
+    ETHERNET_IP_SLAVE = 6
+
+
+class BusTerminals(NamedTuple):
+    """The terminals on one field bus, index 0 first; registers stand for analog values.
+
+    Attributes:
+        digital_inputs: 0 or 1 each.
+        digital_outputs: As digital_inputs.
+        analog_inputs: Register values.
+        analog_outputs: As analog_inputs.
+    """
+
+    digital_inputs: Vector = ()
+    digital_outputs: Vector = ()
+    analog_inputs: Vector = ()
+    analog_outputs: Vector = ()
+
+
 @dataclass(frozen=True)
 class IoState:
     """Inputs and outputs by bank; a bank that the controller does not report is absent.
@@ -33,12 +60,16 @@ class IoState:
         digital_outputs: As digital_inputs.
         analog_inputs: Per bank, V or mA as the terminal is configured.
         analog_outputs: As analog_inputs.
+        relays: 0 or 1 each; empty where the controller does not report them.
+        field_buses: Per field bus that the controller reports.
     """
 
     digital_inputs: Dict[IoBank, Vector] = field(default_factory=dict)
     digital_outputs: Dict[IoBank, Vector] = field(default_factory=dict)
     analog_inputs: Dict[IoBank, Vector] = field(default_factory=dict)
     analog_outputs: Dict[IoBank, Vector] = field(default_factory=dict)
+    relays: Vector = ()
+    field_buses: Dict[FieldBus, BusTerminals] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -75,6 +106,10 @@ class RobotState:
         io: Inputs and outputs.
         cabinet_temperature: deg C.
         joint_temperature: deg C, shape (6,).
+        joint_current: A, shape (6,).
+        wrench: Contact force, N, and torque, N m, at the flange as its sensor measures them, shape (6,); None without a
+            sensor, and while the sensor reports an error.
+        sensor_error: The sensor's error code, 0 for none.
     """
 
     joint_position: Vector
@@ -103,6 +138,9 @@ class RobotState:
     io: IoState = field(default_factory=IoState)
     cabinet_temperature: Optional[float] = None
     joint_temperature: Optional[Vector] = None
+    joint_current: Optional[Vector] = None
+    wrench: Optional[Vector] = None
+    sensor_error: int = 0
 
     @property
     def has_fault(self) -> bool:

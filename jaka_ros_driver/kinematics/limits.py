@@ -290,4 +290,5 @@ _CHECKERS: Dict[type, Checker] = {
     commands.Query: _fields(),
     commands.GetDigitalOutput: _fields(bank=_bank, index=_whole(*IO_INDICES)),
     commands.GetAnalogOutput: _fields(bank=_bank, index=_whole(*IO_INDICES)),
+    commands.ZeroForceSensor: _fields(),
 }

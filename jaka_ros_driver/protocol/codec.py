@@ -202,6 +202,7 @@ _ENCODERS: Dict[Type[Any], Tuple[Union[str, Callable[[Any], str]], Encoder]] = {
         "jointPosition": all_rad_to_deg(k.reference), "cartPosition": _pose(k.target)}),
     c.GetDigitalOutput: ("get_digital_output", _terminal),
     c.GetAnalogOutput: ("get_analog_output", _terminal),
+    c.ZeroForceSensor: ("zero_end_sensor", lambda _: {}),
 }
 
 

@@ -5,7 +5,7 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple
 from jaka_ros_driver.errors import StatusFrameError
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.protocol.texts import shown, text_of
-from jaka_ros_driver.state import IoBank, IoState, RobotState, Vector
+from jaka_ros_driver.state import BusTerminals, FieldBus, IoBank, IoState, RobotState, Vector
 from jaka_ros_driver.units import all_deg_to_rad, all_mm_to_m, mm_to_m
 
 _MAX_ANGLE_DEG = 1e4
@@ -19,6 +19,10 @@ _DIGITAL_INPUTS = ((IoBank.CABINET, "din"), (IoBank.TOOL, "tio_din"))
 _DIGITAL_OUTPUTS = ((IoBank.CABINET, "dout"), (IoBank.TOOL, "tio_dout"))
 _ANALOG_INPUTS = ((IoBank.CABINET, "ain"), (IoBank.TOOL, "tio_ain"))
 _ANALOG_OUTPUTS = ((IoBank.CABINET, "aout"),)
+_FIELD_BUSES = tuple((bus, tuple(name + kind for kind in ("_din", "_dout", "_ain", "_aout"))) for bus, name in (
+    (FieldBus.MODBUS_SLAVE, "mb_slave"), (FieldBus.PROFINET_SLAVE, "pn_dev"), (FieldBus.ETHERNET_IP_SLAVE, "eip_adpt")))
+"""Keys in the order of BusTerminals (docs/controller-protocol.md section 6.2)."""
+_READINGS = slice(2, 5)
 
 
 def encode_frame(fields: Mapping[str, Any]) -> bytes:
@@ -58,7 +62,8 @@ def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
     pose = _numbers(fields, "actual_position", 6, _MAX_LENGTH_MM)
     velocity = _numbers(fields, "instVel", 6, _MAX_ANGLE_DEG)
     speed = _number(fields, "curr_tcp_trans_vel")
-    cabinet_temperature, joint_temperature = _temperatures(fields.get("monitor_data"))
+    cabinet_temperature, joint_temperature, joint_current = _monitored(fields.get("monitor_data"))
+    wrench, sensor_error = _wrench(fields.get("torqsensor"))
     return RobotState(
         joint_position=all_deg_to_rad(joints),
         is_powered=_essential_flag(fields, "powered_on"),
@@ -85,7 +90,10 @@ def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
         add_error_line=_integer(fields, "err_add_line"),
         io=_io(fields),
         cabinet_temperature=cabinet_temperature,
-        joint_temperature=joint_temperature)
+        joint_temperature=joint_temperature,
+        joint_current=joint_current,
+        wrench=wrench,
+        sensor_error=sensor_error)
 
 
 def _fail(key: str, value: Any, expected: str) -> StatusFrameError:
@@ -179,20 +187,53 @@ def _io(fields: Mapping[str, Any]) -> IoState:
         digital_inputs=_bank_values(fields, _DIGITAL_INPUTS),
         digital_outputs=_bank_values(fields, _DIGITAL_OUTPUTS),
         analog_inputs=_bank_values(fields, _ANALOG_INPUTS),
-        analog_outputs=_bank_values(fields, _ANALOG_OUTPUTS))
+        analog_outputs=_bank_values(fields, _ANALOG_OUTPUTS),
+        relays=_array(fields.get("relay_io")),
+        field_buses={bus: BusTerminals(*[_array(fields.get(key)) for key in keys])
+                     for bus, keys in _FIELD_BUSES if any(key in fields for key in keys)})
 
 
-def _temperatures(monitor: Any) -> Tuple[Optional[float], Optional[Vector]]:
-    """Cabinet and joint temperatures, deg C, out of ``monitor_data`` (docs/controller-protocol.md section 6.3).
+def _array(values: Any) -> Vector:
+    """The numbers; none where it is anything else: of these fields no real controller has confirmed the shape, and
+    the arm is driven without them.
+    """
+    return tuple(values) if isinstance(values, list) and _are_numbers(values) else ()
 
-    They are used for warnings only, so an unknown shape reads as unknown temperatures instead of an error.
+
+def _monitored(monitor: Any) -> Tuple[Optional[float], Optional[Vector], Optional[Vector]]:
+    """Cabinet and joint temperatures, deg C, and joint currents, A, out of ``monitor_data``
+    (docs/controller-protocol.md section 6.3).
+
+    They are shown and warned of only, so an unknown shape reads as unknown values instead of an error.
     """
     if not isinstance(monitor, list) or len(monitor) < 6:
-        return None, None
+        return None, None, None
     cabinet = float(monitor[2]) if _is_finite_number(monitor[2]) else None
-    joints: List[float] = []
-    if isinstance(monitor[5], list):
-        for row in monitor[5][:6]:
-            if isinstance(row, list) and len(row) > 2 and _is_finite_number(row[2]):
-                joints.append(float(row[2]))
-    return cabinet, tuple(joints) if len(joints) == 6 else None
+    rows = monitor[5][:6] if isinstance(monitor[5], list) else []
+    if len(rows) != 6 or not all(isinstance(row, list) and len(row) > 2 for row in rows):
+        return cabinet, None, None
+    return cabinet, _floats([row[2] for row in rows]), _floats([row[0] for row in rows])
+
+
+def _floats(values: List[Any]) -> Optional[Vector]:
+    return tuple(map(float, values)) if _are_numbers(values) else None
+
+
+def _wrench(sensor: Any) -> Tuple[Optional[Vector], int]:
+    """The contact wrench, N and N m, and the sensor's error out of ``torqsensor`` (docs/controller-protocol.md section
+    6.4).
+
+    A controller without a sensor sends the field, too, with each reading 0; a sensor's raw reading never is. An unknown
+    shape reads as no sensor.
+    """
+    told = sensor[1] if isinstance(sensor, list) and len(sensor) > 1 else None
+    if not isinstance(told, list) or len(told) < 4:
+        return None, 0
+    readings = told[_READINGS]
+    for reading in readings:
+        if not isinstance(reading, list) or len(reading) != 6 or not _are_numbers(reading):
+            return None, 0
+    error = int(told[1]) if _is_finite_number(told[1]) else 0
+    if error or not any(map(any, readings)):
+        return None, error
+    return tuple(map(float, readings[0])), 0

@@ -9,9 +9,11 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Optional, Sequence, Tuple, Union
 
-from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
+from jaka_msgs import msg as messages
 from jaka_msgs.msg import RobotMsg
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import InvalidCommand
@@ -23,7 +25,7 @@ from jaka_ros_driver.kinematics.rotations import (
     rotation_vector_from_rpy,
     rpy_from_rotation_vector,
 )
-from jaka_ros_driver.state import IoBank, RobotState
+from jaka_ros_driver.state import BusTerminals, IoBank, IoState, RobotState
 from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m, all_rad_to_deg, mm_to_m
 
 SLOWEST = 0.01
@@ -69,8 +71,10 @@ class RequestDecoder:
         is_vendor: Read requests as the maker's own driver does, where it differs (docs/interface.md section 5).
     """
 
-    def __init__(self, model: ArmModel, is_vendor: bool = False) -> None:
+    def __init__(self, model: ArmModel, is_vendor: bool = False, is_vendor_2025: bool = False) -> None:
+        """is_vendor_2025: with ``is_vendor``, as its driver of 2025 (docs/controller-protocol.md section 9.1)."""
         self._model = model
+        self._is_vendor_2025 = is_vendor_2025
         self.is_vendor = is_vendor
 
     def joint_move(self, request: Any) -> c.JointMove:
@@ -81,16 +85,19 @@ class RequestDecoder:
 
     def linear_move(self, request: Any) -> c.LinearMove:
         """Decode a Move: ``pose`` is x, y, z, mm, and a rotation vector, rad; ``mvvelo`` mm/s; ``mvacc`` mm/s2. In the
-        vendor's interface the rotation is the inverse.
+        vendor's interface the rotation is the inverse; in that of 2025 the last three are roll, pitch and yaw, rad.
 
         A Move has no angular speed: it follows from the linear one, lowered to what the model's joints can do.
         """
-        pose = _numbers("pose", request.pose, "x y z, mm, and a rotation vector, rad")
-        turn = _rotation_vector("pose", pose)
-        if self.is_vendor:
-            turn = tuple(-value for value in turn)
+        if self._is_vendor_2025:
+            pose = _numbers("pose", request.pose, "x y z, mm, and roll pitch yaw, rad")
+            rpy = pose[3:]
+        else:
+            pose = _numbers("pose", request.pose, "x y z, mm, and a rotation vector, rad")
+            turn = _rotation_vector("pose", pose)
+            rpy = rpy_from_rotation_vector(tuple(-value for value in turn) if self.is_vendor else turn)
         move = c.LinearMove(
-            c.Pose(all_mm_to_m(pose[:3]), rpy_from_rotation_vector(turn)),
+            c.Pose(all_mm_to_m(pose[:3]), rpy),
             _settled_speed(mm_to_m(_positive("mvvelo", request.mvvelo)), limits.tcp_speed_limit(self._model)),
             _settled_speed(mm_to_m(_positive("mvacc", request.mvacc)), limits.TCP_ACCELERATION_CEILING))
         return replace(move, angular_speed=min(move.turn_speed, limits.joint_speed_limit(self._model)),
@@ -247,6 +254,21 @@ def tool_position(state: RobotState, stamp: Any, frame_id: str, is_vendor: bool)
     return message
 
 
+def tool_pose(state: RobotState, stamp: Any, frame_id: str) -> Optional[PoseStamped]:
+    """The message of ``~tool_position`` in the vendor's interface of 2025: mm and unit quaternion. None where the
+    controller does not report the pose.
+    """
+    if state.tcp_position is None or state.tcp_rpy is None:
+        return None
+    message = PoseStamped()
+    message.header.stamp = stamp
+    message.header.frame_id = frame_id
+    p, q = message.pose.position, message.pose.orientation
+    p.x, p.y, p.z = all_m_to_mm(state.tcp_position)
+    q.x, q.y, q.z, q.w = _quaternion(rotation_vector_from_rpy(state.tcp_rpy))
+    return message
+
+
 def joint_position(state: RobotState, stamp: Any, names: Sequence[str],
                    velocity: Optional[Sequence[float]]) -> JointState:
     """A JointState: positions, rad, and velocities, rad/s, where these are known."""
@@ -274,11 +296,53 @@ def transform_message(parent_t_child: Transform, parent: str, child: str, stamp:
     message.child_frame_id = child
     translation, rotation = message.transform.translation, message.transform.rotation
     translation.x, translation.y, translation.z = parent_t_child[9:]
-    x, y, z = rotation_vector_from_matrix(parent_t_child)
+    rotation.x, rotation.y, rotation.z, rotation.w = _quaternion(rotation_vector_from_matrix(parent_t_child))
+    return message
+
+
+def io_states(io: IoState, stamp: Any) -> Any:
+    """``~io_states`` (jaka_msgs/IOStates)."""
+    message = messages.IOStates()
+    message.header.stamp = stamp
+    for name, bank in (("cabinet", IoBank.CABINET), ("tool", IoBank.TOOL), ("extension", IoBank.EXTENSION)):
+        setattr(message, name, _io_bank(BusTerminals(
+            io.digital_inputs.get(bank, ()), io.digital_outputs.get(bank, ()),
+            io.analog_inputs.get(bank, ()), io.analog_outputs.get(bank, ()))))
+    message.relays = list(map(bool, io.relays))
+    for bus, terminals in io.field_buses.items():
+        setattr(message, bus.name.lower(), _io_bank(terminals))
+    return message
+
+
+def _io_bank(terminals: BusTerminals) -> Any:
+    return messages.IOBank(
+        digital_inputs=list(map(bool, terminals.digital_inputs)),
+        digital_outputs=list(map(bool, terminals.digital_outputs)),
+        analog_inputs=list(terminals.analog_inputs), analog_outputs=list(terminals.analog_outputs))
+
+
+def wrench(values: Sequence[float], stamp: Any, frame_id: str) -> WrenchStamped:
+    """``~wrench``: force, N, and torque, N m, shape (6,)."""
+    message = WrenchStamped()
+    message.header.stamp = stamp
+    message.header.frame_id = frame_id
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z, torque.x, torque.y, torque.z = values
+    return message
+
+
+def for_each_joint(values: Sequence[float]) -> Float64MultiArray:
+    """A number for each joint, joint 1 first; std_msgs has no type with names."""
+    layout = MultiArrayLayout(dim=[MultiArrayDimension(label="joint", size=len(values), stride=len(values))])
+    return Float64MultiArray(layout=layout, data=list(values))
+
+
+def _quaternion(rotation_vector: Sequence[float]) -> Tuple[float, float, float, float]:
+    """The unit quaternion (x, y, z, w) of a rotation vector, rad (3,)."""
+    x, y, z = rotation_vector
     angle = math.sqrt(x * x + y * y + z * z)
     scale = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
-    rotation.x, rotation.y, rotation.z, rotation.w = x * scale, y * scale, z * scale, math.cos(0.5 * angle)
-    return message
+    return x * scale, y * scale, z * scale, math.cos(0.5 * angle)
 
 
 # ---- shapes ----

@@ -31,8 +31,10 @@ from jaka_ros_driver.ros.services.service_server import take_connection
 from jaka_ros_driver.ros.services.service_table import Services
 from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
 from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
+from jaka_ros_driver.ros.topics.io_states import IoPublisher
 from jaka_ros_driver.ros.topics.jog_topics import JogTopics
 from jaka_ros_driver.ros.topics.robot_status import RobotStatusPublisher
+from jaka_ros_driver.ros.topics.sensors import SensorPublishers
 from jaka_ros_driver.ros.topics.servo_topics import ServoTopics
 from jaka_ros_driver.ros.topics.speed import SpeedPublisher
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames, StatePublishers
@@ -59,13 +61,15 @@ class Driver:
         self._guard = Guard(config.ip, config.command_port, config.status_port) if config.guard else None
         self._arm = ArmClient(config.client_settings(), model, self._guard)
         self._frames = FrameTable(self._arm)
-        decoder = RequestDecoder(model, config.is_vendor)
+        decoder = RequestDecoder(model, config.is_vendor, config.is_vendor_2025)
         self._publishers = StatePublishers(self._arm, config, self._frames)
         self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames), CallPublisher())
         self._recover = RecoverAction(self._arm)
         self._trajectories = TrajectoryInterface(self._arm, config, self._publishers.joint_velocity)
         self._status = RobotStatusPublisher(self._arm)
         self._speed = SpeedPublisher(self._arm)
+        self._io = IoPublisher(self._arm, self._publishers.stamps)
+        self._sensors = SensorPublishers(self._arm, self._publishers.stamps, FrameNames(config).flange)
         self._topics = ServoTopics(self._arm, decoder, FrameNames(config))
         self._jog_topics = JogTopics(self._arm, FrameNames(config), self._frames)
         self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames))
@@ -85,6 +89,8 @@ class Driver:
         self._publishers.start()
         self._status.start()
         self._speed.start()
+        self._io.start()
+        self._sensors.start()
         self._services.offer()
         self._recover.offer()
         self._trajectories.offer()
@@ -98,6 +104,10 @@ class Driver:
             self._arm.auto_enable()
         _LOG.info("driving a JAKA %s at %s:%d and %d, interface %s", self._model.name, self._config.ip,
                   self._config.command_port, self._config.status_port, self._config.interface)
+
+    def offer_sensors(self) -> None:
+        """Offer the topics that only some controllers have, once the status feed shows that this one has them."""
+        self._sensors.offer()
 
     def tell_kind(self) -> None:
         """Tell in the log and on a latched topic whether the arm is real or simulated, whenever that becomes known."""
@@ -181,6 +191,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     while not signals.received and not rospy.is_shutdown() and not driver.has_failed:
         signals.wait(_LOOK_ROUND_S)
         driver.tell_kind()
+        driver.offer_sensors()
     rospy.signal_shutdown("signal %s" % signals.received)
     if not drain_log(_DRAIN_TIMEOUT_S):
         os._exit(0)  # a terminal that does not read any more would keep the process from ending

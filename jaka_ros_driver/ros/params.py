@@ -16,7 +16,7 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, load_mod
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.units import ms_to_s, s_to_ms
 
-DOCUMENTED, VENDOR = "documented", "vendor"
+DOCUMENTED, VENDOR, VENDOR_2025 = "documented", "vendor", "vendor_2025"
 TF_ALL, TF_TOOL, TF_NONE = "all", "tool", "none"
 
 _CLIENT = ClientSettings("")
@@ -123,11 +123,12 @@ class DriverConfig:
                             "Model of the arm; every command is checked against its limits.", _model)
     dh_file: str = _parameter("", "text", "", "empty, or path of a model file",
                               "A model file of your own (calibrated arm), instead of `model`.", _model_file)
-    interface: str = _choice(DOCUMENTED, (DOCUMENTED, VENDOR),
-                             "Follow docs/interface.md, or the maker's own ROS driver where the two differ.")
+    interface: str = _choice(DOCUMENTED, (DOCUMENTED, VENDOR, VENDOR_2025),
+                             "Follow docs/interface.md, or the maker's own ROS driver where the two differ: that of "
+                             "2024, or its newest of 2025.")
     blocking: bool = _flag(True, "linear_move and joint_move answer when the motion has ended; false: on acceptance.")
     activate_frames: Optional[bool] = _flag(None, "set_toolframe and set_userframe also make the frame the active one. "
-                                                  "Default: true; false with interface vendor.")
+                                                  "Default: true; false with interface vendor and vendor_2025.")
     auto_enable: bool = _flag(True, "Power and enable the arm once, when it is first seen without a fault.")
     guard: bool = _flag(True, "A guard process stops the arm when the driver dies or hangs.")
     link_loss_stop: float = _number(
@@ -208,8 +209,13 @@ class DriverConfig:
 
     @property
     def is_vendor(self) -> bool:
-        """True where the interface is that of the maker's own driver."""
-        return self.interface == VENDOR
+        """True where the interface is that of the maker's own driver, of 2024 or 2025."""
+        return self.interface != DOCUMENTED
+
+    @property
+    def is_vendor_2025(self) -> bool:
+        """True where the interface is that of the maker's driver of 2025."""
+        return self.interface == VENDOR_2025
 
     @property
     def activates_frames(self) -> bool:

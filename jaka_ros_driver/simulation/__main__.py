@@ -65,6 +65,8 @@ def _serving_parser() -> argparse.ArgumentParser:
     parser.add_argument("--firmware", default="1.5.14", choices=list(FIRMWARES), help="generation, default 1.5.14")
     parser.add_argument("--io-index-base", type=int, choices=[0, 1], help="index of the first terminal in commands "
                         "about inputs and outputs; default 0 for 1.5.14 and 1 for 1.7, a guess")
+    parser.add_argument("--force-sensor", action="store_true", help="a force and torque sensor at the flange, which "
+                        "the panel loads with a wrench; default none")
     parser.add_argument("--single-client", default="replace", choices=["replace", "refuse"],
                         help="a second command client replaces the first (default) or is refused")
     parser.add_argument("--starvation", default="hold", choices=["hold", "repeat"],

@@ -43,7 +43,7 @@ class SimulatedController:
                  starvation: str = "hold", single_client: str = "replace", seed: int = 0, log: Optional[str] = None,
                  host: str = LOOPBACK, command_port: int = 0, status_port: int = 0, poll_port: int = 0,
                  panel_port: Optional[int] = 0, identity: Optional[str] = None,
-                 io_index_base: Optional[int] = None) -> None:
+                 io_index_base: Optional[int] = None, force_sensor: bool = False) -> None:
         """Listen.
 
         Args:
@@ -65,6 +65,7 @@ class SimulatedController:
             panel_port: As command_port, on loopback; None for none.
             identity: What it answers to ``get_simulator_identity``; None for a unique text.
             io_index_base: Index of the first terminal in commands, 0 or 1; None for the firmware's.
+            force_sensor: True for a force and torque sensor at the flange.
 
         Raises:
             InvalidCommand: A value is not one of those above.
@@ -84,7 +85,7 @@ class SimulatedController:
             raise InvalidCommand("identity is %r; it must be 1 to 256 characters of ASCII without blanks" % identity)
         options = Options(power_delay, enable_delay, _one_of("start", start, {s.value: s for s in Start}),
                           _one_of("starvation", starvation, {s.value: s for s in Starvation}),
-                          MIN_FEED_PERIOD_S * time_scale, identity, io_index_base)
+                          MIN_FEED_PERIOD_S * time_scale, identity, io_index_base, force_sensor)
         refuse = _one_of("single client", single_client, {"replace": False, "refuse": True})
         controller = Controller(arm, _one_of("firmware", firmware, FIRMWARES), options)
         self._log = WireLog(log) if log else None

@@ -8,7 +8,7 @@ from jaka_ros_driver.client.core.procedures.procedure import Ask
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand
 from jaka_ros_driver.state import IoBank
 
-EXCLUSIVE = ("set_tool_frame", "set_user_frame", "set_payload", "set_hand_guiding")
+EXCLUSIVE = ("set_tool_frame", "set_user_frame", "set_payload", "set_hand_guiding", "zero_force_sensor")
 
 
 class Settings:
@@ -111,6 +111,43 @@ def test_hand_guiding_is_refused_while_something_moves_the_arm(bench):
     with pytest.raises(InvalidCommand, match="a jog owns"):
         settings.set_hand_guiding(arm, True)
     assert one.times_of("torque_control_enable") == []
+
+
+def test_the_force_sensor_is_seen_to_read_zero(bench):
+    one = bench(force_sensor=True)
+    one.panel("load_force_sensor", fx=10.0, mz=-1.0)
+    arm = one.connect()
+    assert arm.fresh_state().wrench == (10.0, 0.0, 0.0, 0.0, 0.0, -1.0)
+    assert settings.zero_force_sensor(arm) == "the force sensor reads zero"
+    assert arm.fresh_state().wrench == (0.0,) * 6
+
+
+def test_a_sensor_that_goes_on_reading_a_load_is_told(bench):
+    one = bench(force_sensor=True)
+    one.panel("load_force_sensor", fx=10.0)
+    arm = one.connect()
+    changed = Changed(arm, lambda command: () if isinstance(command, c.ZeroForceSensor) else None)
+    with pytest.raises(settings.ReadBackMismatch, match="accepted it but the sensor reads 10 0 0 N, 0 0 0 N m"):
+        settings.zero_force_sensor(changed)
+
+
+@pytest.mark.parametrize("shown, told", [
+    ({}, "shows no force sensor"), ({"torqsensor": [[], [0, 17, [1.0] * 6, [1.0] * 6]]}, "reports error 17")])
+def test_a_sensor_that_is_not_there_or_has_failed_is_not_zeroed(bench, shown, told):
+    one = bench()
+    one.panel("fields", add=shown)
+    with pytest.raises(InvalidCommand, match=told):
+        settings.zero_force_sensor(one.connect())
+    assert not one.requests("zero_end_sensor")
+
+
+def test_the_force_sensor_is_not_zeroed_while_something_moves_the_arm(bench):
+    one = bench(force_sensor=True)
+    arm = one.connect()
+    arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.1))
+    with pytest.raises(InvalidCommand, match="a jog owns"):
+        settings.zero_force_sensor(arm)
+    assert not one.requests("zero_end_sensor")
 
 
 class Changed:

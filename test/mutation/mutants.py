@@ -34,6 +34,11 @@ STAMPS = ("test/ros/topics/test_stamps.py",)
 VELOCITY = ("test/ros/topics/test_velocity.py",)
 REPEATER = ("test/ros/topics/test_state_repeater.py",)
 PUBLISHERS = ("test/ros/topics/test_state_publishers.py",)
+TERMINALS = tuple("test/ros/topics/test_io_states.py::test_" + name for name in (
+    "analog_noise_is_told_ten_times_a_second_at_most_and_to_subscribers_only",
+    "a_digital_change_is_told_by_the_frame_that_shows_it", "old_news_and_a_feed_without_terminals_are_not_told"))
+SENSORS = ("test/ros/topics/test_sensors.py::"
+           "test_nothing_is_published_that_is_old_or_lacks_the_value_or_that_nobody_hears",)
 MODEL_CHECK = ("test/ros/test_model_check.py",)
 FRAMES = ("test/ros/topics/test_frame_table.py",)
 PARAMS = ("test/ros/test_params.py",)
@@ -104,6 +109,14 @@ OF_PROTOCOL: Tuple[Mutant, ...] = (
     Mutant("the commanded joints stay in deg", "protocol/status.py",
            "None if commanded is None else all_deg_to_rad(commanded)",
            "None if commanded is None else tuple(commanded)", STATUS),
+    Mutant("the raw reading is taken for the contact force", "protocol/status.py",
+           "map(float, readings[0])", "map(float, readings[1])", STATUS),
+    Mutant("a sensor that reports an error is believed", "protocol/status.py",
+           "if error or not any(map(any, readings)):", "if not any(map(any, readings)):", STATUS),
+    Mutant("a controller without a sensor has one", "protocol/status.py",
+           "if error or not any(map(any, readings)):", "if error:", STATUS),
+    Mutant("voltages are taken for currents", "protocol/status.py",
+           "_floats([row[0] for row in rows])", "_floats([row[1] for row in rows])", STATUS),
     Mutant("any text is true", "protocol/status.py",
            'return value.lower() in ("1", "true")', "return bool(value)", STATUS),
     Mutant("a missing flag is false", "protocol/status.py",
@@ -396,10 +409,13 @@ OF_CLIENT: Tuple[Mutant, ...] = (
 
 OF_ROS: Tuple[Mutant, ...] = (
     Mutant("a linear move is read as m", "ros/convert.py",
-           "c.Pose(all_mm_to_m(pose[:3]), rpy_from_rotation_vector(turn)),",
-           "c.Pose(pose[:3], rpy_from_rotation_vector(turn)),", CONVERT),
+           "c.Pose(all_mm_to_m(pose[:3]), rpy),", "c.Pose(pose[:3], rpy),", CONVERT),
     Mutant("the vendor's rotation has the wrong sign", "ros/convert.py",
-           "turn = tuple(-value for value in turn)", "turn = tuple(turn)", CONVERT),
+           "tuple(-value for value in turn) if", "tuple(turn) if", CONVERT),
+    Mutant("the vendor's orientation of 2025 is a rotation vector", "ros/convert.py",
+           "            rpy = pose[3:]\n", "            rpy = rpy_from_rotation_vector(pose[3:])\n", CONVERT),
+    Mutant("the vendor's pose of 2025 is in m", "ros/convert.py",
+           "p.x, p.y, p.z = all_m_to_mm(state.tcp_position)", "p.x, p.y, p.z = state.tcp_position", CONVERT),
     Mutant("a jog is of the axis beside", "ros/convert.py", "divmod(request.index, 2)", "divmod(request.index + 1, 2)",
            CONVERT),
     Mutant("a jog goes the other way", "ros/convert.py",
@@ -450,7 +466,17 @@ OF_ROS: Tuple[Mutant, ...] = (
            "if not is_new or not self._thinner.takes(state.received_at):",
            "if not self._thinner.takes(state.received_at):", PUBLISHERS),
     Mutant("a pose is told in the base frame always", "ros/topics/state_publishers.py",
-           "self._names.user(state.user_frame_id), self._config", "self._names.base, self._config", PUBLISHERS),
+           "frame = self._names.user(state.user_frame_id)", "frame = self._names.base", PUBLISHERS),
+    Mutant("analog noise is published at the feed's rate", "ros/topics/io_states.py",
+           "_ANALOG_PERIOD_S = 0.1", "_ANALOG_PERIOD_S = 0.0", TERMINALS),
+    Mutant("a change of a relay is not noticed", "ros/topics/io_states.py",
+           "io.digital_outputs, io.relays,", "io.digital_outputs,", TERMINALS),
+    Mutant("old news of terminals is published", "ros/topics/io_states.py",
+           "if is_new and state.io", "if state.io", TERMINALS),
+    Mutant("a message is made that nobody subscribes to", "ros/topics/sensors.py",
+           "if publisher is None or not publisher.get_num_connections():", "if publisher is None:", SENSORS),
+    Mutant("old news of sensors is published", "ros/topics/sensors.py",
+           "        if is_new:\n", "        if True:\n", SENSORS),
     Mutant("one wrong sample condemns the model", "ros/model_check.py", "_CONFIRMATIONS = 2", "_CONFIRMATIONS = 1",
            MODEL_CHECK),
     Mutant("the model is compared in motion", "ros/model_check.py",

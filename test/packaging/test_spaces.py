@@ -56,6 +56,7 @@ def test_the_message_tools_find_the_types(space, shell):
     assert [request.split("\n"), reply.split("\n")] == [fields_of(part) for part in SERVICES["Move"]]
     assert shell("rosmsg show jaka_msgs/RobotMsg", space).stdout.split() == [
         "int16", "motion_state", "int16", "power_state", "int16", "servo_state", "int16", "collision_state"]
+    assert "jaka_msgs/IOBank cabinet" in shell("rosmsg show jaka_msgs/IOStates", space).stdout
     assert "uint8[] request" in shell("rosmsg show jaka_msgs/ServiceCall", space).stdout
 
 

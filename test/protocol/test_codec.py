@@ -66,6 +66,7 @@ REQUESTS = [
      {"cmdName": "kine_inverse", "jointPosition": WIRE_JOINTS, "cartPosition": WIRE_POSE}),
     (c.GetDigitalOutput(IoBank.TOOL, 1), {"cmdName": "get_digital_output", "type": 1, "index": 1}),
     (c.GetAnalogOutput(IoBank.CABINET, 0), {"cmdName": "get_analog_output", "type": 0, "index": 0}),
+    (c.ZeroForceSensor(), {"cmdName": "zero_end_sensor"}),
     (c.Query.VERSION, {"cmdName": "get_version"}),
     (c.Query.SERVO_MODE, {"cmdName": "is_in_servomove"}),
     (c.Query.FEED_PERIOD, {"cmdName": "get_port10000_delay_ms"}),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from jaka_ros_driver.errors import StatusFrameError
 from jaka_ros_driver.protocol.framing import FrameStream
 from jaka_ros_driver.protocol.status import encode_frame, parse_status
-from jaka_ros_driver.state import IoBank, MotionState
+from jaka_ros_driver.state import BusTerminals, FieldBus, IoBank, MotionState
 
 ESSENTIAL = {"joint_actual_position": [10.0, 90.0, -90.0, 90.0, 90.0, 0.0], "powered_on": 1, "enabled": True,
              "inpos": True, "emergency_stop": 0, "protective_stop": 0}
@@ -56,6 +56,47 @@ def test_measured_and_commanded_joints_and_velocities_are_kept_apart_and_become_
     assert state.joint_position == pytest.approx([math.radians(q) for q in FULL["joint_actual_position"]])
     assert state.joint_position_commanded == pytest.approx([math.radians(q) for q in range(1, 7)])
     assert state.joint_velocity == pytest.approx([math.radians(v) for v in (-9.0, 18.0, 0.0, 36.0, 0.5, 180.0)])
+
+
+def test_currents_relays_and_field_buses_are_read_each_from_its_place():
+    rows = [[0.1 * n, 48.0, 31.0, 0.0, 0.2] for n in range(6)]
+    state = parse_status(dict(
+        FULL, monitor_data=[12338, 12593, 36.5, 41.2, 0.86, rows], relay_io=[0, 1], mb_slave_din=[1], mb_slave_dout=[0],
+        mb_slave_ain=[7], mb_slave_aout=[8.5], pn_dev_dout=[1, 1], eip_adpt_ain=[3]), 0.0)
+    assert state.joint_current == pytest.approx((0.0, 0.1, 0.2, 0.3, 0.4, 0.5))
+    assert state.io.relays == (0, 1)
+    assert state.io.field_buses == {
+        FieldBus.MODBUS_SLAVE: BusTerminals((1,), (0,), (7,), (8.5,)),
+        FieldBus.PROFINET_SLAVE: BusTerminals(digital_outputs=(1, 1)),
+        FieldBus.ETHERNET_IP_SLAVE: BusTerminals(analog_inputs=(3,))}
+
+
+CONTACT, RAW, SILENT = [1.0, -2.0, 3.5, 0.1, 0.2, -0.3], [2.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0] * 6
+SETUP = [0, ["192.168.2.100", 8080], [0.449, [0.0, 0.0, 20.0]]]
+
+
+@pytest.mark.parametrize("told, wrench, error", [
+    ([0, 0, CONTACT, RAW], tuple(CONTACT), 0), ([0, 0, CONTACT, RAW, SILENT], tuple(CONTACT), 0),
+    ([0, 0, SILENT, RAW], tuple(SILENT), 0), ([0, 0, SILENT, SILENT], None, 0),
+    ([1, 0, SILENT, SILENT, SILENT], None, 0), ([0, 17, CONTACT, RAW], None, 17)])
+def test_a_sensor_is_there_where_any_reading_is_not_zero_and_its_error_silences_it(told, wrench, error):
+    state = parse_status(dict(FULL, torqsensor=[SETUP, told]), 0.0)
+    assert (state.wrench, state.sensor_error) == (wrench, error)
+
+
+@pytest.mark.parametrize("sensor", [
+    None, 5, "x", [], [SETUP], [SETUP, 7], [SETUP, [0, 0, CONTACT]], [SETUP, [0, 0, CONTACT[:5], RAW]],
+    [SETUP, [0, 0, ["x"] * 6, RAW]], [SETUP, [0, 0, [float("nan")] * 6, RAW]], [SETUP, [0, 0, RAW, [1e300] * 6]]],
+    ids=repr)
+def test_a_sensor_of_unknown_shape_is_none(sensor):
+    assert parse_status(dict(FULL, torqsensor=sensor), 0.0).wrench is None
+
+
+@pytest.mark.parametrize("key", ["relay_io", "mb_slave_din", "eip_adpt_aout"])
+@pytest.mark.parametrize("value", [None, 5, "x", {}, ["x"], [None], [float("inf")], [[1]]], ids=repr)
+def test_what_no_real_controller_has_confirmed_costs_no_frame(key, value):
+    io = parse_status(dict(FULL, **{key: value}), 0.0).io
+    assert io.relays == () and all(not any(bus) for bus in io.field_buses.values())
 
 
 @pytest.mark.parametrize("key, field", [
@@ -153,3 +194,4 @@ def test_a_frame_captured_from_a_real_controller_is_understood(root):
     assert state.joint_temperature == (28.0, 28.0, 27.0, 28.0, 28.0, 28.0)
     assert len(state.io.digital_inputs[IoBank.CABINET]) == 135
     assert state.joint_velocity is None and state.motion_line is None
+    assert state.joint_current == (0.0,) * 6 and state.wrench is None and state.io.field_buses == {}

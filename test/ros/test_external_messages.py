@@ -50,6 +50,7 @@ def test_everything_is_served_but_the_record_of_calls_and_the_action(ros_node, e
             topics = [topic for topic, _ in rospy.get_published_topics("/" + NAME)]
             code, said = driver.end()
     assert "/%s/robot_states" % NAME in topics and "/%s/service_calls" % NAME not in topics
+    assert "/%s/io_states" % NAME not in topics and "no IOStates" in said
     assert not [topic for topic in topics if "/recover/" in topic]
     assert code == 0
     assert len([line for line in said.splitlines() if "no action Recover" in line and "WARN" in line]) == 1

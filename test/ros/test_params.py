@@ -121,6 +121,9 @@ def test_frames_are_activated_as_the_interface_says_unless_told_otherwise():
     assert config_from({}).activates_frames
     assert not config_from({"interface": "vendor"}).activates_frames
     assert config_from({"interface": "vendor", "activate_frames": True}).activates_frames
+    newest = config_from({"interface": "vendor_2025"})
+    assert newest.is_vendor and newest.is_vendor_2025 and not newest.activates_frames
+    assert not config_from({"interface": "vendor"}).is_vendor_2025
     assert not config_from({"activate_frames": False}).activates_frames
 
 

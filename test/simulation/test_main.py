@@ -64,6 +64,14 @@ def test_panel_on_the_command_line(start):
     assert gone.returncode == 1 and gone.stderr.startswith("jaka_sim: error: no panel answers")
 
 
+def test_a_force_sensor_is_an_option(start):
+    for options in (("--force-sensor",), ()):
+        _, ports = start(*options)
+        with RawFeed(ports["status_port"]) as feed:
+            raw = feed.frame()["torqsensor"][1][3]
+        assert any(raw) is bool(options)
+
+
 def test_log_is_whole_after_a_signal(start, tmp_path):
     path = tmp_path / "wire.mcap"
     program, ports = start("--log", str(path), "--firmware", "1.7")

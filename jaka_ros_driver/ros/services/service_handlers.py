@@ -97,6 +97,10 @@ class ServiceHandlers:
         with self._outputs:
             return Outcome(self._arm.run(lambda core: set_output(core, command)))
 
+    def zero_force_sensor(self, _: None) -> Outcome:
+        """zero_ftsensor: zero the force sensor, and see that it reads zero."""
+        return Outcome(self._arm.run(settings.zero_force_sensor, exclusive=True))
+
     def read(self, terminal: Terminal) -> Outcome:
         """get_io: the value in the status feed; an output that the feed does not contain is asked for."""
         values = _bank_values(self._arm.fresh_state(), terminal)

@@ -120,6 +120,7 @@ SERVICES: Tuple[ServiceSpec, ...] = (
     ServiceSpec("set_collisionlevel", SetCollision, RequestDecoder.collision_level, ServiceHandlers.collision_level),
     ServiceSpec("set_io", SetIO, RequestDecoder.output, ServiceHandlers.output),
     ServiceSpec("get_io", GetIO, RequestDecoder.terminal, ServiceHandlers.read, as_value),
+    ServiceSpec("zero_ftsensor", Trigger, RequestDecoder.nothing, ServiceHandlers.zero_force_sensor, as_success),
     ServiceSpec("clear_err", ClearErr, RequestDecoder.nothing, ServiceHandlers.clear_error),
     ServiceSpec("get_fk", GetFK, RequestDecoder.forward, ServiceHandlers.forward, as_pose),
     ServiceSpec("get_ik", GetIK, RequestDecoder.inverse, ServiceHandlers.inverse, as_joints),

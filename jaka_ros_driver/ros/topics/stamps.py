@@ -1,10 +1,11 @@
 """ROS time for what arrived at a given monotonic time."""
 import logging
 import time
-from typing import Callable
+from typing import Callable, Optional
 
 import rospy
 
+from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.units import NS_PER_S
 
 _LOG = logging.getLogger(__name__)
@@ -39,6 +40,21 @@ class StampClock:
                 nanoseconds = self._last + _TICK_NS
         self._last = nanoseconds
         return rospy.Time(*divmod(nanoseconds, NS_PER_S))
+
+
+class SampleStamps:
+    """The stamp of each sample, whoever asks for it: what is published of one sample has one stamp."""
+
+    def __init__(self, clock: StampClock) -> None:
+        self._clock = clock
+        self._state: Optional[RobotState] = None
+        self._stamp = rospy.Time()
+
+    def of(self, state: RobotState) -> rospy.Time:
+        """The ROS time at which the sample arrived; samples come in order. Two that arrive together have two stamps."""
+        if state is not self._state:
+            self._state, self._stamp = state, self._clock.stamp(state.received_at)
+        return self._stamp
 
 
 def ros_clock() -> Callable[[], int]:

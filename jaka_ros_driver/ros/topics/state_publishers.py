@@ -3,10 +3,10 @@
 Nothing is published while the newest state is stale or the status link is down. A message
 that nobody subscribes to is not made: its making would cost as much as that of those which are read.
 """
-from typing import Any, List, NamedTuple, Optional
+from typing import Any, List, NamedTuple, Optional, Union
 
 import rospy
-from geometry_msgs.msg import TransformStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
@@ -17,7 +17,7 @@ from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.ros import convert
 from jaka_ros_driver.ros.frame_table import FrameTable
 from jaka_ros_driver.ros.params import TF_ALL, TF_NONE, DriverConfig
-from jaka_ros_driver.ros.topics.stamps import StampClock, ros_clock
+from jaka_ros_driver.ros.topics.stamps import SampleStamps, StampClock, ros_clock
 from jaka_ros_driver.ros.topics.state_repeater import StateRepeater, StateThinner
 from jaka_ros_driver.ros.topics.velocity import VelocityEstimate
 from jaka_ros_driver.state import RobotState, Vector
@@ -31,7 +31,7 @@ class Sample(NamedTuple):
     """The messages of one status frame, kept so that they can be published again."""
 
     received_at: float
-    tool_position: Optional[TwistStamped]
+    tool_position: Optional[Union[TwistStamped, PoseStamped]]
     joint_position: JointState
     robot_states: RobotMsg
 
@@ -51,7 +51,11 @@ class FrameNames:
 
 
 class StatePublishers(LoopTask):
-    """Publishes what the status feed tells; as a task of the client's thread it repeats samples of a slow feed."""
+    """Publishes what the status feed tells; as a task of the client's thread it repeats samples of a slow feed.
+
+    Attributes:
+        stamps: Of the samples.
+    """
 
     def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameTable) -> None:
         self._arm = arm
@@ -59,9 +63,9 @@ class StatePublishers(LoopTask):
         self._frames = frames
         self._names = FrameNames(config)
         self._joint_names = [config.frame_prefix + joint for joint in JOINTS]
-        self._clock = StampClock(ros_clock())
+        self.stamps = SampleStamps(StampClock(ros_clock()))
         self._velocity = VelocityEstimate()
-        self._tool_position = _publisher("~tool_position", TwistStamped)
+        self._tool_position = _publisher("~tool_position", PoseStamped if config.is_vendor_2025 else TwistStamped)
         self._joint_position = _publisher("~joint_position", JointState)
         self._robot_states = _publisher("~robot_states", RobotMsg)
         self._joint_states = _publisher(config.joint_states_topic, JointState)
@@ -98,10 +102,9 @@ class StatePublishers(LoopTask):
         self._velocity.add(state)
         if not is_new or not self._thinner.takes(state.received_at):
             return
-        stamp = self._clock.stamp(state.received_at)
+        stamp = self.stamps.of(state)
         sample = Sample(
-            state.received_at,
-            convert.tool_position(state, stamp, self._names.user(state.user_frame_id), self._config.is_vendor),
+            state.received_at, self._tool(state, stamp),
             convert.joint_position(state, stamp, JOINTS, state.joint_velocity),
             convert.robot_states(state, self._arm.is_servo_active, self._config.is_vendor))
         self._newest = sample
@@ -112,6 +115,12 @@ class StatePublishers(LoopTask):
                 state, stamp, self._joint_names, self.joint_velocity(state)))
         if self._tf is not None and self._tf.get_num_connections():
             self._tf.publish(TFMessage(self._transforms(state, stamp)))
+
+    def _tool(self, state: RobotState, stamp: rospy.Time) -> Optional[Union[TwistStamped, PoseStamped]]:
+        frame = self._names.user(state.user_frame_id)
+        if self._config.is_vendor_2025:
+            return convert.tool_pose(state, stamp, frame)
+        return convert.tool_position(state, stamp, frame, self._config.is_vendor)
 
     def _publish(self, sample: Sample) -> None:
         if sample.tool_position is not None:

@@ -1,5 +1,6 @@
-"""Settings that are stored and returned, and do nothing else here: tool I/O, RS-485, torque sensor, force control,
-trajectory recording (docs/controller-protocol.md sections 5.11, 5.15; docs/sdk-client.md section 8).
+"""Settings that are stored and returned, and do nothing else here, but for the zeroing of the force sensor: tool I/O,
+RS-485, torque sensor, force control, trajectory recording (docs/controller-protocol.md sections 5.11, 5.15;
+docs/sdk-client.md section 8).
 
 Where the keys of a reply are not known, the setter's keys are used; the SDK reads a missing key as zero.
 """
@@ -110,7 +111,6 @@ _SETTINGS: Tuple[_Setting, ...] = (
     _Setting("set_torque_ref_point", "get_torque_ref_point", "sdk-client.md 9", (_Key("ref_point", 0, 0, 1),)),
     _Setting("set_end_sensor_sensitivity_threshold", "get_end_sensor_sensitivity_threshold", "sdk-client.md 9", (
         _Key("threshold_percent", (0.0,) * 6, 0.0, 1.0),)),
-    _Setting("zero_end_sensor", "", "sdk-client.md 9", ()),
     _Setting("set_admit_ctrl_config", "", "sdk-client.md 8", _ADMITTANCE_KEYS, "axis", _AXES),
     _Setting("set_tool_drive_config", "", "sdk-client.md 9", _TOOL_DRIVE_KEYS, "axis", _AXES),
 )
@@ -181,12 +181,14 @@ def _tool_drive(state: ControllerState) -> Reply:
     return {"axis": list(range(_AXES)), **{key.name: list(column) for key, column in zip(_TOOL_DRIVE_KEYS, columns)}}
 
 
-def _sensor_data(_state: ControllerState, arguments: Arguments) -> Reply:
-    """The simulated sensor feels nothing; the keys of the reply are not known."""
+def _sensor_data(state: ControllerState, arguments: Arguments) -> Reply:
+    """Readings 1 to 3 of the feed, zeros without a sensor; the keys of the reply are not known."""
     kind = arguments.integer("type")
     if not 1 <= kind <= 3:
         raise Refused()
-    return {"type": kind, "torque_sensor_data": [0.0] * 6}
+    sensor = state.force_sensor
+    reading = (0.0,) * 6 if sensor is None else sensor.raw if kind == 2 else sensor.actual
+    return {"type": kind, "torque_sensor_data": list(reading)}
 
 
 def _names(state: ControllerState, what: str) -> Dict[str, Any]:
@@ -254,6 +256,7 @@ SETTING_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("get_tool_drive_config", "sdk-client.md 9", plain(_tool_drive)),
     CommandSpec("get_tool_drive_stat", "sdk-client.md 9", plain(lambda state: {"tool_drive_stat": 0})),
     CommandSpec("get_torque_sensor_data", "sdk-client.md 9", _sensor_data),
+    CommandSpec("zero_end_sensor", "5.15", plain(ControllerState.zero_force_sensor)),
     CommandSpec("add_tio_rs_signal", "5.11", _add_signal),
     CommandSpec("del_tio_rs_signal", "5.11", _delete_signal),
     CommandSpec("get_rs485_signal_list", "5.11", plain(_signals)),

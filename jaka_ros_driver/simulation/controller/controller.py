@@ -78,6 +78,7 @@ class Controller:
         old = self.state
         options = dataclasses.replace(self._options, start=Start.OFF)
         self.state = ControllerState(old.model, self._firmware, options, old.memory, old.plant.joint_position)
+        self.state.force_sensor = old.force_sensor  # what it is loaded with does not depend on the cabinet
         if old.emergency_stop:
             self.state.press_emergency_stop()
         self._build_frames(self.feed_frame.added, self.feed_frame.dropped)

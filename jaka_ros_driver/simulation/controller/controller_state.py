@@ -15,6 +15,7 @@ from jaka_ros_driver.simulation.arm.events import PlantEvent
 from jaka_ros_driver.simulation.arm.plant import HOME, Plant, Starvation
 from jaka_ros_driver.simulation.controller import alarms
 from jaka_ros_driver.simulation.controller.firmware import Firmware
+from jaka_ros_driver.simulation.controller.force_sensor import ZEROING_TIME_S, ForceSensor
 from jaka_ros_driver.simulation.controller.io_banks import IoBanks
 from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, FrameTable, Memory
 from jaka_ros_driver.simulation.controller.replies import Refused
@@ -66,6 +67,7 @@ class Options:
         shortest_feed_period: Lower bound of the status feed's period, whatever a client asks for, s of simulated time.
         identity: What ``get_simulator_identity`` answers; no real controller knows that command.
         io_index_base: Index of the first terminal in commands, 0 or 1; None for that of the firmware.
+        has_force_sensor: True with a force and torque sensor at the flange.
     """
 
     power_delay: float = 8.0
@@ -75,6 +77,7 @@ class Options:
     shortest_feed_period: float = 0.0
     identity: str = ""
     io_index_base: Optional[int] = None
+    has_force_sensor: bool = False
 
 
 class ControllerState:
@@ -83,6 +86,7 @@ class ControllerState:
     Attributes:
         plant: The arm.
         io: The terminals.
+        force_sensor: The sensor at the flange; None without one.
         io_index_base: Index of the first terminal in commands.
         alarms: The event shown, and past ones.
         memory: What survives a restart.
@@ -106,6 +110,7 @@ class ControllerState:
         self.memory = memory
         self.plant = Plant(model, joint_position, starvation=options.starvation)
         self.io = IoBanks(firmware)
+        self.force_sensor = ForceSensor() if options.has_force_sensor else None
         self.alarms = alarms.Alarms()
         self.now = 0.0
         self.is_powered = options.start is not Start.OFF
@@ -346,6 +351,11 @@ class ControllerState:
         if pushed:
             self.after(duration, lambda: self.plant.push_joint(joint, 0.0))
         return pushed
+
+    def zero_force_sensor(self) -> None:
+        """Take what the sensor reads ``ZEROING_TIME_S`` from now as nothing; without a sensor this has no effect."""
+        if self.force_sensor is not None:
+            self.after(ZEROING_TIME_S, self.force_sensor.zero)
 
     # --- frames and feed --------------------------------------------------------------------------------------------
 

@@ -40,8 +40,9 @@ def _io(key: str) -> _Field:
 
 def _torque_sensor(force_rows: int) -> Callable[[ControllerState], Any]:
     def value(state: ControllerState) -> Any:
-        load = state.memory.sensor_payload
-        return ((0, _SENSOR_ADDRESS, (load.mass, all_m_to_mm(load.centroid))), (0, 0) + (_NO_FORCE,) * force_rows)
+        load, sensor = state.memory.sensor_payload, state.force_sensor
+        readings = (_NO_FORCE,) * 3 if sensor is None else (sensor.actual, sensor.raw, sensor.actual)
+        return ((0, _SENSOR_ADDRESS, (load.mass, all_m_to_mm(load.centroid))), (0, 0) + readings[:force_rows])
     return value
 
 

@@ -78,6 +78,14 @@ def _set_input(server: Server, request: Dict[str, Any]) -> None:
                                      arguments.number("value"))
 
 
+def _load_force_sensor(server: Server, request: Dict[str, Any]) -> None:
+    sensor = server.controller.state.force_sensor
+    if sensor is None:
+        raise InvalidCommand("there is no force sensor: start with --force-sensor")
+    arguments = Arguments(request)
+    sensor.load(tuple(arguments.number(axis, 0.0) for axis in ("fx", "fy", "fz", "mx", "my", "mz")))
+
+
 def _fault(server: Server, request: Dict[str, Any]) -> Answer:
     known = {key: request[key] for key in _FAULT_KEYS if key in request}
     params = {key: value for key, value in request.items() if key not in known}
@@ -165,6 +173,8 @@ ACTIONS: Dict[str, Action] = {
                    "push a joint by hand; moves only while hand guiding is on; answers pushed"),
     "set_input": Action(_set_input, "index, value, bank (cabinet), signal digital or analog (digital)",
                         "set an input terminal"),
+    "load_force_sensor": Action(_load_force_sensor, "fx, fy, fz N (0), mx, my, mz N m (0)",
+                                "load the sensor at the flange from now on; needs --force-sensor"),
     "fault": Action(_fault, "kind, port, count (usually 1; null until cleared), probability (1), command (any), "
                             "and what the kind takes", "add a rule to the script of wire faults"),
     "clear_faults": Action(_clear_faults, "", "drop every rule, changed fields and a slow feed"),

@@ -6,6 +6,7 @@ import pytest
 
 from jaka_bag.compare.curve_distance import distances, interpolated, lateness, lengths
 from jaka_bag.compare.rotation_angles import continuous, quaternions
+from jaka_bag.operations.tool_poses import rotation_vectors
 from jaka_ros_driver.kinematics.rotations import matrix_from_rotation_vector, rotation_angle_between
 
 
@@ -35,6 +36,16 @@ def test_signs_follow_each_other_over_half_a_turn():
     vectors = np.stack([np.zeros(500), np.zeros(500), (angle + math.pi) % (2 * math.pi) - math.pi], axis=1)
     smooth = continuous(quaternions(vectors))
     assert lengths(np.diff(smooth, axis=0)).max() < 0.02
+
+
+def test_rotation_vectors_of_quaternions_are_those_that_made_them():
+    vectors = np.random.RandomState(4).uniform(-1.7, 1.7, (200, 3))
+    vectors[0] = 0.0
+    w, x, y, z = quaternions(vectors).T
+    made = np.stack([x, y, z, w], axis=1)
+    for same in (made, -made, 3.0 * made):
+        assert np.abs(rotation_vectors(same) - vectors).max() < 1e-9
+    assert np.isnan(rotation_vectors(np.zeros((1, 4)))).all()
 
 
 def near(at, seen, jitter):

@@ -1,10 +1,11 @@
+import math
 import os
 import sys
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from log_samples import START_NS, model, state_log, write
+from log_samples import POSE, START_NS, connection, model, pose, state_log, write
 
 from jaka_bag.cli.main import main
 from jaka_bag.errors import BagError, MissingDependency
@@ -25,10 +26,23 @@ def test_joints_tcp_states_and_path_are_drawn(data):
         ("joint_position  position", "rad", 6), ("tool_position  position", "m", 3),
         ("tool_position  rotation vector", "rad", 3), ("robot_states  motion_state", "", 1),
         ("robot_states  flags (0 low, 1 high)", "", 3)]
-    assert paths == ["/jaka_driver/tool_position"]
+    assert list(paths) == ["/jaka_driver/tool_position"]
     assert [name for name, _, _ in panels[0].lines] == ["joint_%d" % i for i in range(1, 7)]
     assert np.array_equal(panels[0].lines[2][2], data["/jaka_driver/joint_position"].fields["position"][:, 2])
     assert dict(panels[3].ticks)[2] == "2 emergency stop"
+
+
+def test_a_pose_called_tool_position_is_drawn_as_a_twist_of_the_same_pose_is(tmp_path):
+    half = 0.25
+    samples = [pose(i, START_NS + i * 10**7, [400.0 + i, -100.0, 300.0, 0.0, math.sin(half), 0.0, math.cos(half)])
+               for i in range(20)]
+    panels, paths = panels_of(read_columns(write(tmp_path / "pose.bag", samples)))
+    assert [(p.unit, len(p.lines)) for p in panels] == [("m", 3), ("rad", 3)] and list(paths) == [POSE.topic]
+    assert panels[0].lines[0][2][-1] == pytest.approx(0.419)
+    assert [line[2][0] for line in panels[1].lines] == pytest.approx([0.0, 2.0 * half, 0.0])
+    other = [sample._replace(connection=connection("/goal", POSE.datatype, POSE.definition)) for sample in samples]
+    with pytest.raises(BagError, match="--field"):
+        panels_of(read_columns(write(tmp_path / "goal.bag", other)))
 
 
 def test_pictures_are_svg_and_png(data, tmp_path):

@@ -1,4 +1,5 @@
 """docs/ros-interface.md: its commands as they stand there, against a driver on a simulated controller."""
+import contextlib
 import math
 import os
 import re
@@ -6,13 +7,18 @@ import re
 import import_graph
 import pytest
 from page_commands import Shell, blocks, until
-from ros_bench import HOME
+from ros_bench import HOME, SimulatorProcess
 
 from jaka_ros_driver.client.core.procedures.recovery import RecoveryStep
 
 SEEN_DEG = 0.5
 PAGE = import_graph.ROOT / "docs" / "ros-interface.md"
 ANSWERS = {
+    "rostopic echo -n 1 /jaka_driver/io_states/cabinet": "digital_inputs: [False, False",
+    "rostopic echo -n 1 /jaka_driver/joint_temperatures": "data: [31.0, 31.0",
+    "rostopic echo -n 1 /jaka_driver/joint_currents": "data: [0.4, 0.4",
+    "rostopic echo -n 1 /jaka_driver/wrench": "frame_id: \"tool0\"",
+    "rosservice call /jaka_driver/zero_ftsensor": 'message: "the force sensor reads zero"',
     "rosservice call /jaka_driver/recover": 'message: "the arm is ready: ',
     "rosservice call /jaka_driver/pause": 'message: "a trajectory is paused;',
     "rosservice call /jaka_driver/resume": 'message: "a trajectory goes on"',
@@ -22,6 +28,13 @@ ANSWERS = {
     "rostopic type /jaka_driver/robot_status": "industrial_msgs/RobotStatus",
     "rosrun jaka_ros_driver jaka_bag info --freq status.bag": "/jaka_driver/robot_status",
 }
+
+
+@pytest.fixture(scope="module")
+def simulator():
+    """With a force sensor, which a section of the page is about."""
+    with contextlib.closing(SimulatorProcess("--start", "enabled", "--force-sensor")) as process:
+        yield process
 
 
 @pytest.fixture

@@ -39,6 +39,7 @@ from jaka_ros_driver.state import IoBank, RobotState
 
 MODEL = load_model("zu7")
 DOCUMENTED, VENDOR = RequestDecoder(MODEL), RequestDecoder(MODEL, is_vendor=True)
+VENDOR_2025 = RequestDecoder(MODEL, is_vendor=True, is_vendor_2025=True)
 NAN, INF = math.nan, math.inf
 HOME = [0.0, 1.5, -1.5, 1.5, 1.5, 0.0]
 STATE = RobotState(tuple(HOME), True, True, True, False, False, tcp_position=(0.4, -0.1, 0.3), tcp_rpy=(0.1, 0.2, 0.3))
@@ -88,6 +89,21 @@ def test_the_vendors_linear_move_ends_at_the_inverse_rotation(vector):
     inverse = matrix_from_rotation_vector([-v for v in vector])
     assert rotation_angle_between(ours, matrix_from_rotation_vector(vector)) < 1e-6
     assert rotation_angle_between(theirs, inverse) < 1e-6
+
+
+def test_the_vendors_linear_move_of_2025_takes_rpy_and_all_else_is_as_in_2024():
+    turned = move(pose=[400.0, -100.0, 300.0, 0.1, -0.2, 6.5], mvvelo=100, mvacc=500)
+    target = VENDOR_2025.linear_move(turned).target
+    assert target.position == pytest.approx((0.4, -0.1, 0.3)) and target.rpy == pytest.approx((0.1, -0.2, 6.5))
+    with pytest.raises(InvalidCommand, match="x y z, mm, and roll pitch yaw, rad"):
+        VENDOR_2025.linear_move(move(pose=[1.0] * 5))
+    limits.check(VENDOR_2025.linear_move(turned), MODEL)
+    with pytest.raises(InvalidCommand, match="rpy"):
+        limits.check(VENDOR_2025.linear_move(move(pose=[400.0, 0.0, 300.0, 90.0, 0.0, 0.0], mvvelo=100)), MODEL)
+    increment = ServoMoveRequest([1.0, 2.0, 3.0, 0.01, 0.02, 0.03])
+    assert VENDOR_2025.servo_pose(increment) == VENDOR.servo_pose(increment)
+    frame = SetTcpFrameRequest([0.0, 0.0, 120.0, 0.0, 1.5, 0.0], 2)
+    assert VENDOR_2025.tool_frame(frame) == VENDOR.tool_frame(frame)
 
 
 @pytest.mark.parametrize("changes, frame, axis, velocity", [
@@ -341,6 +357,18 @@ def test_tool_position_is_m_and_a_rotation_vector_and_the_vendors_mm_and_degrees
     assert (theirs.linear.x, theirs.linear.y, theirs.linear.z) == pytest.approx((400.0, -100.0, 300.0))
     assert (theirs.angular.x, theirs.angular.z) == pytest.approx((math.degrees(0.1), math.degrees(0.3)))
     assert convert.tool_position(RobotState(tuple(HOME), True, True, True, False, False), None, "b", False) is None
+
+
+def test_the_vendors_tool_position_of_2025_is_mm_and_a_quaternion():
+    message = convert.tool_pose(STATE, None, "user_frame_3")
+    assert message.header.frame_id == "user_frame_3"
+    p, q = message.pose.position, message.pose.orientation
+    assert (p.x, p.y, p.z) == pytest.approx((400.0, -100.0, 300.0))
+    turn = matrix_from_rpy((0.1, 0.2, 0.3))
+    assert q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w == pytest.approx(1.0, abs=1e-12)
+    assert 2.0 * (q.x * q.y + q.z * q.w) == pytest.approx(turn[3], abs=1e-9)
+    assert 2.0 * (q.y * q.z - q.x * q.w) == pytest.approx(turn[5], abs=1e-9)
+    assert convert.tool_pose(RobotState(tuple(HOME), True, True, True, False, False), None, "b") is None
 
 
 def test_robot_states():

@@ -1,4 +1,5 @@
 """Each service on the running node: one good call through the real program, and a table of bad ones."""
+import contextlib
 import math
 
 import pytest
@@ -6,7 +7,7 @@ import rospy
 import rosservice as rosservice_library
 from import_graph import ROOT
 from reference_values import reference_values
-from ros_bench import HOME, eventually, evidence_of, rosservice
+from ros_bench import HOME, SimulatorProcess, eventually, evidence_of, rosservice
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from jaka_msgs.srv import Move, MoveRequest, MoveResponse
@@ -33,6 +34,13 @@ def with_a_trajectory_under_way(arm):
         positions=HOME, time_from_start=rospy.Duration(20.0))])
     assert eventually(arm.simulator.is_moving)
     return ""
+
+
+@pytest.fixture(scope="module")
+def simulator():
+    """With a force sensor, for the service that zeroes it."""
+    with contextlib.closing(SimulatorProcess("--start", "enabled", "--force-sensor")) as process:
+        yield process
 
 
 @pytest.fixture
@@ -68,6 +76,7 @@ GOOD = [
     ("set_collisionlevel", text(is_enable="true", value=60), {"ret": 1}, lambda s: s["collision_level"] == 3),
     ("set_io", text(signal="digital", type=0, index=2, value=1.0), {"ret": 1}, lambda s: s["digital_outputs"][2] == 1),
     ("get_io", text(signal="digital", path=1, type=0, index=2), {"value": 1.0}, lambda s: True),
+    ("zero_ftsensor", "", {"success": True, "message": "the force sensor reads zero"}, lambda s: True),
     ("clear_err", "", {"ret": 1}, lambda s: s["errcode"] == "0x0"),
     ("get_fk", text(joint=HOME), {"message": "pose of the active tool in the active user frame"}, lambda s: True),
     ("get_ik", text(ref_joint=HOME, cartesian_pose=[400.0, 100.0, 350.0, 3.1, 0.0, -1.5]),

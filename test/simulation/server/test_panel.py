@@ -283,6 +283,17 @@ def test_inputs(arm, client, feed, bank, signal, field, index):
         assert client.ask("get_digital_input_status")["din_status"][3] == 1
 
 
+def test_the_force_sensor_is_loaded_where_there_is_one(make_arm):
+    with pytest.raises(InvalidCommand, match="no force sensor: start with --force-sensor"):
+        make_arm().panel("load_force_sensor", fz=1.0)
+    loaded = make_arm(force_sensor=True)
+    loaded.panel("load_force_sensor", fx=1.5, mz=-0.25)
+    with RawFeed(loaded.status_port) as feed:
+        wait_for(lambda: feed.frame()["torqsensor"][1][2] == [1.5, 0, 0, 0, 0, -0.25], "the load is in the feed")
+    with pytest.raises(InvalidCommand, match="fy is not a number"):
+        loaded.panel("load_force_sensor", fy="much")
+
+
 def test_true_state_and_events(arm, client):
     assert client.code("set_payload", mass=2.5, centroid=[0, 0, 1]) == "0"
     assert client.code("set_digital_output", type=0, index=2, value=1) == "0"

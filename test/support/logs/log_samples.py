@@ -27,6 +27,12 @@ JOINTS = connection("/jaka_driver/joint_position", "sensor_msgs/JointState",
                     "/jaka_driver", False)
 TOOL = connection("/jaka_driver/tool_position", "geometry_msgs/TwistStamped",
                   "Header header\nTwist twist\n" + HEADER + TWIST + VECTOR, "/jaka_driver", False)
+POSE = connection("/jaka_driver/tool_position", "geometry_msgs/PoseStamped",
+                  "Header header\nPose pose\n" + HEADER + BREAK
+                  + "MSG: geometry_msgs/Pose\nPoint position\nQuaternion orientation\n" + BREAK
+                  + "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n" + BREAK
+                  + "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
+                  "/jaka_driver", False)
 STATES = connection("/jaka_driver/robot_states", "jaka_msgs/RobotMsg",
                     "int16 motion_state\nint16 power_state\nint16 servo_state\nint16 collision_state\n",
                     "/jaka_driver", False)
@@ -61,6 +67,10 @@ def joints(seq: int, time: int, position: Sequence[float], names: Optional[Seque
 
 def tool(seq: int, time: int, values: Sequence[float]) -> Sample:
     return Sample(TOOL, time, header(seq, time) + struct.pack("<6d", *values))
+
+
+def pose(seq: int, time: int, values: Sequence[float]) -> Sample:
+    return Sample(POSE, time, header(seq, time) + struct.pack("<7d", *values))
 
 
 def states(time: int, *values: int) -> Sample:

@@ -10,8 +10,8 @@ from ..operations.plot import plot
 from .options import Report, add_report, add_selection, add_source, selection_of, span_of
 
 EPILOG = """\
-Without --field it draws what it knows: sensor_msgs/JointState as joints, geometry_msgs/TwistStamped as TCP position,
-rotation vector and path, jaka_msgs/RobotMsg as states.
+Without --field it draws what it knows: sensor_msgs/JointState as joints, geometry_msgs/TwistStamped (and PoseStamped
+called tool_position, mm) as TCP position, rotation vector and path, jaka_msgs/RobotMsg as states.
 
 examples:
   jaka_bag plot run.mcap -o run.svg

@@ -11,17 +11,16 @@ from ..messages.batch import Array, distinct
 from ..messages.columns import Columns
 from ..messages.selection import Selection
 from ..operations.columns import ColumnReader
+from ..operations.tool_poses import POSE_NAME, POSE_TYPE, TWIST_TYPE, tool_poses
 from ..paths import PathLike
 from ..units import NS_PER_S
 from .run import Call, Run, Stream, Track
 from .tolerances import Tolerances
 
 JOINT_STATE = "sensor_msgs/JointState"
-POSE_TYPE = "geometry_msgs/TwistStamped"
-POSE_NAME = "tool_position"
 STATE_TYPES = ("jaka_msgs/RobotMsg", "industrial_msgs/RobotStatus")
 CALL_TYPE = "jaka_msgs/ServiceCall"
-_POSE_FIELDS = tuple("twist.%s.%s" % (part, axis) for part in ("linear", "angular") for axis in "xyz")
+_POSE_PARTS = {TWIST_TYPE: ("twist.linear", "twist.angular"), POSE_TYPE: ("position", "rotation vector")}
 
 
 def _stamps(columns: Columns) -> Optional[Array]:
@@ -105,7 +104,7 @@ class _Loader:
             return False
         datatype = next(iter(kinds))[0]
         return (topic in self._tolerances.fields or datatype in (JOINT_STATE, CALL_TYPE, *STATE_TYPES)
-                or (datatype == POSE_TYPE and topic.endswith("/" + POSE_NAME)))
+                or (datatype in _POSE_PARTS and topic.endswith("/" + POSE_NAME)))
 
     def _seconds(self, time_ns: Array) -> Array:
         """Times since the log's first message, s, as if it had run at speed 1."""
@@ -129,10 +128,12 @@ class _Loader:
             value, rows = _matrix(fields["position"])
             if value.shape[1]:
                 run.joints[topic] = self._track(topic, _joint_names(columns, value.shape[1]), columns, value, rows)
-        elif datatype == POSE_TYPE:
-            value = np.stack([fields[name] for name in _POSE_FIELDS], axis=1)
-            run.poses[topic] = replace(self._track(topic, _POSE_FIELDS, columns, value),
-                                       frames=_texts(fields["header.frame_id"]))
+        elif datatype in _POSE_PARTS:
+            poses = tool_poses(columns)
+            if poses is not None:
+                names = ["%s.%s" % (part, axis) for part in _POSE_PARTS[datatype] for axis in "xyz"]
+                run.poses[topic] = replace(self._track(topic, names, columns, np.hstack(poses)),
+                                           frames=_texts(fields["header.frame_id"]))
         elif datatype in STATE_TYPES:
             names = [name for name, column in fields.items()
                      if column.ndim == 1 and column.dtype.kind in "iub" and not name.startswith("header.")]

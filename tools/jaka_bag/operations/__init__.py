@@ -9,4 +9,5 @@ recover   a damaged log into a whole one
 timing    how regularly messages came
 export    fields as CSV, NPZ or Parquet
 plot      pictures of a log
+tool_poses  positions and orientations of the tool, of each type that drivers publish
 """

@@ -12,6 +12,7 @@ from ..messages.columns import Columns
 from ..output_file import OutputFile
 from ..paths import PathLike
 from ..units import NS_PER_S
+from .tool_poses import ToolPoses, tool_poses
 
 FORMATS = (".svg", ".png")
 _MAX_POINTS = 4000
@@ -68,11 +69,11 @@ def _joint_panels(topic: str, columns: Columns, start_ns: int) -> List[Panel]:
     return [Panel(topic + "  position", "rad", lines)]
 
 
-def _tcp_panels(topic: str, columns: Columns, start_ns: int) -> List[Panel]:
+def _tcp_panels(topic: str, columns: Columns, poses: ToolPoses, start_ns: int) -> List[Panel]:
     time = _seconds(columns, start_ns)
     panels = []
-    for part, title, unit in (("twist.linear", "position", "m"), ("twist.angular", "rotation vector", "rad")):
-        lines = tuple((axis, *thin(time, columns.fields["%s.%s" % (part, axis)])) for axis in "xyz")
+    for values, title, unit in ((poses.position, "position", "m"), (poses.rotation_vector, "rotation vector", "rad")):
+        lines = tuple((axis, *thin(time, values[:, i])) for i, axis in enumerate("xyz"))
         panels.append(Panel("%s  %s" % (topic, title), unit, lines))
     return panels
 
@@ -101,8 +102,9 @@ def _field_panel(topic: str, columns: Columns, name: str, start_ns: int) -> Pane
     return Panel("%s  %s" % (topic, name), "", lines)
 
 
-def panels_of(data: Dict[str, Columns], fields: Sequence[Tuple[str, str]] = ()) -> Tuple[List[Panel], List[str]]:
-    """The diagrams for some topics, and the topics of TCP positions, whose path is drawn.
+def panels_of(data: Dict[str, Columns], fields: Sequence[Tuple[str, str]] = ()) -> Tuple[
+        List[Panel], Dict[str, Array]]:
+    """The diagrams for some topics, and the path of each topic of TCP positions, m (n, 3).
 
     Args:
         data: Columns by topic.
@@ -116,17 +118,18 @@ def panels_of(data: Dict[str, Columns], fields: Sequence[Tuple[str, str]] = ()) 
         for topic, _ in fields:
             if topic not in data:
                 raise BagError("there is no message of %s" % topic)
-        return [_field_panel(topic, data[topic], name, start_ns) for topic, name in fields], []
+        return [_field_panel(topic, data[topic], name, start_ns) for topic, name in fields], {}
     joints: List[Panel] = []
     positions: List[Panel] = []
     states: List[Panel] = []
-    paths: List[str] = []
+    paths: Dict[str, Array] = {}
     for topic, columns in sorted(data.items()):
+        poses = tool_poses(columns)
         if columns.connection.datatype == "sensor_msgs/JointState":
             joints += _joint_panels(topic, columns, start_ns)
-        elif columns.connection.datatype == "geometry_msgs/TwistStamped":
-            positions += _tcp_panels(topic, columns, start_ns)
-            paths.append(topic)
+        elif poses is not None:
+            positions += _tcp_panels(topic, columns, poses, start_ns)
+            paths[topic] = poses.position
         elif all(name in columns.fields for name in ("motion_state",) + _FLAGS):
             states += _state_panels(topic, columns, start_ns)
     if not joints + positions + states:
@@ -147,8 +150,7 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
         axes.legend(fontsize=7, loc="upper right", ncol=3)
 
 
-def _draw_path(axes: Any, topic: str, columns: Columns) -> None:
-    points = np.stack([columns.fields["twist.linear." + axis] for axis in "xyz"], axis=1)
+def _draw_path(axes: Any, topic: str, points: Array) -> None:
     if len(points) > _MAX_POINTS:
         points = points[np.linspace(0, len(points) - 1, _MAX_POINTS).astype(np.int64)]
     axes.plot(points[:, 0], points[:, 1], points[:, 2], linewidth=0.8)
@@ -178,7 +180,7 @@ def plot(data: Dict[str, Columns], target: PathLike, title: str, fields: Sequenc
     """
     check_format(target)
     panels, paths = panels_of(data, fields)
-    return draw(panels, target, title, {topic: data[topic] for topic in paths}, overwrite)
+    return draw(panels, target, title, paths, overwrite)
 
 
 def check_format(target: PathLike) -> None:
@@ -187,7 +189,7 @@ def check_format(target: PathLike) -> None:
         raise BagError("%s: the name of a picture ends in one of %s" % (target, ", ".join(FORMATS)))
 
 
-def draw(panels: Sequence[Panel], target: PathLike, title: str, paths: Mapping[str, Columns],
+def draw(panels: Sequence[Panel], target: PathLike, title: str, paths: Mapping[str, Array],
          overwrite: bool = False) -> int:
     """Draw diagrams one below the other, and the paths of some topics; give their number.
 
@@ -195,7 +197,7 @@ def draw(panels: Sequence[Panel], target: PathLike, title: str, paths: Mapping[s
         panels: The diagrams.
         target: .svg or .png by suffix.
         title: Stands above all.
-        paths: TCP positions by topic, drawn in space below the diagrams.
+        paths: TCP positions by topic, m (n, 3), drawn in space below the diagrams.
         overwrite: Replace an existing picture.
 
     Raises:
@@ -220,8 +222,8 @@ def draw(panels: Sequence[Panel], target: PathLike, title: str, paths: Mapping[s
         first.figure.axes[len(panels) - 1].set_xlabel("time since the first message, s")
         if paths:
             axes = figure.add_subplot(grid[len(panels)], projection="3d")
-            for topic, columns in paths.items():
-                _draw_path(axes, topic, columns)
+            for topic, points in paths.items():
+                _draw_path(axes, topic, points)
         figure.suptitle(title, fontsize=10)
         figure.tight_layout(rect=(0, 0, 1, 0.99))
         figure.savefig(output.file, format=suffix[1:], dpi=110)

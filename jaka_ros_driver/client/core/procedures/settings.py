@@ -6,7 +6,7 @@ from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import require_drives
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
-from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
+from jaka_ros_driver.errors import CommandRejected, InvalidCommand, JakaError, ProtocolError
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import IoBank, RobotState, Vector
 
@@ -17,6 +17,8 @@ _MASS_TOLERANCE = 1e-4
 _ANALOG_TOLERANCE = 0.01
 _OUTPUT_SETTLES_S = 0.1
 """An output that had its value before may hide that another was set: so long the others are watched, s."""
+_ZERO_FORCE_N, _ZERO_TORQUE_N_M = 2.0, 0.2
+"""What a sensor at rest may still read after it was zeroed; it is noisy, and no source gives a figure."""
 NOT_VERIFIED = " (not verified: this controller cannot read it back)"
 
 
@@ -97,6 +99,29 @@ def set_analog_output(core: ArmCore, command: c.SetAnalogOutput) -> Procedure:
     """Set an output and see it set, and no other in its place; errors as ``set_tool_frame``."""
     told = yield from _set_output(core, command, lambda s: s.io.analog_outputs, c.GetAnalogOutput, _ANALOG_TOLERANCE)
     return "analog output %d of %s is %g%s" % (command.index, command.bank.name.lower(), command.value, told)
+
+
+def zero_force_sensor(core: ArmCore) -> Procedure:
+    """Zero the force sensor and see it read about zero.
+
+    Raises:
+        InvalidCommand: The status feed shows no sensor, or the sensor reports an error.
+        ReadBackMismatch: The controller accepted and the sensor still reads more.
+        JakaError: As ``Ask``.
+    """
+    state = core.fresh_state((yield Now()))
+    if state.wrench is None:
+        raise InvalidCommand("the force sensor reports error %d" % state.sensor_error if state.sensor_error
+                             else "the status feed shows no force sensor")
+    yield Ask(c.ZeroForceSensor())
+    yield from _await_feed(core, _reads_zero, lambda s: "the sensor reads %s" % (
+        "nothing" if s.wrench is None else "%.3g %.3g %.3g N, %.3g %.3g %.3g N m" % s.wrench))
+    return "the force sensor reads zero"
+
+
+def _reads_zero(state: RobotState) -> bool:
+    return (state.wrench is not None and math.hypot(*state.wrench[:3]) <= _ZERO_FORCE_N
+            and math.hypot(*state.wrench[3:]) <= _ZERO_TORQUE_N_M)
 
 
 def _select_tool(core: ArmCore, tool_id: int) -> Procedure:

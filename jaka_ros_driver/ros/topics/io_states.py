@@ -1,0 +1,64 @@
+"""``~io_states``: every input and output that the status feed tells, latched.
+
+A change of a digital value is published with the frame that shows it. Analog values are noisy: what changes in them
+alone is published ten times a second at most, and only while somebody subscribes. Without a change it is published once
+a second, so that a reader can tell that it holds.
+"""
+import logging
+from typing import Any, Tuple
+
+import rospy
+
+from jaka_msgs import msg as messages
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.ros import convert
+from jaka_ros_driver.ros.topics.stamps import SampleStamps
+from jaka_ros_driver.state import IoState, RobotState
+
+_LOG = logging.getLogger(__name__)
+
+_PERIOD_S = 1.0
+_ANALOG_PERIOD_S = 0.1
+_QUEUE = 10
+NOTHING_REPORTED = IoState()
+
+
+class IoPublisher:
+    """Publishes it in the client's thread, with each new frame that calls for it.
+
+    A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack ``IOStates``; then nothing is published.
+    """
+
+    def __init__(self, arm: ArmClient, stamps: SampleStamps) -> None:
+        self._arm = arm
+        self._stamps = stamps
+        self._published = NOTHING_REPORTED
+        self._published_at = float("-inf")
+        self._publisher: Any = None
+        if hasattr(messages, "IOStates"):
+            self._publisher = rospy.Publisher("~io_states", messages.IOStates, queue_size=_QUEUE, latch=True,
+                                              tcp_nodelay=True)
+        else:
+            _LOG.warning("jaka_msgs in %s has no IOStates: ~io_states is not published", messages.__path__[0])
+
+    def start(self) -> None:
+        """Begin to publish."""
+        if self._publisher is not None:
+            self._arm.add_listener(self._arrived)
+
+    def _arrived(self, state: RobotState, is_new: bool) -> None:
+        if is_new and state.io != NOTHING_REPORTED and self._is_due(state):
+            self._published, self._published_at = state.io, state.received_at
+            self._publisher.publish(convert.io_states(state.io, self._stamps.of(state)))
+
+    def _is_due(self, state: RobotState) -> bool:
+        age = state.received_at - self._published_at
+        if age >= _PERIOD_S or _digital(state.io) != _digital(self._published):
+            return True
+        return (age >= _ANALOG_PERIOD_S and bool(self._publisher.get_num_connections())
+                and state.io != self._published)
+
+
+def _digital(io: IoState) -> Tuple[Any, ...]:
+    return (io.digital_inputs, io.digital_outputs, io.relays,
+            [(terminals.digital_inputs, terminals.digital_outputs) for terminals in io.field_buses.values()])
