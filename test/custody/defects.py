@@ -405,7 +405,7 @@ class Defect(NamedTuple):
 DEFECTS: Tuple[Defect, ...] = (
     Defect(FreeAtOnce, "a"), Defect(NeverFree, "k"), Defect(StopsOnce, "cm"), Defect(StopsForCallsOnly, "cejm"),
     Defect(JogsOn, "bc"), Defect(StopsLater, "i"), Defect(SendsAgain, "b"), Defect(ForgetsStops, "b"),
-    Defect(AnswersTwice, "e"), Defect(AnswersNever, "e"), Defect(AnswersGood, "e"), Defect(PowersAgain, "dn"),
+    Defect(AnswersTwice, "e"), Defect(AnswersNever, "be"), Defect(AnswersGood, "e"), Defect(PowersAgain, "dn"),
     Defect(JumpsInServo, "f"), Defect(StreamsOn, "ft"), Defect(LeavesLimits, "f"), Defect(ShowsOldAsNew, "g"),
     Defect(GuardIsNotTold, "h"), Defect(GuardIsToldTooSoon, "h"), Defect(DoesNotSeeSilence, "fhj"),
     Defect(ConnectsOnce, "kl"), Defect(TalksToStrangers, "n"), Defect(Raises, "contract"),
