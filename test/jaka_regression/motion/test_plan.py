@@ -1,5 +1,6 @@
 """From samples to a trajectory: smooth, near to them, within the limits, as the driver's own audit sees it."""
 import importlib
+import importlib.util
 
 import numpy as np
 import pytest

@@ -2,7 +2,6 @@
 
 The arm is led, recorded and replayed by the commands of docs/state_logs.md, as they stand there.
 """
-import json
 import os
 import signal
 import subprocess
@@ -30,10 +29,6 @@ def program(*words):
     environment = dict(os.environ, PYTHONPATH=os.pathsep.join(path for path in sys.path if path))
     return subprocess.Popen([sys.executable, "-m", "jaka_bag", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                             text=True, env=environment)
-
-
-def run(*words):
-    return ended(program(*words))
 
 
 def replay(*words):
@@ -85,37 +80,26 @@ def guided(arm, shell):
     return shell.folder / "guided.mcap", joints_of(arm), found["after the end of: recorder"].splitlines()
 
 
-def test_the_commands_of_the_page_replay_it(arm, shell, guided):
-    _, end, (look, again) = guided
-    here = joints_of(arm)
+def test_what_a_hand_did_is_done_again_and_compares_the_same(arm, shell, guided, tmp_path):
+    log, end, (look, again) = guided
+    candidate, tolerances = tmp_path / "again.mcap", tmp_path / "tolerances.yaml"
     code, said = shell.run(look)
-    assert code == 0 and joints_of(arm) == pytest.approx(here, abs=1e-3), said
+    assert code == 0 and joints_of(arm) == pytest.approx(end, abs=1e-3), said
     assert (shell.folder / "guided.motion.html").exists()
-    code, said = shell.run(again)
-    assert code == 0 and "done: the arm rests at the last point" in said, said
-    assert joints_of(arm) == pytest.approx(end, abs=2e-3)
-
-
-def test_what_a_hand_did_is_done_again_and_compares_the_same(arm, guided, tmp_path):
-    log, end, _ = guided
-    again, tolerances = tmp_path / "again.mcap", tmp_path / "tolerances.yaml"
     arm.go_home()
-    recorder = program("record", "--state-log", "-O", str(again))
-    assert eventually(again.with_suffix(".mcap.active").exists)
+    recorder = program("record", "--state-log", "-O", str(candidate))
+    assert eventually(candidate.with_suffix(".mcap.active").exists)
     arm.listen("joint_position", 60)
-    code, said, errors = ended(replay(log, "--json"))
+    code, said = shell.run(again)
     recorder.send_signal(signal.SIGINT)
     recorder.communicate(timeout=PATIENCE_S)
-    assert code == 0 and recorder.returncode == 0, errors
-    told = json.loads(said)
-    # a busy host may delay samples so that a stretch seems too fast; the way is the same then, and the end
-    assert told["model"] == "zu7" and told["deviation_rad"] < 0.01 and told["slowest_share"] > 0.1
+    assert code == 0 and "done: the arm rests at the last point" in said and recorder.returncode == 0, said
     assert joints_of(arm) == pytest.approx(end, abs=2e-3)
     limits = yaml.safe_load((ROOT / "test" / "data" / "busy_host.yaml").read_text(encoding="utf-8"))
     # who moved the arm is another thing: the calls and the states of the two runs differ
     limits["ignore_topics"] = ["(.*/)?(service_calls|robot_states|diagnostics|tf|tf_static)"]
     tolerances.write_text(yaml.safe_dump(limits), encoding="utf-8")
-    code, said, errors = run("compare", str(log), str(again), "--tolerances", str(tolerances))
+    code, said, errors = ended(program("compare", str(log), str(candidate), "--tolerances", str(tolerances)))
     assert code == 0, said + errors
 
 
@@ -127,10 +111,13 @@ def test_an_arm_that_stands_elsewhere_is_left_there(arm, guided):
     assert joints_of(arm) == pytest.approx(away, abs=1e-3)
 
 
-def test_ctrl_c_brakes_the_arm_on_its_path(arm, guided):
-    arm.go_home()
-    process = replay(guided[0], "--speed", "0.2")
-    assert eventually(arm.simulator.is_moving)
+def test_it_moves_to_the_start_and_ctrl_c_brakes_the_arm_on_its_path(arm, guided):
+    stand_at(arm, [0.1, *HOME[1:]])
+    process = replay(guided[0], "--move-to-start", "--speed", "0.2")
+    for line in process.stdout:
+        if "begins" in line:
+            break
+    assert joints_of(arm) == pytest.approx(HOME, abs=0.02) and eventually(arm.simulator.is_moving)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=PATIENCE_S)
     assert rests(arm), "it ends when the arm rests"

@@ -20,7 +20,7 @@ _EVEN_SHARE = 0.98
 _LONGEST_HOLD_S = 0.5
 """s; samples that would have been held up for longer were measured at another rate than most of the log."""
 _WINDOW = 1000
-_PERIODS = 1.0 + np.linspace(-0.04, 0.04, 801)
+_PERIODS = 1.0 + np.linspace(-0.03, 0.03, 401)
 _PUNCTUAL_TURN = 0.25
 """Of a period."""
 _CONCENTRATION = 0.3
@@ -95,7 +95,7 @@ def recorded_joints(run: Run, topic: Optional[str] = None, start_ns: Optional[in
     recording = Recording(run.path, track.topic, JOINTS, even[rises], position[rises])
     _check_continuous(recording, longest_gap)
     measured, good = _punctual(recording.time, interval)
-    good &= np.append(np.diff(measured) > 0.0, True)
+    good[1:] &= measured[1:] > np.maximum.accumulate(measured)[:-1]
     return recording._replace(time=measured[good], position=recording.position[good])
 
 
