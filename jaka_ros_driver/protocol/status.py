@@ -22,7 +22,10 @@ _ANALOG_OUTPUTS = ((IoBank.CABINET, "aout"),)
 _FIELD_BUSES = tuple((bus, tuple(name + kind for kind in ("_din", "_dout", "_ain", "_aout"))) for bus, name in (
     (FieldBus.MODBUS_SLAVE, "mb_slave"), (FieldBus.PROFINET_SLAVE, "pn_dev"), (FieldBus.ETHERNET_IP_SLAVE, "eip_adpt")))
 """Keys in the order of BusTerminals (docs/controller-protocol.md section 6.2)."""
+_NO_ARRAYS = [None] * 4
 _READINGS = slice(2, 5)
+_known_arrays: Dict[str, Tuple[List[Any], Vector]] = {}
+"""The newest array of each key, as it was parsed and as a tuple; a memo, which changes no result."""
 
 
 def encode_frame(fields: Mapping[str, Any]) -> bytes:
@@ -176,9 +179,10 @@ def _bank_values(fields: Mapping[str, Any], banks: Tuple[Tuple[IoBank, str], ...
         values = fields.get(key)
         if values is None:
             continue
-        if not isinstance(values, list) or not _are_numbers(values):
+        numbers = _array(key, values)
+        if numbers is None:
             raise _fail(key, values, "an array of numbers, together within %g" % _MAX_NUMBER)
-        found[bank] = tuple(values)
+        found[bank] = numbers
     return found
 
 
@@ -188,16 +192,36 @@ def _io(fields: Mapping[str, Any]) -> IoState:
         digital_outputs=_bank_values(fields, _DIGITAL_OUTPUTS),
         analog_inputs=_bank_values(fields, _ANALOG_INPUTS),
         analog_outputs=_bank_values(fields, _ANALOG_OUTPUTS),
-        relays=_array(fields.get("relay_io")),
-        field_buses={bus: BusTerminals(*[_array(fields.get(key)) for key in keys])
-                     for bus, keys in _FIELD_BUSES if any(key in fields for key in keys)})
+        relays=_array("relay_io", fields.get("relay_io")) or (),
+        field_buses=_field_buses(fields))
 
 
-def _array(values: Any) -> Vector:
-    """The numbers; none where it is anything else: of these fields no real controller has confirmed the shape, and
-    the arm is driven without them.
+def _field_buses(fields: Mapping[str, Any]) -> Dict[FieldBus, BusTerminals]:
+    """The field buses in the frame. An unknown shape reads as no terminals instead of an error: no real controller has
+    confirmed these fields, and the arm is driven without them.
     """
-    return tuple(values) if isinstance(values, list) and _are_numbers(values) else ()
+    found: Dict[FieldBus, BusTerminals] = {}
+    for bus, keys in _FIELD_BUSES:
+        arrays = [fields.get(key) for key in keys]
+        if arrays != _NO_ARRAYS:
+            found[bus] = BusTerminals(*[_array(key, values) or () for key, values in zip(keys, arrays)])
+    return found
+
+
+def _array(key: str, values: Any) -> Optional[Vector]:
+    """The numbers of an array; None where it is anything else.
+
+    Terminals seldom change, and a frame has up to 1700 of them: an array that is equal to the one before under its key
+    is not looked at again, and the same tuple is returned, which costs the fewest comparisons later, too.
+    """
+    known = _known_arrays.get(key)
+    if known is not None and known[0] == values:
+        return known[1]
+    if not isinstance(values, list) or not _are_numbers(values):
+        return None
+    numbers = tuple(values)
+    _known_arrays[key] = (list(values), numbers)
+    return numbers
 
 
 def _monitored(monitor: Any) -> Tuple[Optional[float], Optional[Vector], Optional[Vector]]:
@@ -209,10 +233,12 @@ def _monitored(monitor: Any) -> Tuple[Optional[float], Optional[Vector], Optiona
     if not isinstance(monitor, list) or len(monitor) < 6:
         return None, None, None
     cabinet = float(monitor[2]) if _is_finite_number(monitor[2]) else None
-    rows = monitor[5][:6] if isinstance(monitor[5], list) else []
-    if len(rows) != 6 or not all(isinstance(row, list) and len(row) > 2 for row in rows):
+    try:
+        rows = monitor[5][:6]
+        temperatures, currents = [row[2] for row in rows], [row[0] for row in rows]
+    except (TypeError, IndexError, KeyError):
         return cabinet, None, None
-    return cabinet, _floats([row[2] for row in rows]), _floats([row[0] for row in rows])
+    return (cabinet, _floats(temperatures), _floats(currents)) if len(rows) == 6 else (cabinet, None, None)
 
 
 def _floats(values: List[Any]) -> Optional[Vector]:

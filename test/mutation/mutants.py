@@ -116,7 +116,7 @@ OF_PROTOCOL: Tuple[Mutant, ...] = (
     Mutant("a controller without a sensor has one", "protocol/status.py",
            "if error or not any(map(any, readings)):", "if error:", STATUS),
     Mutant("voltages are taken for currents", "protocol/status.py",
-           "_floats([row[0] for row in rows])", "_floats([row[1] for row in rows])", STATUS),
+           "[row[0] for row in rows]", "[row[1] for row in rows]", STATUS),
     Mutant("any text is true", "protocol/status.py",
            'return value.lower() in ("1", "true")', "return bool(value)", STATUS),
     Mutant("a missing flag is false", "protocol/status.py",

@@ -39,7 +39,7 @@ def test_everything_is_served_but_the_record_of_calls_and_the_action(ros_node, e
                                **on(simulator, guard=False))
         with driver:
             arm = Arm(simulator, "/" + NAME)
-            arm.wait_until_seen()
+            arm.wait_until_ready()
             arm.go_home()
             assert arm.listen("robot_states", 1)[0].power_state == 1
             assert arm.call("servo_move_enable", enable=True).ret == 1

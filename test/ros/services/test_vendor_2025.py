@@ -1,5 +1,6 @@
 """Interface vendor_2025 where it differs from vendor (docs/controller-protocol.md section 9.1), and logs of it."""
 import math
+import signal
 import subprocess
 import sys
 
@@ -67,9 +68,12 @@ def test_the_rest_is_as_in_the_year_before(driver):
 def test_a_state_log_of_it_is_recorded_compared_drawn_and_exported(driver, tmp_path):
     log = tmp_path / "run.mcap"
     driver.go_home()
-    recorder = subprocess.Popen([*RECORD, "--state-log", "--duration", "4", "-O", str(log)], stdout=subprocess.PIPE,
+    recorder = subprocess.Popen([*RECORD, "--state-log", "-O", str(log)], stdout=subprocess.PIPE,
                                 stderr=subprocess.STDOUT, text=True)
+    assert any("recording to" in line for line in recorder.stdout)
     assert driver.call("joint_move", pose=[0.3] + HOME[1:], mvvelo=0.5, mvacc=4.0).ret == 1
+    driver.listen("tool_position", 125)
+    recorder.send_signal(signal.SIGINT)
     said, _ = recorder.communicate(timeout=120)
     assert recorder.returncode == 0, said
     position, turn = pose_of(driver)
