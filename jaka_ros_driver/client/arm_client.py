@@ -236,6 +236,38 @@ class ArmClient:
         """
         self._call(lambda call, now: self._core.move(call, command, wait, now))
 
+    def queue(self, command: c.Motion) -> "Future[None]":
+        """Begin a move, or queue it behind those under way; returns when the controller has accepted it.
+
+        Returns:
+            Ends when the target is reached (of a queue: passed), or with a MotionInterrupted.
+
+        Raises:
+            As ``move``.
+        """
+        end: Future[None] = Future()
+        self._call(lambda call, now: self._core.move(call, command, False, now, end))
+        return end
+
+    def play_program(self) -> "Future[None]":
+        """Play the loaded program; returns when it is seen running, and then nobody else can move the arm.
+
+        Returns:
+            Ends when it is over, or with a MotionInterrupted.
+
+        Raises:
+            As ``move``.
+        """
+        end: Future[None] = Future()
+        self._call(lambda call, now: self._core.play(call, end, now))
+        return end
+
+    def resume_program(self) -> "Future[None]":
+        """Go on with the paused program. As ``play_program``; of one that this driver plays, the first future ends."""
+        end: Future[None] = Future()
+        self._call(lambda call, now: self._core.resume_program(call, end, now))
+        return end
+
     def jog(self, command: c.Jog) -> None:
         """Begin a jog, or keep it going for another ``jog_timeout``. Raises what ``move`` raises."""
         self._call(lambda call, now: self._core.jog(call, command, now))

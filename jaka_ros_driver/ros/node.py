@@ -31,6 +31,7 @@ from jaka_ros_driver.ros.services.service_server import take_connection
 from jaka_ros_driver.ros.services.service_table import Services
 from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
 from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
+from jaka_ros_driver.ros.topics.motion_ends import MotionEnds
 from jaka_ros_driver.ros.topics.robot_status import RobotStatusPublisher
 from jaka_ros_driver.ros.topics.servo_topics import ServoTopics
 from jaka_ros_driver.ros.topics.speed import SpeedPublisher
@@ -58,9 +59,11 @@ class Driver:
         self._guard = Guard(config.ip, config.command_port, config.status_port) if config.guard else None
         self._arm = ArmClient(config.client_settings(), model, self._guard)
         self._frames = FrameTable(self._arm)
-        decoder = RequestDecoder(model, config.is_vendor)
+        decoder = RequestDecoder(model, config.is_vendor, blends=not config.blocking)
         self._publishers = StatePublishers(self._arm, config, self._frames)
-        self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames), CallPublisher())
+        self._ends = MotionEnds(self._arm)
+        self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames, self._ends),
+                                  CallPublisher())
         self._recover = RecoverAction(self._arm)
         self._trajectories = TrajectoryInterface(self._arm, config, self._publishers.joint_velocity)
         self._status = RobotStatusPublisher(self._arm)
@@ -83,6 +86,7 @@ class Driver:
         self._publishers.start()
         self._status.start()
         self._speed.start()
+        self._ends.start()
         self._services.offer()
         self._recover.offer()
         self._trajectories.offer()

@@ -15,6 +15,14 @@ from jaka_ros_driver.client.core.jog import Jog
 from jaka_ros_driver.client.core.links import Links
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.move import Move
+from jaka_ros_driver.client.core.planned.program import (
+    NOT_SEEN_RUNNING,
+    SHOWN_WITHIN_S,
+    UNDER_WAY,
+    Program,
+    ProgramState,
+    require_program_state,
+)
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Running, Until
 from jaka_ros_driver.client.core.servo import Servo
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
@@ -128,7 +136,7 @@ class ArmCore:
             state = self._admission.require_ready_to_move(now)
         except JakaError:
             return False
-        return self.motion_owner is not None or state.program_state not in (1, 3)
+        return self.motion_owner is not None or state.program_state not in UNDER_WAY
 
     def take_actions(self) -> List[Action]:
         """What the shell is to do, in order, since it last asked."""
@@ -181,8 +189,11 @@ class ArmCore:
 
     # ---- calls: each is answered once ----
 
-    def move(self, call: Any, command: c.Motion, wait: bool, now: float) -> None:
+    def move(self, call: Any, command: c.Motion, wait: bool, now: float, end: Any = None) -> None:
         """Move to the command's target; answered with ``wait`` when the arm is there, else on acceptance.
+
+        ``end``: answered when the target is reached (of a queue: passed), or with what ended the move; not where
+        ``call`` gets an error before anything was sent.
 
         Errors: InvalidCommand (outside the limits, or the arm cannot move now; nothing was sent), CommandRejected,
         MotionInterrupted (accepted, and not completed), ReplyTimeout, ConnectionLost.
@@ -191,10 +202,30 @@ class ArmCore:
             state = self._admission.require_ready_to_move(at)
             running = self.custody.motion
             if not wait and isinstance(running, Move) and not self.custody.is_ending:
-                running.add(command, call, at)
+                running.add(command, call, at, end)
             elif self._admission.may_begin(call, enter, now, at):
-                self.custody.begin(Move(self.custody, command, call, wait, state), at)
+                self.custody.begin(Move(self.custody, command, call, wait, state, end), at)
         self._enter(call, enter, now, command)
+
+    def play(self, call: Any, end: Any, now: float) -> None:
+        """Play the loaded program: it has the arm until it is over, or is stopped. Answered when it is seen running.
+
+        ``end``: answered when it is over, or with what ended it; not where ``call`` gets an error before it was sent.
+
+        Errors as ``move``.
+        """
+        self._run_program(call, end, c.PlayProgram(), ProgramState.IDLE, now)
+
+    def resume_program(self, call: Any, end: Any, now: float) -> None:
+        """Go on with the paused program, also with one that was begun at the pendant: it has the arm from now on.
+
+        ``end`` as for ``play``; where this driver plays it already, nobody is answered by it. Errors as ``move``.
+        """
+        running = self.custody.motion
+        if isinstance(running, Program) and not self.custody.is_ending:
+            self.run(call, self._resumed(running), now)
+        else:
+            self._run_program(call, end, c.ResumeMotion(), ProgramState.PAUSED, now)
 
     def jog(self, call: Any, command: c.Jog, now: float) -> None:
         """Begin a jog, or keep the same one going; answered on acceptance. Errors as ``move``."""
@@ -390,6 +421,26 @@ class ArmCore:
             enter(now)
         except JakaError as error:
             self.actions.answer(call, None, error)
+
+    def _run_program(self, call: Any, end: Any, command: c.Command, wanted: ProgramState, now: float) -> None:
+        def enter(at: float) -> None:
+            state = self._admission.require_ready_to_move(at)
+            if self.motion_owner is None:
+                require_program_state(state, wanted)
+            if self._admission.may_begin(call, enter, now, at):
+                self.custody.begin(Program(self.custody, command, call, end, state), at)
+        self._enter(call, enter, now)
+
+    def _resumed(self, program: Program) -> Procedure:
+        require_program_state(self._admission.require_ready_to_move((yield Now())), ProgramState.PAUSED)
+        yield Ask(c.ResumeMotion())
+
+        def require_still_under_way() -> None:
+            if self.custody.motion is not program or self.custody.is_ending:
+                raise InvalidCommand("refused: the program has ended, it cannot be resumed")
+        is_seen = yield from self.seen(lambda s: s.program_state in UNDER_WAY, SHOWN_WITHIN_S, require_still_under_way)
+        if not is_seen:
+            raise MotionInterrupted(StopCause.TIMEOUT, NOT_SEEN_RUNNING)
 
     def _require_no_stop_since(self, stops: int) -> None:
         if self.stops != stops:

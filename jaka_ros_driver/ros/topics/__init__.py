@@ -4,6 +4,7 @@ state_publishers  state topics and transforms, for every status frame
 state_repeater    repeats samples where the status feed is slower than the wanted rate, leaves some out where faster
 stamps, velocity  ROS time of a sample; joint velocity where the controller does not report it
 speed             the speed override
+motion_ends       how what was only accepted ends: moves, programs
 robot_status      the status message of ROS-Industrial
 servo_topics      servo targets by topic
 diagnostics       condition of arm and link, once a second
