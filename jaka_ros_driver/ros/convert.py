@@ -154,6 +154,25 @@ class RequestDecoder:
         scale = 2.0 * math.atan2(sin_half, w) / sin_half if sin_half > 0.0 else 0.0
         return c.ServoPose(c.Pose(position, rpy_from_rotation_vector((x * scale, y * scale, z * scale))))
 
+    def path(self, goal: Any) -> Tuple[c.PathCommand, ...]:
+        """Decode a MovePath: segments in ROS units, the same in both interfaces."""
+        return tuple(self._segment("segments[%d]." % n, segment) for n, segment in enumerate(goal.segments))
+
+    def _segment(self, name: str, segment: Any) -> c.PathCommand:
+        speed = _positive(name + "speed", segment.speed)
+        acceleration = _positive(name + "acceleration", segment.acceleration)
+        radius = _finite(name + "blend_radius", segment.blend_radius)
+        if segment.type == segment.JOINT:
+            return c.JointMove(self._joint_target(name + "joints", segment.joints), speed, acceleration, radius)
+        target = _pose_in_m(name + "pose", segment.pose)
+        if segment.type == segment.LINE:
+            line = c.LinearMove(target, speed, acceleration, radius)
+            return replace(line, angular_speed=min(line.turn_speed, limits.joint_speed_limit(self._model)),
+                           angular_acceleration=line.turn_acceleration)
+        if segment.type == segment.ARC:
+            return c.ArcMove(_pose_in_m(name + "via", segment.via), target, speed, acceleration, radius)
+        raise InvalidCommand("%stype is %d; valid: 0 joint, 1 line, 2 arc" % (name, segment.type))
+
     def _blend_radius(self, request: Any) -> Optional[float]:
         """Of a Move: how far the tool may pass the target on its way to the next one, m; None where it is to be met."""
         if not self._blends or request.mvradii == 0.0:
@@ -316,6 +335,11 @@ def _numbers(name: str, values: Sequence[float], what: str) -> Tuple[float, ...]
     if len(values) != 6:
         raise InvalidCommand("%s has %d values; it must have 6: %s" % (name, len(values), what))
     return tuple(_finite("%s[%d]" % (name, n), value) for n, value in enumerate(values))
+
+
+def _pose_in_m(name: str, values: Sequence[float]) -> c.Pose:
+    pose = _numbers(name, values, "x y z, m, and a rotation vector, rad")
+    return c.Pose(pose[:3], rpy_from_rotation_vector(_rotation_vector(name, pose)))
 
 
 def _frame_pose(values: Sequence[float]) -> c.Pose:

@@ -25,6 +25,7 @@ from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig, config_from
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher
+from jaka_ros_driver.ros.services.path_action import PathAction
 from jaka_ros_driver.ros.services.recover_action import RecoverAction
 from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
 from jaka_ros_driver.ros.services.service_server import take_connection
@@ -65,6 +66,7 @@ class Driver:
         self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames, self._ends),
                                   CallPublisher())
         self._recover = RecoverAction(self._arm)
+        self._paths = PathAction(self._arm, decoder)
         self._trajectories = TrajectoryInterface(self._arm, config, self._publishers.joint_velocity)
         self._status = RobotStatusPublisher(self._arm)
         self._speed = SpeedPublisher(self._arm)
@@ -89,6 +91,7 @@ class Driver:
         self._ends.start()
         self._services.offer()
         self._recover.offer()
+        self._paths.offer()
         self._trajectories.offer()
         self._topics.start()
         self._arm.start()
@@ -118,6 +121,7 @@ class Driver:
         self._arm.close()
         self._services.finish_calls(_ANSWER_TIMEOUT_S)
         self._recover.finish_goals(_ANSWER_TIMEOUT_S)
+        self._paths.finish_goals(_ANSWER_TIMEOUT_S)
         self._trajectories.finish_goals(_ANSWER_TIMEOUT_S)
         self._master_watch.close()
         self._diagnostics.close()

@@ -15,7 +15,7 @@ servo_trace     where the arm may be while it is streamed
 streaming       what motions in servo mode have in common: entered, one frame a cycle, left
 servo           servo mode for a client that streams targets
 trajectory      a joint trajectory, streamed along its audited path
-planned         what the controller plans as a whole: programs of its own
+planned         what the controller plans as a whole: paths of several segments, programs of its own
 procedures      what takes several requests, as generators: session, power, settings
 arm_core        routes events and calls
 """

@@ -5,7 +5,7 @@ from typing import Any, List, Optional
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner, rest_time_at
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
-from jaka_ros_driver.commands import JointMove
+from jaka_ros_driver.commands import JointMove, PathCommand
 from jaka_ros_driver.commands import Motion as MoveCommand
 from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
@@ -13,7 +13,7 @@ from jaka_ros_driver.state import RobotState
 
 START_WINDOW_S = 1.0
 """s; a motion that is accepted and not seen to begin within this time is stopped: it may not begin later."""
-_SETTLE_TIME_S = 0.3
+SETTLE_TIME_S = 0.3
 """s; an arm that rests away from its target for so long has been stopped by somebody else."""
 _JOINT_TOLERANCE = 0.01
 _POSITION_TOLERANCE = 0.002
@@ -22,7 +22,7 @@ _LONGEST_FRAME_TIME_S = 0.1
 """s; a feed in good order has a frame at least so often."""
 _LEVER = 0.1
 """m; a joint whose turning moves the tool at a smaller radius does not count."""
-_NO_DISTANCE = 0.03
+NO_DISTANCE = 0.03
 """Of a tolerance: an arm that is as near as this may be there without having moved."""
 
 
@@ -129,8 +129,8 @@ class Move(Motion):
         self._accepted_at = now
         self.deadline = now + self._custody.settings.motion_timeout
         self.rest_time = rest_time_at(part.command.speed, not isinstance(part.command, JointMove))
-        distance = _relative_distance(part.command, self._start)
-        self._must_move = self._must_move or (distance is not None and distance > _NO_DISTANCE)
+        distance = relative_distance(part.command, self._start)
+        self._must_move = self._must_move or (distance is not None and distance > NO_DISTANCE)
         if not part.waits and not self._custody.is_ending:
             self._answer(part, None)
 
@@ -149,13 +149,13 @@ class Move(Motion):
         still = self._custody.stillness.duration(self._accepted_at)
         if still < self.rest_time or not all(part.is_accepted for part in self._parts):
             return
-        distance = _relative_distance(target, state)
+        distance = relative_distance(target, state)
         has_run = self._has_moved or not self._must_move
         if has_run and distance is not None and distance <= 1.0:
             if not self._was_run_through(distance):
                 if still >= START_WINDOW_S:
                     self._custody.stop(None, now)
-            elif state.is_in_position or (distance <= _NO_DISTANCE and still >= self.rest_time + _SETTLE_TIME_S):
+            elif state.is_in_position or (distance <= NO_DISTANCE and still >= self.rest_time + SETTLE_TIME_S):
                 self._custody.finish(now)
         elif not state.is_in_position:
             return
@@ -163,16 +163,16 @@ class Move(Motion):
             self._look_for_the_start(target, state, distance, now)
         elif distance is None:
             self._custody.finish(now)
-        elif still >= max(_SETTLE_TIME_S, self.rest_time):
+        elif still >= max(SETTLE_TIME_S, self.rest_time):
             self._custody.stop(MotionInterrupted(
-                StopCause.STOPPED, "the arm came to rest %s from the target" % _distance_text(target, state)), now)
+                StopCause.STOPPED, "the arm came to rest %s from the target" % distance_text(target, state)), now)
 
     def _note_reached(self, state: RobotState) -> None:
         """Of a queue, each target is passed in its turn; all but the last one may be passed beside a rounded corner."""
         for part in self._parts:
             is_last = part is self._parts[-1]
             if not part.was_reached:
-                distance = _relative_distance(part.command, state)
+                distance = relative_distance(part.command, state)
                 if not part.is_accepted or (distance is not None and distance > 1.0
                                             and (is_last or not _is_beside(part.command, state))):
                     return
@@ -182,7 +182,7 @@ class Move(Motion):
 
     def _was_run_through(self, distance: float) -> bool:
         """Of a queue, another part may still begin; a stop makes sure of the end where that cannot be excluded."""
-        return len(self._parts) == 1 or (distance <= _NO_DISTANCE and all(part.was_reached for part in self._parts))
+        return len(self._parts) == 1 or (distance <= NO_DISTANCE and all(part.was_reached for part in self._parts))
 
     def _look_for_the_start(self, target: MoveCommand, state: RobotState, distance: Optional[float],
                             now: float) -> None:
@@ -191,7 +191,7 @@ class Move(Motion):
         if distance is not None and distance <= 1.0:
             self._custody.stop(None, now)
             return
-        where = ("it is %s from the target" % _distance_text(target, state) if distance is not None
+        where = ("it is %s from the target" % distance_text(target, state) if distance is not None
                  else "the controller does not tell how far it is from the target")
         self._custody.stop(MotionInterrupted(StopCause.FAULT, "accepted, but the arm did not move; " + where), now)
 
@@ -200,7 +200,7 @@ def _joint_distance(a: RobotState, b: RobotState) -> float:
     return max([abs(p - q) for p, q in zip(a.joint_position, b.joint_position)])
 
 
-def _relative_distance(command: MoveCommand, state: RobotState) -> Optional[float]:
+def relative_distance(command: PathCommand, state: RobotState) -> Optional[float]:
     """How far the arm is from the target, 1.0 at the tolerance; None where the feed does not tell."""
     if isinstance(command, JointMove):
         return max([abs(a - b) for a, b in zip(command.joint_position, state.joint_position)]) / _JOINT_TOLERANCE
@@ -229,11 +229,12 @@ def _pose_distance(command: Any, state: RobotState) -> Optional[List[float]]:
     return [away, rotation_angle_between(matrix_from_rpy(command.target.rpy), matrix_from_rpy(state.tcp_rpy))]
 
 
-def _distance_text(command: MoveCommand, state: RobotState) -> str:
+def distance_text(command: PathCommand, state: RobotState) -> str:
+    """How far the arm is from the target, with units."""
     if isinstance(command, JointMove):
         return "%.4f rad" % max([abs(a - b) for a, b in zip(command.joint_position, state.joint_position)])
     away = _pose_distance(command, state) or [0.0, 0.0]
     return "%.4f m and %.4f rad" % (away[0], away[1])
 
 
-assert REST_TIME_S < _SETTLE_TIME_S
+assert REST_TIME_S < SETTLE_TIME_S

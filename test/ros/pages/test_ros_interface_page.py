@@ -5,6 +5,7 @@ import re
 import import_graph
 import pytest
 from page_commands import Shell, blocks, until
+from ros_bench import eventually
 
 from jaka_ros_driver.client.core.procedures.recovery import RecoveryStep
 
@@ -49,6 +50,9 @@ def test_each_command_of_the_page(shell, arm):
             assert arm.call("enable", data=False).success
             continue
         for line in block.text.strip().splitlines():
+            if "move_path/goal" in line:
+                arm.wait_until_ready()
+                assert eventually(lambda: arm.call("recover").success)
             if "_controller/command" in line and "points" in line:
                 arm.wait_until_ready()
                 arm.go_home()
@@ -60,8 +64,10 @@ def test_each_command_of_the_page(shell, arm):
             if "_controller/command" in line:
                 is_sent = "points" in line
                 until(lambda is_sent=is_sent: arm.simulator.is_moving() is is_sent, lambda: "the arm moves, or rests")
+            if "move_path/" in line:
+                until(lambda line=line: arm.simulator.is_moving() is ("goal" in line), lambda: "the arm moves, or rests")
             ran.append(line)
-    assert set(ANSWERS) <= set(ran) and len(ran) == 20
+    assert set(ANSWERS) <= set(ran) and len(ran) == 22
 
 
 def test_the_tables_of_recovery_name_the_steps_of_the_code():
