@@ -8,6 +8,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 from controller_room import ControllerRoom, is_motion
 from driver_process import Call
+from path_rules import sent_for_path
 from trajectory_rules import TrajectoryRules
 from verdict import RuleBroken
 
@@ -156,11 +157,20 @@ class SentRules:
     def _motion(self, name: str, request: Dict[str, Any], now: float) -> None:
         if self.is_closed:
             raise RuleBroken("b", now, "%s is sent after the driver was told to shut down" % name)
+        if name == "play_program":
+            self._wished(name, now, lambda call: call.kind == "program" and call.command == "play")
+            return
         if name == "joint_move":
+            self._within_limits(name, all_deg_to_rad(request["jointPosition"]), now)
+        path = sent_for_path(name, request, list(self.open_calls.values()), self.last_stop, now)
+        if path is not None:
+            self.last_motion = path.number
+        elif name == "joint_move":
             target = all_deg_to_rad(request["jointPosition"])
-            self._within_limits(name, target, now)
             self._wished(name, now, lambda call: isinstance(call.command, c.JointMove)
                          and _near(call.command.joint_position, target, _SAME))
+        elif name == "movc":
+            raise RuleBroken("b", now, "an arc is sent that no path asks for")
         elif name == "moveL":
             position = all_mm_to_m(request["cartPosition"][:3])
             self._wished(name, now, lambda call: isinstance(call.command, c.LinearMove)

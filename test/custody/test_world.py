@@ -68,4 +68,5 @@ def test_the_scenarios_move_the_arm():
     results = [world.World(generator.generate(seed)).run() for seed in range(1, 21)]
     assert sum(result.moving for result in results) > 0.1 * sum(result.simulated for result in results)
     done = {kind for result in results for kind, how in result.answers if how == "done"}
-    assert done == {"move", "jog", "servo_mode", "servo_target", "stop", "run", "trajectory", "trajectory_start"}
+    assert done == {"move", "jog", "servo_mode", "servo_target", "stop", "run", "trajectory", "trajectory_start",
+                    "path", "program"}

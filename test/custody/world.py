@@ -243,6 +243,12 @@ class World:
     def do_trajectory(self, caller: int, **args: Any) -> None:
         self._clients.trajectory(caller, **args)
 
+    def do_path(self, caller: int, **args: Any) -> None:
+        self._clients.path(caller, **args)
+
+    def do_program(self, caller: int, **args: Any) -> None:
+        self._clients.program(caller, **args)
+
     def do_procedure(self, caller: int, **args: Any) -> None:
         self._clients.procedure(caller, **args)
 
@@ -348,6 +354,9 @@ class World:
 
     def do_pendant_move(self, joint: int, step: float) -> None:
         self._room.move_at_pendant(joint, step)
+
+    def do_pendant_program(self, duration: float) -> None:
+        self._room.play_at_pendant(duration)
 
     def do_push(self, joint: int, velocity: float, duration: float) -> None:
         self._room.push(joint, velocity, duration)

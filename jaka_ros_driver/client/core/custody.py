@@ -191,7 +191,10 @@ class Custody:
             if self.stillness.has_moved_since(self._began_at):
                 self.stop(MotionInterrupted(StopCause.FAULT, "the arm moves though the motion was refused"), now)
             elif self.stillness.duration(self._began_at) >= REST_TIME_S:
-                self._release(now)
+                if motion.may_be_left(state):
+                    self._release(now)
+                else:
+                    self.stop(MotionInterrupted(StopCause.FAULT, "it is under way though it was refused"), now)
             return
         if self._phase is _Phase.STOPPING and self._is_guess:
             self._look_for_the_cause(state, now)

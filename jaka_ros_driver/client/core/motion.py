@@ -64,7 +64,7 @@ class Motion:
         """Take a fresh state into account while it is being stopped."""
 
     def may_be_left(self, state: RobotState) -> bool:
-        """After an accepted stop, and with the joints at rest: this state does not say that it goes on."""
+        """After an accepted stop or a refusal, with the joints at rest: this state does not say that it goes on."""
         return True
 
     def halts(self) -> List[Command]:

@@ -65,7 +65,7 @@ def test_each_command_of_the_page(shell, arm):
                 is_sent = "points" in line
                 until(lambda is_sent=is_sent: arm.simulator.is_moving() is is_sent, lambda: "the arm moves, or rests")
             if "move_path/" in line:
-                until(lambda line=line: arm.simulator.is_moving() is ("goal" in line), lambda: "the arm moves, or rests")
+                until(lambda line=line: arm.simulator.is_moving() is ("goal" in line), lambda: "it moves, or rests")
             ran.append(line)
     assert set(ANSWERS) <= set(ran) and len(ran) == 22
 

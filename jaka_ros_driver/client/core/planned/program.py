@@ -9,7 +9,7 @@ from typing import Any, Optional
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
-from jaka_ros_driver.commands import Command
+from jaka_ros_driver.commands import Command, ResumeMotion
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
 
@@ -84,7 +84,9 @@ class Program(Motion):
             self._custody.stop(MotionInterrupted(StopCause.TIMEOUT, NOT_SEEN_RUNNING), now)
 
     def may_be_left(self, state: RobotState) -> bool:
-        return state.program_state not in UNDER_WAY
+        if state.program_state == ProgramState.PAUSED:  # one that was not to be resumed is still paused
+            return isinstance(self._command, ResumeMotion)
+        return state.program_state in (None, ProgramState.IDLE)
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         self._answer(outcome)
