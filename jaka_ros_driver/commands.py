@@ -34,11 +34,15 @@ class Pose:
 
 @dataclass(frozen=True)
 class JointMove:
-    """Axis motion to a joint target. joint_position rad (6,), speed rad/s, acceleration rad/s2."""
+    """Axis motion to a joint target. joint_position rad (6,), speed rad/s, acceleration rad/s2.
+
+    tolerance: How far the tool may pass the target on its way to that of the next queued move, m; 0: it stops there.
+    """
 
     joint_position: Vector
     speed: float
     acceleration: float
+    tolerance: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,7 @@ class LinearMove:
         target: The pose at its end.
         speed: Of the tool centre point, m/s.
         acceleration: m/s2.
-        tolerance: m.
+        tolerance: How far the tool may pass the target on its way to that of the next queued move, m.
         angular_speed: Of the tool's orientation, rad/s; None where it follows from ``speed``, see ``turn_speed``.
         angular_acceleration: rad/s2; None where it follows from ``acceleration``.
     """
@@ -77,6 +81,19 @@ class LinearMove:
         if self.angular_acceleration is not None:
             return self.angular_acceleration
         return min(self.acceleration / TURN_LEVER, TURN_ACCELERATION_CEILING)
+
+
+@dataclass(frozen=True)
+class ArcMove:
+    """The arc of the active tool from where it is through ``via`` to ``target``, in the active user frame; the tool
+    turns the short way. speed m/s, acceleration m/s2; tolerance as of LinearMove, m.
+    """
+
+    via: Pose
+    target: Pose
+    speed: float
+    acceleration: float
+    tolerance: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -120,6 +137,18 @@ class PauseMotion:
 @dataclass(frozen=True)
 class ResumeMotion:
     """Go on with what is paused."""
+
+
+@dataclass(frozen=True)
+class LoadProgram:
+    """Make a program that is stored in the controller the one that is played."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class PlayProgram:
+    """Begin the loaded program."""
 
 
 @dataclass(frozen=True)
@@ -291,6 +320,7 @@ class Query(enum.Enum):
     COLLISION_LEVEL = "int, 0..5"
     SIMULATOR_IDENTITY = "str, what the simulated controller was named; only that one knows the question"
     HAND_GUIDING = "bool, True while hand guiding is on"
+    LOADED_PROGRAM = "str, the name of the loaded program"
 
 
 @dataclass(frozen=True)
@@ -313,9 +343,12 @@ TERMINAL_COMMANDS = (SetDigitalOutput, SetAnalogOutput, GetDigitalOutput, GetAna
 """Those that name one input or output by its index."""
 
 Motion = Union[JointMove, LinearMove]
+PathCommand = Union[JointMove, LinearMove, ArcMove]
+"""A segment of a path."""
 
 Command = Union[
-    JointMove, LinearMove, Jog, JogStop, Stop, PauseMotion, ResumeMotion, SetServoMode, ServoJoint, ServoPose,
+    JointMove, LinearMove, ArcMove, Jog, JogStop, Stop, PauseMotion, ResumeMotion, LoadProgram, PlayProgram,
+    SetServoMode, ServoJoint, ServoPose,
     SetPower, SetEnabled, ClearError, SetToolFrame, SelectTool, SetUserFrame, SelectUserFrame, SetPayload,
     SetHandGuiding, SetCollisionLevel, SetDigitalOutput, SetAnalogOutput, SetRapidRate, SetFeedPeriod, SetLinkLoss,
     ForwardKinematics, InverseKinematics, Query, GetDigitalOutput, GetAnalogOutput, ZeroForceSensor]

@@ -92,6 +92,22 @@ class MotionInterrupted(JakaError):
         self.cause = cause
 
 
+class PathInterrupted(MotionInterrupted):
+    """A path of several segments ended before it was completed.
+
+    Attributes:
+        completed: Number of segments that have ended.
+        fraction: Of the whole path, 0 to 1.
+    """
+
+    def __init__(self, why: MotionInterrupted, completed: int, count: int, fraction: float) -> None:
+        super().__init__(why.cause)
+        self.args = ("%s; %d of %d segments completed, %.1f %% of the path" % (
+            why, completed, count, 100.0 * fraction),)
+        self.completed = completed
+        self.fraction = fraction
+
+
 class PathToleranceViolated(MotionInterrupted):
     """The arm left its trajectory by more than was allowed; it was stopped."""
 

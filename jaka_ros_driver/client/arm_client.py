@@ -3,7 +3,7 @@ import logging
 import threading
 import time
 from concurrent.futures import Future
-from typing import Any, Callable, List, Optional, Union
+from typing import Any, Callable, List, Optional, Sequence, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.actions import Answer, Close, Log, Open, Port, Send, Show, Tell
@@ -11,6 +11,7 @@ from jaka_ros_driver.client.core.arm_core import AT_REST_ONLY, ArmCore
 from jaka_ros_driver.client.core.feed import FeedHealth
 from jaka_ros_driver.client.core.links import LinkHealth
 from jaka_ros_driver.client.core.motion import MotionOwner
+from jaka_ros_driver.client.core.planned.path_move import PathProgress
 from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.client.core.procedures.procedure import Procedure
 from jaka_ros_driver.client.core.trajectory import Progress, StartChanged, TrajectoryStart
@@ -236,6 +237,66 @@ class ArmClient:
             ReplyTimeout, ConnectionLost: As ``execute``.
         """
         self._call(lambda call, now: self._core.move(call, command, wait, now))
+
+    def queue(self, command: c.Motion) -> "Future[None]":
+        """Begin a move, or queue it behind those under way; returns when the controller has accepted it.
+
+        Returns:
+            Ends when the target is reached (of a queue: passed), or with a MotionInterrupted.
+
+        Raises:
+            As ``move``.
+        """
+        end: Future[None] = Future()
+        self._call(lambda call, now: self._core.move(call, command, False, now, end))
+        return end
+
+    def begin_path(self, commands: Sequence[c.PathCommand], is_cancelled: Callable[[], bool],
+                   on_begun: Callable[[], None]) -> "Future[PathProgress]":
+        """Begin to run segments as one queue of the controller, after an audit of the whole.
+
+        Args:
+            commands: The segments.
+            is_cancelled: Looked at while nothing was sent yet; ``cancel_path`` ends it later.
+            on_begun: Called in the client's thread, when the first segment was accepted; it must not block.
+
+        Returns:
+            Ends when the arm rests at the last target, or with an error: as ``move``; after ``on_begun`` with a
+            PathInterrupted, when the arm rests after the stop.
+        """
+        return self._begin(lambda call, now: self._core.move_path(call, commands, is_cancelled, on_begun, now))
+
+    def cancel_path(self, path: "Future[PathProgress]") -> bool:
+        """Stop the path of this future; False where it is not under way (yet, or any more)."""
+        with self._lock:
+            is_cancelled = self._core.cancel_path(path, time.monotonic())
+            self._perform()
+        return is_cancelled
+
+    @property
+    def path(self) -> Optional[PathProgress]:
+        """How far the path under way has come; None without one."""
+        with self._lock:
+            return self._core.path
+
+    def play_program(self) -> "Future[None]":
+        """Play the loaded program; returns when it is seen running, and then nobody else can move the arm.
+
+        Returns:
+            Ends when it is over, or with a MotionInterrupted.
+
+        Raises:
+            As ``move``.
+        """
+        end: Future[None] = Future()
+        self._call(lambda call, now: self._core.play(call, end, now))
+        return end
+
+    def resume_program(self) -> "Future[None]":
+        """Go on with the paused program. As ``play_program``; of one that this driver plays, the first future ends."""
+        end: Future[None] = Future()
+        self._call(lambda call, now: self._core.resume_program(call, end, now))
+        return end
 
     def jog(self, command: c.Jog) -> None:
         """Begin a jog, or keep it going for another ``jog_timeout``. Raises what ``move`` raises."""

@@ -29,6 +29,7 @@ TOLERANCES = (0.0, 1.0)
 """m; a rounded corner that is larger than this is not meant."""
 IO_INDICES = (0, 1023)
 """First and last index of a terminal; no bank of a controller has more."""
+LONGEST_PROGRAM_NAME = 100
 SERVO_CYCLES = (1, 1000)
 """Servo cycles of 8 ms for one target; the upper bound is 8 s."""
 JOINT_SPEED_CEILING = math.pi
@@ -145,6 +146,15 @@ def _text(name: str, value: Any) -> None:
         raise InvalidCommand("%s is %r; it must be text" % (name, value))
 
 
+def _program_name(name: str, value: Any) -> None:
+    """A file of the controller's own folder: no way into another one, and nothing that cannot be read."""
+    _text(name, value)
+    if not 0 < len(value) <= LONGEST_PROGRAM_NAME or not value.isprintable() or value.strip() != value \
+            or "/" in value or "\\" in value or value.startswith("."):
+        raise InvalidCommand("%s is %.60r; valid: the name of a program file, 1 to %d printable characters, without "
+                             "folder" % (name, value, LONGEST_PROGRAM_NAME))
+
+
 def _member(name: str, value: Any, kind: Any) -> None:
     if not isinstance(value, kind):
         raise InvalidCommand("%s is %r; valid: %s" % (name, value, ", ".join("%s (%d)" % (k.name, k) for k in kind)))
@@ -181,6 +191,7 @@ def _joint_move(command: commands.JointMove, model: ArmModel, state: Optional[Ro
     _joint_target("joint_position", command.joint_position, model)
     _above_zero("speed", command.speed, joint_speed_limit(model), "rad/s")
     _above_zero("acceleration", command.acceleration, JOINT_ACCELERATION_CEILING, "rad/s2")
+    _number("tolerance", command.tolerance, *TOLERANCES, "m")
     _enabled("joint move", state)
 
 
@@ -194,6 +205,15 @@ def _linear_move(command: commands.LinearMove, model: ArmModel, state: Optional[
     if command.angular_acceleration is not None:
         _above_zero("angular_acceleration", command.angular_acceleration, JOINT_ACCELERATION_CEILING, "rad/s2")
     _enabled("linear move", state)
+
+
+def _arc_move(command: commands.ArcMove, model: ArmModel, state: Optional[RobotState]) -> None:
+    _pose("via", command.via)
+    _pose("target", command.target)
+    _above_zero("speed", command.speed, tcp_speed_limit(model), "m/s")
+    _above_zero("acceleration", command.acceleration, TCP_ACCELERATION_CEILING, "m/s2")
+    _number("tolerance", command.tolerance, *TOLERANCES, "m")
+    _enabled("arc move", state)
 
 
 def _jog(command: commands.Jog, model: ArmModel, state: Optional[RobotState]) -> None:
@@ -261,11 +281,14 @@ def _bank(name: str, value: Any) -> None:
 _CHECKERS: Dict[type, Checker] = {
     commands.JointMove: _joint_move,
     commands.LinearMove: _linear_move,
+    commands.ArcMove: _arc_move,
     commands.Jog: _jog,
     commands.JogStop: _jog_axis,
     commands.Stop: _fields(),
     commands.PauseMotion: _fields(),
     commands.ResumeMotion: _fields(),
+    commands.LoadProgram: _fields(name=_program_name),
+    commands.PlayProgram: _fields(),
     commands.SetServoMode: _fields(active=_flag),
     commands.ServoJoint: _servo_joint,
     commands.ServoPose: _servo_pose,

@@ -156,17 +156,29 @@ def _user_frame(command: c.SetUserFrame) -> Params:
     return {"userffset": pose, "useroffset": pose, "id": command.user_frame_id, "name": command.name}
 
 
+def _joint_move(move: c.JointMove) -> Params:
+    """Write ``tol`` only where it is wanted: no client but the maker's SDK sends it
+    (docs/controller-protocol.md section 5.2, docs/sdk-client.md section 8).
+    """
+    params = {"relFlag": 0, "jointPosition": all_rad_to_deg(move.joint_position), "speed": rad_to_deg(move.speed),
+              "accel": rad_to_deg(move.acceleration)}
+    if move.tolerance > 0.0:
+        params["tol"] = m_to_mm(move.tolerance)
+    return params
+
+
 def _terminal(command: Any) -> Params:
     return {"type": int(command.bank), "index": command.index}
 
 
 _ENCODERS: Dict[Type[Any], Tuple[Union[str, Callable[[Any], str]], Encoder]] = {
-    c.JointMove: ("joint_move", lambda m: {
-        "relFlag": 0, "jointPosition": all_rad_to_deg(m.joint_position), "speed": rad_to_deg(m.speed),
-        "accel": rad_to_deg(m.acceleration)}),
+    c.JointMove: ("joint_move", _joint_move),
     c.LinearMove: ("moveL", lambda m: {
         "relFlag": 0, "cartPosition": _pose(m.target), "speed": m_to_mm(m.speed), "accel": m_to_mm(m.acceleration),
         "ori_vel": rad_to_deg(m.turn_speed), "ori_acc": rad_to_deg(m.turn_acceleration), "tol": m_to_mm(m.tolerance)}),
+    c.ArcMove: ("movc", lambda m: {
+        "relFlag": 0, "pos_mid": _pose(m.via), "pos_end": _pose(m.target), "speed": m_to_mm(m.speed),
+        "accel": m_to_mm(m.acceleration), "tol": m_to_mm(m.tolerance), "circle_cnt": 0, "circle_mode": 0}),
     c.Jog: ("jog", lambda j: {
         "jog_mode": _JOG_CONTINUOUS, "coord_map": _JOG_COORD_MAP[j.frame], "jnum": j.axis,
         "jogvel": m_to_mm(j.velocity) if j.is_linear else rad_to_deg(j.velocity)}),
@@ -175,6 +187,8 @@ _ENCODERS: Dict[Type[Any], Tuple[Union[str, Callable[[Any], str]], Encoder]] = {
     c.Stop: ("stop_program", lambda _: {}),
     c.PauseMotion: ("pause_program", lambda _: {}),
     c.ResumeMotion: ("resume_program", lambda _: {}),
+    c.LoadProgram: ("load_program", lambda p: {"programName": p.name}),
+    c.PlayProgram: ("play_program", lambda _: {}),
     c.SetServoMode: ("servo_move", lambda s: {"relFlag": int(s.active)}),
     c.ServoJoint: ("servo_j", lambda s: {
         "relFlag": int(s.relative), "jointPosition": all_rad_to_deg(s.joint_position), "stepNum": s.cycles}),
@@ -258,6 +272,7 @@ _QUERIES: Dict[c.Query, Tuple[str, Params, Callable[[Mapping[str, Any]], Any]]] 
     c.Query.PAYLOAD: ("get_payload", {}, _payload),
     c.Query.COLLISION_LEVEL: ("get_clsn_sensitivity", {}, _collision_level),
     c.Query.SIMULATOR_IDENTITY: ("get_simulator_identity", {}, lambda r: _text(r["identity"])),
+    c.Query.LOADED_PROGRAM: ("get_loaded_program", {}, lambda r: _text(r["programName"])),
     c.Query.HAND_GUIDING: ("drag_status", {}, _hand_guiding),
 }
 

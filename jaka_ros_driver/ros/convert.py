@@ -69,19 +69,23 @@ class RequestDecoder:
 
     Attributes:
         is_vendor: Read requests as the maker's own driver does, where it differs (docs/interface.md section 5).
+        blends: A Move's ``mvradii`` is read: moves are queued, not waited for (``~blocking`` false).
     """
 
-    def __init__(self, model: ArmModel, is_vendor: bool = False, is_vendor_2025: bool = False) -> None:
+    def __init__(self, model: ArmModel, is_vendor: bool = False, is_vendor_2025: bool = False,
+                 blends: bool = False) -> None:
         """is_vendor_2025: with ``is_vendor``, as its driver of 2025 (docs/controller-protocol.md section 9.1)."""
         self._model = model
         self._is_vendor_2025 = is_vendor_2025
         self.is_vendor = is_vendor
+        self._blends = blends
 
     def joint_move(self, request: Any) -> c.JointMove:
         """Decode a Move: ``pose`` is joint angles, rad; ``mvvelo`` rad/s; ``mvacc`` rad/s2."""
         return c.JointMove(self._joint_target("pose", request.pose),
                            _settled_speed(_positive("mvvelo", request.mvvelo), limits.joint_speed_limit(self._model)),
-                           _settled_speed(_positive("mvacc", request.mvacc), limits.JOINT_ACCELERATION_CEILING))
+                           _settled_speed(_positive("mvacc", request.mvacc), limits.JOINT_ACCELERATION_CEILING),
+                           self._blend_radius(request) or 0.0)
 
     def linear_move(self, request: Any) -> c.LinearMove:
         """Decode a Move: ``pose`` is x, y, z, mm, and a rotation vector, rad; ``mvvelo`` mm/s; ``mvacc`` mm/s2. In the
@@ -101,7 +105,8 @@ class RequestDecoder:
             _settled_speed(mm_to_m(_positive("mvvelo", request.mvvelo)), limits.tcp_speed_limit(self._model)),
             _settled_speed(mm_to_m(_positive("mvacc", request.mvacc)), limits.TCP_ACCELERATION_CEILING))
         return replace(move, angular_speed=min(move.turn_speed, limits.joint_speed_limit(self._model)),
-                       angular_acceleration=move.turn_acceleration)
+                       angular_acceleration=move.turn_acceleration,
+                       tolerance=self._blend_radius(request) or move.tolerance)
 
     def jog(self, request: Any) -> c.Jog:
         """Decode a Move: speed ``mvvelo``, or ``mvacc`` where that is 0; rad/s, along x, y, z mm/s."""
@@ -157,6 +162,34 @@ class RequestDecoder:
         scale = 2.0 * math.atan2(sin_half, w) / sin_half if sin_half > 0.0 else 0.0
         return c.ServoPose(c.Pose(position, rpy_from_rotation_vector((x * scale, y * scale, z * scale))))
 
+    def path(self, goal: Any) -> Tuple[c.PathCommand, ...]:
+        """Decode a MovePath: segments in ROS units, the same in both interfaces."""
+        return tuple(self._segment("segments[%d]." % n, segment) for n, segment in enumerate(goal.segments))
+
+    def _segment(self, name: str, segment: Any) -> c.PathCommand:
+        speed = _positive(name + "speed", segment.speed)
+        acceleration = _positive(name + "acceleration", segment.acceleration)
+        radius = _finite(name + "blend_radius", segment.blend_radius)
+        if segment.type == segment.JOINT:
+            return c.JointMove(self._joint_target(name + "joints", segment.joints), speed, acceleration, radius)
+        target = _pose_in_m(name + "pose", segment.pose)
+        if segment.type == segment.LINE:
+            line = c.LinearMove(target, speed, acceleration, radius)
+            return replace(line, angular_speed=min(line.turn_speed, limits.joint_speed_limit(self._model)),
+                           angular_acceleration=line.turn_acceleration)
+        if segment.type == segment.ARC:
+            return c.ArcMove(_pose_in_m(name + "via", segment.via), target, speed, acceleration, radius)
+        raise InvalidCommand("%stype is %d; valid: 0 joint, 1 line, 2 arc" % (name, segment.type))
+
+    def _blend_radius(self, request: Any) -> Optional[float]:
+        """Of a Move: how far the tool may pass the target on its way to the next one, m; None where it is to be met."""
+        if not self._blends or request.mvradii == 0.0:
+            return None
+        if _finite("mvradii", request.mvradii) < 0.0:
+            raise InvalidCommand("mvradii is %.9g; valid: 0 to %g mm" % (
+                request.mvradii, all_m_to_mm((limits.TOLERANCES[1],))[0]))
+        return mm_to_m(request.mvradii)
+
     def _joint_target(self, name: str, values: Sequence[float]) -> Tuple[float, ...]:
         return tuple(_settled(value, low, high) for value, (low, high) in zip(
             _numbers(name, values, _JOINTS), self._model.joint_limits))
@@ -200,6 +233,10 @@ class RequestDecoder:
         if not SLOWEST <= fraction <= 1.0:
             raise InvalidCommand("speed_slider_fraction is %.9g; valid: %g to 1" % (fraction, SLOWEST))
         return fraction
+
+    def program_name(self, request: Any) -> str:
+        """Decode a LoadProgram: the name; the audit looks at it."""
+        return str(request.name)
 
     def output(self, request: Any) -> Union[c.SetDigitalOutput, c.SetAnalogOutput]:
         """Decode a SetIO. Any value but 0 switches a digital output on."""
@@ -363,6 +400,11 @@ def _numbers(name: str, values: Sequence[float], what: str) -> Tuple[float, ...]
     if len(values) != 6:
         raise InvalidCommand("%s has %d values; it must have 6: %s" % (name, len(values), what))
     return tuple(_finite("%s[%d]" % (name, n), value) for n, value in enumerate(values))
+
+
+def _pose_in_m(name: str, values: Sequence[float]) -> c.Pose:
+    pose = _numbers(name, values, "x y z, m, and a rotation vector, rad")
+    return c.Pose(pose[:3], rpy_from_rotation_vector(_rotation_vector(name, pose)))
 
 
 def _frame_pose(values: Sequence[float]) -> c.Pose:

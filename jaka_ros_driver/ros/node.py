@@ -25,6 +25,7 @@ from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DEFAULT_REALTIME_PRIORITY, DriverConfig, config_from
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher
+from jaka_ros_driver.ros.services.path_action import PathAction
 from jaka_ros_driver.ros.services.recover_action import RecoverAction
 from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
 from jaka_ros_driver.ros.services.service_server import take_connection
@@ -33,6 +34,7 @@ from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_na
 from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
 from jaka_ros_driver.ros.topics.io_states import IoPublisher
 from jaka_ros_driver.ros.topics.jog_topics import JogTopics
+from jaka_ros_driver.ros.topics.motion_ends import MotionEnds
 from jaka_ros_driver.ros.topics.robot_status import RobotStatusPublisher
 from jaka_ros_driver.ros.topics.sensors import SensorPublishers
 from jaka_ros_driver.ros.topics.servo_topics import ServoTopics
@@ -61,10 +63,13 @@ class Driver:
         self._guard = Guard(config.ip, config.command_port, config.status_port) if config.guard else None
         self._arm = ArmClient(config.client_settings(), model, self._guard)
         self._frames = FrameTable(self._arm)
-        decoder = RequestDecoder(model, config.is_vendor, config.is_vendor_2025)
+        decoder = RequestDecoder(model, config.is_vendor, config.is_vendor_2025, not config.blocking)
         self._publishers = StatePublishers(self._arm, config, self._frames)
-        self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames), CallPublisher())
+        self._ends = MotionEnds(self._arm)
+        self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames, self._ends),
+                                  CallPublisher())
         self._recover = RecoverAction(self._arm)
+        self._paths = PathAction(self._arm, decoder)
         self._trajectories = TrajectoryInterface(self._arm, config, self._publishers.joint_velocity)
         self._status = RobotStatusPublisher(self._arm)
         self._speed = SpeedPublisher(self._arm)
@@ -91,8 +96,10 @@ class Driver:
         self._speed.start()
         self._io.start()
         self._sensors.start()
+        self._ends.start()
         self._services.offer()
         self._recover.offer()
+        self._paths.offer()
         self._trajectories.offer()
         self._topics.start()
         self._jog_topics.start()
@@ -127,6 +134,7 @@ class Driver:
         self._arm.close()
         self._services.finish_calls(_ANSWER_TIMEOUT_S)
         self._recover.finish_goals(_ANSWER_TIMEOUT_S)
+        self._paths.finish_goals(_ANSWER_TIMEOUT_S)
         self._trajectories.finish_goals(_ANSWER_TIMEOUT_S)
         self._master_watch.close()
         self._diagnostics.close()

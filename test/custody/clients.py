@@ -5,7 +5,7 @@ from driver_process import Call, DriverProcess
 from virtual_clock import Clock
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core.procedures import pausing, power, recovery, settings
+from jaka_ros_driver.client.core.procedures import pausing, power, programs, recovery, settings
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
 from jaka_ros_driver.errors import JakaError
@@ -48,6 +48,19 @@ def _six(axis: int, value: float) -> Tuple[float, ...]:
 
 def _added(a: Sequence[float], b: Sequence[float]) -> Tuple[float, ...]:
     return tuple([p + q for p, q in zip(a, b)])
+
+
+def _segment(kind: str, by: Sequence[float], joints: Sequence[float], pose: c.Pose, speed: float, radius: float,
+             model: ArmModel) -> Any:
+    """A segment that ends by so much beside these joints or this pose, rad and m; never where the arm is."""
+    if kind == "joint":
+        target = tuple([min(max(value, low), high) for value, (low, high) in zip(_added(joints, by),
+                                                                                 model.joint_limits)])
+        return c.JointMove(target, 2.0 * speed, 8.0, radius)
+    target_pose = c.Pose(_added(pose.position, by[:3]), pose.rpy)
+    if kind == "line":
+        return c.LinearMove(target_pose, speed, 1.0 + 6.0 * speed, radius)
+    return c.ArcMove(c.Pose(_added(pose.position, by[3:]), pose.rpy), target_pose, speed, 1.0 + 6.0 * speed, radius)
 
 
 def _points(targets: Sequence[Tuple[float, ...]], apart: float, first_at: float,
@@ -172,6 +185,54 @@ class Clients:
         elif then == "speed":
             self.procedure(caller, "speed", 0.3)
             self._clock.after(1.5, lambda: self.procedure(caller, "speed", 1.0))
+
+    def path(self, caller: int, segments: Sequence[Tuple[str, Sequence[float]]], radius: float, speed: float, then: str,
+             then_after: float) -> None:
+        """Segments around where the arm was last shown."""
+        joints, pose = self._joints(), self._pose()
+        if pose is None:
+            return
+        commands = [_segment(kind, by, joints, pose, speed, radius if n + 1 < len(segments) else 0.0, self._model)
+                    for n, (kind, by) in enumerate(segments)]
+
+        def give(core: Any, call: Call, now: float) -> None:
+            core.move_path(call, commands, lambda: call.is_cancelled, lambda: None, now)
+        self.ask("path", commands, give, caller, waits=True)
+        goal = self._busy.get(caller)
+        if then and goal is not None and goal.command is commands:
+            self._clock.after(then_after, lambda: self._then_with_path(goal, then))
+
+    def _then_with_path(self, goal: Call, then: str) -> None:
+        if self.are_gone:
+            return
+        if then == "cancel":
+            goal.is_cancelled = True
+            self._driver.whenever_awake(lambda now: goal.is_given and self._driver.core.cancel_path(goal, now) and None)
+        elif then == "stop":
+            self.stop()
+        else:
+            self._then(goal, then)
+
+    def program(self, caller: int, steps: Sequence[Tuple[str, float]]) -> None:
+        """Play, pause, resume, stop a program, one after the other, as long as each succeeds."""
+        def next_step(call: Optional[Call], left: Sequence[Tuple[str, float]]) -> None:
+            if not left or (call is not None and call.error is not None):
+                return
+            (step, after), rest = left[0], left[1:]
+            self._clock.after(after, lambda: self._program_step(caller, step, lambda done: next_step(done, rest)))
+        next_step(None, steps)
+
+    def _program_step(self, caller: int, step: str, on_answer: Callable[[Call], None]) -> None:
+        if step == "stop":
+            self.stop(on_answer=on_answer)
+        elif step == "play":
+            self.ask("program", step, lambda core, call, now: core.play(call, None, now), caller, on_answer=on_answer)
+        elif step == "resume":
+            self.ask("program", step, lambda core, call, now: core.resume_program(call, None, now), caller,
+                     on_answer=on_answer)
+        else:
+            make = programs.pause if step == "pause" else lambda core: programs.load(core, "weld.ngc")
+            self.ask("run", ("program", step), _run(make, step == "load"), caller, on_answer=on_answer)
 
     def servo_mode(self, caller: int, active: bool, on_answer: Optional[Callable[[Call], None]] = None) -> None:
         """Enter servo mode, or leave it."""

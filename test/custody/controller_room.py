@@ -18,7 +18,7 @@ from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.controller import Controller, RequestResult
-from jaka_ros_driver.simulation.controller.controller_state import Options
+from jaka_ros_driver.simulation.controller.controller_state import Options, ProgramState
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.replies import Refused
 from jaka_ros_driver.simulation.server.request_parser import RequestParser
@@ -26,7 +26,7 @@ from jaka_ros_driver.simulation.server.request_parser import RequestParser
 DRIVER, GUARD, PENDANT, HAND, NOBODY = "driver", "guard", "pendant", "hand", "nobody"
 """Who moves the arm."""
 
-PLANNED = frozenset(("joint_move", "moveL"))
+PLANNED = frozenset(("joint_move", "moveL", "movc"))
 STREAMED = frozenset(("servo_j", "servo_p"))
 
 
@@ -37,7 +37,7 @@ def is_motion(request: Dict[str, Any]) -> bool:
         return request.get("jog_mode") != 0
     if name == "servo_move":
         return bool(request.get("relFlag"))
-    return name in PLANNED or name in STREAMED
+    return name in PLANNED or name in STREAMED or name == "play_program"
 
 
 def succeeded(reply: bytes) -> bool:
@@ -86,6 +86,7 @@ class ControllerRoom:
         stop_executed_at: When it last carried a stop out, s.
         resumed_at: When motion was last let go on at the pendant, s.
         motion_executed_at: When it last began to carry a motion out, s.
+        player: Who began the program that runs.
     """
 
     def __init__(self, clock: Clock, network: Network, chance: random.Random, model: ArmModel, firmware: Firmware,
@@ -99,6 +100,8 @@ class ControllerRoom:
         self.stop_executed_at = -1e9
         self.resumed_at = -1e9
         self.motion_executed_at = -1e9
+        self.player = NOBODY
+        self.controller.state.memory.program_name = "weld.ngc"
         self.on_executed: Callable[[Dict[str, Any], bool, str], None] = lambda request, taken, who: None
         self.on_lost_reply: Callable[[], None] = lambda: None
         self.on_refused_stop: Callable[[], None] = lambda: None
@@ -251,6 +254,8 @@ class ControllerRoom:
         taken = succeeded(result.reply)
         name = request.get("cmdName")
         if taken:
+            if name in ("play_program", "resume_program"):
+                self.player = who
             if name == "stop_program" or (name == "jog" and request.get("jog_mode") == 0):
                 self._held = []  # what has not begun never will
             if name == "stop_program":
@@ -301,6 +306,13 @@ class ControllerRoom:
             except TargetRejected:
                 return
             self.mover = PENDANT
+
+    def play_at_pendant(self, duration: float) -> None:
+        """Somebody plays a program from the pendant, and stops it."""
+        state = self.controller.state
+        if self.is_idle and state.is_enabled and state.program_state is ProgramState.IDLE:
+            state.program_state, self.player = ProgramState.RUNNING, PENDANT
+            self.clock.after(duration, lambda: self.player is PENDANT and self.stop_at_pendant() or None)
 
     def pause_at_pendant(self, duration: float) -> None:
         """Somebody holds the motion under way, and lets it go on later, if it is still there."""

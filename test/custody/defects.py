@@ -10,6 +10,7 @@ from sent_rules import requests_in
 
 from jaka_ros_driver.client.core.actions import Answer, Open, Port, Send, Show, Tell
 from jaka_ros_driver.client.core.arm_core import ArmCore
+from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.errors import JakaError, MotionInterrupted
 
 _MOTIONS = ("joint_move", "moveL", "jog")
@@ -265,6 +266,28 @@ class BesidePath(Wrapped):
         return True
 
 
+class LeavesSegmentsOut(StopsForCallsOnly):
+    """Now and then a segment of a path is not sent, and taken for accepted."""
+
+    count = 0
+
+    def lets_pass(self, request: Dict[str, Any]) -> bool:
+        if self.good.path is not None and request["cmdName"] in _MOTIONS + ("movc",):
+            self.count += 1
+            if self.count % 3 == 2:
+                self.swallowed += (request["cmdName"],)
+                return False
+        return True
+
+
+class LeavesPrograms(Wrapped):
+    """A program that was played has the arm no more."""
+
+    @property
+    def is_free(self) -> bool:
+        return self.good.is_free or self.good.motion_owner is MotionOwner.PROGRAM
+
+
 class PausesNothing(Wrapped):
     """A pause is said to be done, and the trajectory goes on."""
 
@@ -410,4 +433,5 @@ DEFECTS: Tuple[Defect, ...] = (
     Defect(GuardIsNotTold, "h"), Defect(GuardIsToldTooSoon, "h"), Defect(DoesNotSeeSilence, "fhj"),
     Defect(ConnectsOnce, "kl"), Defect(TalksToStrangers, "n"), Defect(Raises, "contract"),
     Defect(SendsWithoutLink, "contract"), Defect(BesidePath, "ft"), Defect(PausesNothing, "p"),
-    Defect(KeepsHold, "v"), Defect(NeedsNoRest, "v"))
+    Defect(KeepsHold, "v"), Defect(NeedsNoRest, "v"),
+    Defect(LeavesSegmentsOut, "q"), Defect(LeavesPrograms, "r"))

@@ -44,6 +44,8 @@ class Call:
         path, start: Of a trajectory: what is to be followed, and where it begins.
         asked: Of a trajectory: the call with which it was asked for.
         stops: The core's number of stops then.
+        next_segment, passed: Of a path: how many segments were sent, and how many corners the arm has come to.
+        is_cancelled: Of a path: its client wants it no more.
     """
 
     def __init__(self, kind: str, command: Any, give: Callable[[Any, "Call", float], None], waits: bool = False,
@@ -61,6 +63,8 @@ class Call:
         self.start: Any = None
         self.asked: Any = None
         self.stops = 0
+        self.next_segment = self.passed = 0
+        self.is_cancelled = False
 
     @property
     def is_given(self) -> bool:

@@ -160,6 +160,23 @@ def _velocity_jog(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
         "rate": chance.choice((10.0, 20.0, 50.0)), "duration": chance.choice((0.05, 0.5, 1.5)),
         "end": chance.choice(("rest", "silence", "frozen", "nonsense", "second", "stalled", "held")),
         "says_rest": chance.random() < 0.9}
+def _path(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    """Segments around the place where the arm was last shown; blend radii that most often are allowed."""
+    return "path", {
+        "segments": tuple((chance.choice(("joint", "line", "line", "arc")), tuple(
+            chance.choice((0.02, 0.05, 0.1)) * chance.uniform(-1.0, 1.0) for _ in range(6))) for _ in range(
+                chance.choice((1, 2, 3, 5)))),
+        "radius": chance.choice((0.0, 0.0, 0.002, 0.01)), "speed": _log_uniform(chance, 0.03, 0.5),
+        "then": chance.choice(("", "", "", "cancel", "pause", "stop")), "then_after": chance.choice(
+            (0.0, 0.01, chance.uniform(0.0, 2.0)))}
+
+
+def _program(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
+    """A program is played, and perhaps paused, resumed and stopped."""
+    steps = [("play", 0.0)]
+    for step in chance.choice((("stop",), ("pause", "resume", "stop"), ("pause", "stop"), ("resume",), ("load",), ())):
+        steps.append((step, chance.choice((0.0, 0.1, 0.6))))
+    return "program", {"steps": tuple(steps)}
 
 
 def _stop(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
@@ -178,7 +195,8 @@ def _procedure(name: str, *values: Any) -> _Draw:
 
 CALLS: _Weighted = (
     (12.0, _joint_move), (5.0, _linear_move), (2.0, _queue), (3.0, _jogging), (6.0, _servo_session),
-    (9.0, _trajectory), (5.0, _velocity_jog), (0.5, _procedure("pause", None)), (0.7, _procedure("resume", None)),
+    (9.0, _trajectory), (5.0, _velocity_jog), (12.0, _path), (1.5, _program),
+    (0.5, _procedure("pause", None)), (0.7, _procedure("resume", None)),
     (0.5, _servo_mode(True)), (0.7, _servo_mode(False)), (1.5, _servo_stream), (0.5, _servo_burst), (2.5, _stop),
     (2.0, _stop_with_move),
     (0.5, _procedure("power", True, True, True, False)), (0.7, _procedure("enable", True, True, True, False)),
@@ -216,12 +234,13 @@ WIRE_FAULTS: _Weighted = (
     (1.0, _with("split", duration=_BRIEF)),
     (1.0, _with("noise", duration=_BRIEF)),
     (2.0, _with("lose_replies", count=(1, 1, 2, 5), command=("", "joint_move", "stop_program", "jog", "servo_move",
-                                                              "moveL", "is_in_servomove"))))
+                                                              "moveL", "is_in_servomove", "movc", "kine_inverse",
+                                                              "play_program"))))
 FEED_FAULTS: _Weighted = (
     (4.0, _with("feed_shows", what=({"inpos": True}, {"inpos": True}, {"inpos": False}, {"enabled": False},
                                     {"powered_on": 0}, {"errcode": "0x020033"}, {"errcode": "0x7abcde"},
                                     {"errcode": "0xf0034"}, {"protective_stop": 1}, {"emergency_stop": 1},
-                                    {"drag_status": True}, {"interp_state": 2}),
+                                    {"drag_status": True}, {"interp_state": 2}, {"interp_state": 3}),
                 frames=(1, 1, 2, 5, 10))),
     (2.0, _with("feed_shows", what=({"inpos": True}, {"inpos": False}, {"errcode": "0x020033"},
                                     {"errcode": "0x7abcde"}), duration={"low": 0.1, "high": 20.0})),
@@ -234,7 +253,8 @@ CONTROLLER_FAULTS: _Weighted = (
     (3.0, _with("refuse_stop", count=(1, 2, 5))),
     (1.0, _with("refuse_stop_for", duration={"low": 0.1, "high": 5.0})),
     (2.0, _with("refuse_command", command=("joint_move", "moveL", "jog", "servo_move", "servo_j", "power_on",
-                                           "enable_robot", "is_in_servomove", "clear_error"), duration=_BRIEF)),
+                                           "enable_robot", "is_in_servomove", "clear_error", "movc", "kine_inverse",
+                                           "play_program", "resume_program"), duration=_BRIEF)),
     (3.0, _with("slow_replies", delay=(0.05, 0.3, 0.7, 1.5), duration=_BRIEF)),
     (4.0, _with("late_start", delay=(0.1, 0.5, 1.5), duration={"low": 0.5, "high": 8.0})),
     (1.0, _with("restart", down=(0.3, 1.0, 3.0), silent=(True, False))),
@@ -245,8 +265,10 @@ CONTROLLER_FAULTS: _Weighted = (
     (1.0, _with("push", joint=(0, 4), velocity=(0.2, -0.3), duration=(0.3, 2.0))),
     (0.5, _with("guide_at_arm", joint=(0, 4), velocity=(0.2, -0.3), duration=(0.3, 2.0))),
     (1.0, _with("pendant_pause", duration={"low": 0.1, "high": 5.0})),
+    (0.5, _with("pendant_program", duration={"low": 0.1, "high": 5.0})),
     (1.0, _with("rapid_rate", rate=(0.0, 0.05, 0.3), duration={"low": 0.1, "high": 5.0})),
-    (1.0, _with("lying_refusal", command=("joint_move", "moveL", "jog", "servo_move"), duration=_BRIEF)))
+    (1.0, _with("lying_refusal", command=("joint_move", "moveL", "jog", "servo_move", "movc", "play_program"),
+                duration=_BRIEF)))
 DRIVER_FAULTS: _Weighted = ((1.0, _with("pause", duration={"low": 0.02, "high": 2.0})),
                             (0.05, _with("pause", duration={"low": 1.0, "high": 30.0})))
 
@@ -270,6 +292,10 @@ def _takes(kind: str, args: Dict[str, Any], jog_timeout: float) -> float:
         return float(args["duration"]) + 2.0
     if kind == "trajectory":
         return float(args["first_at"]) + float(args["apart"]) * len(args["ways"]) + 0.5
+    if kind == "path":
+        return min(5.0, 0.1 * len(args["segments"]) / args["speed"] + 0.5)
+    if kind == "program":
+        return 1.0 + sum(float(after) for _, after in args["steps"])
     return 1.0 if kind == "queue" else 0.1
 
 

@@ -8,6 +8,7 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from controller_room import DRIVER, STREAMED, ControllerRoom, is_motion
 from driver_process import Call, DriverProcess
+from path_rules import passes, told_truly
 from sent_rules import SentRules
 from status_feed import Frame
 from verdict import RuleBroken
@@ -20,6 +21,7 @@ from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
+from jaka_ros_driver.simulation.controller.controller_state import ProgramState
 from jaka_ros_driver.state import RobotState, Vector
 
 MOVING = 2e-3
@@ -101,6 +103,7 @@ class Judge:
         self._asleep_for = 0.0
         self._unowned_since: Optional[float] = None
         self._untold_from: Optional[Vector] = None
+        self._loose_since = clock.now
         self._excused_until = clock.now
         self._seen_at = clock.now
         self._jog_word_at = -1e9
@@ -205,10 +208,12 @@ class Judge:
             self._is_quiet(_Quiet(now + REST_AFTER_STOP, call.number, "b", "after %s was answered" % call))
         elif call.kind == "jog" and call.error is None:
             self._jog_word_at = now
-        elif call.kind in ("move", "trajectory") and call.waits and call.error is None:
+        elif call.kind in ("move", "trajectory", "path") and call.waits and call.error is None:
             self._is_completed(call, now)
         elif call.command == ("pause", None) and call.error is None:
             self._is_quiet(_Quiet(now + PAUSE_SLACK, call.number, "p", "after %s was answered" % call))
+        if call.kind == "path":
+            told_truly(call, now)
         if call.was_sent and isinstance(call.error, MotionInterrupted) and call.error.cause in (
                 StopCause.STOPPED, StopCause.CANCELLED):
             self._is_quiet(_Quiet(now + REST_AFTER_STOP, call.number + 1, "e",
@@ -263,12 +268,22 @@ class Judge:
             self._next_look = now + _LOOK_PERIOD
             self._look_for_obstacles(now)
             self._scan_calls(now)
+        self._program(now)
         if (plant.is_moving and room.mover is DRIVER and not self.driver.is_gone and not room.is_off
                 and max(map(abs, plant.joint_velocity)) > MOVING):
             self.cycles_moving += 1
             self._moving(now, plant)
         elif self._unowned_since is not None or self._untold_from is not None:
             self._unowned_since = self._untold_from = None
+
+    def _program(self, now: float) -> None:
+        """Excepted: what ``_unowned`` excepts, and a driver that cannot see or stop it yet."""
+        runs = self._room.controller.state.program_state is ProgramState.RUNNING and self._room.player is DRIVER
+        driver = self.driver
+        if not runs or not driver.core.is_free or driver.is_paused or driver.is_gone or self._room.is_off:
+            self._loose_since = now
+        elif now - max(self._loose_since, self._awake_since, self._excused_until) > UNOWNED:
+            raise RuleBroken("r", now, "a program of the driver's runs without custody")
 
     def _look_for_obstacles(self, now: float) -> None:
         """Until when no driver could have stopped the arm, whatever it does."""
@@ -285,7 +300,9 @@ class Judge:
 
     def _moving(self, now: float, plant: Any) -> None:
         for call in self.sent.open_calls.values():
-            if call.waits and call.was_sent and not call.was_there:
+            if call.kind == "path" and call.was_sent:
+                passes(call, plant)
+            elif call.waits and call.was_sent and not call.was_there:
                 call.was_there = _is_there(call.command, plant)[0]
         if self._closed_at is None:
             self._unowned(now)
@@ -341,7 +358,7 @@ class Judge:
         speed = max(map(abs, plant.joint_velocity))
         if self._room.mover is DRIVER and speed > AT_REST:
             raise RuleBroken("e", now, "%s is completed, and the arm moves at %.4f rad/s" % (call, speed))
-        is_there, away = _is_there(call.command, plant)
+        is_there, away = _is_there(call.command[-1] if call.kind == "path" else call.command, plant)
         # other moves were queued behind it: the arm was at its target, and is at theirs now
         was_passed = self.sent.last_motion > call.number and call.was_there
         if not is_there and not was_passed:
@@ -357,7 +374,7 @@ class Judge:
         if call.kind in ("stop", "servo_target", "jog_message"):
             return settings.reply_timeout + STOP_ANSWER_SLACK
         longest = 2.0 * settings.reply_timeout + ANSWER_SLACK
-        if call.kind == "trajectory":
+        if call.kind in ("trajectory", "path"):
             longest += LONGEST_TRAJECTORY
         elif call.kind == "move" and call.waits:
             longest += settings.motion_timeout

@@ -9,6 +9,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 from controller_room import STREAMED, ControllerRoom, is_motion
 from driver_process import Call
 from jog_rules import JogRules
+from path_rules import sent_for_path
 from trajectory_rules import TrajectoryRules
 from verdict import RuleBroken
 
@@ -163,14 +164,23 @@ class SentRules:
             raise RuleBroken("b", now, "%s is sent after the driver was told to shut down" % name)
         if name not in STREAMED:
             self.jog.begin(name == "servo_move" and self.asking is not None and self.asking.kind == "jog_message")
-        if self.jog.is_running and name == "servo_move":
+        if name == "play_program":
+            self._wished(name, now, lambda call: call.kind == "program" and call.command == "play")
+            return
+        if name == "joint_move":
+            self._within_limits(name, all_deg_to_rad(request["jointPosition"]), now)
+        path = sent_for_path(name, request, list(self.open_calls.values()), self.last_stop, now)
+        if path is not None:
+            self.last_motion = path.number
+        elif self.jog.is_running and name == "servo_move":
             self.jog.may_begin(now)
             self._enters_servo_mode(self.asking)
         elif name == "joint_move":
             target = all_deg_to_rad(request["jointPosition"])
-            self._within_limits(name, target, now)
             self._wished(name, now, lambda call: isinstance(call.command, c.JointMove)
                          and _near(call.command.joint_position, target, _SAME))
+        elif name == "movc":
+            raise RuleBroken("b", now, "an arc is sent that no path asks for")
         elif name == "moveL":
             position = all_mm_to_m(request["cartPosition"][:3])
             self._wished(name, now, lambda call: isinstance(call.command, c.LinearMove)

@@ -69,4 +69,4 @@ def test_the_scenarios_move_the_arm():
     assert sum(result.moving for result in results) > 0.1 * sum(result.simulated for result in results)
     done = {kind for result in results for kind, how in result.answers if how == "done"}
     assert done == {"move", "jog", "servo_mode", "servo_target", "stop", "run", "trajectory", "trajectory_start",
-                    "jog_message"}
+                    "jog_message", "path", "program"}

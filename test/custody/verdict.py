@@ -17,6 +17,8 @@ RULES: Dict[str, str] = {
     "m": "what the driver began to stop comes to rest, however often the stop is refused or lost",
     "n": "a controller that is not the one that was meant is left alone",
     "p": "what is paused rests until it is resumed",
+    "q": "a path's segments are run in order, each once, and what is told of them is true",
+    "r": "a program that the driver began runs in its custody only",
     "t": "a trajectory's frames are on its path, and smooth",
     "v": "a velocity jog begins after rest was said, and rests 0.3 s after its last message that counts",
     "contract": "the core keeps its contract with the shell",

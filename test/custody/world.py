@@ -245,6 +245,11 @@ class World:
 
     def do_velocity_jog(self, caller: int, **args: Any) -> None:
         self._clients.velocity_jog(caller, **args)
+    def do_path(self, caller: int, **args: Any) -> None:
+        self._clients.path(caller, **args)
+
+    def do_program(self, caller: int, **args: Any) -> None:
+        self._clients.program(caller, **args)
 
     def do_procedure(self, caller: int, **args: Any) -> None:
         self._clients.procedure(caller, **args)
@@ -351,6 +356,9 @@ class World:
 
     def do_pendant_move(self, joint: int, step: float) -> None:
         self._room.move_at_pendant(joint, step)
+
+    def do_pendant_program(self, duration: float) -> None:
+        self._room.play_at_pendant(duration)
 
     def do_push(self, joint: int, velocity: float, duration: float) -> None:
         self._room.push(joint, velocity, duration)

@@ -25,7 +25,8 @@ GOOD = [
     c.JointMove(HOME, 1.0, 2.0), c.LinearMove(POSE, 0.25, 1.0), c.LinearMove(POSE, 2.5, 8.0, 0.0),
     c.LinearMove(POSE, 0.25, 1.0, 0.001, math.pi, 4.0 * math.pi),
     c.Jog(JOINT, 5, -3.0), c.Jog(BASE, 0, 0.1), c.Jog(TOOL, 3, -1.0), c.JogStop(BASE, 2), c.Stop(),
-    c.PauseMotion(), c.ResumeMotion(),
+    c.JointMove(HOME, 1.0, 2.0, 0.05), c.ArcMove(POSE, POSE, 0.25, 1.0), c.ArcMove(POSE, POSE, 0.25, 1.0, 0.05),
+    c.LoadProgram("weld 2.jks"), c.PlayProgram(), c.PauseMotion(), c.ResumeMotion(),
     c.SetServoMode(True), c.ServoJoint(HOME), c.ServoJoint((0.001,) * 6, relative=True, cycles=2),
     c.ServoPose(POSE), c.ServoPose(POSE, True, 4), c.SetPower(True), c.SetEnabled(False), c.ClearError(),
     c.SetToolFrame(1, POSE, "gripper"), c.SetToolFrame(11, POSE, ""), c.SelectTool(0), c.SelectTool(11),
@@ -163,6 +164,12 @@ REFUSED = [
     (c.SetCollisionLevel(-1), ("level", "0 to 5")),
     (c.SetDigitalOutput(IoBank.CABINET, -1, True), ("index", "-1", "0 to 1023")),
     (c.GetAnalogOutput(IoBank.CABINET, -1), ("index", "-1")),
+    (c.JointMove(HOME, 1.0, 2.0, -0.001), ("tolerance", "-0.001 m", "0 to 1 m")),
+    (c.ArcMove(POSE, POSE, 0.0, 1.0), ("speed", "above 0")),
+    (c.ArcMove(POSE, c.Pose((11.0, 0.0, 0.0), (0.0,) * 3), 0.2, 1.0), ("target.position[0]", "11")),
+    (c.ArcMove(POSE, POSE, 0.2, 1.0, 1.5), ("tolerance", "1.5 m")),
+    (c.LoadProgram(""), ("name", "1 to 100")), (c.LoadProgram("../etc/passwd"), ("name", "without folder")),
+    (c.LoadProgram("a\nb"), ("name", "printable")), (c.LoadProgram("x" * 101), ("name", "100")),
     (c.SetRapidRate(1.01), ("rate", "1.01", "0 to 1")),
     (c.SetRapidRate(-0.01), ("rate", "-0.01")),
     (c.SetFeedPeriod(0.0), ("period", "0 s", "0.001 to 10 s")),
@@ -309,7 +316,7 @@ def test_an_unknown_tcp_speed_is_bounded_with_care():
 
 
 MOVING = [command for command in GOOD
-          if isinstance(command, (c.JointMove, c.LinearMove, c.Jog, c.ServoJoint, c.ServoPose))]
+          if isinstance(command, (c.JointMove, c.LinearMove, c.ArcMove, c.Jog, c.ServoJoint, c.ServoPose))]
 
 
 @pytest.mark.parametrize("command", GOOD, ids=repr)

@@ -15,6 +15,7 @@ SetUserFrame float32[] pose, int16 user_num --- int16 ret, string message
 SetPayload int16 tool_num, float32 mass, float32 xc, float32 yc, float32 zc --- int16 ret, string message
 SetCollision bool is_enable, int16 value --- int16 ret, string message
 SetSpeedSlider float64 speed_slider_fraction --- bool success, string message
+LoadProgram string name --- bool success, string message
 SetIO string signal, int16 type, int16 index, float32 value --- int16 ret, string message
 GetIO string signal, int16 path, int16 type, int16 index --- float32 value, string message
 ClearErr --- int16 ret, string message

@@ -16,6 +16,7 @@ streaming       what motions in servo mode have in common: entered, one frame a 
 servo           servo mode for a client that streams targets
 trajectory      a joint trajectory, streamed along its audited path
 velocity_jog    the arm moves only while fresh messages say so: dead-man, ramp, motion
+planned         what the controller plans as a whole: paths of several segments, programs of its own
 procedures      what takes several requests, as generators: session, power, settings
 arm_core        routes events and calls
 """

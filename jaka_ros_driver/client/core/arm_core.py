@@ -5,7 +5,7 @@ controller's reply, the end is evidence in the status feed. A stop waits for nob
 and only that: a motion asked after it begins when the arm has come to rest.
 """
 import logging
-from typing import Any, Callable, List, Optional, Union
+from typing import Any, Callable, List, Optional, Sequence, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.actions import Action, Actions, Port
@@ -15,9 +15,12 @@ from jaka_ros_driver.client.core.jog import Jog
 from jaka_ros_driver.client.core.links import Links
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.move import Move
+from jaka_ros_driver.client.core.planned.path_audit import audit
+from jaka_ros_driver.client.core.planned.path_move import PathMove, PathProgress
+from jaka_ros_driver.client.core.planned.program import UNDER_WAY, Program, ProgramState, require_program_state
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Running, Until
 from jaka_ros_driver.client.core.servo import Servo
-from jaka_ros_driver.client.core.stillness import REST_TIME_S
+from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.client.core.streaming import Streaming, left_servo_mode
 from jaka_ros_driver.client.core.trajectory import (
     Goal,
@@ -44,6 +47,7 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.trajectory.path import Path
 from jaka_ros_driver.trajectory.points import Tolerances
+from jaka_ros_driver.trajectory.segments import SegmentPath
 
 AT_REST_ONLY = (c.SetToolFrame, c.SelectTool, c.SetUserFrame, c.SelectUserFrame, c.SetPayload, c.SetHandGuiding)
 """They change what a motion under way means, or what the arm carries."""
@@ -110,6 +114,12 @@ class ArmCore:
         motion = self.custody.motion
         return motion.progress if isinstance(motion, Trajectory) else None
 
+    @property
+    def path(self) -> Optional[PathProgress]:
+        """How far the path under way has come; None without one."""
+        motion = self.custody.motion
+        return motion.progress if isinstance(motion, PathMove) else None
+
     def is_ready(self, now: float) -> bool:
         """Both links are up and the state is fresh."""
         state = self.links.state
@@ -133,7 +143,7 @@ class ArmCore:
             state = self._admission.require_ready_to_move(now)
         except JakaError:
             return False
-        return self.motion_owner is not None or state.program_state not in (1, 3)
+        return self.motion_owner is not None or state.program_state not in UNDER_WAY
 
     def take_actions(self) -> List[Action]:
         """What the shell is to do, in order, since it last asked."""
@@ -186,8 +196,11 @@ class ArmCore:
 
     # ---- calls: each is answered once ----
 
-    def move(self, call: Any, command: c.Motion, wait: bool, now: float) -> None:
+    def move(self, call: Any, command: c.Motion, wait: bool, now: float, end: Any = None) -> None:
         """Move to the command's target; answered with ``wait`` when the arm is there, else on acceptance.
+
+        ``end``: answered when the target is reached (of a queue: passed), or with what ended the move; not where
+        ``call`` gets an error before anything was sent.
 
         Errors: InvalidCommand (outside the limits, or the arm cannot move now; nothing was sent), CommandRejected,
         MotionInterrupted (accepted, and not completed), ReplyTimeout, ConnectionLost.
@@ -196,10 +209,75 @@ class ArmCore:
             state = self._admission.require_ready_to_move(at)
             running = self.custody.motion
             if not wait and isinstance(running, Move) and not self.custody.is_ending:
-                running.add(command, call, at)
+                running.add(command, call, at, end)
             elif self._admission.may_begin(call, enter, now, at):
-                self.custody.begin(Move(self.custody, command, call, wait, state), at)
+                self.custody.begin(Move(self.custody, command, call, wait, state, end), at)
         self._enter(call, enter, now, command)
+
+    def move_path(self, call: Any, commands: Sequence[c.PathCommand], is_cancelled: Callable[[], bool],
+                  on_begun: Callable[[], None], now: float) -> None:
+        """Run segments as one queue of the controller, after an audit of the whole; answered with its PathProgress.
+
+        ``is_cancelled`` is looked at during the audit; ``on_begun`` is called when the first segment was accepted.
+
+        Errors as ``move``, and before it has begun: a MotionInterrupted of cause CANCELLED or STOPPED. Once it has
+        begun, each MotionInterrupted is a PathInterrupted.
+        """
+        stops = self.stops
+
+        def check() -> None:
+            if is_cancelled():
+                raise MotionInterrupted(StopCause.CANCELLED, "nothing was sent")
+            self._require_no_stop_since(stops)
+
+        def enter(at: float) -> None:
+            check()
+            state = self._admission.require_ready_to_move(at)
+            if not self._admission.may_begin(call, enter, now, at):
+                return
+
+            def audited(path: SegmentPath, error: Optional[JakaError], end: float) -> None:
+                self._admission.is_setting = False
+                try:
+                    if error is not None:
+                        raise error
+                    check()
+                    self._begin_path(call, path, on_begun, end)
+                except JakaError as refusal:
+                    self.actions.answer(call, None, refusal)
+                self._admission.retry(end)
+            self._admission.is_setting = True
+            self._carry_out(audit(commands, state, self.audited, check), audited, at)
+        self._enter(call, enter, now)
+
+    def cancel_path(self, call: Any, now: float) -> bool:
+        """Stop the path that answers this call; False where it is not under way (yet, or any more)."""
+        self.links.note_time(now)
+        running = self.custody.motion
+        if not isinstance(running, PathMove) or running.progress.call is not call or self.custody.is_ending:
+            return False
+        self.custody.stop(MotionInterrupted(StopCause.CANCELLED), now)
+        return True
+
+    def play(self, call: Any, end: Any, now: float) -> None:
+        """Play the loaded program: it has the arm until it is over, or is stopped. Answered when it is seen running.
+
+        ``end``: answered when it is over, or with what ended it; not where ``call`` gets an error before it was sent.
+
+        Errors as ``move``.
+        """
+        self._run_program(call, end, c.PlayProgram(), ProgramState.IDLE, now)
+
+    def resume_program(self, call: Any, end: Any, now: float) -> None:
+        """Go on with the paused program, also with one that was begun at the pendant: it has the arm from now on.
+
+        ``end`` as for ``play``; where this driver plays it already, nobody is answered by it. Errors as ``move``.
+        """
+        running = self.custody.motion
+        if isinstance(running, Program) and not self.custody.is_ending:
+            self.run(call, running.resumed(self._admission.require_ready_to_move, self.seen), now)
+        else:
+            self._run_program(call, end, c.ResumeMotion(), ProgramState.PAUSED, now)
 
     def jog(self, call: Any, command: c.Jog, now: float) -> None:
         """Begin a jog, or keep the same one going; answered on acceptance. Errors as ``move``."""
@@ -277,6 +355,8 @@ class ArmCore:
         if self._is_closing:
             raise ConnectionLost("the driver is shutting down")
         state = self._admission.require_ready_to_move(now)
+        if self.motion_owner is None and state.program_state in UNDER_WAY:
+            raise InvalidCommand("refused: a program of the controller's own runs; stop it first")
         if self._admission.is_free_at_rest(now):
             self.custody.begin(VelocityJog(self.custody, self.model, self.dead_man, state, self._servo_mode_is), now)
 
@@ -431,6 +511,25 @@ class ArmCore:
             enter(now)
         except JakaError as error:
             self.actions.answer(call, None, error)
+
+    def _begin_path(self, call: Any, path: SegmentPath, on_begun: Callable[[], None], now: float) -> None:
+        state = self._admission.require_ready_to_move(now)
+        if self.custody.stillness.duration() < REST_TIME_S or max([abs(a - b) for a, b in zip(
+                state.joint_position, path.start.joints)]) > MOVEMENT:
+            raise InvalidCommand("refused: the arm has moved since its path was audited")
+        if all(segment.is_nowhere for segment in path.segments):
+            self.actions.answer(call, PathProgress(call, len(path.segments), 1.0))
+        else:
+            self.custody.begin(PathMove(self.custody, path, call, on_begun, state, now), now)
+
+    def _run_program(self, call: Any, end: Any, command: c.Command, wanted: ProgramState, now: float) -> None:
+        def enter(at: float) -> None:
+            state = self._admission.require_ready_to_move(at)
+            if self.motion_owner is None:
+                require_program_state(state, wanted)
+            if self._admission.may_begin(call, enter, now, at):
+                self.custody.begin(Program(self.custody, command, call, end, state), at)
+        self._enter(call, enter, now)
 
     def _require_no_stop_since(self, stops: int) -> None:
         if self.stops != stops:

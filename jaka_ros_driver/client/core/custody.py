@@ -39,6 +39,8 @@ _CAUSE_TIME_S = 0.1
 _SAY_PERIOD_S = 1.0
 _WAIT_FOR_REST_S = 1.5
 """s; a motion waits so long for the arm to come to rest from what was before it."""
+_PROGRAM_RUNS = (1, 3)
+"""``RobotState.program_state`` of a program that loads or runs."""
 _NEVER = float("inf")
 
 Enter = Callable[[float], None]
@@ -189,14 +191,21 @@ class Custody:
             if self.stillness.has_moved_since(self._began_at):
                 self.stop(MotionInterrupted(StopCause.FAULT, "the arm moves though the motion was refused"), now)
             elif self.stillness.duration(self._began_at) >= REST_TIME_S:
-                self._release(now)
+                if motion.may_be_left(state):
+                    self._release(now)
+                else:
+                    self.stop(MotionInterrupted(StopCause.FAULT, "it is under way though it was refused"), now)
             return
         if self._phase is _Phase.STOPPING and self._is_guess:
             self._look_for_the_cause(state, now)
+        if self._phase is _Phase.STOPPING:
+            motion.observe_stop(state)
         if self._phase is _Phase.STOPPING and self._accepted_at is not None:
-            if self.stillness.duration(self._accepted_at) >= motion.rest_time:
+            coasts_until = self._sent_at + max(_COASTING_TIME_S, motion.rest_time)
+            goes_on = now >= coasts_until and not motion.may_be_left(state)
+            if self.stillness.duration(self._accepted_at) >= motion.rest_time and motion.may_be_left(state):
                 self._release(now)
-            elif self.stillness.has_moved_since(self._sent_at + max(_COASTING_TIME_S, motion.rest_time)):
+            elif self.stillness.has_moved_since(coasts_until) or goes_on:
                 self._say(logging.ERROR, "the arm moves on after an accepted stop; stopping it again", now)
                 self._accepted_at = None
                 self._send_stop(now)
@@ -211,8 +220,9 @@ class Custody:
             if now >= self._retry_at and not self._outstanding:
                 self._send_stop(now)
             if now - self._began_at >= _TELL_AFTER_S and not self._is_told:
-                self._outcome = MotionInterrupted(StopCause.TIMEOUT, "the stop is not accepted; it is sent again and "
-                                                                     "again (%s)" % (self._outcome or "at the end"))
+                if not self._waits_for_rest:
+                    self._outcome = MotionInterrupted(StopCause.TIMEOUT, "the stop is not accepted; it is sent again "
+                                                      "and again (%s)" % (self._outcome or "at the end"))
                 self._tell_end()
 
     def sight_lost(self, reason: str, now: float) -> None:
@@ -227,7 +237,8 @@ class Custody:
         if self._phase in (_Phase.HELD, _Phase.SETTLING):
             self._phase, self._began_at = _Phase.STOPPING, now
         if self._phase is _Phase.STOPPING and not self._is_told:
-            self._outcome = MotionInterrupted(StopCause.LINK_LOST, reason)
+            if not self._waits_for_rest:
+                self._outcome = MotionInterrupted(StopCause.LINK_LOST, reason)
             self._tell_end()
 
     def link_up(self, now: float) -> None:
@@ -262,7 +273,7 @@ class Custody:
         self._outstanding = max(0, self._outstanding - 1)
         if error is None:
             self._accepted_at = now
-            if not self._is_guess:
+            if not self._is_guess and not self._waits_for_rest:
                 self._tell_end()
         elif not isinstance(error, ConnectionLost) and self._accepted_at is None:
             self._retry_at = now + _RETRY_PERIOD_S
@@ -274,8 +285,13 @@ class Custody:
             self._outcome = cause
         if cause is not None or now - self._began_at >= _CAUSE_TIME_S:
             self._is_guess = False
-            if self._accepted_at is not None:
+            if self._accepted_at is not None and not self._waits_for_rest:
                 self._tell_end()
+
+    @property
+    def _waits_for_rest(self) -> bool:
+        """The stop is accepted, and its callers are told where the arm has come to rest."""
+        return self._accepted_at is not None and self.motion is not None and self.motion.is_told_at_rest
 
     def _say(self, level: int, text: str, now: float) -> None:
         """Log, but not the same trouble at every repetition."""
@@ -392,8 +408,10 @@ class Admission:
         if self.is_free_at_rest(now):
             return True
         if now - asked_at >= _WAIT_FOR_REST_S:
-            self._sight.fresh_state(now)
+            state = self._sight.fresh_state(now)
             owner = self.owner
+            if owner is None and state.program_state in _PROGRAM_RUNS:
+                raise InvalidCommand("refused: a program of the controller's own runs; stop it first")
             raise InvalidCommand("refused: the arm has not come to rest within %.1f s; %s" % (
                 _WAIT_FOR_REST_S, "it moves, and not by this driver" if owner is None
                 else "%s is still being ended" % owner.value))
@@ -413,8 +431,8 @@ class Admission:
                                  % motion.owner.value)
         if not self._custody.is_free or self.is_setting or self.stops_under_way:
             return False
-        self._sight.fresh_state(now)
-        return self._custody.stillness.duration() >= REST_TIME_S
+        state = self._sight.fresh_state(now)
+        return self._custody.stillness.duration() >= REST_TIME_S and state.program_state not in _PROGRAM_RUNS
 
     def retry(self, now: float) -> None:
         """Try again to begin what waits."""

@@ -21,6 +21,8 @@ class MotionOwner(enum.Enum):
     SERVO = "servo mode"
     TRAJECTORY = "a trajectory"
     VELOCITY_JOG = "a velocity jog"
+    PATH = "a path"
+    PROGRAM = "a program"
     SETTING = "a change of frames, payload or hand guiding"
 
 
@@ -32,12 +34,14 @@ class Motion:
         rest_time: How long the joints must be still to show that it has ended, s.
         deadline: When its time is over, s; infinite where it has no limit.
         is_leaving: It comes to its end by itself: who wants the arm waits for that.
+        is_told_at_rest: After a stop its callers are told when the arm rests, not when the stop is accepted.
     """
 
     owner = MotionOwner.MOVE
     rest_time = REST_TIME_S
     deadline = _NEVER
     is_leaving = False
+    is_told_at_rest = False
 
     def begin(self, now: float) -> None:
         """Send its first command.
@@ -56,6 +60,13 @@ class Motion:
 
     def tick(self, now: float) -> None:
         """Let time pass; not called any more while it is being stopped."""
+
+    def observe_stop(self, state: RobotState) -> None:
+        """Take a fresh state into account while it is being stopped."""
+
+    def may_be_left(self, state: RobotState) -> bool:
+        """After an accepted stop or a refusal, with the joints at rest: this state does not say that it goes on."""
+        return True
 
     def halts(self) -> List[Command]:
         """What must be sent before the stop to end this kind of motion; nothing else is sent from now on."""

@@ -5,11 +5,12 @@ from typing import Any, Mapping, Sequence, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.core.procedures import pausing, power, recovery, settings
+from jaka_ros_driver.client.core.procedures import pausing, power, programs, recovery, settings
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.ros.convert import Payload, Terminal
 from jaka_ros_driver.ros.frame_table import FrameTable
 from jaka_ros_driver.ros.params import DriverConfig
+from jaka_ros_driver.ros.topics.motion_ends import MotionEnds
 from jaka_ros_driver.state import IoBank, RobotState
 
 
@@ -31,18 +32,21 @@ class Outcome:
 class ServiceHandlers:
     """Carries out the services on one arm. Every method returns an Outcome, and raises a JakaError where it fails."""
 
-    def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameTable) -> None:
+    def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameTable, ends: MotionEnds) -> None:
         self._arm = arm
         self._config = config
         self._frames = frames
+        self._ends = ends
         self._settings = threading.Lock()
         """Two calls that set and read back at the same time would each see the other's value."""
         self._outputs = threading.Lock()
 
     def move(self, command: c.Motion) -> Outcome:
         """linear_move, joint_move: answer when the arm is there or, unless ``~blocking``, when the move is accepted."""
-        self._arm.move(command, wait=self._config.blocking)
-        return Outcome("completed: the arm is at the target" if self._config.blocking else "accepted")
+        if self._config.blocking:
+            self._arm.move(command)
+            return Outcome("completed: the arm is at the target")
+        return Outcome("accepted, id %s" % self._ends.move_accepted(self._arm.queue(command)))
 
     def jog(self, command: c.Jog) -> Outcome:
         """jog: begin, or keep the same jog going."""
@@ -138,6 +142,31 @@ class ServiceHandlers:
     def speed(self, fraction: float) -> Outcome:
         """set_speed_slider: set the controller's speed override; returns when the feed shows it."""
         return Outcome(self._arm.run(lambda core: pausing.set_speed(core, fraction)))
+
+    def load_program(self, name: str) -> Outcome:
+        """program/load: make it the loaded program, and read back which one is."""
+        text = self._arm.run(lambda core: programs.load(core, name), exclusive=True)
+        self._ends.program_loaded(name)
+        return Outcome(text)
+
+    def play_program(self, _: None) -> Outcome:
+        """program/play: begin the loaded program; returns when it is seen running."""
+        self._ends.program_began(self._arm.play_program())
+        return Outcome("the program runs; it has the arm until it is over")
+
+    def pause_program(self, _: None) -> Outcome:
+        """program/pause: hold the program; returns when the arm rests."""
+        return Outcome(self._arm.run(programs.pause))
+
+    def resume_program(self, _: None) -> Outcome:
+        """program/resume: go on with the paused program; returns when it is seen running."""
+        self._ends.program_began(self._arm.resume_program())
+        return Outcome("the program goes on")
+
+    def stop_program(self, _: None) -> Outcome:
+        """program/stop: as stop_move, and returns when no program is seen running and the arm rests."""
+        self._arm.stop()
+        return Outcome(self._arm.run(programs.see_stopped))
 
     def power(self, on: bool) -> Outcome:
         """power: switch the power of the drives; returns when the arm reports it."""

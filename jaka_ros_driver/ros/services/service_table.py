@@ -127,12 +127,19 @@ SERVICES: Tuple[ServiceSpec, ...] = (
     ServiceSpec("recover", Trigger, RequestDecoder.nothing, ServiceHandlers.recover, as_success),
     ServiceSpec("pause", Trigger, RequestDecoder.nothing, ServiceHandlers.pause, as_success),
     ServiceSpec("resume", Trigger, RequestDecoder.nothing, ServiceHandlers.resume, as_success),
+    ServiceSpec("program/play", Trigger, RequestDecoder.nothing, ServiceHandlers.play_program, as_success),
+    ServiceSpec("program/pause", Trigger, RequestDecoder.nothing, ServiceHandlers.pause_program, as_success),
+    ServiceSpec("program/resume", Trigger, RequestDecoder.nothing, ServiceHandlers.resume_program, as_success),
+    ServiceSpec("program/stop", Trigger, RequestDecoder.nothing, ServiceHandlers.stop_program, as_success),
     ServiceSpec("power", SetBool, RequestDecoder.switch, ServiceHandlers.power, as_success),
     ServiceSpec("enable", SetBool, RequestDecoder.switch, ServiceHandlers.enable, as_success),
 )
 if hasattr(types, "SetSpeedSlider"):  # a jaka_msgs from elsewhere (JAKA_MSGS_EXTERNAL=1) lacks it
     SERVICES += (ServiceSpec("set_speed_slider", types.SetSpeedSlider, RequestDecoder.speed, ServiceHandlers.speed,
                              as_success),)
+if hasattr(types, "LoadProgram"):
+    SERVICES += (ServiceSpec("program/load", types.LoadProgram, RequestDecoder.program_name,
+                             ServiceHandlers.load_program, as_success),)
 OTHER_DEFINITIONS: Dict[Any, Tuple[Any, ...]] = {ServoMove: (ServoMoveWithSpeed,)}
 """For a type of jaka_msgs: other definitions with which clients may have been built."""
 

@@ -21,6 +21,7 @@ class Story:
         sent: (time, request) of all that was sent.
         told: Words for the guard.
         replies: What the controller answers: command name to errorCode, or None for no reply.
+        extra: What its replies hold besides: command name to fields.
     """
 
     def __init__(self, ready=True, **settings):
@@ -36,6 +37,7 @@ class Story:
         self.log = []
         self.asked_to_connect = []
         self.replies = {}
+        self.extra = {}
         self.servo_mode = False
         self.core = ArmCore(ClientSettings("10.0.0.1", **settings), load_model("zu7"))
         self._stream = ObjectStream()
@@ -80,7 +82,7 @@ class Story:
 
     def reply(self, name, code="0"):
         extra = {"get_version": {"version": "1"}, "get_port10000_delay_ms": {"port10000_delay_ms": 8},
-                 "is_in_servomove": {"in_servomove": self.servo_mode}}.get(name, {})
+                 "is_in_servomove": {"in_servomove": self.servo_mode}, **self.extra}.get(name, {})
         text = json.dumps({"cmdName": name, "errorCode": code, "errorMsg": "", **extra})
         self.core.received(Port.COMMAND, text.encode(), self.now)
         self.perform()

@@ -216,6 +216,69 @@ def test_moves_that_are_not_waited_for_are_queued_and_answered_on_acceptance():
     assert story.run(0.2).core.is_free and story.count("stop_program") == 0
 
 
+def line_to(story, call, end, x, y, radius=0.0):
+    pose = Pose((x, y, 0.3), (math.pi, 0.0, 0.0))
+    story.core.move(call, LinearMove(pose, 0.1, 1.0, radius or 0.0005), False, story.now, end)
+    story.perform()
+
+
+def glide(story, x, y, speed=100.0):
+    """The tool goes straight there, mm; the joints move with it."""
+    while math.dist(story.tcp[:2], (x, y)) > 1e-6:
+        away = math.dist(story.tcp[:2], (x, y))
+        share = min(1.0, speed * 0.008 / away)
+        story.tcp[0] += share * (x - story.tcp[0])
+        story.tcp[1] += share * (y - story.tcp[1])
+        story.joints[0] += 0.001
+        story.run(0.008, **MOVING)
+
+
+def test_each_call_of_a_queue_has_its_end_when_its_target_is_passed_even_on_a_rounded_corner():
+    story = Story()
+    line_to(story, "first", "end of first", 0.45, 0.1, radius=0.02)
+    line_to(story, "second", "end of second", 0.45, 0.15)
+    glide(story, 420.0, 100.0)
+    assert story.error("first") is None and story.error("end of first") == "pending"
+    glide(story, 445.0, 110.0)
+    assert story.error("end of first") is None and story.error("end of second") == "pending"
+    glide(story, 450.0, 150.0)
+    assert story.run(0.3).error("end of second") is None and story.core.is_free
+    assert story.count("stop_program") == 0
+
+
+def test_a_target_that_the_arm_did_not_come_near_is_not_told_as_reached():
+    story = Story()
+    line_to(story, "first", "end of first", 0.6, 0.1, radius=0.02)
+    line_to(story, "second", "end of second", 0.45, 0.15)
+    glide(story, 450.0, 150.0)
+    story.run(2.0)
+    assert story.cause("end of first") is StopCause.STOPPED and story.core.is_free
+
+
+def test_the_last_move_of_a_queue_must_meet_its_target_whatever_its_radius():
+    story = Story()
+    line_to(story, "only", "end", 0.45, 0.1, radius=0.02)
+    glide(story, 440.0, 100.0)
+    assert story.run(0.6).cause("end") is StopCause.STOPPED
+
+
+def test_a_stop_ends_every_call_of_a_queue():
+    story = begun(wait=False)
+    story.core.move("second", JointMove((0.8,) + HOME[1:], 1.0, 1.0), False, story.now, "end of second")
+    story.run(0.2, move=0.5, **MOVING)
+    story.core.stop("stop", story.now)
+    story.perform()
+    assert story.cause("end of second") is StopCause.STOPPED
+
+
+def test_a_refused_move_ends_with_its_refusal():
+    story = begun(wait=False)
+    story.replies["joint_move"] = "2"
+    story.core.move("second", JointMove((0.8,) + HOME[1:], 1.0, 1.0), False, story.now, "end")
+    story.perform()
+    assert isinstance(story.error("second"), CommandRejected) and isinstance(story.error("end"), CommandRejected)
+
+
 def test_a_second_move_is_refused_and_told_who_owns_the_arm():
     story = begun()
     story.core.move("second", JointMove(HOME, 1.0, 1.0), True, story.now)

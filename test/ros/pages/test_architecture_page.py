@@ -82,7 +82,8 @@ def trace(tmp_path_factory, ros_node):
     try:
         arm = bench.connect()
         config = config_from({"ip": "127.0.0.1"})
-        services = Services(RequestDecoder(arm.model), ServiceHandlers(arm, config, FrameTable(arm)), NoCallPublisher())
+        handlers = ServiceHandlers(arm, config, FrameTable(arm), None)
+        services = Services(RequestDecoder(arm.model), handlers, NoCallPublisher())
         (spec,) = [row for row in SERVICES if row.name == "joint_move"]
         handle = services._handler(spec)
         recording = Trace(arm)

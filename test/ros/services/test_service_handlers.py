@@ -24,8 +24,11 @@ class Arm:
         self.moves, self.runs, self.asked = [], [], []
         self.result = None
 
-    def move(self, command, wait):
-        self.moves.append((command, wait))
+    def move(self, command):
+        self.moves.append((command, True))
+
+    def queue(self, command):
+        self.moves.append((command, False))
 
     def run(self, procedure, exclusive=False):
         self.runs.append(exclusive)
@@ -39,16 +42,23 @@ class Arm:
         return self.state
 
 
+class NoEnds:
+    """Gives every accepted move the same id."""
+
+    def move_accepted(self, end):
+        return "7"
+
+
 @pytest.fixture
 def arm():
     return Arm()
 
 
 def handlers(arm, **parameters):
-    return ServiceHandlers(arm, DriverConfig(**parameters), None)
+    return ServiceHandlers(arm, DriverConfig(**parameters), None, NoEnds())
 
 
-@pytest.mark.parametrize("blocking, message", [(True, "completed"), (False, "accepted")])
+@pytest.mark.parametrize("blocking, message", [(True, "completed"), (False, "accepted, id 7")])
 def test_a_move_is_waited_for_as_the_parameter_says_and_its_caller_told_so(arm, blocking, message):
     outcome = handlers(arm, blocking=blocking).move(MOVE)
     assert arm.moves == [(MOVE, blocking)]

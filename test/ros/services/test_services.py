@@ -90,6 +90,10 @@ GOOD = [
     ("pause", with_a_trajectory_under_way, {"success": True}, lambda s: not s["is_moving"]),
     ("resume", "", {"success": True}, lambda s: s["is_moving"]),
     ("stop_move", "", {}, lambda s: not s["is_moving"]),
+    ("program/load", text(name="weld.jks"), {"success": True, "message": "program weld.jks loaded"}, lambda s: True),
+    ("program/play", "", {"success": True}, lambda s: True), ("program/pause", "", {"success": True}, lambda s: True),
+    ("program/resume", "", {"success": True}, lambda s: True),
+    ("program/stop", "", {"success": True, "message": "no program runs, the arm rests"}, lambda s: not s["is_moving"]),
 ]
 
 
@@ -132,6 +136,8 @@ BAD = [
     ("set_speed_slider", {"speed_slider_fraction": 0.0}, "valid: 0.01 to 1"),
     ("set_speed_slider", {"speed_slider_fraction": NAN}, "finite"),
     ("pause", {}, "moves nothing"), ("resume", {}, "moves nothing"),
+    ("program/load", {"name": ""}, "the name of a program file"), ("program/load", {"name": "a/b"}, "without folder"),
+    ("program/pause", {}, "the program is idle"), ("program/resume", {}, "the program is idle"),
     ("set_io", {"signal": "x", "type": 0, "index": 0, "value": 1.0}, "signal is 'x'"),
     ("set_io", {"signal": "digital", "type": 0, "index": 500, "value": 1.0}, ""),
 ]

@@ -5,5 +5,6 @@ session     what is asked of a controller when it is connected
 power       power, enabling and alarms
 recovery    all steps to an arm that can move, as one act
 pausing     pause and resume, and the speed of it all
+programs    load, pause and stop programs of the controller's own
 settings    settings that are read back
 """

@@ -4,6 +4,7 @@ from typing import Union
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import Motion
 from jaka_ros_driver.client.core.move import Move
+from jaka_ros_driver.client.core.planned.path_move import PathMove
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure, Until
 from jaka_ros_driver.client.core.trajectory import Trajectory
 from jaka_ros_driver.commands import PauseMotion, ResumeMotion, SetRapidRate
@@ -15,7 +16,7 @@ _NEVER = float("inf")
 
 
 def pause(core: ArmCore) -> Procedure:
-    """Hold the trajectory or the planned moves under way, at rest on their path; returns when the arm rests.
+    """Hold the trajectory, the path or the planned moves under way, at rest on their path; returns when the arm rests.
 
     Raises:
         InvalidCommand: Nothing is under way that can be paused, or it has ended meanwhile.
@@ -56,7 +57,7 @@ def resume(core: ArmCore) -> Procedure:
     is_held = motion.is_paused or (core.state is not None and bool(core.state.is_paused))
     if not is_held:
         raise InvalidCommand("refused: %s is not paused" % motion.owner.value)
-    if isinstance(motion, Move):
+    if not isinstance(motion, Trajectory):
         yield Ask(ResumeMotion())
         _require_still_under_way(core, motion, "resumed")
     motion.is_paused = False
@@ -80,11 +81,12 @@ def set_speed(core: ArmCore, fraction: float) -> Procedure:
     return "speed %.3g %%" % (100.0 * fraction)
 
 
-def _pausable(core: ArmCore) -> Union[Move, Trajectory]:
+def _pausable(core: ArmCore) -> Union[Move, PathMove, Trajectory]:
     motion = core.custody.motion
-    if not isinstance(motion, (Move, Trajectory)):
-        raise InvalidCommand("refused: %s; only moves and trajectories of this driver can be paused and resumed" % (
-            "this driver moves nothing" if motion is None else "%s owns the arm's motion" % motion.owner.value))
+    if not isinstance(motion, (Move, PathMove, Trajectory)):
+        raise InvalidCommand("refused: %s; only moves, paths and trajectories of this driver can be paused and "
+                             "resumed" % ("this driver moves nothing" if motion is None
+                                          else "%s owns the arm's motion" % motion.owner.value))
     _require_still_under_way(core, motion, "paused or resumed")
     return motion
 

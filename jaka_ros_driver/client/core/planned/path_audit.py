@@ -1,0 +1,73 @@
+"""The audit of a path before anything of it is sent: by the controller's own kinematics, tool and user frame.
+
+The targets are audited, not what lies between them: a line between two places within reach may leave it, and the
+controller then stops the arm there.
+"""
+from typing import Callable, Sequence
+
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure
+from jaka_ros_driver.commands import (
+    ArcMove,
+    Command,
+    ForwardKinematics,
+    InverseKinematics,
+    JointMove,
+    PathCommand,
+    Pose,
+)
+from jaka_ros_driver.errors import CommandRejected, InvalidCommand
+from jaka_ros_driver.state import RobotState, Vector
+from jaka_ros_driver.trajectory.segments import MAX_SEGMENTS, Place, SegmentPath
+
+
+def audit(commands: Sequence[PathCommand], state: RobotState, audited: Callable[[Command], Command],
+          check: Callable[[], None]) -> Procedure:
+    """Find the places between which the segments lead, and see that each can be reached; returns a SegmentPath.
+
+    Args:
+        commands: Of the segments.
+        state: Of the arm at rest, where the path begins.
+        audited: Raises InvalidCommand for a command outside the limits of the arm.
+        check: Called before each question; what it raises ends the audit.
+
+    Raises:
+        InvalidCommand: The first segment that cannot be run, by its number from 0, and why.
+        JakaError: As ``Ask``.
+    """
+    if not 0 < len(commands) <= MAX_SEGMENTS:
+        raise InvalidCommand("a path has %d segments; valid: 1 to %d" % (len(commands), MAX_SEGMENTS))
+    if state.tcp_position is None or state.tcp_rpy is None:
+        raise InvalidCommand("refused: this controller does not report the pose of the tool")
+    for number, command in enumerate(commands):
+        _require(audited, command, number)
+    places = [Place(state.joint_position, Pose(state.tcp_position, state.tcp_rpy))]
+    for number, command in enumerate(commands):
+        check()
+        before = places[-1].joints
+        if isinstance(command, JointMove):
+            pose = yield Ask(ForwardKinematics(command.joint_position))
+            places.append(Place(command.joint_position, pose))
+            continue
+        if isinstance(command, ArcMove):
+            before = yield from _joints_at(command.via, before, audited, number, "via")
+        places.append(Place((yield from _joints_at(command.target, before, audited, number, "target")),
+                            command.target))
+    check()
+    return SegmentPath(commands, places)
+
+
+def _joints_at(pose: Pose, reference: Vector, audited: Callable[[Command], Command], number: int,
+               what: str) -> Procedure:
+    try:
+        joints = yield Ask(InverseKinematics(pose, reference))
+    except CommandRejected as error:
+        raise InvalidCommand("segment %d: its %s cannot be reached: %s" % (number, what, error)) from error
+    _require(audited, JointMove(joints, 0.1, 0.1), number)
+    return joints
+
+
+def _require(audited: Callable[[Command], Command], command: Command, number: int) -> None:
+    try:
+        audited(command)
+    except InvalidCommand as error:
+        raise InvalidCommand("segment %d: %s" % (number, error)) from error

@@ -1,0 +1,193 @@
+"""A path of several segments in custody: one queue in the controller, watched from its first byte until the arm rests.
+
+Each segment is sent when the one before it was accepted, so that a refusal leaves nothing behind it that would begin
+at the wrong place.
+"""
+from typing import Any, Callable, NamedTuple, Optional
+
+from jaka_ros_driver.client.core.custody import Custody
+from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner, rest_time_at
+from jaka_ros_driver.client.core.move import (
+    NO_DISTANCE,
+    SETTLE_TIME_S,
+    START_WINDOW_S,
+    distance_text,
+    relative_distance,
+)
+from jaka_ros_driver.client.core.stillness import MOVEMENT
+from jaka_ros_driver.commands import JointMove
+from jaka_ros_driver.errors import JakaError, MotionInterrupted, PathInterrupted, StopCause
+from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.trajectory.segments import SegmentPath, Tracker
+
+
+class PathProgress(NamedTuple):
+    """How far an arm has come on its path.
+
+    Attributes:
+        call: Of its goal.
+        completed: Segments that have ended; the next one, counted from 0, is under way.
+        fraction: Of the whole path, 0 to 1, by the time that its segments take at their programmed speeds.
+        is_paused: It is held by a pause.
+    """
+
+    call: Any
+    completed: int
+    fraction: float
+    is_paused: bool = False
+
+
+class PathMove(Motion):
+    """Completed when every segment was passed and the arm rests at the last target; stopped by what contradicts that.
+
+    Attributes:
+        is_paused: Paused by a call; the time in which it is does not count.
+    """
+
+    owner = MotionOwner.PATH
+    is_told_at_rest = True
+
+    def __init__(self, custody: Custody, path: SegmentPath, call: Any, on_begun: Callable[[], None],
+                 state: RobotState, now: float) -> None:
+        """Prepare.
+
+        Args:
+            custody: Of this motion.
+            path: Audited; begins where the arm is.
+            call: Answered at the end with its PathProgress, or with a PathInterrupted.
+            on_begun: Called when the controller has accepted the first segment.
+            state: Before the motion.
+            now: s.
+        """
+        self._custody = custody
+        self._path = path
+        self._call = call
+        self._on_begun = on_begun
+        self._watch = InterruptionWatch(state)
+        self._start = state
+        self._tracker = Tracker(path, now)
+        self._waiting = [segment.command for segment in path.segments if not segment.is_nowhere]
+        self._is_single = len(self._waiting) == 1
+        self._target = self._waiting[-1]
+        self._has_begun = False
+        self._accepted_at: Optional[float] = None
+        self._has_moved = False
+        self._completed = 0
+        self._is_done = False
+        self.is_paused = False
+        self.rest_time = max(rest_time_at(command.speed, not isinstance(command, JointMove))
+                             for command in self._waiting)
+
+    # ---- what is known ----
+
+    @property
+    def progress(self) -> PathProgress:
+        """How far it has come."""
+        if self._is_done:
+            return PathProgress(self._call, len(self._path.segments), 1.0)
+        return PathProgress(self._call, self._tracker.completed, self._tracker.fraction, self.is_paused)
+
+    # ---- life ----
+
+    def begin(self, now: float) -> None:
+        self._send_next(now)
+
+    def observe(self, state: RobotState, now: float) -> None:
+        self._follow(state)
+        if not self._has_begun:
+            return
+        if not self._has_moved:
+            self._has_moved = max([abs(a - b) for a, b in zip(
+                state.joint_position, self._start.joint_position)]) > MOVEMENT
+        cause = self._watch.cause(state)
+        if cause is not None:
+            self._custody.stop(cause, now)
+            return
+        if self._tracker.completed > self._completed:
+            self._completed = self._tracker.completed
+            self._set_deadline(now)
+        if self._accepted_at is not None and state.received_at > self._accepted_at:
+            self._look_for_the_end(self._accepted_at, state, now)
+
+    def observe_stop(self, state: RobotState) -> None:
+        self._follow(state)
+
+    def tick(self, now: float) -> None:
+        if self.is_paused:
+            self.deadline = max(self.deadline, now + START_WINDOW_S)
+        elif now >= self.deadline:
+            self._custody.stop(MotionInterrupted(
+                StopCause.TIMEOUT, "no segment completed for %.0f s" % self._custody.settings.motion_timeout), now)
+
+    def ended(self, outcome: Optional[MotionInterrupted]) -> None:
+        if outcome is None:
+            self._is_done = True
+            self._answer(self.progress, None)
+        else:
+            progress = self.progress
+            self._answer(None, PathInterrupted(outcome, progress.completed, len(self._path.segments),
+                                               progress.fraction))
+
+    # ---- inside ----
+
+    def _send_next(self, now: float) -> None:
+        self._custody.channel.request(self._waiting.pop(0), now, self._replied)
+
+    def _replied(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+        if self._custody.motion is not self or self._custody.is_ending:
+            return
+        if error is not None:
+            if not self._has_begun:
+                self._answer(None, error)
+                self._custody.not_accepted(error, now)
+            elif self._custody.channel.is_open:
+                self._custody.stop(MotionInterrupted(StopCause.FAULT, str(error)), now)
+            return
+        self._set_deadline(now)
+        if not self._has_begun:
+            self._has_begun = True
+            self._on_begun()
+        if self._waiting:
+            self._send_next(now)
+        else:
+            self._accepted_at = now
+
+    def _set_deadline(self, now: float) -> None:
+        self.deadline = now + self._custody.settings.motion_timeout
+
+    def _follow(self, state: RobotState) -> None:
+        if self._has_begun:
+            self._tracker.observe(state)
+
+    def _answer(self, progress: Optional[PathProgress], error: Optional[JakaError]) -> None:
+        call, self._call = self._call, None
+        self._custody.actions.answer(call, progress, error)
+
+    def _look_for_the_end(self, accepted_at: float, state: RobotState, now: float) -> None:
+        """Measured positions decide, as for a single move; and the arm must have come along the path."""
+        still = self._custody.stillness.duration(accepted_at)
+        if still < self.rest_time or self.is_paused:
+            return
+        distance = relative_distance(self._target, state)
+        is_there = distance is not None and distance <= 1.0 and self._was_followed
+        if is_there and self._is_sure(distance or 0.0):
+            if state.is_in_position or still >= self.rest_time + SETTLE_TIME_S:
+                self._custody.finish(now)
+        elif is_there:
+            if still >= START_WINDOW_S:
+                self._custody.stop(None, now)
+        elif state.is_in_position and still >= max(self.rest_time, SETTLE_TIME_S if self._has_moved
+                                                   else START_WINDOW_S):
+            cause = StopCause.STOPPED if self._has_moved else StopCause.FAULT
+            what = "the arm came to rest %s from the end" if self._has_moved else (
+                "accepted, but the arm did not move; it is %s from the end")
+            self._custody.stop(MotionInterrupted(cause, what % distance_text(self._target, state)), now)
+
+    @property
+    def _was_followed(self) -> bool:
+        """It has passed every corner."""
+        return self._tracker.completed >= len(self._path.segments) - 1
+
+    def _is_sure(self, distance: float) -> bool:
+        """Another segment cannot still begin; where that is not sure a stop is sent before the arm is let go."""
+        return (self._is_single or distance <= NO_DISTANCE) and self._tracker.fraction >= 1.0

@@ -1,0 +1,153 @@
+"""A program that is stored in the controller: in custody from before it is played until it is over and the arm rests.
+
+Which motions it makes is not known here. So the status feed's word on the program (``interp_state``,
+docs/controller-protocol.md section 6.2) decides that it is over, together with joints at rest; the word alone does not.
+"""
+import enum
+from typing import Any, Callable, Optional
+
+from jaka_ros_driver.client.core.custody import Custody
+from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure
+from jaka_ros_driver.client.core.stillness import REST_TIME_S
+from jaka_ros_driver.commands import Command, ResumeMotion
+from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
+from jaka_ros_driver.state import RobotState
+
+SHOWN_WITHIN_S = 2.0
+"""s; what was asked of a program is seen in the status feed within this time, or has failed."""
+_NOT_SEEN_RUNNING = "accepted, but the program was not seen running within %.0f s" % SHOWN_WITHIN_S
+_OVER_TIME_S = 0.3
+"""s; a program is over when the status feed has said so for so long, with the arm at rest."""
+_NEVER = float("inf")
+
+
+class ProgramState(enum.IntEnum):
+    """What the status feed tells of the loaded program (``interp_state``)."""
+
+    IDLE = 0
+    LOADING = 1
+    PAUSED = 2
+    RUNNING = 3
+
+
+UNDER_WAY = (ProgramState.LOADING, ProgramState.RUNNING)
+"""It moves the arm, or may at any moment."""
+
+
+class Program(Motion):
+    """Its caller is answered when the status feed shows it running; custody goes on until it is over."""
+
+    owner = MotionOwner.PROGRAM
+
+    def __init__(self, custody: Custody, command: Command, call: Any, end: Any, state: RobotState) -> None:
+        """Prepare.
+
+        Args:
+            custody: Of this motion.
+            command: PlayProgram, or ResumeMotion for one that is paused.
+            call: Answered when the program runs.
+            end: Answered when custody ends, and not before ``call``; None for nobody.
+            state: Before the motion.
+        """
+        self._custody = custody
+        self._command = command
+        self._call = call
+        self._end = end
+        self._watch = InterruptionWatch(state)
+        self._accepted_at: Optional[float] = None
+        self._is_seen = False
+        self._over_since: Optional[float] = None
+
+    def begin(self, now: float) -> None:
+        self._custody.channel.request(self._command, now, self._replied)
+
+    def observe(self, state: RobotState, now: float) -> None:
+        if self._accepted_at is None or state.received_at <= self._accepted_at:
+            return
+        cause = self._watch.cause(state)
+        if cause is None and state.program_state is None:
+            cause = MotionInterrupted(StopCause.FAULT, "the controller does not tell any more whether its program runs")
+        if cause is not None:
+            self._custody.stop(cause, now)
+        elif state.program_state in UNDER_WAY:
+            if not self._is_seen:
+                self._is_seen, self.deadline = True, _NEVER
+                self._answer(None)
+            self._over_since = None
+        elif state.program_state == ProgramState.IDLE and self._is_seen:
+            self._look_for_the_end(state.received_at, now)
+        else:
+            self._over_since = None
+
+    def tick(self, now: float) -> None:
+        if now >= self.deadline:
+            self._custody.stop(MotionInterrupted(StopCause.TIMEOUT, _NOT_SEEN_RUNNING), now)
+
+    def may_be_left(self, state: RobotState) -> bool:
+        if state.program_state == ProgramState.PAUSED:  # one that was not to be resumed is still paused
+            return isinstance(self._command, ResumeMotion)
+        return state.program_state in (None, ProgramState.IDLE)
+
+    def ended(self, outcome: Optional[MotionInterrupted]) -> None:
+        self._answer(outcome)
+        self._custody.actions.answer(self._end, None, outcome)
+
+    def resumed(self, require_ready: Callable[[float], RobotState], seen: Callable[..., Procedure]) -> Procedure:
+        """Let it go on, where it is paused; ends when it is seen running.
+
+        Args:
+            require_ready: The arm's state where it can be moved, else an error.
+            seen: ``ArmCore.seen``.
+
+        Raises:
+            InvalidCommand: It is not paused, or ends meanwhile.
+            MotionInterrupted: It was accepted, and not seen running in time.
+            JakaError: As ``Ask``.
+        """
+        require_program_state(require_ready((yield Now())), ProgramState.PAUSED)
+        yield Ask(ResumeMotion())
+
+        def require_still_under_way() -> None:
+            if self._custody.motion is not self or self._custody.is_ending:
+                raise InvalidCommand("refused: the program has ended, it cannot be resumed")
+        if not (yield from seen(lambda s: s.program_state in UNDER_WAY, SHOWN_WITHIN_S, require_still_under_way)):
+            raise MotionInterrupted(StopCause.TIMEOUT, _NOT_SEEN_RUNNING)
+
+    # ---- inside ----
+
+    def _replied(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+        if self._custody.motion is not self:
+            return
+        if error is None:
+            self._accepted_at, self.deadline = now, now + SHOWN_WITHIN_S
+            return
+        self._answer(error)
+        self._custody.actions.answer(self._end, None, error)
+        self._end = None
+        self._custody.not_accepted(error, now)
+
+    def _look_for_the_end(self, shown_at: float, now: float) -> None:
+        self._over_since = shown_at if self._over_since is None else self._over_since
+        if (shown_at - self._over_since >= _OVER_TIME_S
+                and self._custody.stillness.duration(self._over_since) >= REST_TIME_S):
+            self._custody.finish(now)
+
+    def _answer(self, error: Optional[JakaError]) -> None:
+        call, self._call = self._call, None
+        self._custody.actions.answer(call, None, error)
+
+
+def require_program_state(state: RobotState, *wanted: ProgramState) -> None:
+    """See that the controller's program is in one of these states.
+
+    Raises:
+        InvalidCommand: It is in another one, or the status feed does not tell.
+    """
+    if state.program_state is None:
+        raise InvalidCommand("refused: this controller does not tell whether a program runs (interp_state)")
+    if state.program_state not in tuple(wanted):
+        names = {int(one): one.name.lower() for one in ProgramState}
+        raise InvalidCommand("refused: the program is %s; it must be %s" % (
+            names.get(state.program_state, "in state %d" % state.program_state),
+            " or ".join(one.name.lower() for one in wanted)))

@@ -1,0 +1,109 @@
+"""``~motion_state`` and ``~program/state``: how what was only accepted goes on, and how it ends."""
+import itertools
+import logging
+import threading
+from concurrent.futures import Future
+from queue import SimpleQueue
+from typing import Any, Optional, Tuple
+
+import rospy
+
+from jaka_msgs import msg as messages
+from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.core.planned.program import ProgramState
+from jaka_ros_driver.state import RobotState
+
+_LOG = logging.getLogger(__name__)
+
+_QUEUE = 100
+
+
+class MotionEnds:
+    """Publishes both topics, latched, with each change, in the order in which things happen.
+
+    What happens is noted by the threads that see it, and published by a thread of its own: the client's must not wait.
+
+    A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack the types, as the maker's does; then a warning is
+    logged, and nothing is published.
+    """
+
+    def __init__(self, arm: ArmClient) -> None:
+        self._arm = arm
+        self._ids = itertools.count(1)
+        self._waiting: SimpleQueue[Tuple[Any, Any]] = SimpleQueue()
+        self._shown: Optional[int] = None
+        self._program = ""
+        self._reason = ""
+        self._lock = threading.Lock()
+        self._moves: Any = None
+        self._programs: Any = None
+        if hasattr(messages, "MotionState") and hasattr(messages, "ProgramState"):
+            self._moves = rospy.Publisher("~motion_state", messages.MotionState, queue_size=_QUEUE, latch=True)
+            self._programs = rospy.Publisher("~program/state", messages.ProgramState, queue_size=_QUEUE, latch=True)
+        else:
+            _LOG.warning("jaka_msgs in %s has no MotionState and ProgramState: the topics ~motion_state and "
+                         "~program/state are not published; everything else is served", messages.__path__[0])
+
+    def start(self) -> None:
+        """Begin to publish."""
+        threading.Thread(target=self._publish, name="motion ends", daemon=True).start()
+        self._arm.add_listener(self._arrived)
+
+    def move_accepted(self, end: "Future[None]") -> str:
+        """A move was accepted; returns the id under which its end will be told."""
+        number = str(next(self._ids))
+        self._tell_move(number, "ACCEPTED", "")
+        end.add_done_callback(lambda done: self._move_ended(number, done))
+        return number
+
+    def program_loaded(self, name: str) -> None:
+        """This is the loaded program now."""
+        with self._lock:
+            self._program, self._reason = name, ""
+        self._tell_program()
+
+    def program_began(self, end: "Future[None]") -> None:
+        """A program of this driver runs."""
+        with self._lock:
+            self._reason = ""
+        end.add_done_callback(self._program_ended)
+
+    # ---- inside ----
+
+    def _move_ended(self, number: str, end: "Future[None]") -> None:
+        error = end.exception()
+        if error is None:
+            self._tell_move(number, "COMPLETED", "the target is reached")
+        else:
+            self._tell_move(number, "STOPPED", str(error))
+
+    def _program_ended(self, end: "Future[None]") -> None:
+        error = end.exception()
+        with self._lock:
+            self._reason = "completed" if error is None else str(error)
+        self._tell_program()
+
+    def _arrived(self, state: RobotState, is_new: bool) -> None:
+        if is_new and state.program_state is not None and state.program_state != self._shown:
+            self._shown = state.program_state
+            self._tell_program()
+
+    def _tell_move(self, number: str, state: str, reason: str) -> None:
+        if self._moves is not None:
+            message = messages.MotionState(id=number, state=getattr(messages.MotionState, state), reason=reason)
+            message.header.stamp = rospy.Time.now()
+            self._waiting.put((self._moves, message))
+
+    def _tell_program(self) -> None:
+        if self._programs is None or self._shown is None:
+            return
+        with self._lock:
+            shown = self._shown if self._shown in tuple(ProgramState) else messages.ProgramState.UNKNOWN
+            message = messages.ProgramState(state=shown, program=self._program, reason=self._reason)
+        message.header.stamp = rospy.Time.now()
+        self._waiting.put((self._programs, message))
+
+    def _publish(self) -> None:
+        while True:
+            publisher, message = self._waiting.get()
+            publisher.publish(message)

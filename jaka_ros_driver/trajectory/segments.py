@@ -1,0 +1,234 @@
+"""Paths of several segments, joint motions, lines and arcs, as the controller runs them: their audit, and how far an
+arm has come on one.
+"""
+import math
+from typing import List, NamedTuple, Optional, Sequence
+
+from jaka_ros_driver.commands import ArcMove, JointMove, LinearMove, PathCommand, Pose
+from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.kinematics.rotations import Matrix, matrix_from_rpy, rotation_angle_between
+from jaka_ros_driver.state import RobotState, Vector
+
+MAX_SEGMENTS = 200
+ARC_TURN_SPEED = math.pi
+"""rad/s; a controller that is told none turns the tool on an arc so fast (docs/sdk-client.md section 8)."""
+_NOWHERE = 1e-6
+"""m or rad; a segment that is shorter leads nowhere, and is not sent."""
+_PURE_TURN = 1e-3
+"""m; a line that is shorter is told from its rotation."""
+_JOINT_LEVER = 0.5
+_TURN_LEVER = 0.1
+"""m; how much a wrong angle counts beside a wrong place."""
+_SLACK_S = 0.05
+_FASTEST = 2.0
+"""An arm comes no further between two frames than so many times the time between them, and the slack."""
+_TRIES = 10
+
+
+class Place(NamedTuple):
+    """Where a segment begins or ends: joints, rad (6,), and the tool in the user frame, m and rpy rad."""
+
+    joints: Vector
+    tool: Pose
+
+
+class Circle(NamedTuple):
+    """Of an arc: its centre and two vectors of its plane, m (3,), each as long as its radius; how far it turns, rad."""
+
+    centre: Vector
+    arm: Vector
+    across: Vector
+    sweep: float
+
+    @property
+    def radius(self) -> float:
+        """m."""
+        return math.hypot(*self.arm)
+
+    def at(self, share: float) -> Vector:
+        """The place at this share of it, m (3,)."""
+        c, s = math.cos(share * self.sweep), math.sin(share * self.sweep)
+        return tuple([o + c * a + s * b for o, a, b in zip(self.centre, self.arm, self.across)])
+
+
+class Segment:
+    """One segment, between two places.
+
+    Attributes:
+        command: What the controller is sent.
+        end: Where it ends.
+        length: Of the tool's way, m; of a joint motion at least that.
+        duration: At its programmed speed, without acceleration and braking, s.
+    """
+
+    def __init__(self, command: PathCommand, start: Place, end: Place) -> None:
+        """Raises InvalidCommand where there is no such arc."""
+        self.command = command
+        self.start, self.end = start, end
+        self._turned = matrix_from_rpy(end.tool.rpy)
+        self._turn = rotation_angle_between(matrix_from_rpy(start.tool.rpy), self._turned)
+        self._circle: Optional[Circle] = None
+        self.length = math.dist(start.tool.position, end.tool.position)
+        if isinstance(command, JointMove):
+            way = max([abs(a - b) for a, b in zip(start.joints, end.joints)])
+            self.duration = way / command.speed
+            self.is_nowhere = way < _NOWHERE
+            return
+        turn_speed = ARC_TURN_SPEED
+        if isinstance(command, LinearMove):
+            turn_speed = command.turn_speed
+        else:
+            self._circle = circle_through(start.tool.position, command.via.position, end.tool.position)
+            self.length = self._circle.radius * self._circle.sweep
+        self.duration = max(self.length / command.speed, self._turn / turn_speed)
+        self.is_nowhere = self.length < _NOWHERE and self._turn < _NOWHERE
+
+    @property
+    def kind(self) -> str:
+        """Its name in messages."""
+        return {JointMove: "joint", LinearMove: "line", ArcMove: "arc"}[type(self.command)]
+
+    def distance(self, share: float, state: RobotState, turned: Optional[Matrix]) -> float:
+        """How far the arm is from this share of it, m and angles as m; ``turned``: the tool's rotation, if known."""
+        if isinstance(self.command, JointMove):
+            return _JOINT_LEVER * max([abs(a + share * (b - a) - q) for a, b, q in zip(
+                self.start.joints, self.end.joints, state.joint_position)])
+        if state.tcp_position is None:
+            return math.inf
+        if self._circle is not None:
+            return math.dist(self._circle.at(share), state.tcp_position)
+        away = math.dist([a + share * (b - a) for a, b in zip(self.start.tool.position, self.end.tool.position)],
+                         state.tcp_position)
+        if self.length < _PURE_TURN and turned is not None:
+            away += _TURN_LEVER * abs(rotation_angle_between(turned, self._turned) - (1.0 - share) * self._turn)
+        return away
+
+
+class SegmentPath:
+    """Segments one after the other, audited as a whole.
+
+    Attributes:
+        segments: In their order.
+        start: Where the first one begins.
+        ends: When each ends at its programmed speed, s from the begin.
+    """
+
+    def __init__(self, commands: Sequence[PathCommand], places: Sequence[Place]) -> None:
+        """Join the segments.
+
+        Args:
+            commands: Each of which keeps the limits of the arm.
+            places: One more: where the first begins, and where each ends.
+
+        Raises:
+            InvalidCommand: A segment cannot be run, or a blend radius is larger than its neighbours allow.
+        """
+        self.start = places[0]
+        self.segments: List[Segment] = []
+        self.ends: List[float] = []
+        total = 0.0
+        for number, (command, start, end) in enumerate(zip(commands, places, places[1:])):
+            with_name = "segment %d: " % number
+            try:
+                segment = Segment(command, start, end)
+            except InvalidCommand as error:
+                raise InvalidCommand(with_name + str(error)) from error
+            total += segment.duration
+            self.segments.append(segment)
+            self.ends.append(total)
+        self._check_blends()
+
+    @property
+    def duration(self) -> float:
+        """At the programmed speeds, s."""
+        return self.ends[-1]
+
+    def completed(self, time: float) -> int:
+        """How many segments have ended at this time, s."""
+        return sum(1 for end in self.ends if end <= time + 1e-9)
+
+    def distance(self, time: float, state: RobotState, turned: Optional[Matrix]) -> float:
+        """How far the arm is from the place of this time, m."""
+        number = min(self.completed(time), len(self.segments) - 1)
+        segment = self.segments[number]
+        begin = self.ends[number] - segment.duration
+        share = 1.0 if segment.duration <= 0.0 else min(1.0, (time - begin) / segment.duration)
+        return segment.distance(share, state, turned)
+
+    def _check_blends(self) -> None:
+        last = len(self.segments) - 1
+        for number, segment in enumerate(self.segments):
+            radius = segment.command.tolerance
+            if number == last:
+                if radius > 0.0:
+                    raise InvalidCommand("segment %d: blend_radius is %.9g m; the last one has no corner behind it: 0"
+                                         % (number, radius))
+                continue
+            longest = 0.5 * min(segment.length, self.segments[number + 1].length)
+            if radius > longest * (1.0 + 1e-6):
+                raise InvalidCommand("segment %d: blend_radius is %.6g m; valid: at most half of the shorter segment "
+                                     "beside the corner, %.6g m" % (number, radius, longest))
+
+
+class Tracker:
+    """How far an arm has come on a path: the nearest place that it can have reached since the last frame.
+
+    Attributes:
+        time: The place, as a time of the path, s; it does not fall.
+    """
+
+    def __init__(self, path: SegmentPath, now: float) -> None:
+        self._path = path
+        self._seen_at = now
+        self.time = 0.0
+
+    def observe(self, state: RobotState) -> None:
+        """Take a fresh state into account."""
+        elapsed = max(0.0, state.received_at - self._seen_at)
+        self._seen_at = state.received_at
+        path, low = self._path, self.time
+        high = min(path.duration, low + _FASTEST * elapsed + _SLACK_S)
+        times = [low + (high - low) * n / _TRIES for n in range(_TRIES + 1)]
+        times += [end for end in path.ends if low < end <= high]
+        turned = None if state.tcp_rpy is None else matrix_from_rpy(state.tcp_rpy)
+        self.time = min(times, key=lambda time: (path.distance(time, state, turned) + 1e-6 * (time - low)))
+
+    @property
+    def completed(self) -> int:
+        """Segments that have ended."""
+        return self._path.completed(self.time)
+
+    @property
+    def fraction(self) -> float:
+        """Of the whole path's duration at the programmed speeds, 0 to 1."""
+        return 1.0 if self._path.duration <= 0.0 else min(1.0, self.time / self._path.duration)
+
+
+def circle_through(start: Sequence[float], via: Sequence[float], end: Sequence[float]) -> Circle:
+    """The arc from start by via to end, m (3,) each; raises InvalidCommand where these lie on a line, or coincide."""
+    ab, ac = _minus(via, start), _minus(end, start)
+    plane = _cross(ab, ac)
+    area = math.hypot(*plane)
+    if area < 1e-6 * math.hypot(*ab) * math.hypot(*ac) or min(
+            math.hypot(*ab), math.hypot(*ac), math.dist(via, end)) < _NOWHERE:
+        raise InvalidCommand("no circle leads through its start, via and target: they lie on a line, or two coincide")
+    normal = tuple([value / area for value in plane])
+    to_centre = _cross([_dot(ab, ab) * c - _dot(ac, ac) * b for b, c in zip(ab, ac)], plane)
+    centre = tuple([a + 0.5 * value / (area * area) for a, value in zip(start, to_centre)])
+    arm = _minus(start, centre)
+    across = _cross(normal, arm)
+    to_end = _minus(end, centre)
+    sweep = math.atan2(_dot(to_end, across), _dot(to_end, arm)) % math.tau
+    return Circle(centre, arm, across, sweep)
+
+
+def _minus(a: Sequence[float], b: Sequence[float]) -> Vector:
+    return tuple([p - q for p, q in zip(a, b)])
+
+
+def _dot(a: Sequence[float], b: Sequence[float]) -> float:
+    return sum([p * q for p, q in zip(a, b)])
+
+
+def _cross(a: Sequence[float], b: Sequence[float]) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
