@@ -90,7 +90,7 @@ OF_TRAJECTORIES: Tuple[Mutant, ...] = (
     Mutant("a pause is told before the arm rests", "client/core/procedures/pausing.py",
            "if not (yield Until(rests, _TIMEOUT_S + motion.rest_time)):", "if False:", STORIES),
     Mutant("rest from before a move counts for its pause", "client/core/procedures/pausing.py",
-           "stillness.duration(held_since)", "stillness.duration()", "test/client/core/test_moves.py"),
+           "stillness.duration(held_since)", "stillness.duration()", ("test/client/core/test_moves.py",)),
     Mutant("joints are taken in the order of the message", "ros/trajectories/messages.py",
            "return tuple([given[index] for index in order])", "return tuple(given)", DECODER),
     Mutant("a joint may be missing", "ros/trajectories/messages.py", "        if missing:\n", "        if False:\n",
