@@ -355,7 +355,7 @@ def generate(seed: int) -> Scenario:
                 "servo_timeout": chance.choice((10.0, 2.0)),
                 "link_loss_stop": chance.choice((0.3, 0.3, 0.0)),
                 "power_timeout": chance.choice((30.0, 3.0)), "enable_timeout": chance.choice((30.0, 3.0))}
-    is_simulator = chance.random() < 0.12
+    is_simulator = chance.random() < 0.08
     if is_simulator:
         settings["simulator"] = chance.choice(("twin", "twin", "another"))
     is_foreign = settings.get("simulator") == "another"

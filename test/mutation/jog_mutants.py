@@ -36,7 +36,7 @@ OF_JOGS: Tuple[Mutant, ...] = (
            "min(max(min(max(aim, low), high), before - _STEP_CHANGE), before + _STEP_CHANGE)",
            "min(max(aim, low), high)", RAMP),
     Mutant("braking takes twice its time", "client/core/velocity_jog/ramp.py",
-           "max(1, math.ceil(cycles - _ROUNDING))", "2 * max(1, math.ceil(cycles - _ROUNDING))", RAMP),
+           "speed / max(1, math.ceil(", "0.5 * speed / max(1, math.ceil(", RAMP),
     Mutant("the tool frame is the base", "client/core/velocity_jog/ramp.py",
            "        if wish.frame is JogFrame.TOOL:\n", "        if False:\n", RAMP),
     Mutant("the tool turns about its flange", "client/core/velocity_jog/ramp.py",
