@@ -2,7 +2,7 @@
 arm has come on one.
 """
 import math
-from typing import List, NamedTuple, Optional, Sequence
+from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_ros_driver.commands import ArcMove, JointMove, LinearMove, PathCommand, Pose
 from jaka_ros_driver.errors import InvalidCommand
@@ -20,9 +20,11 @@ _JOINT_LEVER = 0.5
 _TURN_LEVER = 0.1
 """m; how much a wrong angle counts beside a wrong place."""
 _SLACK_S = 0.05
-_FASTEST = 2.0
+_FASTEST = 1.2
 """An arm comes no further between two frames than so many times the time between them, and the slack."""
-_TRIES = 10
+_ROUNDS = 5
+_BEHIND_CORNER = 1e-3
+"""m; an arm counts as behind a corner when it is nearer by so much to what follows: two segments may lie close."""
 
 
 class Place(NamedTuple):
@@ -186,12 +188,28 @@ class Tracker:
         """Take a fresh state into account."""
         elapsed = max(0.0, state.received_at - self._seen_at)
         self._seen_at = state.received_at
-        path, low = self._path, self.time
-        high = min(path.duration, low + _FASTEST * elapsed + _SLACK_S)
-        times = [low + (high - low) * n / _TRIES for n in range(_TRIES + 1)]
-        times += [end for end in path.ends if low < end <= high]
+        low = self.time
+        high = min(self._path.duration, low + _FASTEST * elapsed + _SLACK_S)
         turned = None if state.tcp_rpy is None else matrix_from_rpy(state.tcp_rpy)
-        self.time = min(times, key=lambda time: (path.distance(time, state, turned) + 1e-6 * (time - low)))
+        nearest, best = math.inf, low
+        for end in [end for end in self._path.ends if low < end < high] + [high]:
+            time, away = self._nearest(low, end, state, turned)
+            if away < nearest - _BEHIND_CORNER:
+                nearest, best = away, time
+            low = end
+        self.time = best
+
+    def _nearest(self, low: float, high: float, state: RobotState, turned: Optional[Matrix]) -> Tuple[float, float]:
+        """The nearest place between these times of one segment, as a time, and how far it is, m."""
+        first, last, found = low, high, (low, math.inf)
+        for _ in range(_ROUNDS):
+            step = 0.25 * (last - first)
+            for time in [first + n * step for n in range(4)] + [last]:
+                away = self._path.distance(min(time, high), state, turned)
+                if away < found[1]:
+                    found = min(time, high), away
+            first, last = max(low, found[0] - step), min(high, found[0] + step)
+        return found
 
     @property
     def completed(self) -> int:

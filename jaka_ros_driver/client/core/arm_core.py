@@ -411,10 +411,19 @@ class ArmCore:
         self.note_disturbance("a stop")
         self.stops += 1
         self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
-        if not self.custody.is_free:
-            self.custody.stop_for(call, now)
-        else:
+        if self.custody.is_free:
             self._stop_free_arm(call, now)
+            return
+        unanswered, is_held_up = [call], self.channel.is_held_up
+
+        def answer(error: Optional[JakaError]) -> None:
+            if unanswered:
+                self.actions.answer(unanswered.pop(), None, error)
+        self.custody.stop_for(answer, now)
+        if is_held_up:  # its reply may have to wait for power_on or enable_robot, its caller does not
+            patience = self.settings.reply_timeout
+            self._carry_out(_wait(lambda: not unanswered, patience),
+                            lambda _, error, _at: answer(error or ReplyTimeout("stop_program", patience)), now)
 
     def run(self, call: Any, procedure: Procedure, now: float, exclusive: bool = False) -> None:
         """Carry out a procedure; answered with its result or its error. A ``call`` of None is not answered.
@@ -595,3 +604,7 @@ class ArmCore:
         """Of a servo mode that no stream of this driver is in."""
         yield from left_servo_mode()
         self.links.is_servo_active = False
+
+
+def _wait(holds: Callable[[], bool], timeout: float) -> Procedure:
+    return (yield Until(lambda _now: holds(), timeout))

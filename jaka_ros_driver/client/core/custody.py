@@ -170,12 +170,12 @@ class Custody:
                 self.actions.log(logging.WARNING, "stopping the arm: %s" % outcome)
             self._send_stop(now)
 
-    def stop_for(self, call: Any, now: float) -> None:
-        """Stop the motion for a caller, who is answered with the controller's word on this very stop."""
+    def stop_for(self, answer: Callable[[Optional[JakaError]], None], now: float) -> None:
+        """Stop the motion for a caller: ``answer`` gets the error of this very stop, None where it was accepted."""
         if self._phase is not _Phase.STOPPING:
             self._phase = _Phase.STOPPING
             self._outcome, self._began_at = MotionInterrupted(StopCause.STOPPED), now
-        self._send_stop(now, call)
+        self._send_stop(now, answer)
 
     # ---- events ----
 
@@ -250,13 +250,13 @@ class Custody:
 
     # ---- inside ----
 
-    def _send_stop(self, now: float, call: Any = None) -> None:
+    def _send_stop(self, now: float, answer: Callable[[Optional[JakaError]], None] = lambda error: None) -> None:
         """Send what ends this motion, now; without a connection the call fails and ``link_up`` sends it."""
         assert self.motion is not None
         number = self._number
 
         def replied(_result: Any, error: Optional[JakaError], at: float) -> None:
-            self.actions.answer(call, None, error)
+            answer(error)
             if number == self._number and self._phase is _Phase.STOPPING:
                 self._stop_replied(error, at)
 
@@ -264,7 +264,7 @@ class Custody:
             self.channel.request_all([*self.motion.halts(), Stop()], now, replied)
         except JakaError as error:
             self._say(logging.ERROR, "the arm could not be stopped: %s" % error, now)
-            self.actions.answer(call, None, error)
+            answer(error)
             return
         self._outstanding += 1
         self._sent_at, self._retry_at = now, _NEVER

@@ -3,8 +3,8 @@ import pytest
 from stories import HOME, Story
 
 from jaka_ros_driver.client.core.actions import Open, Port
-from jaka_ros_driver.commands import Jog, JogFrame, JointMove
-from jaka_ros_driver.errors import CommandRejected, ConnectionLost, MotionInterrupted, StopCause
+from jaka_ros_driver.commands import Jog, JogFrame, JointMove, SetEnabled
+from jaka_ros_driver.errors import CommandRejected, ConnectionLost, MotionInterrupted, ReplyTimeout, StopCause
 
 MOVE = JointMove((1.0,) + HOME[1:], 1.0, 1.0)
 JOG = Jog(JogFrame.JOINT, 0, 0.3)
@@ -236,3 +236,15 @@ def test_closing_answers_every_call_and_stops_the_arm():
     story.perform()
     assert isinstance(story.error("late"), (ConnectionLost, MotionInterrupted))
     assert story.run(0.2).core.is_free
+
+
+def test_the_caller_of_a_stop_does_not_wait_for_a_slow_command_before_it():
+    story = under_way()
+    story.replies.update(disable_robot=None, stop_program=None)
+    story.core.channel.request(SetEnabled(False), story.now, lambda *_: None)
+    story.core.stop("stop", story.now)
+    story.perform()
+    story.run(0.8, move=0.5)
+    assert story.error("stop") == "pending"
+    story.run(0.2, move=0.5)
+    assert isinstance(story.error("stop"), ReplyTimeout) and not story.core.is_free
