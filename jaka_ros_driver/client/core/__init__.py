@@ -12,6 +12,7 @@ move            a planned move, or several that are queued
 jog             goes on as long as it is called for
 servo_planner   servo targets to one frame a cycle
 servo_trace     where the arm may be while it is streamed
+stops           of what this driver moves, and of an arm that somebody else may move
 streaming       what motions in servo mode have in common: entered, one frame a cycle, left
 servo           servo mode for a client that streams targets
 trajectory      a joint trajectory, streamed along its audited path

@@ -21,6 +21,7 @@ from jaka_ros_driver.client.core.planned.program import UNDER_WAY, Program, Prog
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Running, Until
 from jaka_ros_driver.client.core.servo import Servo
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
+from jaka_ros_driver.client.core.stops import Stops
 from jaka_ros_driver.client.core.streaming import Streaming, left_servo_mode
 from jaka_ros_driver.client.core.trajectory import (
     Goal,
@@ -39,7 +40,6 @@ from jaka_ros_driver.errors import (
     InvalidCommand,
     JakaError,
     MotionInterrupted,
-    ReplyTimeout,
     StopCause,
 )
 from jaka_ros_driver.kinematics import limits
@@ -60,7 +60,6 @@ class ArmCore:
         actions: Collects what the shell is to do.
         custody: Who moves the arm.
         links: To the controller.
-        stops: So many stops were asked for.
         disturbances: Counts what ends an act that was begun without a call: stops, faults, lost links, calls.
         last_disturbance: The last one, in words.
         is_recovering: A recovery is under way.
@@ -76,10 +75,11 @@ class ArmCore:
         self.custody = Custody(self.actions, self.channel, settings, lambda now: self._admission.retry(now))
         self.links = Links(settings, self.actions, self.channel, self.custody, self.note_disturbance)
         self._admission = Admission(self.actions, self.custody, self.links)
+        self._stops = Stops(self.actions, self.channel, self.custody, self.links, self._admission, settings,
+                            self._carry_out)
         self._running: List[Running] = []
         self._is_closing = False
         self._servo_end = ""
-        self.stops = 0
         self.disturbances = 0
         self.last_disturbance = ""
         self.is_recovering = False
@@ -91,6 +91,11 @@ class ArmCore:
     def state(self) -> Optional[RobotState]:
         """The newest state, however old; None before the first."""
         return self.links.state
+
+    @property
+    def stops(self) -> int:
+        """So many stops were asked for."""
+        return self._stops.count
 
     @property
     def is_free(self) -> bool:
@@ -228,7 +233,7 @@ class ArmCore:
         def check() -> None:
             if is_cancelled():
                 raise MotionInterrupted(StopCause.CANCELLED, "nothing was sent")
-            self._require_no_stop_since(stops)
+            self._stops.require_none_since(stops)
 
         def enter(at: float) -> None:
             check()
@@ -368,7 +373,7 @@ class ArmCore:
         Errors: InvalidCommand, ConnectionLost: the arm cannot be moved now. MotionInterrupted: a stop came between.
         """
         def enter(at: float) -> None:
-            self._require_no_stop_since(stops)
+            self._stops.require_none_since(stops)
             state = self._admission.require_ready_to_move(at)
             running = self.custody.motion
             if isinstance(running, Trajectory) and not self.custody.is_ending and running.can_be_joined:
@@ -385,7 +390,7 @@ class ArmCore:
         nothing was sent), PathToleranceViolated, GoalToleranceViolated.
         """
         def enter(at: float) -> None:
-            self._require_no_stop_since(stops)
+            self._stops.require_none_since(stops)
             state = self._admission.require_ready_to_move(at)
             goal, running = Goal(call, tolerances), self.custody.motion
             if start.running is not None and running is start.running and not self.custody.is_ending:
@@ -409,21 +414,7 @@ class ArmCore:
         """
         self.links.note_time(now)
         self.note_disturbance("a stop")
-        self.stops += 1
-        self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
-        if self.custody.is_free:
-            self._stop_free_arm(call, now)
-            return
-        unanswered, is_held_up = [call], self.channel.is_held_up
-
-        def answer(error: Optional[JakaError]) -> None:
-            if unanswered:
-                self.actions.answer(unanswered.pop(), None, error)
-        self.custody.stop_for(answer, now)
-        if is_held_up:  # its reply may have to wait for power_on or enable_robot, its caller does not
-            patience = self.settings.reply_timeout
-            self._carry_out(_wait(lambda: not unanswered, patience),
-                            lambda _, error, _at: answer(error or ReplyTimeout("stop_program", patience)), now)
+        self._stops.stop(call, now)
 
     def run(self, call: Any, procedure: Procedure, now: float, exclusive: bool = False) -> None:
         """Carry out a procedure; answered with its result or its error. A ``call`` of None is not answered.
@@ -475,13 +466,8 @@ class ArmCore:
 
     def stop_own(self, now: float) -> None:
         """A stop that nobody is answered for."""
-        self.stops += 1
         self.dead_man.let_go("a stop")
-        self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
-        if self.custody.is_free:
-            self._stop_free_arm(None, now)
-        else:
-            self.custody.stop(MotionInterrupted(StopCause.STOPPED), now)
+        self._stops.stop_own(now)
 
     def seen(self, holds: Callable[[RobotState], bool], timeout: float,
              check: Callable[[], None] = lambda: None) -> Procedure:
@@ -540,45 +526,6 @@ class ArmCore:
                 self.custody.begin(Program(self.custody, command, call, end, state), at)
         self._enter(call, enter, now)
 
-    def _require_no_stop_since(self, stops: int) -> None:
-        if self.stops != stops:
-            raise MotionInterrupted(StopCause.STOPPED, "it was asked for before the stop")
-
-    def _stop_free_arm(self, call: Any, now: float) -> None:
-        """A stop where this driver moves nothing: a program, the pendant, or servo mode of somebody else.
-
-        Its reply may have to wait for that to power_on or enable_robot. Then it is answered when the arm has been seen
-        at rest.
-        """
-        unanswered = [call]
-
-        def answer(error: Optional[JakaError]) -> None:
-            if unanswered:
-                self.actions.answer(unanswered.pop(), None, error)
-
-        def replied(_result: Any, error: Optional[JakaError], at: float) -> None:
-            self._admission.stops_under_way -= 1
-            answer(error)
-            self._admission.retry(at)
-
-        def watched(rests: bool, error: Optional[JakaError], _at: float) -> None:
-            answer(error or (None if rests else ReplyTimeout("stop_program", self.settings.reply_timeout)))
-
-        is_held_up = self.channel.is_held_up
-        try:
-            self.channel.request_all(
-                [c.SetServoMode(False), c.Stop()] if self.links.is_servo_active else [c.Stop()], now, replied)
-        except JakaError as error:
-            self.actions.answer(call, None, error)
-            return
-        self._admission.stops_under_way += 1
-        if is_held_up:
-            self._carry_out(self._is_at_rest(now), watched, now)
-
-    def _is_at_rest(self, since: float) -> Procedure:
-        return (yield Until(lambda _now: self.custody.stillness.duration(since) >= REST_TIME_S,
-                            self.settings.reply_timeout))
-
     def _answerer(self, call: Any) -> OnEnd:
         return lambda result, error, _now: self.actions.answer(call, result, error)
 
@@ -604,7 +551,3 @@ class ArmCore:
         """Of a servo mode that no stream of this driver is in."""
         yield from left_servo_mode()
         self.links.is_servo_active = False
-
-
-def _wait(holds: Callable[[], bool], timeout: float) -> Procedure:
-    return (yield Until(lambda _now: holds(), timeout))
