@@ -285,3 +285,8 @@ def test_nothing_is_told_about_a_stop_that_was_asked_for():
     pad.wait(0.3)
     assert pad.story.cause("stop") is None
     assert StopCause.STOPPED.value in " ".join(pad.story.log)
+
+
+def test_a_program_of_the_pendant_is_not_joined_by_a_jog():
+    pad = Pad().wait(0.1, REST, interp_state=3).wait(0.1, WISH, interp_state=3)
+    assert "a program of the controller's own runs" in pad.refusals[0] and not pad.frames()
