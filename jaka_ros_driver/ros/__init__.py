@@ -6,6 +6,7 @@ convert       ROS requests to commands, results and states to ROS messages; no o
 services      the services: their table, their server, what each does with the arm, the record of every call
 topics        state topics, transforms, diagnostics, and the topics that take servo targets
 trajectories  FollowJointTrajectory, and trajectories by topic
+action_server    of actionlib, without a traceback at the node's end
 other_messages   types of control_msgs and industrial_msgs, installed or made at start
 frame_table   the tool and user frames that the controller has stored
 model_check   whether the controller's pose agrees with the arm model

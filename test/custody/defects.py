@@ -433,5 +433,5 @@ DEFECTS: Tuple[Defect, ...] = (
     Defect(GuardIsNotTold, "h"), Defect(GuardIsToldTooSoon, "h"), Defect(DoesNotSeeSilence, "fhj"),
     Defect(ConnectsOnce, "kl"), Defect(TalksToStrangers, "n"), Defect(Raises, "contract"),
     Defect(SendsWithoutLink, "contract"), Defect(BesidePath, "ft"), Defect(PausesNothing, "p"),
-    Defect(KeepsHold, "v"), Defect(NeedsNoRest, "v"),
+    Defect(KeepsHold, "bv"), Defect(NeedsNoRest, "v"),
     Defect(LeavesSegmentsOut, "q"), Defect(LeavesPrograms, "r"))

@@ -74,6 +74,8 @@ class Call:
     def __str__(self) -> str:
         return "%s #%d %s" % (self.kind, self.number, self.command)
 
+    __repr__ = __str__  # an address would make each trace another one
+
 
 class _Unread(NamedTuple):
     cable: Cable

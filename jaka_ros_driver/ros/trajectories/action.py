@@ -8,7 +8,6 @@ from queue import SimpleQueue
 from typing import Any, Callable, Dict, Optional
 
 import rospy
-from actionlib import ActionServer
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.motion import MotionOwner
@@ -19,6 +18,7 @@ from jaka_ros_driver.errors import (
     MotionInterrupted,
     StopCause,
 )
+from jaka_ros_driver.ros.action_server import QuietActionServer
 from jaka_ros_driver.ros.other_messages import message_type
 from jaka_ros_driver.ros.services.service_server import CallCount
 from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder, fill_states
@@ -89,12 +89,12 @@ class TrajectoryAction:
         self._spec = action
         self._result_type = type(action().action_result.result)
         self._feedback_type = type(action().action_feedback.feedback)
-        self._server: Optional[ActionServer] = None
+        self._server: Optional[QuietActionServer] = None
 
     def offer(self) -> None:
         """Begin to take goals."""
-        self._server = ActionServer(rospy.resolve_name(self._name), self._spec, self._take, self._cancel,
-                                    auto_start=False)
+        self._server = QuietActionServer(rospy.resolve_name(self._name), self._spec, self._take,
+                                         self._cancel, auto_start=False)
         self._server.start()
 
     # ---- called by actionlib ----
