@@ -23,7 +23,7 @@ from jaka_ros_driver.ros.frame_table import FrameTable
 from jaka_ros_driver.ros.log_bridge import log_to_ros
 from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
-from jaka_ros_driver.ros.params import DEFAULT_REALTIME_PRIORITY, DriverConfig, config_from
+from jaka_ros_driver.ros.params import DriverConfig, config_from
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher
 from jaka_ros_driver.ros.services.path_action import PathAction
 from jaka_ros_driver.ros.services.recover_action import RecoverAction
@@ -246,6 +246,5 @@ def _set_scheduler(priority: int) -> None:
         for thread in os.listdir("/proc/self/task"):
             os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(priority))
     except OSError as error:
-        _LOG.log(logging.INFO if priority == DEFAULT_REALTIME_PRIORITY else logging.WARNING,
-                 "~realtime_priority %d: not permitted (limit rtprio: %s); beside other load on this computer servo "
-                 "frames can be late", priority, error.strerror)
+        _LOG.warning("~realtime_priority %d: not permitted (limit rtprio: %s); going on without", priority,
+                     error.strerror)

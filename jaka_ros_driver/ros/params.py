@@ -20,7 +20,6 @@ DOCUMENTED, VENDOR, VENDOR_2025 = "documented", "vendor", "vendor_2025"
 TF_ALL, TF_TOOL, TF_NONE = "all", "tool", "none"
 
 _CLIENT = ClientSettings("")
-DEFAULT_REALTIME_PRIORITY = 20
 _HOST_LABEL = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)\Z")
 _FRAME = re.compile(r"[A-Za-z][A-Za-z0-9_/]*\Z")
 _TOPIC = re.compile(r"[A-Za-z~/][A-Za-z0-9_/]*\Z")
@@ -203,9 +202,8 @@ class DriverConfig:
     trajectory_goal_time: float = _number(
         1.0, 0.0, 60.0, "s", "So long after a trajectory's time the arm must rest there. A goal may name another.")
     realtime_priority: int = _integer(
-        DEFAULT_REALTIME_PRIORITY, 0, 99, "SCHED_FIFO priority of the driver's threads, where its account has the "
-        "right to it (limit rtprio): servo frames keep their interval beside other load. 0 leaves the scheduler as "
-        "it is.")
+        0, 0, 99, "SCHED_FIFO priority of the driver's threads; needs the right to it (limit rtprio). Servo frames then "
+        "keep their interval beside other load. 0 leaves the scheduler as it is.")
 
     @property
     def is_vendor(self) -> bool:

@@ -2,7 +2,7 @@
 motion on the wire, and to the arm's rest.
 
 Moments on the wire and of the arm are those of the simulated controller's log. Run it in the devel space, on a quiet
-host; the arguments are the number of repeats (30) and the driver's realtime_priority (20).
+host; the arguments are the number of repeats (30) and the driver's realtime_priority (0).
 """
 import sys
 import tempfile
@@ -37,4 +37,4 @@ def main(repeats, priority):
 
 
 if __name__ == "__main__":
-    main(*map(int, (sys.argv[1:] + ["30", "20"][len(sys.argv) - 1:])[:2]))
+    main(*map(int, (sys.argv[1:] + ["30", "0"][len(sys.argv) - 1:])[:2]))
