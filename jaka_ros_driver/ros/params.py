@@ -202,8 +202,8 @@ class DriverConfig:
     trajectory_goal_time: float = _number(
         1.0, 0.0, 60.0, "s", "So long after a trajectory's time the arm must rest there. A goal may name another.")
     realtime_priority: int = _integer(
-        0, 0, 99, "SCHED_FIFO priority of the driver's threads; needs the right to it (limit rtprio). Servo frames then "
-        "keep their interval beside other load. 0 leaves the scheduler as it is.")
+        0, 0, 99, "SCHED_FIFO priority of the driver's threads; needs the right to it (limit rtprio). Servo frames "
+        "then keep their interval beside other load. 0 leaves the scheduler as it is.")
 
     @property
     def is_vendor(self) -> bool:
