@@ -230,7 +230,8 @@ def test_the_emergency_stop_ends_it_at_once_and_then_it_is_refused(bench, call):
 
 
 @pytest.mark.parametrize("disturb, reason", [
-    (lambda one, arm: (one.panel("press_emergency_stop"), one.panel("release_emergency_stop")), "the arm was stopped"),
+    (lambda one, arm: (one.panel("press_emergency_stop"), one.panel("release_emergency_stop")),
+     "the arm was stopped|emergency stop"),  # pressed so shortly, a frame may show it or not
     (lambda one, arm: one.panel("reboot", down=0.1), "link|closed|connection|status"),
     (lambda one, arm: one.panel("close", port="command"), "link|closed"),
     (lambda one, arm: one.panel("close", port="status"), "status feed was lost"),
@@ -244,7 +245,7 @@ def test_it_is_one_act_that_whatever_disturbs_it_ends(bench, call, disturb, reas
     waiting = call(Recovering(arm))
     assert eventually(lambda: one.requests("power_on"))
     disturb(one, arm)
-    assert isinstance(waiting.failure(), (RecoveryInterrupted, ConnectionLost)), waiting.error
+    assert isinstance(waiting.failure(), (RecoveryInterrupted, MotionInterrupted, ConnectionLost)), waiting.error
     assert any(word in str(waiting.error) for word in reason.split("|")), waiting.error
     threading.Event().wait(1.0)
     assert one.times_of("enable_robot") == [] and len(one.times_of("power_on")) == 1
