@@ -82,6 +82,12 @@ def simulator() -> Iterator[SimulatorProcess]:
 
 
 @pytest.fixture(scope="module")
+def log_file(tmp_path_factory) -> Path:
+    """Where the simulated controller of a module keeps its log."""
+    return tmp_path_factory.mktemp("wire") / "wire.mcap"
+
+
+@pytest.fixture(scope="module")
 def arm(ros_node, simulator) -> Iterator[Arm]:
     """The driver on it, interface documented."""
     with driven(simulator) as running:

@@ -127,6 +127,13 @@ def test_pause_and_resume_are_told_when_the_feed_shows_them():
     assert story.run(0.1).error("resume") is None and not story.core.is_free
 
 
+def test_rest_from_before_does_not_count_for_the_pause_of_a_program():
+    story = ask(running().run(1.0), "pause", programs.pause)
+    story.fields["interp_state"] = PAUSED
+    assert story.run(0.04).error("pause") == "pending"
+    assert story.run(0.1).error("pause") is None
+
+
 def test_a_pause_that_is_not_seen_fails_in_time():
     story = ask(running(), "pause", programs.pause).run(2.2)
     assert story.cause("pause") is StopCause.TIMEOUT and story.error("end") == "pending"

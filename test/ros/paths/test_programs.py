@@ -12,11 +12,6 @@ IDLE, PAUSED, RUNNING = ProgramState.IDLE, ProgramState.PAUSED, ProgramState.RUN
 
 
 @pytest.fixture(scope="module")
-def log_file(tmp_path_factory):
-    return tmp_path_factory.mktemp("wire") / "wire.mcap"
-
-
-@pytest.fixture(scope="module")
 def cell(ros_node, driven_by, log_file):
     with contextlib.closing(SimulatorProcess("--start", "enabled", "--log", str(log_file))) as simulator:
         with driven_by(simulator) as arm:

@@ -19,11 +19,6 @@ MODEL = load_model("zu7")
 
 
 @pytest.fixture(scope="module")
-def log_file(tmp_path_factory):
-    return tmp_path_factory.mktemp("wire") / "wire.mcap"
-
-
-@pytest.fixture(scope="module")
 def arm(ros_node, driven_by, log_file):
     with contextlib.closing(SimulatorProcess("--start", "enabled", "--log", str(log_file))) as simulator:
         with driven_by(simulator, "blocking:=false") as arm:

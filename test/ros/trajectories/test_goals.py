@@ -31,11 +31,6 @@ LIMIT = 4.0 * math.pi
 
 
 @pytest.fixture(scope="module")
-def log_file(tmp_path_factory):
-    return tmp_path_factory.mktemp("wire") / "wire.mcap"
-
-
-@pytest.fixture(scope="module")
 def cell(ros_node, driven_by, log_file):
     with contextlib.closing(SimulatorProcess("--start", "enabled", "--log", str(log_file))) as simulator:
         with driven_by(simulator, "industrial_names:=true") as arm:

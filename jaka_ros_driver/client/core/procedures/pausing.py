@@ -1,5 +1,5 @@
 """Pause and resume what this driver moves, and the speed of all that the controller and this driver run."""
-from typing import Union
+from typing import Callable, Union
 
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import Motion
@@ -29,17 +29,11 @@ def pause(core: ArmCore) -> Procedure:
     else:
         yield Ask(PauseMotion())
 
-    held_since = _NEVER  # rest of before that shows nothing: the arm may just have begun to move
-
-    def rests(now: float) -> bool:
-        nonlocal held_since
+    def is_held() -> bool:
         _require_still_under_way(core, motion, "paused")
-        is_held = motion.is_held if isinstance(motion, Trajectory) else core.state is not None and bool(
+        return motion.is_held if isinstance(motion, Trajectory) else core.state is not None and bool(
             core.state.is_paused)
-        held_since = min(held_since, now) if is_held else _NEVER
-        return core.custody.stillness.duration(held_since) >= motion.rest_time
-
-    if not (yield Until(rests, _TIMEOUT_S + motion.rest_time)):
+    if not (yield Until(rests_while(core, is_held, motion.rest_time), _TIMEOUT_S + motion.rest_time)):
         raise MotionInterrupted(StopCause.TIMEOUT, "the arm was not seen paused within %.0f s; %s goes on" % (
             _TIMEOUT_S, motion.owner.value))
     motion.is_paused = True
@@ -79,6 +73,20 @@ def set_speed(core: ArmCore, fraction: float) -> Procedure:
         raise MotionInterrupted(StopCause.TIMEOUT, "the controller accepted a speed of %.3g %%, and still reports "
                                 "%.3g %%" % (100.0 * fraction, 100.0 * (core.state.rapid_rate or 0.0)))
     return "speed %.3g %%" % (100.0 * fraction)
+
+
+def rests_while(core: ArmCore, holds: Callable[[], bool], rest_time: float) -> Callable[[float], bool]:
+    """A condition of ``Until``: this holds, and the arm has been seen at rest for ``rest_time``, s, since it does.
+
+    Rest of before shows nothing: the arm may just have begun to move.
+    """
+    since = _NEVER
+
+    def rests(now: float) -> bool:
+        nonlocal since
+        since = min(since, now) if holds() else _NEVER
+        return core.custody.stillness.duration(since) >= rest_time
+    return rests
 
 
 def _pausable(core: ArmCore) -> Union[Move, PathMove, Trajectory]:

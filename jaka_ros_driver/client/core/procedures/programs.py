@@ -2,6 +2,7 @@
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.planned.program import SHOWN_WITHIN_S, ProgramState, require_program_state
+from jaka_ros_driver.client.core.procedures.pausing import rests_while
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
 from jaka_ros_driver.client.core.procedures.settings import NOT_VERIFIED, ReadBackMismatch
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
@@ -44,14 +45,14 @@ def pause(core: ArmCore) -> Procedure:
     yield Ask(PauseMotion())
     since = yield Now()
 
-    def is_held(_now: float) -> bool:
+    def is_held() -> bool:
         state = core.state
         if state is None or state.received_at <= since:
             return False
         if state.program_state == ProgramState.IDLE:
             raise InvalidCommand("refused: the program has ended, it cannot be paused")
-        return state.program_state == ProgramState.PAUSED and core.custody.stillness.duration() >= REST_TIME_S
-    if not (yield Until(is_held, SHOWN_WITHIN_S)):
+        return state.program_state == ProgramState.PAUSED
+    if not (yield Until(rests_while(core, is_held, REST_TIME_S), SHOWN_WITHIN_S)):
         raise MotionInterrupted(StopCause.TIMEOUT, "the program was not seen paused within %.0f s" % SHOWN_WITHIN_S)
     return "the program is paused; resume goes on, stop ends it"
 
@@ -64,12 +65,11 @@ def see_stopped(core: ArmCore) -> Procedure:
     """
     since = yield Now()
 
-    def is_over(_now: float) -> bool:
+    def is_over() -> bool:
         state = core.state
         return (state is not None and state.received_at > since
-                and state.program_state in (None, ProgramState.IDLE)
-                and core.custody.stillness.duration() >= REST_TIME_S)
-    if not (yield Until(is_over, SHOWN_WITHIN_S)):
+                and state.program_state in (None, ProgramState.IDLE))
+    if not (yield Until(rests_while(core, is_over, REST_TIME_S), SHOWN_WITHIN_S)):
         raise MotionInterrupted(StopCause.TIMEOUT, "the stop was accepted, and within %.0f s the program was not seen "
                                                    "idle with the arm at rest" % SHOWN_WITHIN_S)
     return "no program runs, the arm rests"
