@@ -136,6 +136,7 @@ class Driver:
         self._recover.finish_goals(_ANSWER_TIMEOUT_S)
         self._paths.finish_goals(_ANSWER_TIMEOUT_S)
         self._trajectories.finish_goals(_ANSWER_TIMEOUT_S)
+        self._ends.close()
         self._master_watch.close()
         self._diagnostics.close()
         self._frames.close()

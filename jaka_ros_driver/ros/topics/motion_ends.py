@@ -30,11 +30,12 @@ class MotionEnds:
     def __init__(self, arm: ArmClient) -> None:
         self._arm = arm
         self._ids = itertools.count(1)
-        self._waiting: SimpleQueue[Tuple[Any, Any]] = SimpleQueue()
+        self._waiting: SimpleQueue[Optional[Tuple[Any, Any]]] = SimpleQueue()
         self._shown: Optional[int] = None
         self._program = ""
         self._reason = ""
         self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._publish, name="motion ends", daemon=True)
         self._moves: Any = None
         self._programs: Any = None
         if hasattr(messages, "MotionState") and hasattr(messages, "ProgramState"):
@@ -46,8 +47,14 @@ class MotionEnds:
 
     def start(self) -> None:
         """Begin to publish."""
-        threading.Thread(target=self._publish, name="motion ends", daemon=True).start()
+        self._thread.start()
         self._arm.add_listener(self._arrived)
+
+    def close(self) -> None:
+        """Publish what is noted, and nothing after it: the node's end closes the topics next."""
+        if self._thread.is_alive():
+            self._waiting.put(None)
+            self._thread.join()
 
     def move_accepted(self, end: "Future[None]") -> str:
         """A move was accepted; returns the id under which its end will be told."""
@@ -104,6 +111,5 @@ class MotionEnds:
         self._waiting.put((self._programs, message))
 
     def _publish(self) -> None:
-        while True:
-            publisher, message = self._waiting.get()
+        for publisher, message in iter(self._waiting.get, None):
             publisher.publish(message)

@@ -1,0 +1,53 @@
+"""An action server at the end of its node: rospy closes the topics before it says that it shuts down."""
+import subprocess
+import sys
+
+import pytest
+
+NODE = """
+import sys, threading, time, rospy
+from actionlib import ActionServer
+from jaka_ros_driver.ros.action_server import QuietActionServer
+from jaka_msgs.msg import RecoverAction, RecoverFeedback, RecoverResult
+
+rospy.init_node("ends", anonymous=True, disable_signals=True)
+kind = {"quiet": QuietActionServer, "plain": ActionServer}[sys.argv[1]]
+server = kind("ends", RecoverAction, lambda handle: None, lambda handle: None, auto_start=False)
+server.start()
+failures = []
+threading.excepthook = lambda failure: failures.append(failure.exc_value)
+
+def with_closed_topics(reason):
+    assert not rospy.is_shutdown()
+    time.sleep(0.5)  # the server's timer comes five times a second
+    for publish, rest in ((server.publish_feedback, RecoverFeedback()), (server.publish_result, RecoverResult())):
+        try:
+            publish(None, rest)
+        except rospy.ROSException as error:
+            failures.append(error)
+
+rospy.core.add_preshutdown_hook(with_closed_topics)
+rospy.signal_shutdown("the test ends it")
+print("raised:", len(failures), failures)
+"""
+
+
+@pytest.mark.parametrize("kind, raised", [("plain", 3), ("quiet", 0)])
+def test_nothing_is_raised_between_the_closing_of_the_topics_and_the_end(ros_node, kind, raised):
+    ended = subprocess.run([sys.executable, "-c", NODE, kind], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                           universal_newlines=True, timeout=60, check=True)
+    assert "raised: %d " % raised in ended.stdout, ended.stdout
+
+
+def test_a_closed_topic_is_an_error_while_the_node_lives(ros_node, tmp_path):
+    script = NODE.split("rospy.core.add_preshutdown_hook")[0] + """
+server.status_pub.unregister()
+try:
+    server.publish_status()
+except rospy.ROSException:
+    print("told")
+rospy.signal_shutdown("the test ends it")
+"""
+    ended = subprocess.run([sys.executable, "-c", script, "quiet"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                           universal_newlines=True, timeout=60, check=True)
+    assert "told" in ended.stdout, ended.stdout
