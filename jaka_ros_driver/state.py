@@ -16,6 +16,19 @@ class MotionState(enum.IntEnum):
     ERROR = 4
 
 
+class ProgramState(enum.IntEnum):
+    """What the status feed tells of the loaded program, ``interp_state`` (docs/controller-protocol.md section 6.2)."""
+
+    IDLE = 0
+    LOADING = 1
+    PAUSED = 2
+    RUNNING = 3
+
+
+PROGRAM_UNDER_WAY = (ProgramState.LOADING, ProgramState.RUNNING)
+"""A program in one of these states moves the arm, or may at any moment."""
+
+
 class IoBank(enum.IntEnum):
     """Where an input or output is; the controller's own numbers (docs/controller-protocol.md section 5.11)."""
 
@@ -95,7 +108,7 @@ class RobotState:
         is_hand_guided: True while hand guiding is on.
         is_paused: True while a program or motion is paused.
         on_soft_limit: True while a joint stands at a soft limit.
-        program_state: 0 idle, 1 loading, 2 paused, 3 running (``interp_state``).
+        program_state: See ``ProgramState``; a number that it lacks is kept.
         rapid_rate: Speed override, 0 to 1.
         tool_id: Active tool, 0 is the bare flange.
         user_frame_id: Active user frame, 0 is the base.
@@ -165,8 +178,8 @@ class RobotState:
             return MotionState.EMERGENCY_STOP
         if self.protective_stop or self.has_fault:
             return MotionState.ERROR
-        if self.is_paused or self.program_state == 2:
+        if self.is_paused or self.program_state == ProgramState.PAUSED:
             return MotionState.PAUSED
-        if not self.is_in_position or self.is_hand_guided or self.program_state in (1, 3):
+        if not self.is_in_position or self.is_hand_guided or self.program_state in PROGRAM_UNDER_WAY:
             return MotionState.RUNNING
         return MotionState.STOPPED

@@ -17,7 +17,7 @@ def rooms(package: str, allowed: Dict[str, Set[str]]) -> Dict[str, Set[str]]:
     return {absolute(room): set(map(absolute, others)) for room, others in allowed.items()}
 
 
-GROUND = {"background_log", "errors", "units"}
+GROUND = {"background_log", "errors", "scheduling", "units"}
 DOMAIN = GROUND | {"state", "commands"}
 SIMULATION = {"simulation.arm", "simulation.controller", "simulation.server"}
 FLOOR = {"errors", "units", "driver_interface", "paths", "output_file", "pipeline"}
@@ -30,6 +30,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "errors": set(),
         "units": set(),
         "background_log": set(),
+        "scheduling": set(),
         "state": GROUND,
         "commands": GROUND | {"state"},
         "kinematics": DOMAIN,

@@ -41,6 +41,7 @@ from jaka_ros_driver.ros.topics.servo_topics import ServoTopics
 from jaka_ros_driver.ros.topics.speed import SpeedPublisher
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames, StatePublishers
 from jaka_ros_driver.ros.trajectories.topics import TrajectoryInterface
+from jaka_ros_driver.scheduling import ask_for_short_slices, set_real_time
 
 _LOG = logging.getLogger(__name__)
 
@@ -173,6 +174,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     if options.urdf is not None:
         return _print_urdf(options)
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    ask_for_short_slices()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # a log in a file is to be complete while the driver runs
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # there is nothing to stop yet
@@ -239,13 +241,11 @@ def _print_urdf(options: argparse.Namespace) -> int:
 
 
 def _set_scheduler(priority: int) -> None:
-    """Set real-time priority for the threads of this process and those that they start later."""
+    """Take real-time priority where it is wanted and permitted."""
     if not priority:
         return
     try:
-        # all of them: one that holds the interpreter's lock and is put aside would hold up the one that sends frames
-        for thread in os.listdir("/proc/self/task"):
-            os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(priority))
+        set_real_time(priority)
     except OSError as error:
         _LOG.warning("~realtime_priority %d: not permitted (limit rtprio: %s); going on without", priority,
                      error.strerror)

@@ -5,6 +5,8 @@ import signal
 import sys
 from typing import Any, Callable, Mapping, Optional
 
+from jaka_ros_driver.scheduling import ask_for_short_slices, set_real_time
+
 _SWITCH_INTERVAL_S = 0.0005
 _PRIORITY = 10
 _NICENESS = -10
@@ -16,9 +18,10 @@ def raise_priority(realtime: bool) -> None:
     realtime: real-time priority (SCHED_FIFO) instead of a niceness of -10; only then a refusal is printed.
     """
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    ask_for_short_slices()
     try:
         if realtime:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+            set_real_time(_PRIORITY)
         else:
             os.setpriority(os.PRIO_PROCESS, 0, _NICENESS)
     except OSError as error:

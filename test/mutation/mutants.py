@@ -272,7 +272,7 @@ OF_CLIENT: Tuple[Mutant, ...] = (
     Mutant("a motion begins while the arm coasts", "client/core/custody.py",
            "self._custody.stillness.duration() >= REST_TIME_S and state", "state", CUSTODY),
     Mutant("a motion begins beside a program of the pendant", "client/core/custody.py",
-           " and state.program_state not in _PROGRAM_RUNS\n", "\n", CORE),
+           " and state.program_state not in PROGRAM_UNDER_WAY\n", "\n", CORE),
     Mutant("a cancelled call begins all the same", "client/core/custody.py",
            "for one in self._waiting], error)\n        self._waiting = []\n", "for one in self._waiting], error)\n",
            CORE),

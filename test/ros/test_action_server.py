@@ -35,7 +35,7 @@ print("raised:", len(failures), failures)
 @pytest.mark.parametrize("kind, raised", [("plain", 3), ("quiet", 0)])
 def test_nothing_is_raised_between_the_closing_of_the_topics_and_the_end(ros_node, kind, raised):
     ended = subprocess.run([sys.executable, "-c", NODE, kind], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                           universal_newlines=True, timeout=60, check=True)
+                           text=True, timeout=60, check=True)
     assert "raised: %d " % raised in ended.stdout, ended.stdout
 
 
@@ -49,5 +49,5 @@ except rospy.ROSException:
 rospy.signal_shutdown("the test ends it")
 """
     ended = subprocess.run([sys.executable, "-c", script, "quiet"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                           universal_newlines=True, timeout=60, check=True)
+                           text=True, timeout=60, check=True)
     assert "told" in ended.stdout, ended.stdout

@@ -119,17 +119,36 @@ def test_the_driver_runs_with_real_time_priority_where_that_is_permitted(ros_nod
     with contextlib.closing(SimulatorProcess()) as simulator, \
             DriverProcess("urgent", realtime_priority=3, **on(simulator, guard=False)) as driver:
         Arm(simulator, "/urgent").wait_until_seen()
-        policies = policies_of(driver.process.pid)
+        threads = scheduling_of(driver.process.pid)
         _, said = driver.end()
-    assert policies == ({os.SCHED_FIFO} if allowed else {os.SCHED_OTHER}) and ("not permitted" in said) != allowed
+    assert {policy for policy, _ in threads} == {os.SCHED_FIFO if allowed else os.SCHED_OTHER}
+    assert ("not permitted" in said) != allowed
 
 
-def policies_of(pid):
+def test_every_thread_of_the_driver_has_short_slices(ros_node):
+    ask = "import jaka_ros_driver.scheduling as s; s.ask_for_short_slices(); print(open('/proc/self/sched').read())"
+    granted = subprocess.run([sys.executable, "-c", ask], stdout=subprocess.PIPE, check=True, text=True).stdout
+    with contextlib.closing(SimulatorProcess()) as simulator, \
+            DriverProcess("brief", **on(simulator, guard=False)) as driver:
+        Arm(simulator, "/brief").wait_until_seen()
+        threads = scheduling_of(driver.process.pid)
+        driver.end()
+    assert threads == {(os.SCHED_OTHER, slice_in(granted))}
+
+
+def scheduling_of(pid):
+    """(policy, slice) of each thread."""
     found = set()
     for task in os.listdir("/proc/%d/task" % pid):
-        with contextlib.suppress(ProcessLookupError):
-            found.add(os.sched_getscheduler(int(task)))
+        with contextlib.suppress(ProcessLookupError, FileNotFoundError), \
+                open("/proc/%d/task/%s/sched" % (pid, task)) as account:
+            found.add((os.sched_getscheduler(int(task)), slice_in(account.read())))
     return found
+
+
+def slice_in(account):
+    """ns; None where the kernel does not tell it."""
+    return next((int(line.split()[-1]) for line in account.splitlines() if line.startswith("se.slice")), None)
 
 
 def test_a_defect_in_a_service_is_a_service_error_with_evidence_and_the_next_call_is_served(ros_node, monkeypatch):

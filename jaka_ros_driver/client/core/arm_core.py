@@ -17,7 +17,7 @@ from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.planned.path_audit import audit
 from jaka_ros_driver.client.core.planned.path_move import PathMove, PathProgress
-from jaka_ros_driver.client.core.planned.program import UNDER_WAY, Program, ProgramState, require_program_state
+from jaka_ros_driver.client.core.planned.program import Program, require_program_state
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Running, Until
 from jaka_ros_driver.client.core.servo import Servo
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
@@ -44,7 +44,7 @@ from jaka_ros_driver.errors import (
 )
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
-from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.state import PROGRAM_UNDER_WAY, ProgramState, RobotState
 from jaka_ros_driver.trajectory.path import Path
 from jaka_ros_driver.trajectory.points import Tolerances
 from jaka_ros_driver.trajectory.segments import SegmentPath
@@ -148,7 +148,7 @@ class ArmCore:
             state = self._admission.require_ready_to_move(now)
         except JakaError:
             return False
-        return self.motion_owner is not None or state.program_state not in UNDER_WAY
+        return self.motion_owner is not None or state.program_state not in PROGRAM_UNDER_WAY
 
     def take_actions(self) -> List[Action]:
         """What the shell is to do, in order, since it last asked."""
@@ -360,7 +360,7 @@ class ArmCore:
         if self._is_closing:
             raise ConnectionLost("the driver is shutting down")
         state = self._admission.require_ready_to_move(now)
-        if self.motion_owner is None and state.program_state in UNDER_WAY:
+        if self.motion_owner is None and state.program_state in PROGRAM_UNDER_WAY:
             raise InvalidCommand("refused: a program of the controller's own runs; stop it first")
         if self._admission.is_free_at_rest(now):
             self.custody.begin(VelocityJog(self.custody, self.model, self.dead_man, state, self._servo_mode_is), now)

@@ -26,7 +26,7 @@ from jaka_ros_driver.errors import (
     ReplyTimeout,
     StopCause,
 )
-from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState
 
 _RETRY_PERIOD_S = 0.05
 """s; from the refusal of a stop to the next one."""
@@ -39,8 +39,6 @@ _CAUSE_TIME_S = 0.1
 _SAY_PERIOD_S = 1.0
 _WAIT_FOR_REST_S = 1.5
 """s; a motion waits so long for the arm to come to rest from what was before it."""
-_PROGRAM_RUNS = (1, 3)
-"""``RobotState.program_state`` of a program that loads or runs."""
 _NEVER = float("inf")
 
 Enter = Callable[[float], None]
@@ -410,7 +408,7 @@ class Admission:
         if now - asked_at >= _WAIT_FOR_REST_S:
             state = self._sight.fresh_state(now)
             owner = self.owner
-            if owner is None and state.program_state in _PROGRAM_RUNS:
+            if owner is None and state.program_state in PROGRAM_UNDER_WAY:
                 raise InvalidCommand("refused: a program of the controller's own runs; stop it first")
             raise InvalidCommand("refused: the arm has not come to rest within %.1f s; %s" % (
                 _WAIT_FOR_REST_S, "it moves, and not by this driver" if owner is None
@@ -432,7 +430,7 @@ class Admission:
         if not self._custody.is_free or self.is_setting or self.stops_under_way:
             return False
         state = self._sight.fresh_state(now)
-        return self._custody.stillness.duration() >= REST_TIME_S and state.program_state not in _PROGRAM_RUNS
+        return self._custody.stillness.duration() >= REST_TIME_S and state.program_state not in PROGRAM_UNDER_WAY
 
     def retry(self, now: float) -> None:
         """Try again to begin what waits."""

@@ -10,8 +10,7 @@ import rospy
 
 from jaka_msgs import msg as messages
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.core.planned.program import ProgramState
-from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.state import ProgramState, RobotState
 
 _LOG = logging.getLogger(__name__)
 

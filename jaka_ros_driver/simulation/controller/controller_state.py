@@ -19,7 +19,7 @@ from jaka_ros_driver.simulation.controller.force_sensor import ZEROING_TIME_S, F
 from jaka_ros_driver.simulation.controller.io_banks import IoBanks
 from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, FrameTable, Memory
 from jaka_ros_driver.simulation.controller.replies import Refused
-from jaka_ros_driver.state import Vector
+from jaka_ros_driver.state import ProgramState, Vector
 from jaka_ros_driver.units import ms_to_s
 
 FORCE_PER_LEVEL_N = 25.0
@@ -36,14 +36,6 @@ class Start(enum.Enum):
     OFF = "off"
     POWERED = "powered"
     ENABLED = "enabled"
-
-
-class ProgramState(enum.IntEnum):
-    """As the feed's ``interp_state`` numbers it (docs/controller-protocol.md section 6.2)."""
-
-    IDLE = 0
-    PAUSED = 2
-    RUNNING = 3
 
 
 class LinkLoss(enum.IntEnum):

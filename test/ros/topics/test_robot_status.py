@@ -17,7 +17,7 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros import other_messages
 from jaka_ros_driver.ros.topics.robot_status import AUTO, MANUAL, RobotStatusPublisher
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.controller.controller_state import ProgramState
+from jaka_ros_driver.state import ProgramState
 
 HOME = (0.0, 1.5707963, -1.5707963, 1.5707963, 1.5707963, 0.0)
 NAME = "industrial_msgs/RobotStatus"

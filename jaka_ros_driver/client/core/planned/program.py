@@ -3,7 +3,6 @@
 Which motions it makes is not known here. So the status feed's word on the program (``interp_state``,
 docs/controller-protocol.md section 6.2) decides that it is over, together with joints at rest; the word alone does not.
 """
-import enum
 from typing import Any, Callable, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
@@ -12,7 +11,7 @@ from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import Command, ResumeMotion
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
-from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.state import PROGRAM_UNDER_WAY, ProgramState, RobotState
 
 SHOWN_WITHIN_S = 2.0
 """s; what was asked of a program is seen in the status feed within this time, or has failed."""
@@ -20,19 +19,6 @@ _NOT_SEEN_RUNNING = "accepted, but the program was not seen running within %.0f 
 _OVER_TIME_S = 0.3
 """s; a program is over when the status feed has said so for so long, with the arm at rest."""
 _NEVER = float("inf")
-
-
-class ProgramState(enum.IntEnum):
-    """What the status feed tells of the loaded program (``interp_state``)."""
-
-    IDLE = 0
-    LOADING = 1
-    PAUSED = 2
-    RUNNING = 3
-
-
-UNDER_WAY = (ProgramState.LOADING, ProgramState.RUNNING)
-"""It moves the arm, or may at any moment."""
 
 
 class Program(Motion):
@@ -70,7 +56,7 @@ class Program(Motion):
             cause = MotionInterrupted(StopCause.FAULT, "the controller does not tell any more whether its program runs")
         if cause is not None:
             self._custody.stop(cause, now)
-        elif state.program_state in UNDER_WAY:
+        elif state.program_state in PROGRAM_UNDER_WAY:
             if not self._is_seen:
                 self._is_seen, self.deadline = True, _NEVER
                 self._answer(None)
@@ -111,7 +97,8 @@ class Program(Motion):
         def require_still_under_way() -> None:
             if self._custody.motion is not self or self._custody.is_ending:
                 raise InvalidCommand("refused: the program has ended, it cannot be resumed")
-        if not (yield from seen(lambda s: s.program_state in UNDER_WAY, SHOWN_WITHIN_S, require_still_under_way)):
+        if not (yield from seen(lambda s: s.program_state in PROGRAM_UNDER_WAY, SHOWN_WITHIN_S,
+                                require_still_under_way)):
             raise MotionInterrupted(StopCause.TIMEOUT, _NOT_SEEN_RUNNING)
 
     # ---- inside ----

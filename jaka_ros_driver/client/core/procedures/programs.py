@@ -1,13 +1,14 @@
 """Load, pause, go on with and stop the programs that are stored in the controller; each ends when it is seen done."""
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import MotionOwner
-from jaka_ros_driver.client.core.planned.program import SHOWN_WITHIN_S, ProgramState, require_program_state
+from jaka_ros_driver.client.core.planned.program import SHOWN_WITHIN_S, require_program_state
 from jaka_ros_driver.client.core.procedures.pausing import rests_while
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
 from jaka_ros_driver.client.core.procedures.settings import NOT_VERIFIED, ReadBackMismatch
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import LoadProgram, PauseMotion, Query
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, MotionInterrupted, ProtocolError, StopCause
+from jaka_ros_driver.state import PROGRAM_UNDER_WAY, ProgramState
 
 
 def load(core: ArmCore, name: str) -> Procedure:
@@ -41,7 +42,7 @@ def pause(core: ArmCore) -> Procedure:
         JakaError: As ``Ask``.
     """
     _require_no_other_motion(core)
-    require_program_state(core.fresh_state((yield Now())), ProgramState.LOADING, ProgramState.RUNNING)
+    require_program_state(core.fresh_state((yield Now())), *PROGRAM_UNDER_WAY)
     yield Ask(PauseMotion())
     since = yield Now()
 
