@@ -3,7 +3,9 @@ Foxglove.
 
 Channels ``/wire/command``, ``/wire/status``, ``/wire/poll`` hold one message for each piece read or sent. Its bytes are
 in ``data`` as text, one character for each byte (Latin-1), so that nothing is lost and JSON stays readable. ``/joints``
-holds the true joints of a simulated arm. Times are those of the host's monotonic clock, ns.
+holds the true joints of a simulated arm. Times are those of the host's monotonic clock, ns; bytes in have the moment
+at which the system got them (Linux), bytes out that at which they were handed to it. Therefore a piece may stand in the
+file behind one of another connection that is a little later.
 
 A thread of its own writes the log, and flushes it at least once a second and when it is closed. The package ``mcap`` is
 imported only when a log is written or read.
@@ -93,6 +95,7 @@ class WireLog:
         self._writer.add_metadata(_CLOCK, {_OFFSET: str(time.time_ns() - time.monotonic_ns())})
         self._channels = self._register()
         self._queue: queue.Queue[Optional[Tuple[str, int, Any]]] = queue.Queue(_QUEUE_LIMIT)
+        self._newest: Dict[int, int] = {}
         self.lost = 0
         self._error: Optional[OSError] = None
         self._thread = threading.Thread(target=self._write, name="wire-log", daemon=True)
@@ -112,19 +115,26 @@ class WireLog:
 
     def bytes_in(self, time_ns: int, port: str, connection: int, data: bytes) -> None:
         """Note bytes that came in."""
-        self._put("/wire/" + port, time_ns, (connection, "in", data))
+        self._note(port, time_ns, connection, "in", data)
 
     def bytes_out(self, time_ns: int, port: str, connection: int, data: bytes) -> None:
         """Note bytes that the network has taken."""
-        self._put("/wire/" + port, time_ns, (connection, "out", data))
+        self._note(port, time_ns, connection, "out", data)
 
     def event(self, time_ns: int, port: str, connection: int, what: str, peer: str) -> None:
         """Note that a connection began or ended; ``what`` as in ``WireEvent``."""
-        self._put("/wire/" + port, time_ns, (connection, what, peer.encode("ascii")))
+        self._note(port, time_ns, connection, what, peer.encode("ascii"))
+        if what in ("close", "reset"):
+            self._newest.pop(connection, None)
 
     def joints(self, time_ns: int, simulated_s: float, joint_position: Vector) -> None:
         """Note the true joints of the arm, rad (6,)."""
         self._put(_JOINTS_TOPIC, time_ns, (simulated_s, joint_position))
+
+    def _note(self, port: str, time_ns: int, connection: int, what: str, data: bytes) -> None:
+        """Nothing of a connection gets a time before what was noted of it earlier, as bytes that waited would."""
+        self._newest[connection] = time_ns = max(time_ns, self._newest.get(connection, 0))
+        self._put("/wire/" + port, time_ns, (connection, what, data))
 
     def _put(self, topic: str, time_ns: int, content: Any) -> None:
         try:
@@ -193,7 +203,7 @@ def clock_offset_ns(path: str) -> int:
 
 
 def read_log(path: str) -> List[Union[WireEvent, TrueJoints]]:
-    """The messages of a wire log as they were written; a log that was not ended is read as far as it goes.
+    """The messages of a wire log in the order of time; a log that was not ended is read as far as it goes.
 
     Raises WireLogError where the package mcap is missing, or the file cannot be read or is no wire log.
     """
@@ -206,7 +216,7 @@ def read_log(path: str) -> List[Union[WireEvent, TrueJoints]]:
                 topics[record.id] = record.topic
             elif isinstance(record, kinds.Message):
                 found.append(_parsed(topics[record.channel_id], json.loads(record.data)))
-    return found
+    return sorted(found, key=lambda entry: entry.time_ns)  # each connection's stay in the order of the file
 
 
 def _mcap() -> Any:

@@ -89,6 +89,7 @@ class Proxy(PortServer):
         sides = [_Side(link, port, self._count, True), _Side(controller, port, self._count, False)]
         sides[0].peer, sides[1].peer = sides[1], sides[0]
         for side in sides:
+            sockets.stamp_arrivals(side.link)
             self._selector.register(side.link, selectors.EVENT_READ, side)
         self._sides += sides
         self._log.event(time.monotonic_ns(), port, self._count, "open", peer)
@@ -96,17 +97,16 @@ class Proxy(PortServer):
     def _read(self, side: _Side) -> None:
         if side not in self._sides:
             return
-        data = sockets.receive(side.link)
-        now = time.monotonic_ns()
+        data, arrived_ns = sockets.receive_stamped(side.link)
         if data is None:
             return
         if not data:
             self._finish(side)
             return
         if side.is_client:
-            self._log.bytes_in(now, side.port, side.number, data)
+            self._log.bytes_in(arrived_ns, side.port, side.number, data)
         else:
-            self._log.bytes_out(now, side.port, side.number, data)
+            self._log.bytes_out(arrived_ns, side.port, side.number, data)
         side.peer.unsent += data
         self._send(side.peer)
 

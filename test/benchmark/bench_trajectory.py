@@ -1,11 +1,15 @@
 """Trajectories on the running node: duration and path on the wire for each spacing of points, intervals, cancel, CPU.
 
-Compared in one run: the driver's CPU at rest, with a servo stream by topic, and with a trajectory. Run it in the devel
-space, quiet or beside other processes; the arguments are the number of rounds (2) and the driver's realtime_priority
-(20). The simulated controller, whose log tells when frames came, has real-time priority: it is the clock here.
+Compared in one run: the driver's CPU at rest, with a servo stream by topic, and with a trajectory; and its intervals
+with those of a bare Python program that only sleeps 8 ms and 8 ms again, with the same priority: what the host itself
+costs. Run it in the devel space, quiet or beside other processes; the arguments are the number of rounds (2) and the
+driver's realtime_priority (20). The simulated controller, whose log tells when frames came, has real-time priority.
 """
+import contextlib
 import math
 import os
+import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -23,6 +27,21 @@ from wire_verdict import WireVerdict  # noqa: E402
 SPACINGS_S = (0.1, 0.05, 0.02, 0.01, 0.008, 0.004)
 DURATION_S = 4.0
 WAY = 1.2
+BARE_LOOP = """
+import sys, time
+from jaka_ros_driver import scheduling
+priority = int(sys.argv[1])
+scheduling.set_real_time(priority) if priority else scheduling.ask_for_short_slices()
+due = time.monotonic()
+moments = []
+try:
+    while True:
+        due += 0.008
+        time.sleep(max(0.0, due - time.monotonic()))
+        moments.append(time.monotonic())
+except KeyboardInterrupt:
+    print(*moments)
+"""
 
 
 def cpu_of(pid):
@@ -78,19 +97,38 @@ def report_cancel(cancelled, frames):
         1e3 * (frames[last + 1][0] - cancelled), change / 0.008 ** 2))
 
 
-def report(spacing, frames):
+@contextlib.contextmanager
+def bare_loop(priority):
+    """A list that has the moments at which the bare program woke, s of time.monotonic(), when the context has ended."""
+    process = subprocess.Popen([sys.executable, "-c", BARE_LOOP, str(priority)], stdout=subprocess.PIPE, text=True)
+    moments = []
+    try:
+        yield moments
+    finally:
+        process.send_signal(signal.SIGINT)
+        moments += map(float, process.communicate()[0].split())
+
+
+def p99_ms(moments):
+    """Of the intervals between moments, s."""
+    intervals = sorted(b - a for a, b in zip(moments, moments[1:]))
+    return 1e3 * intervals[int(0.99 * len(intervals))]
+
+
+def report(spacing, frames, bare):
     first = next(i for i, (_, joints) in enumerate(frames) if joints != frames[0][1])
     last = max(i for i, (_, joints) in enumerate(frames) if joints != frames[-1][1])
     path = frames[first - 1:last + 2]
-    intervals = sorted(1e3 * (b - a) for (a, _), (b, _) in zip(path, path[1:]))
+    times = [at for at, _ in path]
+    longest = 1e3 * max(b - a for a, b in zip(times, times[1:]))
     square = 0.0
     for _, joints in path:  # each joint goes its share of the first one's way, whatever the clock does
         way = joints[0] - START[0]
         square += max(abs(joint - start - way / (n + 1)) for n, (joint, start) in enumerate(zip(joints, START))) ** 2
-    print("%5.0f ms  duration %+7.2f ms  frames %4d  off the path, RMS %8.5f mrad  interval p50 %.2f p99 %.2f max %.2f "
-          "ms" % (1e3 * spacing, 1e3 * (path[-1][0] - path[0][0] - DURATION_S), len(path),
-                  1e3 * math.sqrt(square / len(path)), intervals[len(intervals) // 2],
-                  intervals[int(0.99 * len(intervals))], intervals[-1]))
+    print("%5.0f ms  duration %+7.2f ms  frames %4d  off the path, RMS %8.5f mrad  interval p99 %.2f max %.2f ms  "
+          "bare p99 %.2f" % (1e3 * spacing, 1e3 * (path[-1][0] - path[0][0] - DURATION_S), len(path),
+                  1e3 * math.sqrt(square / len(path)), p99_ms(times), longest,
+                  p99_ms([at for at in bare if times[0] <= at <= times[-1]])))
 
 
 def main(rounds, priority):
@@ -98,23 +136,24 @@ def main(rounds, priority):
             folder, name="jaka_driver", guard=True, simulator=("--realtime",), realtime_priority=priority) as live:
         live.arm.wait_until_ready()
         client, begun, cancels = Client(), [], []
-        for _ in range(rounds):
-            home(live)
-            idle = share(live, lambda: time.sleep(DURATION_S))
-            streaming = share(live, lambda: stream(live))
-            for spacing in SPACINGS_S:
+        with bare_loop(priority) as bare:
+            for _ in range(rounds):
                 home(live)
-                begun.append((spacing, time.monotonic()))
-                running = share(live, lambda spacing=spacing: client.run(goal_of(smooth(WAY, DURATION_S, spacing))))
-            cancels.append(cancel_half_way(live, client))
-            print("CPU of the driver, percent of a core: at rest %.1f, servo stream %.1f, trajectory %.1f" % (
-                idle, streaming, running))
+                idle = share(live, lambda: time.sleep(DURATION_S))
+                streaming = share(live, lambda: stream(live))
+                for spacing in SPACINGS_S:
+                    home(live)
+                    begun.append((spacing, time.monotonic()))
+                    running = share(live, lambda spacing=spacing: client.run(goal_of(smooth(WAY, DURATION_S, spacing))))
+                cancels.append(cancel_half_way(live, client))
+                print("CPU of the driver, percent of a core: at rest %.1f, servo stream %.1f, trajectory %.1f" % (
+                    idle, streaming, running))
         code, said = live.end_driver()
         assert code == 0, said
         log = WireVerdict(live.log_file)
         sent = [(at, joints_of(request)) for at, request in log.received() if request["cmdName"] == "servo_j"]
         for spacing, since in begun:
-            report(spacing, [frame for frame in sent if since <= frame[0] < since + DURATION_S + 0.4])
+            report(spacing, [frame for frame in sent if since <= frame[0] < since + DURATION_S + 0.4], bare)
         for since, cancelled in cancels:
             report_cancel(cancelled, [frame for frame in sent if since <= frame[0] < cancelled + 0.5])
 

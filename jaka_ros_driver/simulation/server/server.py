@@ -222,6 +222,8 @@ class Server:
         if len(present) >= _MAX_CLIENTS:
             self._drop(self._least_needed(present))
         self._count += 1
+        if self._log:
+            sockets.stamp_arrivals(client)
         connection = Connection(port, self._count, peer, time.monotonic())
         self._sockets[connection] = client
         self._selector.register(client, selectors.EVENT_READ, connection)
@@ -274,14 +276,14 @@ class Server:
     def _read(self, connection: Connection, now: float) -> None:
         if connection.is_half_open or self._is_stalled(connection.port, now):
             return
-        data = sockets.receive(self._sockets[connection], _READ_BYTES)
+        data, arrived_ns = sockets.receive_stamped(self._sockets[connection], _READ_BYTES)
         if data is None:
             return
         if not data:
             self._drop(connection)
             return
         if self._log and connection.port != PANEL:
-            self._log.bytes_in(time.monotonic_ns(), connection.port, connection.number, data)
+            self._log.bytes_in(arrived_ns, connection.port, connection.number, data)
         if connection.port != "status":
             connection.inbox.extend(connection.parser.feed(data, now))
         self._carry_out(connection, now)

@@ -1,0 +1,60 @@
+"""When bytes came in is told by the system, not by the moment at which they are read."""
+import contextlib
+import platform
+import socket
+import time
+
+import pytest
+
+from jaka_ros_driver.wire import sockets
+
+ON_LINUX = pytest.mark.skipif(platform.system() != "Linux", reason="other systems stamp otherwise")
+
+
+@pytest.fixture
+def pair():
+    with contextlib.closing(socket.create_server(("127.0.0.1", 0))) as listener, \
+            contextlib.closing(socket.create_connection(listener.getsockname())) as sender, \
+            contextlib.closing(listener.accept()[0]) as receiver:
+        sockets.prepare(receiver)
+        yield sender, receiver
+
+
+@ON_LINUX
+def test_bytes_that_wait_are_told_to_have_come_when_they_came(pair):
+    sender, receiver = pair
+    sockets.stamp_arrivals(receiver)
+    assert sockets.receive_stamped(receiver) == (None, pytest.approx(time.monotonic_ns(), abs=1e9))
+    before = time.monotonic_ns()
+    sender.sendall(b"frame")
+    after = time.monotonic_ns()
+    time.sleep(0.3)
+    data, at = sockets.receive_stamped(receiver)
+    assert data == b"frame" and before - 5e6 <= at <= after + 0.1e9, (before, at, after)
+
+
+def test_without_stamps_it_is_the_moment_of_reading(pair):
+    sender, receiver = pair
+    sender.sendall(b"frame")
+    time.sleep(0.05)
+    before = time.monotonic_ns()
+    data, at = sockets.receive_stamped(receiver)
+    assert data == b"frame" and before <= at <= time.monotonic_ns()
+
+
+@ON_LINUX
+def test_a_stepped_wall_clock_gives_no_moment_in_the_future(pair, monkeypatch):
+    sender, receiver = pair
+    sockets.stamp_arrivals(receiver)
+    sender.sendall(b"frame")
+    real = time.time_ns
+    monkeypatch.setattr(time, "time_ns", lambda: real() - 3600 * 10 ** 9)
+    _, at = sockets.receive_stamped(receiver)
+    assert at <= time.monotonic_ns()
+
+
+def test_the_end_of_a_connection_is_no_bytes(pair):
+    sender, receiver = pair
+    sender.close()
+    receiver.settimeout(5.0)
+    assert sockets.receive_stamped(receiver)[0] == b""
