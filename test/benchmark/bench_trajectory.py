@@ -1,8 +1,8 @@
 """Trajectories on the running node: duration and path on the wire for each spacing of points, intervals, cancel, CPU.
 
 Compared in one run: the driver's CPU at rest, with a servo stream by topic, and with a trajectory; and its intervals
-with those of a bare Python program that only sleeps 8 ms and 8 ms again, with the same priority: what the host itself
-costs. Run it in the devel space, quiet or beside other processes; the arguments are the number of rounds (2) and the
+with those of a bare Python program that sleeps until 8 ms are over and computes for half a millisecond, with the same
+priority: what the host itself costs. Run it in the devel space, quiet or beside other processes; the arguments are the number of rounds (2) and the
 driver's realtime_priority (20). The simulated controller, whose log tells when frames came, has real-time priority.
 """
 import contextlib
@@ -32,12 +32,20 @@ import sys, time
 from jaka_ros_driver import scheduling
 priority = int(sys.argv[1])
 scheduling.set_real_time(priority) if priority else scheduling.ask_for_short_slices()
+def compute(count):
+    for n in range(count):
+        n * n
+begun, count = time.perf_counter(), 0
+while time.perf_counter() - begun < 0.5:
+    compute(1000)
+    count += 1
 due = time.monotonic()
 moments = []
 try:
     while True:
         due += 0.008
         time.sleep(max(0.0, due - time.monotonic()))
+        compute(count)
         moments.append(time.monotonic())
 except KeyboardInterrupt:
     print(*moments)
