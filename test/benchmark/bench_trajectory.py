@@ -2,8 +2,9 @@
 
 Compared in one run: the driver's CPU at rest, with a servo stream by topic, and with a trajectory; and its intervals
 with those of a bare Python program that sleeps until 8 ms are over and computes for half a millisecond, with the same
-priority: what the host itself costs. Run it in the devel space, quiet or beside other processes; the arguments are the number of rounds (2) and the
-driver's realtime_priority (20). The simulated controller, whose log tells when frames came, has real-time priority.
+priority: what the host itself costs. Run it in the devel space, quiet or beside other processes; the arguments are the
+number of rounds (2) and the driver's realtime_priority (20). The simulated controller, whose log tells when frames
+came, has real-time priority.
 """
 import contextlib
 import math
