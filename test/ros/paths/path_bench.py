@@ -77,7 +77,7 @@ def tool_way(log_file, since):
 
 
 def nearest(way, place):
-    """(distance, index) of the way's nearest place, m, on straight lines from one to the next."""
+    """(distance, index) of the way's nearest place, in its unit, on straight lines from one to the next."""
     best = math.inf, 0
     for index, (a, b) in enumerate(zip(way, way[1:])):
         step = [q - p for p, q in zip(a, b)]
