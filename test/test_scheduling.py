@@ -29,6 +29,6 @@ def kernel():
 @pytest.mark.skipif(platform.system() != "Linux" or kernel() < (6, 12) or not os.path.exists("/proc/self/sched"),
                     reason="slices of one's own came with Linux 6.12")
 def test_threads_and_programs_started_later_have_short_slices_and_everything_else_as_before():
-    said = subprocess.run([sys.executable, "-c", ASK], stdout=subprocess.PIPE, text=True, check=True).stdout
+    said = subprocess.run([sys.executable, "-u", "-c", ASK], stdout=subprocess.PIPE, text=True, check=True).stdout
     lines, niceness = said.split("\n"), os.getpriority(os.PRIO_PROCESS, 0)
     assert lines[:2] == ["True", "100000 %d %d" % (niceness, os.SCHED_OTHER)] and lines[2].split()[-1] == "100000", said
