@@ -303,7 +303,8 @@ def test_nothing_that_was_asked_for_before_the_shutdown_is_sent_after_it(bench, 
     stop, move = call(arm.stop), call(arm.move, joint_move(1.0))  # waits until the arm has come to rest
     stop.wait()
     arm.close()
-    assert isinstance(move.failure(), (MotionInterrupted, InvalidCommand)) and arm.motion_owner is None
+    # which of them depends on how far the call had come
+    assert isinstance(move.failure(), (MotionInterrupted, InvalidCommand, ConnectionLost)) and arm.motion_owner is None
     assert len(one.times_of("joint_move")) == 1
 
 
