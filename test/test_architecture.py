@@ -22,7 +22,8 @@ DOMAIN = GROUND | {"state", "commands"}
 SIMULATION = {"simulation.arm", "simulation.controller", "simulation.server"}
 FLOOR = {"errors", "units", "driver_interface", "paths", "output_file", "pipeline"}
 CONTAINERS = {"containers", "containers.registry"}
-TOOLS = FLOOR | CONTAINERS | {"messages", "operations", "live", "compare", "compare.report"}
+TOOLS = FLOOR | CONTAINERS | {"messages", "operations", "live", "black_box", "compare", "compare.report",
+                             "incident"}
 FORMATS = {"containers.bag", "containers.mcap"}
 ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a module is in the room of the longest name
     **rooms("jaka_ros_driver", {
@@ -57,13 +58,16 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "containers.bag": FLOOR | {"messages", "containers"},
         "containers.mcap": FLOOR | {"messages", "containers"},
         "containers.rosbag2": FLOOR | {"messages", "containers", "containers.mcap"},
+        "containers.rosbag2_folder": FLOOR | {"messages"},
         "containers.registry": FLOOR | {"containers", "containers.rosbag2"} | FORMATS,
-        "operations": FLOOR | CONTAINERS | {"messages"},
+        "operations": FLOOR | CONTAINERS | {"messages", "containers.rosbag2_folder"},
         "live": FLOOR | CONTAINERS | {"messages"},
+        "black_box": FLOOR | CONTAINERS | {"", "messages", "live"},
         "compare": FLOOR | CONTAINERS | {"messages", "operations"},
         "compare.report": FLOOR | {"messages", "operations", "compare"},
-        "cli": TOOLS | {"cli.main"},
-        "cli.main": {"cli", "jaka_regression"} | FLOOR,
+        "incident": FLOOR | CONTAINERS | {"messages", "operations", "black_box", "compare", "compare.report"},
+        "cli": TOOLS | {"cli.main", "containers.rosbag2_folder"},
+        "cli.main": {"", "cli", "jaka_regression"} | FLOOR,
         "__main__": {"cli.main"},
     }),
     **rooms("jaka_regression", {
@@ -77,7 +81,7 @@ NAME_MODULES_IN_STRINGS = {"jaka_bag", "jaka_bag.cli.main", "jaka_bag.containers
 """Modules that import others by name, or start them as programs; all those names must lead somewhere."""
 OPEN_SOCKETS = tuple("jaka_ros_driver." + name for name in (
     "client.transport", "ros.connections", "ros.driver_lock", "simulation.server.server",
-    "wire")) + ("jaka_bag.live.tcpros", "jaka_bag.live.publisher")
+    "wire")) + ("jaka_bag.live.tcpros", "jaka_bag.live.publisher", "jaka_bag.black_box.service")
 USE_ROS = ("jaka_ros_driver.ros", "jaka_regression.driver_client", "jaka_regression.trajectory_client")
 LONGEST = 600
 LARGEST = 20

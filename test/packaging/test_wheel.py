@@ -122,7 +122,7 @@ def test_it_records_and_plays_without_ros(installed, start, environment, tmp_pat
 
 def test_every_subcommand_is_there(installed, environment):
     commands = re.findall(r"^  ([a-z-]+) +\w", call(environment, installed / "jaka_bag", "--help").stdout, re.MULTILINE)
-    assert len(commands) == 15
+    assert len(commands) == 22
     for command in commands:
         done = call(environment, installed / "jaka_bag", command, "--help")
         if command.startswith("replay-"):

@@ -18,8 +18,11 @@ class Block(NamedTuple):
     text: str
 
 
-def blocks(page: Path) -> List[Block]:
+def blocks(page: Path, section: str = "") -> List[Block]:
+    """All of a page, or those below one of its headings."""
     text = page.read_text(encoding="utf-8")
+    if section:
+        text = text.split("\n## %s\n" % section)[1].partition("\n## ")[0]
     return [Block(*found) for found in re.findall(r"(?:<!-- (.*?) -->\n)?```(\w+)\n(.*?)```", text, re.DOTALL)]
 
 

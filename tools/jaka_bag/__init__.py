@@ -11,7 +11,9 @@ messages             many messages in few numpy arrays: definitions, layouts, co
 containers           the formats: one contract for readers and writers, .bag, .mcap, rosbag2 folders
 operations           convert, merge, split, recover, export, plot, timing
 live                 the ROS graph without ROS: subscribe, publish, record, play
+black_box            a recorder's memory, and a file around each accident
 compare              does the arm still do what it did? a log against a golden one, and the reports
+incident             what happened around an accident, as a page
 cli                  the program ``jaka_bag``, one module a subcommand
 __main__             ``python -m jaka_bag``
 

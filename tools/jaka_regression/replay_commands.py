@@ -31,6 +31,10 @@ stop_move is called.
 --speed-limit 25 asks for at most 25 % of each recorded speed, and stretches the times between calls as much.
 --dry-run prints the calls and needs neither ROS nor a driver.
 
+examples:
+  jaka_bag replay-commands golden.mcap --dry-run
+  jaka_bag replay-commands golden.mcap --go-to-start --speed-limit 25
+
 Exit code: 0 all calls made, 1 stopped or refused, 2 usage.
 """
 
@@ -101,7 +105,8 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
     client = DriverClient("jaka_bag_replay", args.speed_limit / 100.0)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: cancelled.set())
-    starts = {topic: track.finite().value for topic, track in log.joints.items() if topic.endswith("/joint_position")}
+    starts = {topic: track.around(track.facts.first, track.facts.first).value
+              for topic, track in log.joints.items() if topic.endswith("/joint_position")}
     try:
         client.wait_for(sorted({call.service for call in log.calls}), args.wait)
         for topic, positions in starts.items():

@@ -9,7 +9,7 @@ from typing import Any, List, Optional, Tuple
 
 import numpy as np
 
-from jaka_bag.cli.options import Report, add_report, positive_ns, span_of, time_point
+from jaka_bag.cli.options import Report, add_report, add_span, span_of
 from jaka_bag.cli.quantities import duration, positive_number
 from jaka_bag.compare.loading import load_run
 from jaka_bag.errors import BagError, JakaBagError
@@ -62,11 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag replay-motion``."""
     parser.add_argument("log", metavar="LOG", help=".bag or .mcap with joint positions")
     what = parser.add_argument_group("which motion (default: all of it)")
-    what.add_argument("-t", "--topic", metavar="TOPIC", help="of the joint positions, where there are several")
-    what.add_argument("-s", "--start", type=time_point, metavar="S",
-                      help="from S seconds after the log's start; negative: before its end")
-    what.add_argument("-u", "--end", type=time_point, metavar="S", help="until then, given likewise")
-    what.add_argument("-d", "--duration", type=positive_ns, metavar="S", help="S seconds from --start (not with -u)")
+    what.add_argument("--topic", metavar="TOPIC", help="of the joint positions, where there are several")
+    add_span(what)
     what.add_argument("--max-pause", type=duration, metavar="TIME",
                       help="cut longer standstills inside to TIME, at least %gs (default: they stay)" % (2.0 * REST_S))
     what.add_argument("--max-gap", type=duration, default=LONGEST_GAP_S, metavar="TIME",
@@ -88,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     dry.add_argument("-n", "--dry-run", action="store_true", help="draw the motion and end")
     dry.add_argument("-o", "--output", metavar="FILE",
                      help="the picture, .html, .svg or .png; default with --dry-run: LOG as .motion.html")
-    dry.add_argument("--force", action="store_true", help="overwrite the picture")
+    dry.add_argument("-f", "--force", action="store_true", help="overwrite the picture")
     add_report(parser)
 
 

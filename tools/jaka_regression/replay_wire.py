@@ -3,6 +3,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
+from jaka_bag.cli.options import add_old_spelling
 from jaka_bag.cli.quantities import positive_number
 from jaka_bag.compare.loading import load_run
 from jaka_bag.compare.tolerances import load_tolerances
@@ -24,6 +25,10 @@ recorded reply to it. What the driver publishes is recorded as candidate.mcap in
 With --golden, the state log that was recorded at the same time, the service calls in it are made again at their
 places among the bytes, and what is published is compared with it: exit code 0 same, 1 different.
 
+examples:
+  jaka_bag replay-wire wire.mcap
+  jaka_bag replay-wire wire.mcap --golden golden.mcap -o report
+
 Exit code: 0 done, 1 different or failed, 2 usage.
 """
 
@@ -33,12 +38,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("wire", metavar="WIRE", help="log of a controller's bytes, .mcap")
     add("--golden", metavar="LOG", help="state log to compare with, .bag or .mcap")
-    add("-t", "--tolerances", metavar="FILE", help="YAML file with what differs from the default tolerances")
+    add("--tolerances", metavar="FILE", help="YAML file with what differs from the default tolerances")
     add("--speed", type=positive_number, default=1.0, metavar="N", help="the bytes come N times faster, at most 10")
     add("--model", metavar="NAME", help="the arm; default: of the golden log's recording, else zu7")
     add("-o", "--output", metavar="FOLDER", help="for the log, the reports and what the programs print; "
                                                  "default: a new folder among the temporary files")
-    add("--force", action="store_true", help="overwrite what is in the folder")
+    add("-f", "--force", action="store_true", help="overwrite what is in the folder")
+    add_old_spelling(parser, "-t", "tolerances", str,
+                     "-t means --tolerances here, and --topics in other commands: write --tolerances")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -6,11 +6,11 @@ import subprocess
 import sys
 
 import pytest
-from log_samples import STATES, state_log, write
+from log_samples import state_log, write
 
 from jaka_bag.cli.completion import options_by_command
 from jaka_bag.cli.main import COMMANDS, load_command, main
-from jaka_bag.cli.options import Progress, positive_ns, time_point
+from jaka_bag.cli.options import Progress
 
 WITHOUT_ROS = [name for name in COMMANDS if name not in ("record", "play")]
 
@@ -92,11 +92,13 @@ def test_option_words_do_not_clash(name):
     assert parser.format_help()
 
 
-def test_bash_completes_commands_and_options():
+def test_bash_completes_commands_and_options(tmp_path, capsys):
     options = options_by_command()
     assert "--profile" in options["convert"] and set(options) == set(COMMANDS)
-    script = ('source <(%s -m jaka_bag completion bash); '
-              'COMP_WORDS=(jaka_bag %%s); COMP_CWORD=%%d; _jaka_bag; echo "${COMPREPLY[@]}"' % sys.executable)
+    assert main(["completion", "bash"]) == 0
+    (tmp_path / "completion").write_text(capsys.readouterr().out)
+    script = ('source %s/completion; '
+              'COMP_WORDS=(jaka_bag %%s); COMP_CWORD=%%d; _jaka_bag; echo "${COMPREPLY[@]}"' % tmp_path)
 
     def complete(words, number):
         return subprocess.check_output(["bash", "-c", script % (words, number)]).decode().split()
@@ -104,6 +106,7 @@ def test_bash_completes_commands_and_options():
     assert complete("rec", 1) == ["record", "recover"]
     assert complete("convert --pro", 2) == ["--profile"]
     assert complete("completion z", 2) == ["zsh"]
+    assert complete("filter -c l", 3) == ["lz4"] and complete("convert --profile ''", 3) == ["ros1", "ros2"]
 
 
 def test_zsh_gets_a_script(capsys):
@@ -146,21 +149,3 @@ def test_a_terminal_sees_a_bar_and_quiet_sees_none(tmp_path, root):
 def test_a_silent_progress_does_nothing():
     with Progress(100, "x", None) as progress:
         progress(50, 1)
-
-
-def test_times_on_the_command_line():
-    assert time_point("1700000000.000000001") == (1700000000000000001, True)
-    assert time_point("-2.5") == (-2500000000, False)
-    assert time_point("12") == (12000000000, False)
-    assert positive_ns("0.5") == 500000000
-    for wrong in ("x", "nan", "1e99", ""):
-        with pytest.raises(argparse.ArgumentTypeError):
-            time_point(wrong)
-    with pytest.raises(argparse.ArgumentTypeError):
-        positive_ns("0")
-
-
-def test_an_empty_selection_is_an_empty_log(tmp_path):
-    path = write(tmp_path / "log.bag", state_log(0.1))
-    assert main(["convert", str(path), "-o", str(tmp_path / "o.mcap"), "-t", "/nope", "-q"]) == 0
-    assert main(["convert", str(path), "-o", str(tmp_path / "p.mcap"), "-t", STATES.topic, "-s", "5", "-q"]) == 0

@@ -51,7 +51,8 @@ def test_an_empty_log_has_no_times(tmp_path, capsys):
 def test_attachments_metadata_and_what_the_recorder_lost(tmp_path, capsys):
     with McapWriter(tmp_path / "log.mcap") as writer:
         writer.add_attachment("params.yaml", b"a: 1", "application/yaml")
-        writer.add_metadata("jaka_bag.drops", {STATES.topic: json.dumps({"missing": 3, "overflowed": 0})})
+        account = {"missing": 3, "overflowed": 0, "undelivered": None}
+        writer.add_metadata("jaka_bag.drops", {STATES.topic: json.dumps(account)})
         writer.add_message(writer.add_channel(STATES), START_NS, bytes(8))
     text = info(capsys, tmp_path / "log.mcap")
     assert "params.yaml (application/yaml, 4 B)" in text and "jaka_bag.drops" in text

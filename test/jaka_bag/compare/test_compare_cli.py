@@ -43,7 +43,7 @@ def test_reports_are_written_and_never_overwritten_unasked(golden, candidates, t
     assert names["html"].read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert "<failure" in names["junit"].read_text(encoding="utf-8")
     before = names["html"].read_bytes()
-    assert main(["compare", str(golden), str(candidates[0]), *options]) == 1
+    assert main(["compare", str(golden), str(candidates[0]), *options]) == 2
     assert "exists" in capsys.readouterr().err
     assert names["html"].read_bytes() == before
     assert main(["compare", str(golden), str(candidates[0]), *options, "--force"]) == 0

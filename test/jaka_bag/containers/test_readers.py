@@ -58,7 +58,7 @@ def test_equal_backward_and_overlapping_times_come_in_order(tmp_path, suffix):
 def test_overlapping_chunks_are_read_again_rather_than_held(tmp_path, monkeypatch):
     samples = [Sample(STATES, START_NS + (i * 7919) % 1000, struct.pack("<4h", i, 0, 0, 0)) for i in range(1000)]
     path = write(tmp_path / "log.mcap", samples, chunk_size=200)
-    monkeypatch.setattr(readers, "_HELD_BYTES", 1000)
+    monkeypatch.setattr(readers, "HELD_BYTES", 1000)
     assert read(path) == in_order(samples)
 
 
@@ -225,9 +225,9 @@ def test_load_times_needs_the_index_alone(tmp_path):
 def test_what_is_no_log_is_refused_in_one_line(tmp_path):
     (tmp_path / "empty").write_bytes(b"")
     (tmp_path / "text").write_text("hello, this is no log")
-    (tmp_path / "old.bag").write_bytes(b"#ROSBAG V1.2\n" + bytes(100))
+    (tmp_path / "old.bag").write_bytes(b"#ROSRECORD V1.1\n" + bytes(100))
     os.mkfifo(str(tmp_path / "pipe"))
-    for name, reason in (("empty", "is empty"), ("text", "neither"), ("old.bag", "version V1.2|version 1.2"),
+    for name, reason in (("empty", "is empty"), ("text", "neither"), ("old.bag", "version 1.1"),
                          (".", "folder"), ("missing", "No such file"), ("pipe", "no plain file")):
         with pytest.raises(BagError, match=reason):
             open_log(tmp_path / name)

@@ -198,7 +198,7 @@ def test_latin_1_in_a_definition_survives(tmp_path):
             assert Path(reader.path).name == name
 
 
-@pytest.mark.parametrize("entry", FORMATS, ids=lambda entry: entry.name)
+@pytest.mark.parametrize("entry", [entry for entry in FORMATS if entry.writer], ids=lambda entry: entry.name)
 def test_a_writer_keeps_what_it_declares_and_refuses_or_drops_the_rest(entry, tmp_path):
     path = tmp_path / ("log" + entry.suffix)
     with create_log(path) as writer:

@@ -7,13 +7,15 @@ import re
 import signal
 import termios
 import threading
+import types
 
 import live_ros
 import live_samples
 import pytest
 from live_samples import content, string_connection, string_frame, times, twist_connection, twist_frame
 
-from jaka_bag.cli.main import main
+from jaka_bag.cli.main import load_command, main, parser_of
+from jaka_bag.cli.play import limits_of
 from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.live.names import NodeNames
@@ -319,7 +321,7 @@ def test_a_pause_in_mid_play_holds_the_rest_back(graph):
 
 @pytest.mark.parametrize("arguments, code, reason", [
     ([], 2, "no FILE"), (["log.bag", "-i", "-r", "2"], 2, "-i has no rate"), (["log.bag", "-r", "0"], 2, "above 0"),
-    (["missing.bag"], 1, "missing.bag"), (["log.bag", "--topics", "/nobody"], 1, "nothing to play"),
+    (["missing.bag"], 1, "missing.bag"), (["log.bag", "--topics", "/nobody"], 2, "nothing to play.*no topic /nobody"),
     (["log.bag", "-e", "("], 1, "not a regular expression"), (["empty.bag"], 1, "empty.bag"),
     (["."], 1, "folder|directory")])
 def test_bad_requests_are_one_line(tmp_path, monkeypatch, capsys, arguments, code, reason):
@@ -350,3 +352,24 @@ def test_log_times_of_a_record_of_a_play_follow_the_first_log(graph):
     again = [time for _, time in times(graph.folder / "again.mcap")]
     offsets = sorted(time - again[0] - 5 * i * MS for i, time in enumerate(again))
     assert abs(offsets[50]) < 20 * MS
+
+
+@pytest.mark.parametrize("options, begin, end", [
+    ([], 0, 1000), (["-s", "0.25"], 250, 1000), (["-s", "-100ms"], 900, 1000), (["-u", "0.2s"], 0, 200),
+    (["-s", "0.5", "-u", "0:02"], 500, 1000), (["--until", "0.3"], 0, 300),
+    (["-s", "0.1", "--end", "-0.1s"], 100, 900)])
+def test_times_are_given_as_to_every_command(options, begin, end):
+    source = types.SimpleNamespace(begin=BASE, end=BASE + 1000 * MS)
+    parser = parser_of("play", load_command("play"), 98)
+    args = parser.parse_intermixed_args(["log.bag", *options])
+    assert limits_of(args, source) == (BASE + begin * MS, BASE + end * MS)
+
+
+@pytest.mark.parametrize("options, reason", [
+    (["-s", "1:00"], "starts behind the log's end"), (["--until", "200000000"], "ends before the log's start"),
+    (["-s", "0.005", "--until", "0.001"], "before its start"), (["-t", "b", "log.bag"], "did you mean /b?")])
+def test_nothing_is_played_by_mistake(tmp_path, monkeypatch, capsys, options, reason):
+    write_log(tmp_path / "log.bag", [("/b", 0, string_frame("a")), ("/b", 10, string_frame("b"))])
+    monkeypatch.chdir(tmp_path)
+    assert main(["play", *options, *([] if "log.bag" in options else ["log.bag"])]) == 2
+    assert reason in capsys.readouterr().err

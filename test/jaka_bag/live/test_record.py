@@ -337,9 +337,15 @@ def test_snapshot_keeps_the_past_in_memory_until_asked(graph):
         assert not list(graph.folder.glob("log*"))
         recorder.popen.send_signal(signal.SIGUSR1)
         recorder.wait_for_line("snapshot of 100 messages")
+        publish_numbers(publisher, a, range(101, 121))
+        live_ros.all_read(publisher)
+        recorder.popen.send_signal(signal.SIGUSR1)
+        recorder.wait_for_line("snapshot of 20 messages")
         assert recorder.stop() == 0
-    (path,) = graph.folder.glob("log_snapshot_*.mcap")
-    assert content(path)["/a"] == [twist_frame(n)[4:] for n in range(1, 101)]
+    found = [content(path)["/a"] for path in graph.folder.glob("log_snapshot_*.mcap")]
+    assert sorted(map(len, found)) == [20, 100]
+    assert sorted(found, key=len)[1] == [twist_frame(n)[4:] for n in range(1, 101)]
+    assert sorted(found, key=len)[0] == [twist_frame(n)[4:] for n in range(101, 121)]
 
 
 def test_existing_and_cut_off_files_are_never_overwritten_unasked(graph):

@@ -23,6 +23,7 @@ from log_samples import (
 
 from jaka_bag.containers.registry import open_log
 from jaka_bag.errors import DefinitionError
+from jaka_bag.messages.batch import MessageBatch
 from jaka_bag.messages.cdr import CdrConverter, cdr_batch, learn_map
 from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.definitions import parse_definition
@@ -130,3 +131,14 @@ def test_a_definition_without_ros2_form_is_named():
 def test_names():
     assert ros2_name("sensor_msgs/JointState") == "sensor_msgs/msg/JointState"
     assert ros2_name("tf/tfMessage") == "tf2_msgs/msg/TFMessage"
+
+
+@pytest.mark.parametrize("definition", ["uint8 A=1\n", "uint8 open=1\nuint8 half_open=2\nduration d=3\n", ""])
+def test_types_without_fields_are_converted(definition):
+    kind = connection("/gripper", "test_msgs/Gripper", definition)
+    none = np.zeros(12, np.int64)
+    batch = MessageBatch(np.zeros(0, np.uint8), none, none, none.astype(np.int32), none)
+    converter = CdrConverter(kind)
+    made = cdr_batch(batch, {0: converter})
+    assert len(made) == 12 and (made.length == made.length[0]).all() and int(made.length[0]) >= 4
+    assert "open" not in converter.kind.definition

@@ -35,7 +35,7 @@ from jaka_bag.errors import BagError, BagFormatError, DefinitionError, OutputExi
 from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.ros2_types import Ros2Type
 from jaka_bag.messages.selection import Selection, TimePoint, TimeSpan
-from jaka_bag.operations.convert import Job, convert_file
+from jaka_bag.operations.convert import Job, convert_file, is_worth_sorting
 from jaka_bag.operations.many import convert_many
 
 SAMPLES = state_log(2.0)
@@ -302,3 +302,22 @@ def test_a_definition_with_a_header_in_it_keeps_its_text(tmp_path):
     sample = Sample(kind, START_NS, bytes(16))
     convert(write(tmp_path / "a.bag", [sample]), tmp_path / "b.mcap")
     assert read(tmp_path / "b.mcap") == [sample]
+
+
+def test_chunks_that_overlap_in_time_are_cut_anew(tmp_path):
+    import random
+    samples = [Sample(STATES, START_NS + (i * 7919) % 4001 * 1000, struct.pack("<4h", i % 1000, 0, 0, 0))
+               for i in range(4001)]
+    tangled = write(tmp_path / "tangled.bag", samples, "none", chunk_size=2000)
+    assert convert_file(Job(str(tangled), str(tmp_path / "sorted.bag"), compression="bz2")).messages == 4001
+    assert read(tmp_path / "sorted.bag") == in_order(samples)
+    with open_log(tmp_path / "sorted.bag") as reader:
+        assert all(a.end_time <= b.start_time for a, b in zip(reader.chunks, reader.chunks[1:]))
+        assert sum(len(reader.load(chunk)) for chunk in reader.chunks) == 4001
+    few = [sample for sample in samples if sample.time < START_NS + 500 * 1000]
+    random.Random(1).shuffle(few)
+    straight = write(tmp_path / "straight.bag", in_order(few), "none", chunk_size=200)
+    with open_log(straight) as reader:
+        assert not is_worth_sorting(reader.chunks, 1.0)
+    with open_log(tangled) as reader:
+        assert is_worth_sorting(reader.chunks, 1.0) and not is_worth_sorting(reader.chunks, 1e6)

@@ -120,5 +120,5 @@ def test_the_program(tmp_path, capsys):
     assert main(["export", str(path), "-o", str(tmp_path / "s.csv"), "-t", STATES.topic, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["tables"] == [
         {"target": str(tmp_path / "s.csv"), "topic": STATES.topic, "messages": 125}]
-    assert main(["export", str(path), "-o", str(tmp_path / "s.csv"), "-t", "/nope"]) == 1
-    assert capsys.readouterr().err == "jaka_bag: error: %s has no topic /nope\n" % path
+    assert main(["export", str(path), "-o", str(tmp_path / "s.csv"), "-t", "/nope"]) == 2
+    assert capsys.readouterr().err == "jaka_bag export: error: %s has no topic /nope\n" % path

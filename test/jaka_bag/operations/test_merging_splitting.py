@@ -49,6 +49,39 @@ def test_metadata_of_all_merged_mcaps_is_kept(tmp_path):
         assert [reader.read_metadata(m)["from"] for m in reader.index.metadata] == ["a", "b"]
 
 
+def with_extras(path, samples):
+    with McapWriter(path) as writer:
+        writer.add_metadata("facts", {"host": "cell"})
+        writer.add_attachment("params", b"a: 1", "text/yaml", 5, 6)
+        for i, sample in enumerate(samples):
+            writer.add_message(writer.add_channel(STATES), START_NS + i, sample)
+    return path
+
+
+def extras(path):
+    with open_log(path) as reader:
+        return ([(a.name, a.log_time, reader.read_attachment(a)) for a in reader.index.attachments],
+                [(m.name, reader.read_metadata(m)) for m in reader.index.metadata])
+
+
+def test_attachments_go_to_the_first_part_and_metadata_to_each(tmp_path, capsys):
+    source = with_extras(tmp_path / "log.mcap", [bytes(8)] * 3)
+    parts = [path for path, _ in split(source, tmp_path / "part.mcap", Limits(messages=1)).parts]
+    facts, attached = [("facts", {"host": "cell"})], [("params", 5, b"a: 1")]
+    assert [extras(part) for part in parts] == [(attached, facts), ([], facts), ([], facts)]
+    merge(parts, tmp_path / "again.mcap")
+    assert extras(tmp_path / "again.mcap") == (attached, facts)
+    assert "2 left out" in split(source, tmp_path / "part.bag", Limits(messages=1)).notes[0]
+    assert main(["split", "--help"]) == 0
+    assert "attachments of an MCAP go to the first part" in capsys.readouterr().out
+
+
+def test_a_log_without_messages_keeps_its_attachments_in_one_part(tmp_path):
+    source = with_extras(tmp_path / "log.mcap", [])
+    (part, messages), = split(source, tmp_path / "part.mcap", Limits(messages=1)).parts
+    assert messages == 0 and extras(part) == extras(source)
+
+
 def test_merging_refuses_what_it_cannot_do(tmp_path):
     a = write(tmp_path / "a.bag", SAMPLES)
     with pytest.raises(BagError, match="is input and output"):
@@ -109,11 +142,11 @@ def test_the_programs(tmp_path, capsys):
     assert main(["merge", *reversed(parts), "-o", str(tmp_path / "all.bag")]) == 0
     assert "1126 messages of 3 files" in capsys.readouterr().out
     assert read(tmp_path / "all.bag") == in_order(SAMPLES)
-    assert main(["filter", str(source), "-o", str(tmp_path / "few.bag"), "-t", STATES.topic, "-d", "1",
+    assert main(["filter", str(source), "-o", str(tmp_path / "few.bag"), "-t", STATES.topic, "--duration", "1s",
                  "--keep-latched", "-q"]) == 0
     assert {s.connection for s in read(tmp_path / "few.bag")} == {STATES}
     assert main(["split", str(source)]) == 2
-    assert main(["filter", str(source), "-o", "x.bag", "-u", "1", "-d", "1"]) == 2
+    assert main(["filter", str(source), "-o", "x.bag", "--until", "1", "--duration", "1"]) == 2
 
 
 def test_what_the_parts_cannot_hold_is_said(tmp_path):

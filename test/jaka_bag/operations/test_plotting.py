@@ -86,13 +86,13 @@ def test_thinning_keeps_the_extremes():
 
 def test_the_program(tmp_path, capsys, monkeypatch):
     path = write(tmp_path / "log.bag", SAMPLES)
-    assert main(["plot", str(path), "-s", "0.5", "-d", "1"]) == 0
+    assert main(["plot", str(path), "-s", "0.5", "--duration", "1"]) == 0
     assert "log.svg: 6 diagrams" in capsys.readouterr().out
     assert main(["plot", str(path), "-o", str(tmp_path / "log.gif")]) == 1
     assert ".svg, .png" in capsys.readouterr().err
     assert main(["plot", str(path), "-o", str(tmp_path / "f.png"), "--field", "/model:data"]) == 1
-    assert main(["plot", str(path), "-t", "/nope"]) == 1
-    assert "no message to draw" in capsys.readouterr().err
+    assert main(["plot", str(path), "-t", "/nope"]) == 2
+    assert "has no topic /nope" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(MissingDependency, match="matplotlib"):
         plot(read_columns(path), tmp_path / "x.svg", "log")

@@ -70,7 +70,7 @@ def test_another_arms_log_is_refused_unless_that_is_wanted(logs, tmp_path, capsy
     assert main([*words, "--any-model"]) == 0
 
 
-@pytest.mark.parametrize("words", [["--speed", "0"], ["--speed", "11"], ["-d", "1", "-u", "2"]])
+@pytest.mark.parametrize("words", [["--speed", "0"], ["--speed", "11"], ["--duration", "1", "--until", "2"]])
 def test_what_makes_no_sense_is_usage(logs, words):
     assert main(["replay-motion", str(logs / "zu3.mcap"), "-n", *words]) == 2
 

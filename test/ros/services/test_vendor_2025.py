@@ -78,7 +78,7 @@ def test_a_state_log_of_it_is_recorded_compared_drawn_and_exported(driver, tmp_p
     assert recorder.returncode == 0, said
     position, turn = pose_of(driver)
     run = load_run(log)
-    last = run.poses[TOPIC].value[-1]
+    last = list(run.poses[TOPIC].blocks())[-1].value[-1]
     assert last[:3] == pytest.approx(position, abs=1e-4)
     assert rotation_angle_between(matrix_from_rotation_vector(last[3:].tolist()), turn) < 1e-3
     assert dict(scenario_of(log).arms[0].parameters)["interface"] == "vendor_2025", "a replay gives it to its driver"

@@ -66,7 +66,7 @@ def shell(ros_master, tmp_path_factory):
 @pytest.fixture(scope="module")
 def guided(arm, shell):
     """A log of an arm that was led by hand, where it stood at the end, and the page's commands that replay it."""
-    found = {block.note: block.text.strip() for block in blocks(PAGE) if block.language == "sh"}
+    found = {block.note: block.text.strip() for block in blocks(PAGE, "Replay a motion") if block.language == "sh"}
     arm.go_home()
     shell.start("recorder", found["in the background: recorder"])
     until(lambda: (shell.folder / "guided.mcap.active").exists(), lambda: shell.said_by("recorder"))

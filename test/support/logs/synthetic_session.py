@@ -88,6 +88,7 @@ class Session:
         calls: As the log will tell them.
         keep: Which samples of each topic are written, bool, shape (n,).
         sequence_step: By how much header.seq of each topic grows from message to message.
+        first_sequence: header.seq of the first message.
     """
 
     def __init__(self, time: np.ndarray, joints: np.ndarray, states: np.ndarray, calls: List[Call],
@@ -105,6 +106,7 @@ class Session:
                          for name in TOPICS}
         self.keep = {name: np.ones(len(time), bool) for name in TOPICS}
         self.sequence_step = dict.fromkeys(TOPICS, 1)
+        self.first_sequence = 1
         self.node = "/jaka_driver"
         self.frame = "base_link"
 
@@ -198,11 +200,11 @@ def _ns(seconds: np.ndarray) -> np.ndarray:
     return EPOCH_NS + np.round(seconds * 1e9).astype(np.int64)
 
 
-def _headed(stamp: np.ndarray, frame: str, step: int, body: np.ndarray) -> np.ndarray:
+def _headed(stamp: np.ndarray, frame: str, first: int, step: int, body: np.ndarray) -> np.ndarray:
     """Bytes of messages with a header, shape (n, size); ``body`` is uint8 (n, rest)."""
     head = np.empty(len(stamp), np.dtype([("seq", "<u4"), ("secs", "<u4"), ("nsecs", "<u4"), ("size", "<u4")]))
     stamp_ns = _ns(stamp)
-    head["seq"] = step * np.arange(len(stamp)) + 1
+    head["seq"] = step * np.arange(len(stamp)) + first
     head["secs"], head["nsecs"] = stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000
     head["size"] = len(frame)
     return np.concatenate([head.view(np.uint8).reshape(len(stamp), -1),
@@ -225,10 +227,11 @@ def _rows(session: Session, name: str) -> np.ndarray:
         return _bytes(session.states[keep], "<i2")
     if name == "tool_position":
         pose = np.hstack([session.position[keep], session.rotation_vector[keep]])
-        return _headed(session.stamp[keep], session.frame, session.sequence_step[name], _bytes(pose, "<f8"))
+        return _headed(session.stamp[keep], session.frame, session.first_sequence, session.sequence_step[name],
+                       _bytes(pose, "<f8"))
     names = struct.pack("<I", 6) + b"".join(_string("joint_%d" % (i + 1)) for i in range(6)) + struct.pack("<I", 6)
     body = np.concatenate([_fixed(names, count), _bytes(session.joints[keep], "<f8"), _fixed(bytes(8), count)], axis=1)
-    return _headed(session.stamp[keep], "", session.sequence_step[name], body)
+    return _headed(session.stamp[keep], "", session.first_sequence, session.sequence_step[name], body)
 
 
 def _call_bytes(session: Session, call: Call, number: int) -> bytes:
@@ -261,8 +264,8 @@ def _block(session: Session, name: str, number: int) -> MessageBatch:
     return MessageBatch(data, np.cumsum(length) - length, length, np.full(len(length), number, np.int32), log_time)
 
 
-def write_log(path: Path, *sessions: Session) -> Path:
-    """Write sessions, one an arm, as one log."""
+def _parts(sessions: Sequence[Session]) -> Tuple[List[Connection], MessageBatch]:
+    """The connections of sessions, one an arm, and their messages in the order of time."""
     connections, blocks = [], []
     for session in sessions:
         for name, (datatype, text) in _TYPES.items():
@@ -274,9 +277,52 @@ def write_log(path: Path, *sessions: Session) -> Path:
             connections.append(Connection("%s/%s" % (session.node, name), datatype, definition_md5(datatype, text),
                                           text, session.node))
     whole = concatenate(blocks)
-    whole = whole.take(np.argsort(whole.log_time, kind="stable"))
+    return connections, whole.take(np.argsort(whole.log_time, kind="stable"))
+
+
+def write_log(path: Path, *sessions: Session) -> Path:
+    """Write sessions, one an arm, as one log."""
+    connections, whole = _parts(sessions)
     with create_log(path, overwrite=True) as writer:
         ids = np.array([writer.add_channel(connection) for connection in connections])
         for begin in range(0, len(whole), 8000):
             writer.append(writer.encode(whole.take(slice(begin, begin + 8000)), ids))
+    return path
+
+
+BLOCK_S = 300.0
+
+
+def write_long_log(path: Path, seconds: float, conditions: Conditions = UNDISTURBED,
+                   change: Optional[Callable[[Session, float], object]] = None, block_s: float = BLOCK_S) -> Path:
+    """Write one arm's log of any length, block by block of ``block_s``: other moves in each, from rest to rest.
+
+    Args:
+        path: A .bag or .mcap.
+        seconds: Length.
+        conditions: Of every block; each has random numbers of its own.
+        change: Called with each block's session, whose times count from the block's begin, and that begin, s.
+        block_s: s; a whole multiple of the time between two samples.
+    """
+    ids: Optional[np.ndarray] = None
+    with create_log(path, overwrite=True) as writer:
+        for number in range(int(np.ceil(seconds / block_s))):
+            begin = number * block_s
+            length = min(block_s, seconds - begin)
+            program = [*moves(max(int((length - 8.0) / 3.2), 1), seed=1000 + number), Step(0.6, REST), Step(length)]
+            session = simulate(program, conditions._replace(seed=1000 * conditions.seed + number))
+            for keep in session.keep.values():
+                keep[session.time > length] = False
+            session.calls = [call for call in session.calls if call.start + call.duration < length]
+            if change is not None:
+                change(session, begin)
+            session.first_sequence = 1 + int(round(begin / SAMPLE_S))
+            session.stamp = session.stamp + begin
+            session.log_time = {name: time + begin for name, time in session.log_time.items()}
+            session.calls = [call._replace(start=call.start + begin) for call in session.calls]
+            connections, whole = _parts([session])
+            if ids is None:
+                ids = np.array([writer.add_channel(connection) for connection in connections])
+            for first in range(0, len(whole), 8000):
+                writer.append(writer.encode(whole.take(slice(first, first + 8000)), ids))
     return path

@@ -13,6 +13,8 @@ from ..compare.tolerances import ToleranceError, Tolerances, as_yaml, load_toler
 from ..compare.verdict import Comparison
 from ..errors import UsageError
 from ..output_file import OutputFile, check_output
+from .main import printable
+from .options import add_old_spelling
 from .quantities import positive_number
 
 EPILOG = """\
@@ -35,12 +37,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("golden", nargs="?", metavar="GOLDEN", help="log of what ought to happen, .bag or .mcap")
     add("candidate", nargs="?", metavar="CANDIDATE", help="log of what happened")
-    add("-t", "--tolerances", metavar="FILE", help="YAML file with what differs from the default tolerances")
+    add("--tolerances", metavar="FILE", help="YAML file with what differs from the default tolerances")
     add("--html", metavar="FILE", help="write a page to look at")
     add("--junit", metavar="FILE", help="write JUnit XML, a test case for each check")
-    add("--json", metavar="FILE", help="write the result as JSON")
+    add("--report", metavar="FILE", help="write the result as JSON")
+    add("--json", nargs="?", const="", metavar="FILE", help="the result as JSON on stdout (with FILE: as --report)")
     add("--time-scale", type=positive_number, default=1.0, metavar="N", help="the candidate ran N times faster")
-    add("--force", action="store_true", help="overwrite the outputs")
+    add("-f", "--force", action="store_true", help="overwrite the outputs")
+    add_old_spelling(parser, "-t", "tolerances", str,
+                     "-t means --tolerances here, and --topics in other commands: write --tolerances")
     add("-v", "--verbose", action="store_true", help="every check, not only the differences")
     add("-q", "--quiet", action="store_true", help="only the verdict")
     add("--print-tolerances", action="store_true", help="print the tolerances in force as YAML, and end")
@@ -63,22 +68,38 @@ def write_reports(comparison: Comparison, tolerances: Tolerances, html: Optional
                 output.write(text().encode("utf-8", "replace"))
 
 
+def _sort_json(args: argparse.Namespace) -> None:
+    """Tell ``--json FILE``, as it used to be written, from ``--json`` in front of the logs."""
+    if not args.json:
+        return
+    if args.golden is not None and args.candidate is None and not args.json.endswith(".json"):
+        args.golden, args.candidate, args.json = args.json, args.golden, ""
+        return
+    print("jaka_bag: note: --json FILE writes the result to FILE here, --json in other commands prints it: write "
+          "--report FILE", file=sys.stderr)
+    args.report, args.json = args.report or args.json, None
+
+
 def run(args: argparse.Namespace) -> int:
     """Compare; 0 same, 1 different, 2 cannot be compared."""
     try:
+        _sort_json(args)
         tolerances = load_tolerances(args.tolerances)
         if args.print_tolerances:
             sys.stdout.write(as_yaml(tolerances))
             return 0
         if not (args.golden and args.candidate):
             raise UsageError("GOLDEN and CANDIDATE are needed")
-        for name in [name for name in (args.html, args.junit, args.json) if name]:
+        for name in [name for name in (args.html, args.junit, args.report) if name]:
             if Path(name).resolve() in (Path(args.golden).resolve(), Path(args.candidate).resolve()):
                 raise UsageError("%s is one of the logs" % name)
             check_output(name, args.force)
         comparison = compare_logs(args.golden, args.candidate, tolerances, args.time_scale)
     except (CannotCompare, ToleranceError) as error:
         raise UsageError(str(error)) from error
-    write_reports(comparison, tolerances, args.html, args.junit, args.json, args.force)
-    print(headline(comparison) if args.quiet else as_text(comparison, args.verbose))
+    write_reports(comparison, tolerances, args.html, args.junit, args.report, args.force)
+    if args.json is not None:
+        print(json.dumps(as_data(comparison), indent=1, allow_nan=False))
+        return 0 if comparison.same else 1
+    print(printable(headline(comparison) if args.quiet else as_text(comparison, args.verbose)))
     return 0 if comparison.same else 1

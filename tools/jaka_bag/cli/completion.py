@@ -7,7 +7,7 @@ from .main import COMMANDS, is_installed, load_command
 _BASH = """\
 # bash completion of jaka_bag: source <(jaka_bag completion bash)
 _jaka_bag() {
-    local word=${COMP_WORDS[COMP_CWORD]} command=${COMP_WORDS[1]} options=
+    local word=${COMP_WORDS[COMP_CWORD]} command=${COMP_WORDS[1]} options= values=
     COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
         COMPREPLY=($(compgen -W "%(commands)s" -- "$word"))
@@ -16,6 +16,13 @@ _jaka_bag() {
     case $command in
 %(cases)s
     esac
+    case "$command ${COMP_WORDS[COMP_CWORD-1]}" in
+%(values)s
+    esac
+    if [ -n "$values" ]; then
+        COMPREPLY=($(compgen -W "$values" -- "$word"))
+        return
+    fi
     case $word in
         -*) COMPREPLY=($(compgen -W "$options" -- "$word")) ;;
         *) [ "$command" = completion ] && COMPREPLY=($(compgen -W "bash zsh" -- "$word")) ;;
@@ -27,7 +34,7 @@ _ZSH = """\
 #compdef jaka_bag
 # zsh completion of jaka_bag: source <(jaka_bag completion zsh)
 _jaka_bag() {
-    local -a commands options
+    local -a commands options values
     commands=(
 %(described)s
     )
@@ -38,7 +45,12 @@ _jaka_bag() {
     case $words[2] in
 %(cases)s
     esac
-    if [[ $words[CURRENT] == -* ]]; then
+    case "$words[2] $words[CURRENT-1]" in
+%(values)s
+    esac
+    if (( $#values )); then
+        compadd -- $values
+    elif [[ $words[CURRENT] == -* ]]; then
         compadd -- $options
     elif [[ $words[2] == completion ]]; then
         compadd -- bash zsh
@@ -50,19 +62,40 @@ compdef _jaka_bag jaka_bag
 """
 
 
+EPILOG = """\
+examples:
+  source <(jaka_bag completion bash)
+  jaka_bag completion zsh > ~/.zfunc/_jaka_bag
+"""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag completion``."""
     parser.add_argument("shell", choices=("bash", "zsh"), help="to use it: source <(jaka_bag completion SHELL)")
 
 
-def options_by_command() -> Dict[str, List[str]]:
-    """The option words of each command that is installed, from its own declaration."""
+def _options() -> Dict[str, List[argparse.Action]]:
+    """The options of each command that is installed, from its own declaration, without those that help hides."""
     result = {}
     for name in filter(is_installed, COMMANDS):
         parser = argparse.ArgumentParser()
         load_command(name).add_arguments(parser)
-        result[name] = sorted(word for action in parser._actions for word in action.option_strings)
+        result[name] = [action for action in parser._actions
+                        if action.option_strings and action.help != argparse.SUPPRESS]
     return result
+
+
+def options_by_command() -> Dict[str, List[str]]:
+    """The option words of each command that is installed."""
+    return {name: sorted(word for action in actions for word in action.option_strings)
+            for name, actions in _options().items()}
+
+
+def _values(form: str) -> str:
+    """A line of a shell's ``case`` for each option that takes one of a few values."""
+    return "\n".join(form % ("|".join('"%s %s"' % (name, word) for word in action.option_strings),
+                             " ".join(map(str, action.choices)))
+                     for name, actions in _options().items() for action in actions if action.choices)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -70,10 +103,11 @@ def run(args: argparse.Namespace) -> int:
     options = options_by_command()
     if args.shell == "bash":
         cases = "\n".join('        %s) options="%s" ;;' % (name, " ".join(words)) for name, words in options.items())
-        print(_BASH % {"commands": " ".join(options), "cases": cases}, end="")
+        print(_BASH % {"commands": " ".join(options), "cases": cases, "values": _values('        %s) values="%s" ;;')},
+              end="")
     else:
         cases = "\n".join("        %s) options=(%s) ;;" % (name, " ".join(words)) for name, words in options.items())
         described = "\n".join("        '%s:%s'" % (name, COMMANDS[name].summary.replace("'", "").replace(":", " -"))
                               for name in options)
-        print(_ZSH % {"described": described, "cases": cases}, end="")
+        print(_ZSH % {"described": described, "cases": cases, "values": _values("        %s) values=(%s) ;;")}, end="")
     return 0

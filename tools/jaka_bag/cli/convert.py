@@ -1,29 +1,40 @@
 """``jaka_bag convert``: the command line of conversion, of one file or of all in a folder."""
 import argparse
 from pathlib import Path
-from typing import List
+from typing import List, Optional
 
+from ..containers.rosbag2_folder import is_rosbag2
 from ..errors import BagError, UsageError
 from ..operations.convert import Job, WriteResult, convert_file
 from ..pipeline import WORKERS
 from .main import human_bytes
-from .options import Report, add_compression, add_output, add_report, add_selection, selection_of, span_of
+from .options import (
+    Report,
+    add_compression,
+    add_report,
+    add_selection,
+    add_source,
+    output_of,
+    selection_of,
+    span_of,
+)
 from .quantities import count
 
 EPILOG = """\
 examples:
-  jaka_bag convert run.bag -o run.mcap               MCAP, profile ros1, zstd
-  jaka_bag convert run.mcap -o run.bag -c lz4        a bag that rosbag reads
-  jaka_bag convert run.bag -o run --profile ros2     a rosbag2 folder for ROS 2
-  jaka_bag convert run.bag -o small.bag -c bz2       compress (as rosbag compress -j)
-  jaka_bag convert logs --jobs 4                     each .bag below logs, beside it as .mcap
+  jaka_bag convert run.bag run.mcap               MCAP, profile ros1, zstd
+  jaka_bag convert run.mcap run.bag -c lz4        a bag that rosbag reads
+  jaka_bag convert run.bag run --profile ros2     a rosbag2 folder for ROS 2
+  jaka_bag convert run.bag small.bag -c bz2       compress (as rosbag compress -j)
+  jaka_bag convert run run.bag                    a rosbag2 folder, sqlite3 or MCAP, back to ROS 1
+  jaka_bag convert logs --jobs 4                  each .bag below logs, beside it as .mcap
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag convert``."""
-    parser.add_argument("source", metavar="SRC", help=".bag or .mcap, or a folder: all of them in it")
-    add_output(parser, "its suffix, .bag or .mcap, decides about the format; default: SRC with the other suffix", False)
+    add_source(parser, "its suffix, .bag or .mcap, decides about the format; default: SRC with the other suffix",
+               source=".bag, .mcap or .mcap.active, a rosbag2 folder, or a folder: all logs in it")
     parser.add_argument("--profile", choices=("ros1", "ros2"), default="ros1",
                         help="ros1: messages as they are (default); ros2: a rosbag2 folder with CDR messages")
     many = parser.add_argument_group("a folder of files")
@@ -41,7 +52,7 @@ def _default_target(source: Path, profile: str) -> Path:
         return source.with_suffix("")
     with_suffix = {".bag": ".mcap", ".mcap": ".bag"}.get(source.suffix)
     if with_suffix is None:
-        raise BagError("%s: give the output with -o" % source)
+        raise BagError("%s: give the output: jaka_bag convert SRC DST" % source)
     return source.with_suffix(with_suffix)
 
 
@@ -50,12 +61,9 @@ def _job(args: argparse.Namespace, source: Path, target: Path, workers: int) -> 
                args.profile, args.force, workers)
 
 
-def _jobs(args: argparse.Namespace, folder: Path) -> List[Job]:
-    if (folder / "metadata.yaml").is_file():
-        raise BagError("%s is a rosbag2 folder: ROS 2 messages are not made ROS 1 messages here (rosbags-convert does "
-                       "that); its .mcap file can be filtered, merged and split" % folder)
+def _jobs(args: argparse.Namespace, folder: Path, output: Optional[str]) -> List[Job]:
     wanted = ".bag" if args.to == "mcap" or args.profile == "ros2" else ".mcap"
-    base = Path(args.output) if args.output else folder
+    base = Path(output) if output else folder
     jobs = []
     for source in sorted(folder.rglob("*" + wanted)):
         target = base / source.relative_to(folder).with_suffix("" if args.profile == "ros2" else "." + args.to)
@@ -73,8 +81,20 @@ def _line(result: WriteResult) -> str:
         result.seconds)
 
 
-def _run_folder(args: argparse.Namespace, folder: Path, report: Report) -> int:
-    jobs = _jobs(args, folder)
+def _run_rosbag2(args: argparse.Namespace, folder: Path, output: Optional[str], report: Report) -> int:
+    from ..operations.rosbag2 import convert_rosbag2
+
+    if args.profile == "ros2":
+        raise UsageError("%s is a rosbag2 folder already" % folder)
+    resolved = folder.resolve()
+    target = Path(output) if output else resolved.with_name("%s.%s" % (resolved.name, args.to))
+    with report.progress(folder) as progress:
+        result = convert_rosbag2(_job(args, folder, target, WORKERS), progress)
+    return report.only(_line(result), result.document(), result.notes)
+
+
+def _run_folder(args: argparse.Namespace, folder: Path, output: Optional[str], report: Report) -> int:
+    jobs = _jobs(args, folder, output)
     results: List[WriteResult] = []
 
     def take(result: WriteResult) -> None:
@@ -102,11 +122,12 @@ def run(args: argparse.Namespace) -> int:
     """Convert; the exit code."""
     report = Report(args)
     source = Path(args.source)
+    output = output_of(args)
     if source.is_dir():
-        return _run_folder(args, source, report)
+        return (_run_rosbag2 if is_rosbag2(source) else _run_folder)(args, source, output, report)
     if args.jobs > 1 or args.dask:
         raise UsageError("--jobs and --dask are for folders")
-    target = Path(args.output) if args.output else _default_target(source, args.profile)
+    target = Path(output) if output else _default_target(source, args.profile)
     job = _job(args, source, target, WORKERS)
     with report.progress(source) as progress:
         result = convert_file(job, progress)

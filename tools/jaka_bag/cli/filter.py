@@ -3,13 +3,25 @@ import argparse
 
 from ..operations.convert import Job, convert_file
 from .main import human_bytes
-from .options import Report, add_compression, add_report, add_selection, add_source, selection_of, span_of
+from .options import (
+    Report,
+    add_compression,
+    add_report,
+    add_selection,
+    add_source,
+    required_output_of,
+    selection_of,
+    span_of,
+)
 
 EPILOG = """\
 examples:
-  jaka_bag filter run.bag -o joints.bag -t /jaka_driver/joint_position
-  jaka_bag filter run.mcap -o accident.mcap -s 1700000512 -d 10 --keep-latched
-  jaka_bag filter run.bag -o small.bag -x '/camera/.*'
+  jaka_bag filter run.bag joints.bag -t /jaka_driver/joint_position
+  jaka_bag filter run.mcap accident.mcap -s 1700000512 --duration 10s --keep-latched
+  jaka_bag filter run.bag small.bag -x '/camera/.*'
+
+What is not in the log is no empty output: a topic, a type or a time that it does not have ends with exit code 2 and the
+nearest name, or the log's true range.
 """
 
 
@@ -26,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Filter; the exit code."""
     report = Report(args)
-    job = Job(args.source, args.output, selection_of(args), span_of(args), args.compression, args.level,
+    job = Job(args.source, required_output_of(args), selection_of(args), span_of(args), args.compression, args.level,
               overwrite=args.force, keep_latched=args.keep_latched)
     with report.progress(args.source) as progress:
         result = convert_file(job, progress)

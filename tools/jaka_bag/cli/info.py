@@ -1,29 +1,44 @@
 """``jaka_bag info``: what is in a log, from its index alone; imports no numpy unless --freq asks for it."""
+import os
 import time
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence, Tuple
 
 from ..containers.index import LogIndex
 from ..containers.registry import read_codecs, read_index
 from ..errors import BagFormatError, UsageError
-from .main import human_bytes
+from .main import for_each_file, human_bytes, printable
 
 if TYPE_CHECKING:
     import argparse
 
 _DROPS = "jaka_bag.drops"
 """Metadata record in which the recorder leaves its account, topic to JSON."""
+_TRIGGER, _FACTS = "jaka_bag.trigger", "jaka_bag.accident"
+"""Metadata records of a black box."""
 _LOSSES = (("missing", "missing by header.seq"), ("undelivered", "sent but not received"),
            ("overflowed", "thrown away at a full buffer"), ("unwritten", "not written"))
 
 
+EPILOG = """\
+examples:
+  jaka_bag info run.bag
+  jaka_bag info --freq --seq run.mcap
+  jaka_bag info -k duration run_*.bag
+
+Exit code: 0 done, 1 a file could not be read (the others are shown), 2 usage.
+"""
+
+
 def add_arguments(parser: "argparse.ArgumentParser") -> None:
     """Declare the options of ``jaka_bag info``."""
-    parser.add_argument("files", nargs="+", metavar="FILE", help=".bag or .mcap, recognised by content")
+    parser.add_argument("files", nargs="+", metavar="FILE",
+                        help=".bag, .mcap, .mcap.active, recognised by content; a rosbag2 folder")
     parser.add_argument("--freq", action="store_true",
                         help="per topic rate, jitter, largest gap and missing messages, from the index's times")
     parser.add_argument("--seq", action="store_true",
                         help="per topic gaps in header.seq: what was lost before it was recorded (reads all messages)")
     parser.add_argument("-k", "--key", metavar="KEY", help="print one value of the JSON document, as messages")
+    parser.add_argument("-y", "--yaml", action="store_true", help="everything as YAML")
     parser.add_argument("--json", action="store_true", help="everything as JSON")
 
 
@@ -59,7 +74,7 @@ def document_of(index: LogIndex) -> Dict[str, Any]:
         "types": [{"type": datatype, "md5sum": md5sum} for datatype, md5sum in sorted(types)],
         "topics": _topics(index),
         "attachments": [{"name": a.name, "media_type": a.media_type, "size": a.data_size} for a in index.attachments],
-        "metadata": [m.name for m in index.metadata]}
+        "metadata": [m.name for m in index.metadata], "notes": list(index.notes)}
 
 
 def _moment(ns: int) -> str:
@@ -91,6 +106,8 @@ def _text(document: Dict[str, Any]) -> str:
     if document["duration"] is not None:
         rows += [("duration", _duration(document["duration"])), ("start", _moment(document["start_ns"])),
                  ("end", _moment(document["end_ns"]))]
+    if document["path"].endswith(".active"):
+        rows.append(("state", "unfinished: still being recorded, or cut off; this is what was whole when it was read"))
     rows += [("size", human_bytes(document["size"])), ("messages", str(document["messages"]))]
     for entry in document["compression"]:
         full = entry["uncompressed"]
@@ -109,10 +126,12 @@ def _text(document: Dict[str, Any]) -> str:
     rows += [("attachments", "%s (%s, %s)" % (a["name"], a["media_type"], human_bytes(a["size"])))
              for a in document["attachments"]]
     rows += [("metadata", name) for name in document["metadata"]]
+    rows += [("note", note) for note in document["notes"]]
+    rows += _accident_rows(document)
     lines = []
     last = None
     for label, value in rows:
-        lines.append("%-14s%s" % ("%s:" % label if label and label != last else "", value))
+        lines.append("%-14s%s" % ("%s:" % label if label and label != last else "", printable(value)))
         last = label or last
     return "\n".join(lines)
 
@@ -129,9 +148,38 @@ def _add_recorder_account(index: LogIndex, document: Dict[str, Any]) -> None:
                 accounts = read_metadata(index, entry)
                 for topic in document["topics"]:
                     if topic["topic"] in accounts:
-                        topic["recorder"] = json.loads(accounts[topic["topic"]])
-    except ValueError as error:
+                        account = json.loads(accounts[topic["topic"]])
+                        if not (isinstance(account, dict)
+                                and all(isinstance(account.get(key) or 0, int) for key, _ in _LOSSES)):
+                            raise ValueError("that of %s holds no counts" % topic["topic"])
+                        topic["recorder"] = account
+    except (ValueError, RecursionError) as error:
         raise BagFormatError("%s: the recorder's account of losses is damaged: %s" % (index.path, error)) from error
+
+
+def _add_accident(index: LogIndex, document: Dict[str, Any]) -> None:
+    """What a black box wrote about triggers, host, clock and versions."""
+    from ..containers.registry import read_metadata
+
+    for entry in index.metadata:
+        if entry.name == _TRIGGER:
+            document.setdefault("triggers", []).append(read_metadata(index, entry))
+        elif entry.name.startswith(_FACTS):  # written at the beginning, and anew at the end
+            document.setdefault("black_box", {}).update(read_metadata(index, entry))
+
+
+def _accident_rows(document: Dict[str, Any]) -> List[Tuple[str, str]]:
+    rows = []
+    for trigger in document.get("triggers", ()):
+        written = trigger.get("time_ns", "")
+        at = int(written) if written.isdigit() and len(written) < 20 else 0
+        start = document["start_ns"]
+        rows.append(("triggers", "%s%s: %s%s" % (
+            _moment(at), "" if start is None else ", %.3f s after the start" % ((at - start) / 1e9),
+            trigger.get("kind", ""), " on %s" % trigger["topic"] if trigger.get("topic") else "")))
+        rows.append(("", "  %s" % trigger.get("detail", "")))
+    rows += [("black box", "%s: %s" % fact) for fact in document.get("black_box", {}).items()]
+    return [(label, "".join(c if c.isprintable() else "\\x%02x" % ord(c) for c in text)) for label, text in rows]
 
 
 def _losses(account: Dict[str, Any]) -> str:
@@ -140,12 +188,20 @@ def _losses(account: Dict[str, Any]) -> str:
 
 
 def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
+    if os.path.isdir(path):
+        from ..containers.rosbag2_folder import describe, is_rosbag2
+        if is_rosbag2(path):
+            if freq or seq:
+                raise UsageError("%s is a rosbag2 folder: --freq and --seq are for .bag and .mcap" % path)
+            return describe(path)
     index = read_index(path)
     document = document_of(index)
-    if index.format == "bag":
+    if index.format == "bag" and not index.codecs:
         document["compression"] = _codecs(read_codecs(index))
     if _DROPS in (entry.name for entry in index.metadata):
         _add_recorder_account(index, document)
+    if _TRIGGER in (entry.name for entry in index.metadata):
+        _add_accident(index, document)
     if freq or seq:
         from ..operations.timing import add_sequence_gaps, add_timing
         if freq:
@@ -157,15 +213,24 @@ def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
 
 def run_files(files: Sequence[str], freq: bool = False, seq: bool = False) -> int:
     """Print the facts for people; the exit code."""
-    print("\n---\n".join(_text(_document(path, freq, seq)) for path in files))
-    return 0
+    rule = ""
+
+    def show(path: str) -> None:
+        nonlocal rule
+        print(rule + _text(_document(path, freq, seq)))
+        rule = "---\n"
+
+    return for_each_file(files, show)
 
 
 def run(args: "argparse.Namespace") -> int:
     """Print the facts; the exit code."""
-    if not (args.key or args.json):
+    if not (args.key or args.json or args.yaml):
         return run_files(args.files, args.freq, args.seq)
-    documents = [_document(path, args.freq, args.seq) for path in args.files]
+    documents: List[Dict[str, Any]] = []
+    code = for_each_file(args.files, lambda path: documents.append(_document(path, args.freq, args.seq)))
+    if not documents:
+        return code
     if args.key and args.key not in documents[0]:
         raise UsageError("no key %r; there are: %s" % (args.key, ", ".join(documents[0])))
     import json
@@ -173,7 +238,13 @@ def run(args: "argparse.Namespace") -> int:
     if args.key:
         for document in documents:
             value = document[args.key]
-            print(value if isinstance(value, (str, int, float)) else json.dumps(value))
+            print(printable(value) if isinstance(value, (str, int, float)) else json.dumps(value))
+        return code
+    whole = documents[0] if len(documents) == 1 else documents
+    if args.yaml:
+        import yaml
+
+        print(yaml.safe_dump(whole, sort_keys=False), end="")
     else:
-        print(json.dumps(documents[0] if len(documents) == 1 else documents, indent=1))
-    return 0
+        print(json.dumps(whole, indent=1))
+    return code

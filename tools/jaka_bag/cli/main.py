@@ -5,13 +5,21 @@ What goes wrong becomes a line and an exit code here.
 import importlib
 import io
 import os
+import re
 import sys
 from types import ModuleType
-from typing import Dict, List, NamedTuple, Optional
+from typing import TYPE_CHECKING, Callable, Dict, Iterable, List, NamedTuple, Optional
 
 from ..errors import JakaBagError, UsageError
 
+if TYPE_CHECKING:
+    import argparse
+
 PROGRAM = "jaka_bag"
+
+
+_NEGATIVE_TIME = re.compile(r"^-[0-9.]")
+"""Words that are values, as ``-2m`` before the end of a log, and no options."""
 
 
 class Command(NamedTuple):
@@ -22,10 +30,12 @@ class Command(NamedTuple):
             functions raise of ``JakaBagError`` is printed. With ``run_files(names) -> int`` a call without options
             starts faster: argparse is not imported.
         summary: One line for ``--help``.
+        failed: Exit code where it could not be done.
     """
 
     module: str
     summary: str
+    failed: int = 1
 
 
 class MissingCommand(Exception):
@@ -41,9 +51,17 @@ COMMANDS: Dict[str, Command] = {
     "merge": Command("jaka_bag.cli.merge", "several logs into one, in the order of time"),
     "split": Command("jaka_bag.cli.split", "one log into several, by size, duration or count"),
     "recover": Command("jaka_bag.cli.recover", "all that can be read of a cut-off or damaged log (as rosbag reindex)"),
+    "cat": Command("jaka_bag.cli.contents.cat", "messages as lines of JSON (as mcap cat)"),
+    "du": Command("jaka_bag.cli.contents.du", "bytes of each topic (as mcap du)"),
+    "doctor": Command("jaka_bag.cli.contents.doctor", "is a log whole, and if not, why not (as mcap doctor)"),
+    "attach": Command("jaka_bag.cli.contents.attach", "add files and facts to an .mcap (as mcap add)"),
+    "extract": Command("jaka_bag.cli.contents.extract", "the files and facts in an .mcap (as mcap list, mcap get)"),
     "plot": Command("jaka_bag.cli.plot", "joints, TCP path and states over time as SVG or PNG"),
     "export": Command("jaka_bag.cli.export", "fields of messages as CSV, NPZ or Parquet"),
-    "compare": Command("jaka_bag.cli.compare", "does a log show what a golden one shows? with tolerances, HTML, JUnit"),
+    "compare": Command("jaka_bag.cli.compare", "does a log show what a golden one shows? with tolerances, HTML, JUnit",
+                       failed=2),
+    "report": Command("jaka_bag.cli.evidence.report", "what happened around an accident, second by second, as a page"),
+    "verify": Command("jaka_bag.cli.evidence.verify", "was a log changed since record --sign signed it?"),
     "replay-commands": Command("jaka_regression.replay_commands",
                                "make the service calls of a log again, against a live driver"),
     "replay-wire": Command("jaka_regression.replay_wire",
@@ -52,6 +70,25 @@ COMMANDS: Dict[str, Command] = {
                              "do again what the arm did in a log, hand guiding included, as a trajectory"),
     "completion": Command("jaka_bag.cli.completion", "completion for bash or zsh"),
 }
+
+ELSEWHERE = {
+    "compress": "'jaka_bag convert run.bag small.bag -c bz2' compresses (-c lz4, or zstd for .mcap)",
+    "decompress": "'jaka_bag convert run.bag plain.bag -c none' decompresses",
+    "reindex": "'jaka_bag recover run.bag.active' makes a whole log of a cut-off one",
+    "check": "'jaka_bag doctor run.bag' tells whether a log is whole, 'jaka_bag compare' what differs from another",
+    "fix": "messages are kept as they were recorded; 'jaka_bag recover' is for damaged logs",
+    "decrypt": "encrypted bags cannot be read",
+    "encrypt": "encrypted bags cannot be written",
+    "sort": "'jaka_bag merge run.mcap -o sorted.mcap' writes the messages in the order of time",
+    "validate": "'jaka_bag doctor run.mcap' tells whether a log is whole",
+    "diff": "'jaka_bag compare golden.mcap run.mcap' tells what differs",
+    "echo": "'jaka_bag cat run.bag -t /topic' prints the messages",
+    "list": "'jaka_bag info run.mcap' lists topics, attachments and metadata",
+    "get": "'jaka_bag extract run.mcap -o folder' writes attachments and metadata",
+    "add": "'jaka_bag attach run.mcap notes.txt -o new.mcap' adds an attachment",
+    "snapshot": "'jaka_bag record --snapshot 30s' keeps the newest messages in memory",
+}
+"""Commands of other tools, and what does the same here."""
 
 BROUGHT_BY = {"jaka_regression": "the ROS package jaka_ros_driver: build it in a catkin workspace (or with its "
                                  "tools/dev setup), source the setup.bash there, and call jaka_bag in that shell"}
@@ -81,6 +118,43 @@ def load_command(name: str) -> ModuleType:
                              % (name, package, BROUGHT_BY[package])) from None
 
 
+_CONTROLS = {code: "\\x%02x" % code for code in [*range(32), *range(127, 160)] if chr(code) not in "\n\t"}
+_CONTROLS.update({code: "\\u%04x" % code for code in [*range(0x202A, 0x202F), *range(0x2066, 0x206A)]})
+
+
+def printable(text: object) -> str:
+    """A text for a terminal: what would steer it, as in a topic's name that was made up, is shown as an escape."""
+    return str(text).translate(_CONTROLS)
+
+
+def error_line(error: Exception) -> str:
+    """What went wrong, in one line that steers no terminal."""
+    if isinstance(error, OSError) and not isinstance(error, JakaBagError):
+        text = "%s%s" % ("%s: " % error.filename if error.filename else "", error.strerror or error)
+    else:
+        text = str(error)
+    return printable(" ".join(text.split()))
+
+
+def for_each_file(files: Iterable[str], work: Callable[[str], object]) -> int:
+    """Do the same for each of several files; an error of one is printed and does not keep the others from their turn.
+
+    Returns:
+        The exit code: 0, 1 where one failed, 2 where what was asked for is not in one.
+    """
+    code = 0
+    for path in files:
+        try:
+            work(path)
+        except BrokenPipeError:
+            raise
+        except (JakaBagError, OSError) as error:
+            sys.stdout.flush()
+            print("%s: error: %s" % (PROGRAM, error_line(error)), file=sys.stderr)
+            code = max(code, 2 if isinstance(error, UsageError) else 1)
+    return code
+
+
 def human_bytes(count: float) -> str:
     """A number of bytes for people."""
     for unit in ("B", "kB", "MB", "GB"):
@@ -96,8 +170,18 @@ def _help() -> str:
              "that of an output from its name. An input is never changed, an output appears only when whole.", "",
              "commands:"]
     lines += ["  %-16s%s" % (name, command.summary) for name, command in COMMANDS.items()]
-    lines += ["", "'%s COMMAND --help' tells the options. Exit code: 0 done, 1 failed or partial, 2 usage." % PROGRAM]
+    lines += ["", "'%s COMMAND --help' tells the options, '%s --version' the version." % (PROGRAM, PROGRAM),
+              "Exit code: 0 done, 1 failed or partial, 2 usage."]
     return "\n".join(lines)
+
+
+def _instead(name: str) -> str:
+    """What to say behind a name that is no command: what does it here, or which command was probably meant."""
+    if name in ELSEWHERE:
+        return ": " + ELSEWHERE[name]
+    import difflib
+    near = difflib.get_close_matches(name, COMMANDS, 1)
+    return ", did you mean %r?" % near[0] if near else ""
 
 
 def _columns() -> int:
@@ -108,20 +192,48 @@ def _columns() -> int:
         return 98
 
 
+def parser_of(name: str, module: ModuleType, width: int) -> "argparse.ArgumentParser":
+    """The parser of a subcommand, whose module is given, with help texts of so many columns."""
+    import argparse
+
+    parser = argparse.ArgumentParser(
+        "%s %s" % (PROGRAM, name), description=COMMANDS[name].summary, epilog=getattr(module, "EPILOG", None),
+        formatter_class=lambda prog: argparse.RawDescriptionHelpFormatter(prog, width=width))
+    module.add_arguments(parser)
+    parser._negative_number_matcher = _NEGATIVE_TIME
+    return parser
+
+
 def _run(name: str, arguments: List[str]) -> int:
     module = load_command(name)
     run_files = getattr(module, "run_files", None)
     if run_files is not None and arguments and not any(word.startswith("-") for word in arguments):
         return int(run_files(arguments))
-    import argparse
-
     _end_at_sigterm()
-    width = _columns()
-    parser = argparse.ArgumentParser(
-        "%s %s" % (PROGRAM, name), description=COMMANDS[name].summary, epilog=getattr(module, "EPILOG", None),
-        formatter_class=lambda prog: argparse.RawDescriptionHelpFormatter(prog, width=width))
-    module.add_arguments(parser)
-    return int(module.run(parser.parse_intermixed_args(arguments)))
+    parser = parser_of(name, module, _columns())
+    return int(module.run(parser.parse_intermixed_args(_with_files_first(parser, arguments))))
+
+
+def _with_files_first(parser: "argparse.ArgumentParser", words: List[str]) -> List[str]:
+    """The words with the files in front that stand behind a list of topics or types: they belong to no such list."""
+    lists = {word for action in parser._actions if action.nargs == "+" and action.metavar != "FILE"
+             for word in action.option_strings}
+    files: List[str] = []
+    rest: List[str] = []
+    is_list = False
+    for word in words:
+        if word == "--":
+            return files + rest + words[len(files) + len(rest):]
+        if word.startswith("-") and not _NEGATIVE_TIME.match(word):
+            is_list = word in lists
+        (files if is_list and _is_log(word) else rest).append(word)
+    return files + rest
+
+
+def _is_log(word: str) -> bool:
+    """Whether a word names a log rather than a topic or a type."""
+    return word.endswith((".bag", ".mcap", ".active")) or (
+        os.path.isfile(word) or os.path.isfile(os.path.join(word, "metadata.yaml")))
 
 
 def _end_at_sigterm() -> None:
@@ -136,17 +248,21 @@ def _end_at_sigterm() -> None:
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run one subcommand; the result is the exit code: 0 done, 1 failed or partial, 2 usage."""
+    """Run one subcommand; the result is the exit code: 0 done, 1 failed or partial, 2 usage.
+
+    That of ``compare`` is 1 for different, and 2 for everything that goes wrong.
+    """
     arguments = sys.argv[1:] if argv is None else list(argv)
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(_help(), file=sys.stdout if arguments else sys.stderr)
         return 0 if arguments else 2
     name = arguments[0]
+    if name in ("-V", "--version", "version"):
+        from .. import __version__
+        print("%s %s" % (PROGRAM, __version__))
+        return 0
     if name not in COMMANDS:
-        import difflib
-        near = difflib.get_close_matches(name, COMMANDS, 1)
-        print("%s: error: no command %r%s (see %s --help)"
-              % (PROGRAM, name, ", did you mean %r?" % near[0] if near else "", PROGRAM), file=sys.stderr)
+        print("%s: error: no command %r%s (see %s --help)" % (PROGRAM, name, _instead(name), PROGRAM), file=sys.stderr)
         return 2
     if isinstance(sys.stdout, io.TextIOWrapper):
         # names in logs may hold bytes that are not UTF-8: print them escaped rather than fail
@@ -161,15 +277,21 @@ def main(argv: Optional[List[str]] = None) -> int:
         print("%s: error: %s" % (PROGRAM, error), file=sys.stderr)
         return 2
     except UsageError as error:
-        print("%s %s: error: %s" % (PROGRAM, name, " ".join(str(error).split())), file=sys.stderr)
+        print("%s %s: error: %s" % (PROGRAM, name, error_line(error)), file=sys.stderr)
         return 2
     except JakaBagError as error:
-        print("%s: error: %s" % (PROGRAM, " ".join(str(error).split())), file=sys.stderr)
+        print("%s: error: %s" % (PROGRAM, error_line(error)), file=sys.stderr)
+    except MemoryError:
+        print("%s: error: there is not enough memory for this" % PROGRAM, file=sys.stderr)
     except BrokenPipeError:  # the reader of our output has gone: nobody is left to be told
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        where = "%s: " % error.filename if error.filename else ""
-        print("%s: error: %s%s" % (PROGRAM, where, error.strerror or error), file=sys.stderr)
+        print("%s: error: %s" % (PROGRAM, error_line(error)), file=sys.stderr)
     except KeyboardInterrupt:
         print("%s: interrupted, no half file is left" % PROGRAM, file=sys.stderr)
-    return 1
+    except Exception:
+        if COMMANDS[name].failed == 1:
+            raise  # ends with a traceback and exit code 1, which means failed
+        import traceback
+        traceback.print_exc()
+    return COMMANDS[name].failed

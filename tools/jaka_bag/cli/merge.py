@@ -5,10 +5,16 @@ from ..operations.merge import merge
 from .main import human_bytes
 from .options import Report, add_compression, add_output, add_report
 
+EPILOG = """\
+examples:
+  jaka_bag merge run_*.bag -o run.bag
+  jaka_bag merge arm.bag camera.mcap -o cell.mcap -c lz4
+"""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag merge``."""
-    parser.add_argument("sources", nargs="+", metavar="SRC", help=".bag and .mcap files, in any order")
+    parser.add_argument("sources", nargs="+", metavar="SRC", help=".bag, .mcap and .mcap.active files, in any order")
     add_output(parser, "its suffix, .bag or .mcap, decides about the format")
     add_compression(parser)
     add_report(parser)

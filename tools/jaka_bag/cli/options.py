@@ -3,70 +3,107 @@ import argparse
 import json
 import sys
 import time
-from decimal import Decimal, InvalidOperation
 from pathlib import Path
-from typing import Any, Dict, Iterable, Optional, TextIO, Union
+from typing import Any, Callable, Dict, Iterable, Optional, TextIO, Union
 
 from ..errors import UsageError
-from ..messages.selection import Selection, TimePoint, TimeSpan
-from ..units import NS_PER_S
+from ..messages.selection import Selection, TimeSpan
+from .main import printable
+from .quantities import positive_ns, time_point
 
 _PROGRESS_S = 0.1
 _WIDTH = 24
-_ABSOLUTE_FROM = 100000000
-"""Seconds from here on are taken as seconds since the epoch (1973), below as offsets."""
+TIME_HELP = ("2m, 5s, 1:30 after the log's start; with a minus: before its end; absolute from 1e8 s on, and as 'info' "
+             "prints it")
 
 
-def time_point(text: str) -> TimePoint:
-    """A moment from ``12.5``, ``-3`` (before the end) or ``1700000000.5`` (since the epoch), s."""
-    ns = _nanoseconds(text)
-    return TimePoint(ns, ns >= _ABSOLUTE_FROM * NS_PER_S)
+def add_old_spelling(group: argparse._ActionsContainer, letter: str, dest: str, kind: Callable[[str], Any],
+                     meaning: str) -> None:
+    """Keep an option that has been given up: it works as before, with a notice; help and completion do not name it.
+
+    Args:
+        group: A parser or a group of options of one.
+        letter: The option.
+        dest: The attribute that it sets.
+        kind: What makes the value of the text.
+        meaning: What it means here, and what to write instead.
+    """
+    class OldSpelling(argparse.Action):
+        def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
+                     option_string: Optional[str] = None) -> None:
+            print("jaka_bag: note: %s" % meaning, file=sys.stderr)
+            setattr(namespace, dest, values)
+
+    group.add_argument(letter, action=OldSpelling, dest=dest, type=kind, default=argparse.SUPPRESS,
+                       help=argparse.SUPPRESS)
 
 
-def _nanoseconds(text: str) -> int:
-    try:
-        value = Decimal(text)
-        if not value.is_finite() or abs(value) > 1 << 33:
-            raise InvalidOperation
-    except InvalidOperation:
-        raise argparse.ArgumentTypeError("%r is not a time in seconds" % text) from None
-    return int((value * NS_PER_S).to_integral_value())
-
-
-def positive_ns(text: str) -> int:
-    """A duration in s, given as ns."""
-    ns = _nanoseconds(text)
-    if ns <= 0:
-        raise argparse.ArgumentTypeError("%r is not a time in seconds above 0" % text)
-    return ns
-
-
-def add_source(parser: argparse.ArgumentParser, output: str, is_required: bool = True, metavar: str = "DST") -> None:
-    """Declare one input, its output and ``--force``; ``output`` is the help of the output."""
-    parser.add_argument("source", metavar="SRC", help=".bag or .mcap")
-    add_output(parser, output, is_required, metavar)
+def add_source(parser: argparse.ArgumentParser, output: str, metavar: str = "DST",
+               source: str = ".bag, .mcap or .mcap.active") -> None:
+    """Declare one input, its output (behind it, or with -o) and ``--force``; the texts are their help."""
+    parser.add_argument("source", metavar="SRC", help=source)
+    parser.add_argument("target", metavar=metavar, nargs="?", help="the output, the same as -o")
+    add_output(parser, output, False, metavar)
 
 
 def add_output(parser: argparse.ArgumentParser, output: str, is_required: bool = True, metavar: str = "DST") -> None:
     """Declare an output and ``--force``; ``output`` is its help."""
     parser.add_argument("-o", "--output", metavar=metavar, required=is_required, help=output)
-    parser.add_argument("--force", action="store_true", help="overwrite the output")
+    parser.add_argument("-f", "--force", action="store_true", help="overwrite the output")
+
+
+def output_of(args: argparse.Namespace) -> Optional[str]:
+    """The output that a command of ``add_source`` was given; None where it was given none.
+
+    Raises:
+        UsageError: It was given two.
+    """
+    if args.target is not None and args.output is not None:
+        raise UsageError("two outputs: %s and -o %s" % (args.target, args.output))
+    output: Optional[str] = args.target if args.output is None else args.output
+    return output
+
+
+def required_output_of(args: argparse.Namespace) -> str:
+    """The output that a command of ``add_source`` was given.
+
+    Raises:
+        UsageError: It was given none, or two.
+    """
+    output = output_of(args)
+    if output is None:
+        raise UsageError("an output is needed: SRC DST, or SRC -o DST")
+    return output
+
+
+def add_topics(parser: argparse._ActionsContainer) -> None:
+    """Declare the options that choose topics."""
+    parser.add_argument("-t", "--topics", nargs="+", default=[], metavar="TOPIC", help="these topics")
+    parser.add_argument("-e", "--regex", action="append", default=[], metavar="REGEX",
+                        help="topics whose whole name matches; may be repeated")
+    parser.add_argument("-x", "--exclude", action="append", default=[], metavar="REGEX",
+                        help="not the topics whose whole name matches; may be repeated")
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
     """Declare the options that choose messages."""
     group = parser.add_argument_group("which messages (default: all)")
-    group.add_argument("-t", "--topics", nargs="+", default=[], metavar="TOPIC", help="these topics")
-    group.add_argument("-e", "--regex", action="append", default=[], metavar="REGEX",
-                       help="topics whose whole name matches; may be repeated")
-    group.add_argument("-x", "--exclude", action="append", default=[], metavar="REGEX",
-                       help="not the topics whose whole name matches; may be repeated")
+    add_topics(group)
     group.add_argument("--types", nargs="+", default=[], metavar="TYPE", help="these message types (package/Type)")
-    group.add_argument("-s", "--start", type=time_point, metavar="S",
-                       help="from S seconds after the log's start; negative: before its end; from 1e8 on: since the "
-                            "epoch")
-    group.add_argument("-u", "--end", type=time_point, metavar="S", help="until then, given likewise")
-    group.add_argument("-d", "--duration", type=positive_ns, metavar="S", help="S seconds from --start (not with -u)")
+    add_span(group)
+
+
+def add_span(group: argparse._ActionsContainer) -> None:
+    """Declare the options that choose a time."""
+    group.add_argument("-s", "--start", type=time_point, metavar="TIME", help="from TIME on: " + TIME_HELP)
+    group.add_argument("--until", "--end", dest="end", type=time_point, metavar="TIME",
+                       help="up to TIME, given likewise")
+    group.add_argument("--duration", type=positive_ns, metavar="TIME",
+                       help="so long from --start on (2m, 5s, 1:30; not with --until)")
+    add_old_spelling(group, "-u", "end", time_point,
+                     "-u means --until here, and --duration in play as in rosbag play: write --until")
+    add_old_spelling(group, "-d", "duration", positive_ns,
+                     "-d means --duration here, and --delay in play as in rosbag play: write --duration")
 
 
 def selection_of(args: argparse.Namespace) -> Selection:
@@ -81,7 +118,7 @@ def span_of(args: argparse.Namespace) -> TimeSpan:
         UsageError: They choose two ends.
     """
     if args.end is not None and args.duration is not None:
-        raise UsageError("--end and --duration do not go together")
+        raise UsageError("--until and --duration do not go together")
     return TimeSpan(args.start, args.end, args.duration)
 
 
@@ -162,18 +199,19 @@ class Report:
 
     def progress(self, *sources: Union[str, Path]) -> Progress:
         """A progress bar over the bytes of some files; silent without a terminal."""
-        total = sum(path.stat().st_size for path in map(Path, sources) if path.is_file())
+        total = sum(path.stat().st_size for source in map(Path, sources)
+                    for path in (source.rglob("*") if source.is_dir() else [source]) if path.is_file())
         return Progress(total, Path(sources[0]).name, None if self._quiet or not sys.stderr.isatty() else sys.stderr)
 
     def done(self, line: str) -> None:
         """One result, for people."""
         if not self._json and not self._quiet:
-            print(line)
+            print(printable(line))
 
     def tell(self, kind: str, texts: Iterable[str]) -> None:
         """Lines about results: ``note`` what to know of a whole one, ``lost`` what is not kept, ``error`` a failure."""
         for text in texts:
-            print("jaka_bag: %s: %s" % (kind, text), file=sys.stderr)
+            print("jaka_bag: %s: %s" % (kind, printable(text)), file=sys.stderr)
 
     def finish(self, document: Dict[str, Any]) -> None:
         """All results as one JSON document."""

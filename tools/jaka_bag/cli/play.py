@@ -5,9 +5,9 @@ import os
 import signal
 import struct
 import sys
-from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Tuple
 
-from ..errors import BagError, UsageError
+from ..errors import ConnectionLost, UsageError
 from ..live.keyboard import Keyboard
 from ..live.linux_timing import precise_wakeups
 from ..live.log_source import LogSource, Timed
@@ -17,9 +17,12 @@ from ..live.publisher import Publisher, TopicPublisher, frame_of
 from ..live.session import read_parameter
 from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
+from ..messages.selection import Selection, TimePoint, TimeSpan
 from ..units import NS_PER_S
 from . import quantities
+from .main import printable
 from .notices import write_account
+from .options import TIME_HELP
 
 _TIME = struct.Struct("<II")
 _CLOCK_DEFINITION = "time clock\n"
@@ -32,6 +35,11 @@ those after it. With -s the newest message of each latched publisher before the 
 
 On a terminal, space pauses and goes on, s sends one message while paused. NAME:=VALUE words remap topics;
 __name:=, __ns:= are known. At the end it says, by topic, how many messages went out, and how late.
+
+examples:
+  jaka_bag play run.bag --clock
+  jaka_bag play run.mcap -t /jaka_driver/joint_position -s 1:30 -u 10s -r 0.5
+
 Exit code: 0 done, 1 failed, 2 usage.
 """
 
@@ -42,15 +50,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("files", nargs="*", metavar="FILE", help=".bag or .mcap; several are played as one")
     what = parser.add_argument_group("what to play")
     what.add_argument("--bags", nargs="+", default=[], metavar="FILE", help="further files")
-    what.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="only these topics")
+    what.add_argument("-t", "--topics", nargs="+", default=[], metavar="TOPIC", help="only these topics")
     what.add_argument("-e", "--regex", action="append", default=[], metavar="REGEX",
                       help="only topics whose whole name matches; may be repeated")
     what.add_argument("-x", "--exclude", action="append", default=[], metavar="REGEX",
                       help="not topics whose whole name matches; may be repeated")
-    what.add_argument("-s", "--start", type=quantities.duration, default=0.0, metavar="TIME",
-                      help="begin so far into the log (s; or with ms, m, h)")
-    what.add_argument("--until", type=quantities.duration, metavar="TIME", help="end so far into the log")
-    what.add_argument("-u", "--duration", type=quantities.duration, metavar="TIME", help="play only so much")
+    what.add_argument("-s", "--start", type=quantities.time_point, metavar="TIME", help="from TIME on: " + TIME_HELP)
+    what.add_argument("--until", "--end", dest="end", type=quantities.time_point, metavar="TIME",
+                      help="up to TIME, given likewise")
+    what.add_argument("-u", "--duration", type=quantities.nanoseconds, metavar="TIME",
+                      help="play only so much (2m, 5s, 1:30)")
     what.add_argument("-p", "--prefix", default="", metavar="PREFIX", help="put PREFIX in front of all topics")
     when = parser.add_argument_group("when")
     when.add_argument("-r", "--rate", type=quantities.positive_number, default=1.0, metavar="FACTOR",
@@ -141,15 +150,26 @@ class _LogTopics:
             self._publisher.publish(self._clock, frame_of(_TIME.pack(*divmod(log_time, NS_PER_S))))
 
 
-def _play_through(args: argparse.Namespace, source: LogSource, log_topics: _LogTopics, publisher: Publisher,
-                  player: Player, say: Callable[[str], None]) -> None:
-    begin = source.begin + int(args.start * NS_PER_S)
+def limits_of(args: argparse.Namespace, source: LogSource) -> Tuple[int, int]:
+    """The first and the last log time to play, ns.
+
+    Raises:
+        UsageError: The log has nothing there.
+    """
+    until_ns = None if args.end is None else args.end.resolve(source.begin, source.end)
+    span = TimeSpan(args.start, None if until_ns is None else TimePoint(until_ns, True))
+    chosen = span.apply(Selection(), source.begin, source.end)
+    begin = source.begin if chosen.start_time is None else chosen.start_time
     ends = [source.end]
     if args.duration is not None:
-        ends.append(begin + int(args.duration * NS_PER_S))
-    if args.until is not None:
-        ends.append(source.begin + int(args.until * NS_PER_S))
-    end = min(ends)
+        ends.append(begin + args.duration)
+    if until_ns is not None:
+        ends.append(until_ns)
+    return begin, min(ends)
+
+
+def _play_through(args: argparse.Namespace, source: LogSource, log_topics: _LogTopics, publisher: Publisher,
+                  player: Player, begin: int, end: int, say: Callable[[str], None]) -> None:
     player.wait(args.delay, begin)
     if args.wait_for_subscribers:
         say("waiting for subscribers")
@@ -194,7 +214,7 @@ def _line(name: str, account: Dict[str, float], is_immediate: bool) -> str:
 def run(args: argparse.Namespace) -> int:
     """Play to the end, or until SIGINT or SIGTERM; 0 when all went well."""
     def notice(line: str) -> None:
-        print("jaka_bag play: %s" % line, file=sys.stderr, flush=True)
+        print("jaka_bag play: %s" % printable(line), file=sys.stderr, flush=True)
 
     def say(line: str) -> None:
         if not args.quiet:
@@ -210,15 +230,21 @@ def run(args: argparse.Namespace) -> int:
     wanted = [topic for topic in args.topics if topic in words]
     with contextlib.closing(LogSource(paths, wanted, args.regex, args.exclude)) as source:
         if not source.connections:
-            raise BagError("nothing to play: no topic of %s is wanted" % ", ".join(paths))
-        report = _perform(args, names, source, notice, say)
+            missing = "; ".join(source.unmatched()) or "no topic is wanted"
+            raise UsageError("nothing to play: %s: %s" % (", ".join(paths), missing))
+        for note in source.notes:
+            notice("note: %s" % note)
+        for line in source.unmatched():
+            notice(line)
+        begin, end = limits_of(args, source)
+        report = _perform(args, names, source, begin, end, notice, say)
     if args.report:
         write_account(args.report, report)
     return 0
 
 
-def _perform(args: argparse.Namespace, names: NodeNames, source: LogSource, notice: Callable[[str], None],
-             say: Callable[[str], None]) -> Dict[str, Any]:
+def _perform(args: argparse.Namespace, names: NodeNames, source: LogSource, begin: int, end: int,
+             notice: Callable[[str], None], say: Callable[[str], None]) -> Dict[str, Any]:
     pace = Pace(args.rate, args.immediate, args.pause, args.spin_us * 1e-6, args.skip_empty,
                 1.0 / args.hz if args.clock else None)
     end_reason = "end of the log"
@@ -234,7 +260,10 @@ def _perform(args: argparse.Namespace, names: NodeNames, source: LogSource, noti
                 topics = {offer.topic for offer in log_topics.offers.values()}
                 say("playing %d topics, %.1f s of log, node %s"
                     % (len(topics), (source.end - source.begin) * 1e-9, names.node))
-                _play_through(args, source, log_topics, publisher, player, say)
+                _play_through(args, source, log_topics, publisher, player, begin, end, say)
+        except ConnectionLost as error:
+            raise ConnectionLost("there is no ROS master: %s (roscore starts one, ROS_MASTER_URI names another)"
+                                 % error) from error
         except _Stop as stop:
             end_reason = str(stop)
         finally:

@@ -1,22 +1,24 @@
 """``jaka_bag plot``: the command line that draws a log."""
 import argparse
 from pathlib import Path
-from typing import Tuple
+from typing import Sequence, Tuple
 
-from ..containers.registry import read_index
-from ..errors import BagError, DefinitionError
-from ..operations.columns import read_columns
-from ..operations.plot import plot
-from .options import Report, add_report, add_selection, add_source, selection_of, span_of
+from ..containers.contract import LogReader
+from ..containers.registry import open_log
+from ..errors import BagError, DefinitionError, UsageError
+from ..messages.selection import Selection, require_match
+from ..operations.columns import ColumnReader
+from ..operations.plot import Sketch, check_format, draw, fields_to_draw
+from .options import Report, add_report, add_selection, add_source, output_of, selection_of, span_of
 
 EPILOG = """\
 Without --field it draws what it knows: sensor_msgs/JointState as joints, geometry_msgs/TwistStamped (and PoseStamped
 called tool_position, mm) as TCP position, rotation vector and path, jaka_msgs/RobotMsg as states.
 
 examples:
-  jaka_bag plot run.mcap -o run.svg
-  jaka_bag plot run.bag -o accident.png -s 512 -d 10
-  jaka_bag plot run.bag -o seq.svg --field /jaka_driver/joint_position:header.seq
+  jaka_bag plot run.mcap run.svg
+  jaka_bag plot run.bag accident.png -s 8:32 --duration 10s
+  jaka_bag plot run.bag seq.svg --field /jaka_driver/joint_position:header.seq
 """
 
 
@@ -29,30 +31,57 @@ def _field(text: str) -> Tuple[str, str]:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag plot``."""
-    add_source(parser, ".svg or .png; default: SRC as .svg", False)
+    add_source(parser, ".svg or .png; default: SRC as .svg")
     parser.add_argument("--field", type=_field, action="append", default=[], metavar="TOPIC:FIELD",
                         help="draw this field, as /arm:pose.x; may be repeated")
     add_selection(parser)
     add_report(parser)
 
 
+def _sketch(reader: LogReader, selection: Selection, topics: Sequence[str], args: argparse.Namespace,
+            report: Report) -> Sketch:
+    """What there is to draw; a topic whose messages are not understood is left out, and told of."""
+    fields = None if args.field else fields_to_draw(reader.connections)
+
+    def take(sketch: Sketch, some: Sequence[str]) -> None:
+        for topic, columns in ColumnReader(reader, selection._replace(topics=tuple(some), patterns=())).pieces(fields):
+            sketch.add(topic, columns)
+
+    together = Sketch(args.field)
+    try:
+        if topics:
+            take(together, topics)
+        return together
+    except DefinitionError:  # one by one, to see which it is
+        sketch = Sketch(args.field)
+        for topic in topics:
+            try:
+                take(sketch, [topic])
+            except DefinitionError as error:
+                sketch.forget(topic)
+                report.tell("note", ["%s is left out: %s" % (topic, error)])
+        return sketch
+
+
 def run(args: argparse.Namespace) -> int:
     """Draw; the exit code."""
     report = Report(args)
     selection, span = selection_of(args), span_of(args)
-    index = read_index(args.source)
     if args.field:
-        selection = selection._replace(topics=tuple(topic for topic, _ in args.field))
-    data = {}
-    for topic in sorted({c.topic for c, wanted in zip(index.connections, selection.wanted(index.connections))
-                         if wanted}):
-        one = span.apply(selection._replace(topics=(topic,), patterns=()), index.start_time, index.end_time)
-        try:
-            data.update(read_columns(args.source, selection=one))
-        except DefinitionError as error:
-            report.tell("note", ["%s is left out: %s" % (topic, error)])
-    if not data:
-        raise BagError("%s holds no message to draw" % args.source)
-    target = args.output or str(Path(args.source).with_suffix(".svg"))
-    count = plot(data, target, Path(args.source).name, args.field, args.force)
+        selection = selection._replace(topics=tuple(topic for topic, _ in args.field), patterns=())
+    target = output_of(args) or str(Path(args.source).with_suffix(".svg"))
+    check_format(target)
+    with open_log(args.source) as reader:
+        index = reader.index
+        if index.start_time is None:
+            raise BagError("%s has no messages to draw" % args.source)
+        report.tell("note", require_match(selection, index.connections, args.source))
+        chosen = {c.topic for c, wanted, count in zip(index.connections, selection.wanted(index.connections),
+                                                      index.counts) if wanted and count}
+        topics = sorted(chosen if args.field else chosen.intersection(fields_to_draw(index.connections)))
+        sketch = _sketch(reader, span.apply(selection, index.start_time, index.end_time), topics, args, report)
+        if not sketch.message_count and len(topics) == len(chosen):
+            raise UsageError("%s: no message is selected that can be drawn" % args.source)
+        panels, paths = sketch.panels()
+    count = draw(panels, target, Path(args.source).name, paths, args.force)
     return report.only("%s: %d diagrams" % (target, count), {"target": target, "diagrams": count})

@@ -1,22 +1,71 @@
-"""Durations and sizes as users write them on the command line.
+"""Times, durations and sizes as users write them on the command line, the same in every command.
 
 Each function raises ``argparse.ArgumentTypeError`` where the text is no such thing.
 """
 import argparse
 import math
 import re
+from decimal import Decimal
 
-_SECONDS = {"": 1.0, "ms": 1e-3, "s": 1.0, "m": 60.0, "h": 3600.0}
+from ..messages.selection import TimePoint
+from ..units import NS_PER_S
+
+_NANOSECONDS = {"": NS_PER_S, "ms": NS_PER_S // 1000, "s": NS_PER_S, "m": 60 * NS_PER_S, "h": 3600 * NS_PER_S}
+_LONGEST_S = 1 << 33
+_ABSOLUTE_FROM = 100000000
+"""Seconds from here on are taken as seconds since the epoch (1973), below as offsets."""
+_CLOCK = re.compile(r"^(?:([0-9]+):)?([0-9]+):([0-5]?[0-9](?:\.[0-9]+)?)$")
+_AS_INFO_PRINTS = re.compile(r"^\(?([0-9]+\.[0-9]{9})\)?$")
 _BYTES = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30}
 _NUMBER = re.compile(r"^\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*([a-z]*)\s*$", re.IGNORECASE)
 
 
+def nanoseconds(text: str) -> int:
+    """A duration in ns, 0 or more, from ``5``, ``500ms``, ``5s``, ``2m``, ``1h``, ``1:30`` or ``1:02:03.5``."""
+    words = text.strip()
+    clock = _CLOCK.match(words)
+    match = _NUMBER.match(words)
+    if clock:
+        hours, minutes, seconds = (Decimal(part or 0) for part in clock.groups())
+        value = (hours * 60 + minutes) * 60 + seconds
+    elif match and match.group(2).lower() in _NANOSECONDS:
+        value = Decimal(match.group(1)) * _NANOSECONDS[match.group(2).lower()] / NS_PER_S
+    else:
+        raise argparse.ArgumentTypeError("%r is not a duration (5, 500ms, 5s, 2m, 1h, 1:30)" % text)
+    if value > _LONGEST_S:
+        raise argparse.ArgumentTypeError("%r is too long a duration" % text)
+    return int((value * NS_PER_S).to_integral_value())
+
+
 def duration(text: str) -> float:
-    """A duration in s from ``5``, ``500ms``, ``5s``, ``2m`` or ``1h``."""
-    match = _NUMBER.match(text)
-    if not match or match.group(2).lower() not in _SECONDS:
-        raise argparse.ArgumentTypeError("%r is not a duration (5, 500ms, 5s, 2m, 1h)" % text)
-    return float(match.group(1)) * _SECONDS[match.group(2).lower()]
+    """A duration in s, written as ``nanoseconds`` takes it."""
+    return nanoseconds(text) / NS_PER_S
+
+
+def positive_ns(text: str) -> int:
+    """A duration above 0 in ns, written as ``nanoseconds`` takes it."""
+    ns = nanoseconds(text)
+    if not ns:
+        raise argparse.ArgumentTypeError("%r is not a duration above 0" % text)
+    return ns
+
+
+def time_point(text: str) -> TimePoint:
+    """A moment in a log.
+
+    A duration (``12.5``, ``1:30``) counts from its start, with a minus from its end. Absolute are numbers from 1e8 on
+    (s since the epoch), numbers with nine decimals as ``info`` prints them (``42.000000000``), and those behind an
+    ``@``.
+    """
+    words = text.strip()
+    printed = _AS_INFO_PRINTS.match(words)
+    if printed:
+        return TimePoint(nanoseconds(printed.group(1)), True)
+    if words[:1] in ("-", "@"):
+        ns = nanoseconds(words[1:])
+        return TimePoint(ns, True) if words[0] == "@" else TimePoint(-ns, False)
+    ns = nanoseconds(words)
+    return TimePoint(ns, ns >= _ABSOLUTE_FROM * NS_PER_S)
 
 
 def size(text: str) -> int:

@@ -19,9 +19,11 @@ from ..live.session import Session, parameter_dump, read_parameter, wait_for_mas
 from ..live.stream_account import TopicDrops, drops_by_topic
 from ..live.subscriber import Subscriber, accept_all
 from ..live.topic_selection import TopicSelection, is_of_namespace, state_log_topics
-from ..live.writer_thread import WriterThread
+from ..live.writer_thread import MessageFiles, WriterThread
 from ..messages.selection import compile_patterns
+from ..operations.signature import load_private_key, sign
 from . import quantities
+from .evidence import black_box
 from .notices import Notices, write_account
 
 EPILOG = """\
@@ -41,7 +43,17 @@ what the recorder itself had to throw away; an .mcap holds the same account in i
 at the start as an attachment.
 
 --snapshot keeps the newest messages in memory and writes them to a file of their own at each SIGUSR1.
-NAME:=VALUE words remap topics; __name:=, __ns:= are known. Exit code: 0 done, 1 failed or cut short, 2 usage.
+
+--black-box DIR keeps the newest messages in memory and writes a file that is complete in itself around each accident:
+docs/state_logs.md tells what sets it off. jaka_bag report FILE shows what happened.
+NAME:=VALUE words remap topics; __name:=, __ns:= are known.
+
+examples:
+  jaka_bag record --state-log -O run.mcap
+  jaka_bag record -a -x '/camera/.*' --split --size 1G --max-splits 10 -o cell
+  jaka_bag record --state-log --black-box /var/log/arm --before 60s --after 20s
+
+Exit code: 0 done, 1 failed or cut short, 2 usage.
 """
 
 
@@ -52,7 +64,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_argument_group("what to record")
     what.add_argument("-a", "--all", action="store_true", help="every topic, also those that appear later")
     what.add_argument("-e", "--regex", action="store_true", help="TOPICs are regular expressions for whole names")
-    what.add_argument("-x", "--exclude", metavar="REGEX", help="leave out topics whose whole name matches")
+    what.add_argument("-x", "--exclude", action="append", default=[], metavar="REGEX",
+                      help="leave out topics whose whole name matches; may be repeated")
     what.add_argument("--node", help="every topic that this node subscribes to")
     what.add_argument("--state-log", action="store_true", help="exactly the topics of one driver, see below")
     what.add_argument("-l", "--limit", type=quantities.count, default=0, metavar="N",
@@ -65,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--split", action="store_true", help="begin a new, numbered file at --size or --duration")
     where.add_argument("--size", type=quantities.megabytes, metavar="MB", help="size of a file; without --split: stop")
     where.add_argument("--duration", type=quantities.duration, metavar="TIME",
-                       help="length of a file (s; or with ms, m, h); without --split: stop")
+                       help="length of a file (2m, 5s, 1:30); without --split: stop")
     where.add_argument("--max-splits", type=quantities.count, default=0, metavar="N",
                        help="keep the newest N files (0: all)")
     where.add_argument("-L", "--min-space", type=quantities.size, default=64 << 20, metavar="SIZE",
@@ -93,10 +106,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                      help="log time: when the kernel got the message (default), or when it was read")
     how.add_argument("--report", metavar="FILE", help="write the account of the recording as JSON")
     how.add_argument("-q", "--quiet", action="store_true", help="say only what went wrong or was lost")
+    how.add_argument("--sign", metavar="KEY", help="write NAME.sig for each finished file: Ed25519, KEY in PEM")
+    black_box.add_options(parser)
 
 
 def _selection(args: argparse.Namespace, names: NodeNames) -> TopicSelection:
-    exclude = compile_patterns([args.exclude])[0] if args.exclude is not None else None
+    compile_patterns(args.exclude)
+    exclude = compile_patterns(["|".join("(?:%s)" % one for one in args.exclude)])[0] if args.exclude else None
     if args.state_log:
         if args.topics or args.all or args.regex or args.node:
             raise UsageError("--state-log chooses the topics itself")
@@ -116,7 +132,9 @@ def _stem(args: argparse.Namespace) -> Path:
     if args.output_name is not None:
         path = Path(args.output_name)
         if path.suffix in (".bag", ".mcap"):
-            args.format = args.format or path.suffix[1:]
+            if args.format not in (None, path.suffix[1:]):
+                raise UsageError("--format %s contradicts -O %s" % (args.format, args.output_name))
+            args.format = path.suffix[1:]
             path = path.with_suffix("")
         if not path.name:
             raise UsageError("-O needs a name")
@@ -150,16 +168,17 @@ def _take_zstd_level(args: argparse.Namespace) -> None:
 
 
 @contextlib.contextmanager
-def _signals(session: Session, recorder: WriterThread, is_snapshot: bool) -> Iterator[None]:
+def _signals(session: Session, on_usr1: Optional[Callable[[], None]]) -> Iterator[None]:
     def on_end(number: int, frame: Any) -> None:
         session.end(signal.Signals(number).name)
 
     def on_trigger(number: int, frame: Any) -> None:
-        recorder.trigger_snapshot()
+        assert on_usr1 is not None
+        on_usr1()
 
     ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     handlers: Dict[int, Callable[[int, Any], None]] = dict.fromkeys(ends, on_end)
-    if is_snapshot:
+    if on_usr1 is not None:
         handlers[signal.SIGUSR1] = on_trigger
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
@@ -200,38 +219,50 @@ def run(args: argparse.Namespace) -> int:
     """Record until SIGINT, SIGTERM or a limit; 0 when all went well."""
     _take_zstd_level(args)
     args.topics, remappings = split_remappings(args.topics)
-    names = node_names(anonymous_name("jaka_bag_record"), remappings, os.environ)
+    names = node_names(black_box.NODE if args.black_box else anonymous_name("jaka_bag_record"), remappings, os.environ)
+    black_box.check(args)
     selection = _selection(args, names)
     settings = _settings(args)
+    key = load_private_key(args.sign) if args.sign else None
     with Notices("jaka_bag record", args.quiet) as console:
-        return _record(args, names, selection, settings, console)
+        return _record(args, names, selection, settings, console, key)
 
 
 def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelection, settings: FileSettings,
-            console: Notices) -> int:
+            console: Notices, key: Any) -> int:
     facts = {"program": "jaka_bag record", "host": platform.node(), "node": names.node, "master": master_uri(),
              "arguments": json.dumps(sys.argv[1:]),
              "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
     attachments: List[Attachment] = []
+    box = black_box.Assembly(args, names, settings, facts, console, key) if args.black_box else None
 
-    def open_files() -> RollingFiles:
+    def open_files() -> MessageFiles:
+        if box is not None:
+            return box.open(recorder)
         chosen = settings
         if args.snapshot is not None:
             chosen = dataclasses.replace(settings, stem=_snapshot_stem(settings))
         return RollingFiles(chosen, facts, attachments, lambda: recorder.streams(), console.say)
 
     def connect() -> Subscriber:
+        transport = Subscriber(names, recorder.take, session.open_stream, console.always, session.end,
+                               args.tcpnodelay, args.stamp == "kernel")
+        if box is not None:
+            box.start(transport.uri)
         console.say("recording to %s, node %s" % (
-            settings.path(0) if args.snapshot is None else "memory, the newest %g s" % args.snapshot, names.node))
-        return Subscriber(names, recorder.take, session.open_stream, console.always, session.end,
-                            args.tcpnodelay, args.stamp == "kernel")
+            settings.path(0) if not in_memory else "memory, the newest %g s" % in_memory, names.node))
+        return transport
 
-    recorder = WriterThread(open_files, args.buffsize, console.always, lambda reason: session.end(reason), False,
-                        args.limit, args.snapshot)
-    session = Session(recorder, selection, is_of_namespace(names.namespace) if args.state_log else accept_all,
-                          console.always, None if args.split else args.duration)
+    in_memory = args.before if box is not None else args.snapshot
+    recorder = WriterThread(open_files, args.buffsize if box is None else box.memory_bytes, console.always,
+                            lambda reason: session.end(reason), False, args.limit, args.snapshot,
+                            0 if box is None else box.item_bytes)
+    session = Session(recorder, selection if box is None else box.selection(selection),
+                      is_of_namespace(names.namespace) if args.state_log else accept_all,
+                      console.always, None if args.split else args.duration)
     failure: Optional[Exception] = None
-    with _signals(session, recorder, args.snapshot is not None):
+    on_usr1 = box.on_signal if box is not None else recorder.trigger_snapshot if args.snapshot is not None else None
+    with _signals(session, on_usr1):
         master = RemoteNode(master_uri(), names.node)
         if not wait_for_master(master, session.stop, console.always):
             return 1
@@ -243,13 +274,18 @@ def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelectio
             session.run(connect, recorder.is_simulated_time)
         except JakaBagError as error:
             failure = error
+        finally:
+            if box is not None:
+                box.close()
+    for path in recorder.finished_paths if key is not None and box is None else ():
+        console.say("signed: %s" % sign(path, key))
     drops = drops_by_topic(recorder.streams())
     _report(console, recorder, session, drops)
     if args.report:
         _write_report(args.report, recorder, session, drops, failure)
     if failure is not None:
         console.always("error: %s" % failure)
-    return 0 if failure is None else 1
+    return 0 if failure is None and not (box is not None and box.failures) else 1
 
 
 def _snapshot_stem(settings: FileSettings) -> Path:

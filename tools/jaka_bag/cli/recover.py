@@ -8,6 +8,11 @@ from .options import Report, add_compression, add_output, add_report
 EPILOG = """\
 Keeps everything that can be read of a log that was cut off (.bag.active, .mcap.active, a crash, a full disk), has no
 index, or is damaged. What is lost is said, with the bytes concerned. The input is not changed.
+
+examples:
+  jaka_bag recover run.bag.active
+  jaka_bag recover damaged.mcap saved.mcap
+
 Exit code: 0 nothing is known to be lost, 1 the result is partial or there is none, 2 usage.
 """
 

@@ -3,17 +3,27 @@ import argparse
 
 from ..errors import UsageError
 from ..operations.split import Limits, split
-from .options import Report, add_compression, add_report, add_source, positive_ns
-from .quantities import count, megabytes
+from .options import Report, add_compression, add_report, add_source, output_of
+from .quantities import count, megabytes, positive_ns
+
+EPILOG = """\
+examples:
+  jaka_bag split run.bag --duration 10m
+  jaka_bag split run.mcap part.mcap --size 500M --repeat-latched
+
+The attachments of an MCAP go to the first part, its metadata to each part.
+
+With --force the parts of an earlier split are replaced, and those removed that the new one does not reach.
+"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag split``."""
-    add_source(parser, "parts are called NAME_0.bag, NAME_1.bag, ...; default: as SRC", is_required=False,
-               metavar="NAME.bag|NAME.mcap")
+    add_source(parser, "parts are called NAME_0.bag, NAME_1.bag, ...; default: as SRC",
+               "NAME.bag|NAME.mcap")
     limits = parser.add_argument_group("where to split (at least one)")
     limits.add_argument("--size", type=megabytes, metavar="MB", help="size of a part (also 500k, 2G)")
-    limits.add_argument("--duration", type=positive_ns, metavar="S", help="length of a part, s")
+    limits.add_argument("--duration", type=positive_ns, metavar="TIME", help="length of a part (2m, 5s, 1:30)")
     limits.add_argument("--count", type=count, metavar="N", help="messages of a part")
     parser.add_argument("--repeat-latched", action="store_true",
                         help="begin each further part with the newest message of each latched publisher")
@@ -28,11 +38,13 @@ def run(args: argparse.Namespace) -> int:
     report = Report(args)
     limits = Limits(args.size or None, args.duration, args.count or None)
     with report.progress(args.source) as progress:
-        result = split(args.source, args.output or args.source, limits, args.compression, args.level, args.force,
+        result = split(args.source, output_of(args) or args.source, limits, args.compression, args.level, args.force,
                        args.repeat_latched, progress)
     parts = [{"target": path, "messages": messages} for path, messages in result.parts]
     for part in parts:
         report.done("%(target)s: %(messages)d messages" % part)
+    if not parts:
+        report.tell("note", ["%s has no messages: there is no part" % args.source])
     report.tell("note", result.notes)
     report.finish({"source": args.source, "notes": list(result.notes), "parts": parts})
     return 0

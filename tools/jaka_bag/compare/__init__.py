@@ -5,6 +5,8 @@ The shelf, from the ground up; a module imports only from those above it in this
 tolerances        how far the candidate may be off, from YAML
 rotation_angles   angles between orientations
 run               one log as streams, joints, poses, states and calls, times in s
+track_facts       what is learnt from samples as they pass once: steps, motions, changes of state
+windows           a log in windows of time, of which the last ones are kept
 sequences         pairs of equal entries of two sequences
 loading           a log read into a run
 curve_distance    how far samples are from a curve whose times are uncertain
@@ -13,7 +15,8 @@ alignment         the candidate's time for a golden time: by events, then by all
 verdict           the outcome of one check, and of all
 stream_checks     types, counts, rates, jitter, gaps, stamps
 cut_motions       motions that were stopped: how far off the arm may stand afterwards
-motion_checks     timing and pace; joints, positions, orientations, other fields
+timing_checks     timing and pace of each motion, and whether the candidate holds all of them
+motion_checks     joints, positions, orientations, other fields
 state_checks      sequences of states
 call_checks       sequences of service calls
 comparison        all checks in their order

@@ -5,19 +5,19 @@ which are judged: a motion that begins late or runs slowly is a difference. Noth
 at the golden pace.
 """
 from dataclasses import dataclass, field
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
 from ..messages.batch import Array
-from .motion_fit import Curve, Motions, sampled, search, search_common
-from .run import Call, Run, Track, arm_of
+from .motion_fit import COMMON_MOTIONS, Motions, sampled, search, search_common
+from .run import Call, LongTrack, Run, Window, arm_of
 from .sequences import Entry, pair
 
-MOVING_RAD_S = 0.005
-"""A joint faster than this moves, rad/s."""
-_MERGE_S = 0.1
-_LEAST_TRAVEL_RAD = 0.003
+_LONGEST_S = 600.0
+"""A longer motion is cut into parts of this length."""
+_BATCH_S, _BATCH_MOTIONS = 600.0, 200
+"""So much of a log is fitted at once."""
 _SPLIT_S = 0.3
 _STREAM_SERVICES = ("servo_j", "servo_p")
 _VOTES_A_KEY = 60
@@ -88,30 +88,35 @@ class Alignment:
         result[after] = golden[-1] + (candidate_time[after] - knots[-1])
         return result
 
+    def candidate_time(self, arm: str, golden_time: float) -> float:
+        """The candidate's time of a golden time, s."""
+        episodes = self.episodes.get(arm, ())
+        if not episodes:
+            return golden_time + self.lag
+        golden = np.array([time for episode in episodes for time in (episode.start, episode.end)])
+        lags = np.repeat([episode.lag for episode in episodes], 2)
+        knots = np.maximum.accumulate(golden + lags)
+        if golden_time < golden[0]:
+            return golden_time + float(lags[0])
+        return float(np.interp(golden_time, golden, knots)) + max(golden_time - float(golden[-1]), 0.0)
+
 
 Spans = Sequence[Tuple[float, float]]
 
 
-def moving_spans(curve: Curve, calls: Sequence[Call]) -> List[Tuple[float, float]]:
-    """The motions of a golden arm, (start, end) in s: from rest to rest, and cut where a further call begins one."""
-    if len(curve.time) < 3:
-        return []
-    moving = np.abs(curve.speed).max(axis=1) > MOVING_RAD_S
-    edges = np.flatnonzero(np.diff(moving, prepend=False, append=False))
-    begins, ends = curve.time[edges[::2]], curve.time[edges[1::2] - 1]
-    apart = begins[1:] - ends[:-1] >= _MERGE_S
-    begins, ends = np.append(begins[:1], begins[1:][apart]), np.append(ends[:-1][apart], ends[-1:])
+def motions_by_calls(motions: Sequence[Window], calls: Sequence[Call]) -> List[Window]:
+    """The motions of a golden arm, (start, end) in s, cut where a further call begins one, and long ones into parts."""
     starts = np.array([call.start for call in calls if call.short_name not in _STREAM_SERVICES])
-    result: List[Tuple[float, float]] = []
-    for start_time, end_time in zip(begins.tolist(), ends.tolist()):
-        inside = curve.value[np.searchsorted(curve.time, start_time):np.searchsorted(curve.time, end_time, "right")]
-        if float((inside.max(axis=0) - inside.min(axis=0)).max()) < _LEAST_TRAVEL_RAD:
-            continue
+    result: List[Window] = []
+    for start_time, end_time in motions:
         cuts = [start_time]
-        for cut in starts[(starts > start_time + _SPLIT_S) & (starts < end_time - _SPLIT_S)].tolist():
+        first, last = np.searchsorted(starts, (start_time + _SPLIT_S, end_time - _SPLIT_S), "right")
+        for cut in starts[first:last].tolist():
             if cut - cuts[-1] >= _SPLIT_S:
                 cuts.append(cut)
-        result += list(zip(cuts, cuts[1:] + [end_time]))
+        for begin, end in zip(cuts, cuts[1:] + [end_time]):
+            edges = np.linspace(begin, end, int((end - begin) // _LONGEST_S) + 2).tolist()
+            result += list(zip(edges, edges[1:]))
     return result
 
 
@@ -150,17 +155,17 @@ def event_lag(golden: Run, candidate: Run) -> Optional[float]:
     return float(np.median(lags[np.abs(lags - centre) <= 1.5 * _BIN_S]))
 
 
-def motion_lag(golden: Sequence[Track], candidate: Sequence[Track]) -> Optional[float]:
+def motion_lag(golden: Sequence[LongTrack], candidate: Sequence[LongTrack]) -> Optional[float]:
     """The lag at which the speeds of all joints of all arms agree best, s; None where nothing moves."""
     step = 0.05
-    end = max(float(track.time[-1]) for track in list(golden) + list(candidate))
+    end = max(track.facts.last for track in list(golden) + list(candidate))
     grid = np.arange(0.0, end + step, step)
     size = 1 << int(np.ceil(np.log2(2 * len(grid))))
     total = np.zeros(size)
     for ours, theirs in zip(golden, candidate):
-        for column in range(ours.value.shape[1]):
-            a = np.gradient(np.interp(grid, ours.time, ours.value[:, column]), step)
-            b = np.gradient(np.interp(grid, theirs.time, theirs.value[:, column]), step)
+        here, there = ours.at(grid), theirs.at(grid)
+        for column in range(here.shape[1]):
+            a, b = np.gradient(here[:, column], step), np.gradient(there[:, column], step)
             total += np.fft.irfft(np.fft.rfft(b, size) * np.conj(np.fft.rfft(a, size)), size)
     if not total.max() > 1e-6:
         return None
@@ -187,10 +192,9 @@ def _call_lags(golden: Sequence[Call], candidate: Sequence[Call], lag: float) ->
 class Arm(NamedTuple):
     """One arm in both logs; its joints, and its motions and calls in the golden log."""
 
-    golden: Track
-    candidate: Track
-    curves: Tuple[Curve, Curve]
-    spans: List[Tuple[float, float]]
+    golden: LongTrack
+    candidate: LongTrack
+    spans: List[Window]
     calls: List[Call]
 
 
@@ -206,18 +210,16 @@ def arms_of(golden: Run, candidate: Run) -> Dict[str, Arm]:
     for topic in sorted(golden.joints, key=lambda name: (not name.endswith("/joint_position"), name)):
         ours, theirs = golden.joints[topic], candidate.joints.get(topic)
         arm = arm_of(topic, arms)
-        if arm in result or theirs is None or ours.value.shape[1] != theirs.value.shape[1]:
+        if arm in result or theirs is None or len(ours.names) != len(theirs.names):
             continue
-        curves = Curve(ours), Curve(theirs)
-        if min(len(curve.time) for curve in curves) >= 3:
+        if min(ours.facts.finite_count, theirs.facts.finite_count) >= 3:
             calls = calls_of(golden, arm, arms)
-            result[arm] = Arm(ours, theirs, curves, moving_spans(curves[0], calls), calls)
+            result[arm] = Arm(ours, theirs, motions_by_calls(ours.facts.motions, calls), calls)
     return result
 
 
-def align(golden: Run, candidate: Run, arms: Dict[str, Arm], fit_ends: Optional[Dict[str, Spans]] = None,
-          good_rms: float = 0.002) -> Alignment:
-    """Align two logs.
+class Aligner:
+    """Finds when in the candidate what the golden log shows happened; motion by motion, as far as it is asked for.
 
     Args:
         golden: The golden log.
@@ -226,33 +228,80 @@ def align(golden: Run, candidate: Run, arms: Dict[str, Arm], fit_ends: Optional[
         fit_ends: By arm, (start of a motion, time from which it is no longer fitted), s: motions cut off end where
             the stop found them, not where their target was.
         good_rms: A fit that leaves no more, rad, is not searched further.
+
+    Attributes:
+        alignment: What was found; ``fit_until`` adds motions to it.
     """
-    coarse = event_lag(golden, candidate)
-    method = "events"
-    if coarse is None and arms:
-        coarse = motion_lag([arm.golden for arm in arms.values()], [arm.candidate for arm in arms.values()])
-        method = "speed of the joints"
-    if coarse is None:
-        return Alignment(0.0, "first messages")
-    moving = sum(len(arm.spans) for arm in arms.values())
-    if not moving:
-        return Alignment(coarse, method, dict.fromkeys(arms, ()))
-    samples = max(_FEWEST_SAMPLES, min(_MOST_SAMPLES, _ALL_SAMPLES // moving))
-    motions = {}
-    for name, arm in arms.items():
-        if arm.spans:
-            ends = dict((fit_ends or {}).get(name, ()))
-            edges = [(start - _MARGIN_S, max(min(end + _MARGIN_S, ends.get(start, end)), start + 0.1))
-                     for start, end in arm.spans]
-            motions[name] = sampled(*arm.curves, edges, samples)
-    lag = search_common(list(motions.values()), coarse, _REACH_S, good_rms)
-    episodes: Dict[str, Tuple[Episode, ...]] = dict.fromkeys(arms, ())
-    for name, some in motions.items():
-        arm = arms[name]
-        call_times, call_lags = _call_lags(arm.calls, calls_of(candidate, name, golden.arms), coarse)
-        around = np.array([_lag_near(span, call_times, call_lags, lag) for span in arm.spans])
-        episodes[name] = _episodes(name, arm.spans, some, around, good_rms)
-    return Alignment(lag, method + ", then all joints", episodes)
+
+    def __init__(self, golden: Run, candidate: Run, arms: Dict[str, Arm],
+                 fit_ends: Optional[Dict[str, Spans]] = None, good_rms: float = 0.002) -> None:
+        self._arms, self._good_rms = arms, good_rms
+        self._edges: Dict[str, List[Window]] = {}
+        self._around: Dict[str, Array] = {}
+        self._waiting: Dict[str, List[slice]] = {}
+        self._samples = 0
+        coarse = event_lag(golden, candidate)
+        method = "events"
+        if coarse is None and arms:
+            coarse = motion_lag([arm.golden for arm in arms.values()], [arm.candidate for arm in arms.values()])
+            method = "speed of the joints"
+        if coarse is None:
+            self.alignment = Alignment(0.0, "first messages")
+            return
+        moving = sum(len(arm.spans) for arm in arms.values())
+        if not moving:
+            self.alignment = Alignment(coarse, method, dict.fromkeys(arms, ()))
+            return
+        self._samples = max(_FEWEST_SAMPLES, min(_MOST_SAMPLES, _ALL_SAMPLES // moving))
+        ends = fit_ends or {}
+        self._edges = {name: _fitted(arm.spans, dict(ends.get(name, ()))) for name, arm in arms.items() if arm.spans}
+        lag = search_common([self._sampled(name, slice(None, None, 1 + len(edges) // COMMON_MOTIONS), coarse)
+                             for name, edges in self._edges.items()], coarse, _REACH_S, good_rms)
+        for name in self._edges:
+            arm = arms[name]
+            call_times, call_lags = _call_lags(arm.calls, calls_of(candidate, name, golden.arms), coarse)
+            self._around[name] = np.array([_lag_near(span, call_times, call_lags, lag) for span in arm.spans])
+            self._waiting[name] = list(_batches(arm.spans))[::-1]
+        self.alignment = Alignment(lag, method + ", then all joints", dict.fromkeys(arms, ()))
+
+    def _sampled(self, name: str, which: slice, around: Union[float, Array]) -> Motions:
+        arm, edges = self._arms[name], self._edges[name][which]
+        return sampled(arm.golden, arm.candidate, edges, self._samples, np.broadcast_to(around, len(edges)), _REACH_S)
+
+    def fit_until(self, candidate_time: float) -> None:
+        """Fit all motions that it takes to know the golden times of candidate times up to this one, s."""
+        for name, waiting in self._waiting.items():
+            while waiting and self._known_until(name) <= candidate_time:
+                which = waiting.pop()
+                around = self._around[name][which]
+                self.alignment.episodes[name] += _episodes(name, self._arms[name].spans[which],
+                                                           self._sampled(name, which, around), around, self._good_rms)
+
+    def _known_until(self, name: str) -> float:
+        return max((episode.end + episode.lag for episode in self.alignment.episodes[name][-_BATCH_MOTIONS:]),
+                   default=-np.inf)
+
+
+def align(golden: Run, candidate: Run, arms: Dict[str, Arm], fit_ends: Optional[Dict[str, Spans]] = None,
+          good_rms: float = 0.002) -> Alignment:
+    """Align two logs, all of them; see ``Aligner``."""
+    aligner = Aligner(golden, candidate, arms, fit_ends, good_rms)
+    aligner.fit_until(np.inf)
+    return aligner.alignment
+
+
+def _fitted(spans: Spans, ends: Dict[float, float]) -> List[Window]:
+    """The part of each motion that is fitted, golden times in s."""
+    return [(start - _MARGIN_S, max(min(end + _MARGIN_S, ends.get(start, end)), start + 0.1)) for start, end in spans]
+
+
+def _batches(spans: Spans) -> Iterator[slice]:
+    """Motions that are fitted at once."""
+    first = 0
+    for number in range(1, len(spans) + 1):
+        if number == len(spans) or number - first >= _BATCH_MOTIONS or spans[number][1] - spans[first][0] > _BATCH_S:
+            yield slice(first, number)
+            first = number
 
 
 def _lag_near(span: Tuple[float, float], call_times: Array, call_lags: Array, lag: float) -> float:

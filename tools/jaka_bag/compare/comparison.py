@@ -1,20 +1,22 @@
 """Compares two logs: all checks in their order."""
 import dataclasses
-from typing import Any, Dict, List, Optional
+import heapq
+from typing import Any, Dict, Iterator, List, Optional, Tuple
 
 from ..errors import BagError
 from ..paths import PathLike
 from ..pipeline import in_order
-from .alignment import align, arms_of
+from .alignment import Aligner, arms_of
 from .call_checks import call_checks
 from .cut_motions import Cut, cut_motions, fit_ends
 from .loading import load_run
-from .motion_checks import coverage_check, motion_checks, timing_checks
-from .run import Run
+from .motion_checks import Frame, motion_watches
+from .run import Run, Window
 from .state_checks import state_checks
-from .stream_checks import common_time, stream_checks, type_checks
+from .stream_checks import common_time, stream_checks, stream_watches, type_checks
+from .timing_checks import coverage_check, timing_checks
 from .tolerances import Tolerances
-from .verdict import Comparison
+from .verdict import Comparison, Residual, ResidualKey
 
 
 class CannotCompare(BagError):
@@ -54,18 +56,41 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
     ours, theirs = _only(golden, comparable), _only(candidate, comparable)
     arms = arms_of(ours, theirs)
     cuts: Dict[str, List[Cut]] = {name: cut_motions(ours, name, arm) for name, arm in arms.items()}
-    alignment = align(ours, theirs, arms, {name: fit_ends(found) for name, found in cuts.items()},
+    aligner = Aligner(ours, theirs, arms, {name: fit_ends(found) for name, found in cuts.items()},
                       max(limits.joints.position_rad, 1e-4))
+    alignment = aligner.alignment
     call_topics = {call.topic for call in golden.calls + candidate.calls}
-    checks += stream_checks(ours, theirs, alignment, limits,
-                            [topic for topic in sorted(comparable) if topic not in call_topics], time_scale)
+    topics = [topic for topic in sorted(comparable) if topic not in call_topics]
+    streams = stream_watches(ours, theirs, alignment, limits, topics)
+    motion, watches = motion_watches(ours, theirs, Frame(alignment, limits, ours.arms, cuts))
+    for is_candidate, (begin, end) in _in_step(golden.windows, candidate.windows, alignment.lag):
+        for stream in streams[is_candidate].values():
+            stream.take(begin, end)
+        if is_candidate:
+            aligner.fit_until(end)
+            for watch in watches:
+                watch.take(begin, end)
+    residuals: Dict[ResidualKey, Residual] = {}
+    checks += stream_checks(*streams, alignment, limits, time_scale)
     checks.append(coverage_check(ours, theirs, bool(arms), alignment, limits))
     checks += timing_checks(alignment, cuts, limits)
-    motion, residuals = motion_checks(ours, theirs, alignment, cuts, limits)
     checks += motion
+    for watch in watches:
+        checks += watch.checks(residuals)
     checks += state_checks(ours, theirs, alignment, limits)
     checks += call_checks(ours, theirs, alignment, limits, common_time(ours, theirs, alignment))
     return Comparison(golden, candidate, alignment, tuple(checks), residuals, time_scale)
+
+
+def _in_step(golden: Tuple[Window, ...], candidate: Tuple[Window, ...], lag: float) -> Iterator[Tuple[bool, Window]]:
+    """The windows of both logs in the order of time, so that the same time of both is read soon after each other.
+
+    Of each it says whether it is the candidate's.
+    """
+    ordered = heapq.merge(((window[0], False, window) for window in golden),
+                          ((window[0] - lag, True, window) for window in candidate))
+    for _, is_candidate, window in ordered:
+        yield is_candidate, window
 
 
 def _only(run: Run, topics: List[str]) -> Run:

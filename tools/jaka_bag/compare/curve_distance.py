@@ -1,4 +1,6 @@
 """How far samples of the candidate are from the golden curve, where each stamp may be off by a little."""
+from typing import Optional
+
 import numpy as np
 
 from ..messages.batch import Array
@@ -23,23 +25,43 @@ def lengths(vectors: Array) -> Array:
     return result
 
 
-def lateness(time: Array, longest_s: float) -> Array:
-    """How late the stamp of each sample may be because its reader had no time, s, shape (n,).
+class Lateness:
+    """How late the stamp of each sample may be because its reader had no time.
 
     A reader that was held up finds what came meanwhile all at once: after a silence stamps lie close together until
     it has caught up. So much as they lie behind a steady rhythm they may be late.
 
     Args:
-        time: Stamps, s, shape (n,), ascending.
+        rhythm: The usual time from stamp to stamp, s; 0 where it is not known: nothing is late.
         longest_s: A longer silence is one of the sender.
     """
+
+    def __init__(self, rhythm: float, longest_s: float) -> None:
+        self._period = _SLOWEST_RHYTHM * rhythm
+        self._longest_s = longest_s
+        self._last: Optional[float] = None
+        self._late = 0.0
+
+    def of(self, time: Array) -> Array:
+        """For further stamps, s, shape (n,), ascending from call to call: how late each may be, s, shape (n,)."""
+        if not len(time) or self._period <= 0:
+            return np.zeros(len(time))
+        steps = np.diff(time, prepend=time[0] if self._last is None else self._last)
+        behind = np.where(steps > self._longest_s, self._period, steps) - self._period
+        if self._last is None:
+            behind[0] = 0.0
+        behind[0] += self._late
+        behind = np.cumsum(behind)
+        late: Array = behind - np.minimum(np.minimum.accumulate(behind), 0.0)
+        self._last, self._late = float(time[-1]), float(late[-1])
+        return late
+
+
+def lateness(time: Array, longest_s: float) -> Array:
+    """``Lateness`` of all stamps of a short log, s, shape (n,)."""
     if len(time) < 3:
         return np.zeros(len(time))
-    steps = np.diff(time)
-    period = _SLOWEST_RHYTHM * float(np.median(steps))
-    behind = np.concatenate([[0.0], np.cumsum(np.where(steps > longest_s, period, steps) - period)])
-    late: Array = behind - np.minimum.accumulate(behind)
-    return late
+    return Lateness(float(np.median(np.diff(time))), longest_s).of(time)
 
 
 def distances(time: Array, value: Array, at: Array, seen: Array, direct: Array, jitter_s: Array,

@@ -3,7 +3,7 @@
 A stop that arrives a moment later finds the arm farther along. How far is the speed at that moment times the time
 allowed; it stays until a motion to an absolute target has been completed.
 """
-from typing import List, NamedTuple, Sequence, Tuple
+from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from ..driver_interface import MotionState
 from ..messages.batch import Array
 from .alignment import Arm
 from .motion_fit import speeds
-from .run import Call, Run, arm_of
+from .run import Call, LongTrack, Run, arm_of
 
 _BEFORE_S = 0.3
 """Speeds are looked up so long before a cut: the stop's own ramp comes after it, its report may come late."""
@@ -62,11 +62,13 @@ def cut_motions(run: Run, name: str, arm: Arm) -> List[Cut]:
         at.append(float(inside[0]) if len(inside) else max(start, end - _JOG_TAIL_S) if by_jog else np.inf)
         is_absolute.append(not calls or (before >= 0 and not by_jog))
     cuts: List[Cut] = []
-    for number, (start, _) in enumerate(spans):
+    until = np.inf  # end of the next motion to an absolute target that is not cut itself
+    for number in reversed(range(len(spans))):
         if np.isfinite(at[number]):
-            whole = [k for k in range(number + 1, len(spans)) if np.isinf(at[k]) and is_absolute[k]]
-            cuts.append(Cut(at[number], start, spans[whole[0]][1] if whole else np.inf))
-    return cuts
+            cuts.append(Cut(at[number], spans[number][0], until))
+        elif is_absolute[number]:
+            until = spans[number][1]
+    return cuts[::-1]
 
 
 def fit_ends(cuts: Sequence[Cut]) -> List[Tuple[float, float]]:
@@ -74,23 +76,46 @@ def fit_ends(cuts: Sequence[Cut]) -> List[Tuple[float, float]]:
     return [(cut.span_start, cut.at - 0.1) for cut in cuts]
 
 
-def allowances(cuts: Sequence[Cut], time: Array, value: Array, at: Array, cut_s: float) -> Array:
-    """How far each column may be off because of cuts, in the unit of ``value``, shape (len(at), columns).
+class Allowances:
+    """How far each column of a track may be off because of cuts, in its unit.
 
     Args:
         cuts: Of the golden log.
-        time: Of the golden track, s.
-        value: Of the golden track, shape (n, columns).
-        at: Golden times asked for, s.
+        track: The golden track.
         cut_s: How much sooner or later a cut may come, s.
+        values: What is compared of the track's values; of the same number of rows.
     """
-    result = np.zeros((len(at), value.shape[1]))
-    if not cuts:
+
+    def __init__(self, cuts: Sequence[Cut], track: LongTrack, cut_s: float,
+                 values: Callable[[Array], Array] = np.asarray) -> None:
+        self._waiting = sorted(cuts, key=lambda cut: cut.at)[::-1]
+        self._track = track
+        self._cut_s = cut_s
+        self._values = values
+        self._active: List[Tuple[Cut, Array]] = []
+
+    def at(self, times: Array, columns: int) -> Array:
+        """Golden times asked for, s, ascending from call to call; the result's shape is (len(times), columns)."""
+        result = np.zeros((len(times), columns))
+        if not len(times):
+            return result
+        first, last = float(times[0]), float(times[-1])
+        while self._waiting and self._waiting[-1].at - self._cut_s <= last:
+            cut = self._waiting.pop()
+            allowed = self._allowed(cut)
+            if allowed is not None:
+                self._active.append((cut, allowed))
+        self._active = [(cut, allowed) for cut, allowed in self._active if cut.until + self._cut_s >= first]
+        for cut, allowed in self._active:
+            result[(times >= cut.at - self._cut_s) & (times <= cut.until + self._cut_s)] += allowed
         return result
-    speed = np.abs(speeds(time, value))
-    for cut in cuts:
-        begin, end = np.searchsorted(time, (cut.at - _BEFORE_S, cut.at + _AFTER_S))
-        if end > begin:
-            inside = (at >= cut.at - cut_s) & (at <= cut.until + cut_s)
-            result[inside] += speed[begin:end].max(axis=0) * cut_s
-    return result
+
+    def _allowed(self, cut: Cut) -> Optional[Array]:
+        reach = self._track.facts.reach
+        part = self._track.around(cut.at - _BEFORE_S, cut.at + _AFTER_S, reach)
+        begin, end = np.searchsorted(part.time, (cut.at - _BEFORE_S, cut.at + _AFTER_S))
+        if begin == end:
+            return None
+        speed = np.abs(speeds(part.time, self._values(part.value), reach))
+        allowed: Array = speed[begin:end].max(axis=0) * self._cut_s
+        return allowed

@@ -1,98 +1,39 @@
-"""Timing and pace of each motion; then joints, positions, orientations and further fields, sample by sample."""
-import dataclasses
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+"""Joints, positions, orientations and further fields, sample by sample, a window of both logs at a time."""
+from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from ..messages.batch import Array
+from ..operations.thinning import MinMax
 from ..units import m_to_mm, mm_to_m, ms_to_s
-from .alignment import Alignment, Episode
-from .curve_distance import distances, interpolated, lateness, lengths
-from .cut_motions import Cut, allowances
+from .alignment import Alignment
+from .curve_distance import Lateness, distances, interpolated, lengths
+from .cut_motions import Allowances, Cut
 from .rotation_angles import continuous, quaternions
-from .run import Run, Track, arm_of
+from .run import LongTrack, Run, Track, arm_of
 from .tolerances import FieldTolerance, Tolerances
-from .verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged, not_compared
+from .verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged
 
 _LOOK_CLOSER = 0.3
 """A sample farther off than this share of its limit is looked for within the jitter of its stamp."""
-_POOLED_S = 2.0
-"""All motions of an arm together must last so long before their pace is judged as one."""
+_BEHIND_S = 10.0
+"""So much of the golden curve stays at hand, behind what any sample was looked for in."""
+_CLOSE_UP_S = 1.0
+_POINTS = 1100
 
 
-def timing_checks(alignment: Alignment, cuts: Dict[str, List[Cut]], tolerances: Tolerances) -> List[Check]:
-    """Does each motion begin when it should, and last as long as it should?"""
-    limits = tolerances.timing
-    checks: List[Check] = []
-    for arm, episodes in alignment.episodes.items():
-        alike = [episode for episode in episodes if episode.is_alike]
-        if not alike:
-            why = "nothing moves" if not episodes else "no motion is alike: see the joints"
-            checks.append(not_compared(Aspect.TIMING, arm, "motions", why))
-            continue
-        late = max(alike, key=lambda episode: abs(episode.lag - alignment.lag))
-        off = late.lag - alignment.lag
-        checks.append(judged(Aspect.TIMING, arm, "motions", abs(off), limits.event_s, "s",
-                             "%d motions; the one at %.2f s comes %.3f s %s than the others"
-                             % (len(alike), late.start, abs(off), "later" if off > 0 else "sooner"), late.start))
-        checks += _pace_checks(arm, alike, cuts.get(arm, []), tolerances)
-    return checks
-
-
-def _pace_checks(arm: str, episodes: Sequence[Episode], cuts: Sequence[Cut], tolerances: Tolerances) -> List[Check]:
-    limits = tolerances.timing
-    displaced = [(cut.at, cut.until) for cut in cuts]
-    fitted = [(episode, episode.pace) for episode in episodes if episode.pace is not None
-              and not any(begin < episode.start <= until for begin, until in displaced)]
-    if not fitted:
-        return [not_compared(Aspect.PACE, arm, "motions",
-                             "no motion is long enough, or all begin where a stop left the arm")]
-    floor = ms_to_s(limits.pace_floor_ms)
-
-    def excess(entry: Tuple[Episode, float]) -> float:
-        episode, pace = entry
-        return abs(pace - 1.0) * episode.span / max(0.01 * limits.pace_percent * episode.span, floor, 1e-9)
-
-    episode, pace = max(fitted, key=excess)
-    allowed = max(100.0 * floor / episode.span, limits.pace_percent)
-    checks = [judged(Aspect.PACE, arm, "one motion", 100.0 * abs(pace - 1.0), allowed, "%",
-                     "the motion at %.2f s lasts %+.2f %% of its golden %.2f s"
-                     % (episode.start, 100.0 * (pace - 1.0), episode.span), episode.start,
-                     "%.3f s" % episode.span, "%.3f s" % (episode.span * pace))]
-    total = sum(episode.span for episode, _ in fitted)
-    if total >= _POOLED_S:
-        pooled = sum((pace - 1.0) * episode.span for episode, pace in fitted) / total
-        allowed = max(100.0 * floor / total, limits.pace_percent)
-        checks.append(judged(Aspect.PACE, arm, "all motions", 100.0 * abs(pooled), allowed, "%",
-                             "all motions together last %+.2f %% of their golden %.1f s" % (100.0 * pooled, total),
-                             episode.start, "%.3f s" % total, "%.3f s" % (total * (1.0 + pooled))))
-    return checks
-
-
-class _Frame(NamedTuple):
+class Frame(NamedTuple):
     """What the checks of one comparison have in common."""
 
     alignment: Alignment
     tolerances: Tolerances
     arms: List[str]
     cuts: Dict[str, List[Cut]]
-    jitter_s: float
-    residuals: Dict[ResidualKey, Residual]
 
-
-def motion_checks(golden: Run, candidate: Run, alignment: Alignment, cuts: Dict[str, List[Cut]],
-                  tolerances: Tolerances) -> Tuple[List[Check], Dict[ResidualKey, Residual]]:
-    """Joints, tool poses and further fields; both runs hold only topics that the other has with the same types."""
-    frame = _Frame(alignment, tolerances, golden.arms, cuts, ms_to_s(tolerances.timing.jitter_ms), {})
-    checks: List[Check] = []
-    for topic, joints in golden.joints.items():
-        checks += _joint_checks(joints, candidate.joints.get(topic), frame)
-    for topic, pose in golden.poses.items():
-        checks += _pose_checks(pose, candidate.poses.get(topic), frame)
-    for topic, fields in golden.fields.items():
-        for name, ours in fields.items():
-            checks += _field_checks(ours, candidate.fields[topic][name], name, tolerances.fields[topic][name], frame)
-    return checks, frame.residuals
+    @property
+    def jitter_s(self) -> float:
+        """How far any stamp may be off, s."""
+        return ms_to_s(self.tolerances.timing.jitter_ms)
 
 
 class _Samples(NamedTuple):
@@ -120,62 +61,212 @@ class _Samples(NamedTuple):
                          lengths(self.value - self.golden_here), self.jitter, _LOOK_CLOSER * limit)
 
 
-def _samples(ours: Track, theirs: Track, frame: _Frame) -> Optional[_Samples]:
-    ours, theirs = ours.finite(), theirs.finite()
-    if len(ours.time) < 2 or not len(theirs.time):
-        return None
-    arm = arm_of(ours.topic, frame.arms)
-    at = frame.alignment.golden_time(arm, theirs.time)
-    inside = (at >= ours.time[0]) & (at <= ours.time[-1])
-    gap = frame.tolerances.streams.gap_s
-    for i in np.flatnonzero(np.diff(ours.time) > gap).tolist():
-        inside &= (at < ours.time[i] + frame.jitter_s) | (at > ours.time[i + 1] - frame.jitter_s)
-    if not inside.any():
-        return None
-    jitter = frame.jitter_s + lateness(theirs.time, gap) + np.interp(at, ours.time, lateness(ours.time, gap))
-    at = at[inside]
-    allowed = allowances(frame.cuts.get(arm, []), ours.time, ours.value, at, ms_to_s(frame.tolerances.timing.cut_ms))
-    return _Samples(at, theirs.value[inside], jitter[inside], allowed, ours.time, ours.value,
-                    interpolated(ours.time, ours.value, at))
+Convert = Callable[[Array, Optional[Array]], Array]
+"""Values as they are compared, from those in the log and the last row that was converted (None: there was none)."""
 
 
-def _verdict(aspect: Aspect, topic: str, field: str, off: Array, allowed: Array, limit: float, unit: str,
-             outside_percent: float, samples: _Samples, names: Sequence[str], frame: _Frame,
-             factor: float = 1.0) -> Check:
-    """Judge distances, in ``unit`` / ``factor``, that may be larger than the limit by ``allowed``."""
-    beyond = np.maximum(off - allowed, 0.0)
-    frame.residuals[aspect, topic, field] = Residual(samples.time, beyond * factor, limit * factor, unit)
-    worst = int(np.argmax(beyond))
-    outside = 100.0 * float((beyond > limit).mean())
-    at = float(samples.time[worst])
-    shown = [", ".join("%s %.6g" % (name, value) for name, value in zip(names, row))
-             for row in (samples.golden_here[worst], samples.value[worst])]
-    detail = "at most %.4g %s off, at %.3f s" % (float(beyond[worst]) * factor, unit, at)
-    if allowed[worst] > 0:
-        detail += ", beyond %.4g %s that a stop may have moved" % (float(allowed[worst]) * factor, unit)
-    if outside:
-        detail += "; %.3g %% of %d samples outside" % (outside, len(off))
-    check = judged(aspect, topic, field, float(beyond[worst]) * factor, limit * factor, unit, detail, at, *shown)
-    if check.outcome is Outcome.DIFFERENT and outside <= outside_percent:
-        return judged(aspect, topic, field, outside, outside_percent, "% of the samples outside", detail, at, *shown)
-    return check
+def _as_they_are(value: Array, _before: Optional[Array]) -> Array:
+    return value
 
 
-def _nan_checks(aspect: Aspect, ours: Track, theirs: Track, frame: _Frame) -> List[Check]:
-    """The policy for values that are not finite."""
-    policy = frame.tolerances.nan
-    bad_g, bad_c = (track.time[~np.isfinite(track.value).all(axis=1)] for track in (ours, theirs))
-    if policy == "ignore" or not (len(bad_g) or len(bad_c)):
-        return []
-    at = frame.alignment.golden_time(arm_of(ours.topic, frame.arms), bad_c)
-    if policy == "fail":
-        wrong, words = at, "%d samples are not numbers"
+def _with_quaternions(value: Array, before: Optional[Array]) -> Array:
+    """Positions, and orientations as quaternions that interpolate: shape (n, 6) to (n, 7)."""
+    orientation = quaternions(value[:, 3:])
+    if before is not None:
+        orientation = continuous(np.concatenate([before[3:][None], orientation]))[1:]
     else:
-        reach = frame.jitter_s + 0.01
-        wrong = np.concatenate([at[~_near(at, bad_g, reach)], bad_g[~_near(bad_g, at, reach)]])
-        words = "%d samples are not numbers in one of the logs only"
-    return [equal(aspect, ours.topic, "NaN", not len(wrong), words % len(wrong),
-                  float(wrong.min()) if len(wrong) else None, str(len(bad_g)), str(len(bad_c)))]
+        orientation = continuous(orientation)
+    return np.hstack([value[:, :3], orientation])
+
+
+class _GoldenCurve:
+    """The part of a golden track that samples are compared with; it moves on with them."""
+
+    def __init__(self, track: LongTrack, longest_s: float, convert: Convert) -> None:
+        self._blocks: Iterator[Track] = track.blocks()
+        self._lateness = Lateness(track.facts.rhythm if track.facts.finite_count > 2 else 0.0, longest_s)
+        self._convert = convert
+        self._is_at_end = False
+        self._last: Optional[Array] = None
+        self.time, self.late = np.zeros(0), np.zeros(0)
+        self.value = np.zeros((0, 0))
+
+    def cover(self, until: float) -> None:
+        """Have two samples more than there are up to a golden time, s, where there are so many."""
+        while not self._is_at_end and (len(self.time) < 2 or self.time[-2] <= until):
+            block = next(self._blocks, None)
+            if block is None:
+                self._is_at_end = True
+                return
+            block = block.finite()
+            if not len(block.time):
+                continue
+            value = self._convert(block.value, self._last)
+            self._last = value[-1].copy()
+            late = self._lateness.of(block.time)
+            whole = len(self.time) > 0
+            self.time = np.concatenate([self.time, block.time])
+            self.late = np.concatenate([self.late, late])
+            self.value = np.concatenate([self.value, value]) if whole else value
+
+    def drop(self, before: float) -> None:
+        """Give up what lies before a golden time, s, but for two samples."""
+        first = max(int(np.searchsorted(self.time, before)) - 2, 0)
+        self.time, self.late, self.value = self.time[first:], self.late[first:], self.value[first:]
+
+
+class _Aligned:
+    """Gives the samples of a candidate's track at golden times, window by window."""
+
+    def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame, convert: Convert = _as_they_are) -> None:
+        self._theirs, self._frame, self._convert = theirs, frame, convert
+        self._gap_s = frame.tolerances.streams.gap_s
+        self._arm = arm_of(ours.topic, frame.arms)
+        self._facts = ours.facts
+        self._golden = _GoldenCurve(ours, self._gap_s, convert)
+        rhythm = theirs.facts.rhythm if theirs.facts.finite_count > 2 else 0.0
+        self._lateness = Lateness(rhythm, self._gap_s)
+        self._last: Optional[Array] = None
+        self._allowances = Allowances(frame.cuts.get(self._arm, []), ours, ms_to_s(frame.tolerances.timing.cut_ms),
+                                      lambda value: convert(value, None))
+        self.can_be_compared = ours.facts.finite_count >= 2 and theirs.facts.finite_count > 0
+
+    def samples(self, block: Track) -> Optional[_Samples]:
+        """Of a window of the candidate, which follows the one before; None where there are none."""
+        block = block.finite()
+        if not len(block.time) or not self.can_be_compared:
+            return None
+        value = self._convert(block.value, self._last)
+        self._last = value[-1].copy()
+        jitter = self._frame.jitter_s + self._lateness.of(block.time)
+        at = self._frame.alignment.golden_time(self._arm, block.time)
+        inside = (at >= self._facts.first) & (at <= self._facts.last)
+        if not inside.any():
+            return None
+        golden = self._golden
+        golden.cover(float(at[inside][-1]))
+        for i in np.flatnonzero(np.diff(golden.time) > self._gap_s).tolist():
+            inside &= (at < golden.time[i] + self._frame.jitter_s) | (at > golden.time[i + 1] - self._frame.jitter_s)
+        if not inside.any():
+            return None
+        at, value = at[inside], value[inside]
+        jitter = jitter[inside] + np.interp(at, golden.time, golden.late)
+        golden.cover(float(at[-1] + jitter.max()))
+        found = _Samples(at, value, jitter, self._allowances.at(at, value.shape[1]), golden.time, golden.value,
+                         interpolated(golden.time, golden.value, at))
+        golden.drop(float(at[-1] - jitter.max()) - _BEHIND_S)
+        return found
+
+
+class _Judge:
+    """Judges distances, in ``unit`` / ``factor``, that may be larger than the limit by what stops allow."""
+
+    def __init__(self, aspect: Aspect, topic: str, field: str, limit: float, unit: str, outside_percent: float,
+                 names: Sequence[str], factor: float = 1.0) -> None:
+        self._aspect, self._topic, self._field, self._names = aspect, topic, field, names
+        self._limit, self._unit, self._factor, self._outside_percent = limit, unit, factor, outside_percent
+        self._curve = MinMax(_POINTS)
+        self._count = self._outside = 0
+        self._worst = -1.0
+        self._worst_at = self._worst_allowed = 0.0
+        self._shown: Tuple[Array, Array] = (np.zeros(0), np.zeros(0))
+        self._tail = np.zeros((0, 2))
+        self._close_up = np.zeros((0, 2))
+
+    def take(self, off: Array, allowed: Array, samples: _Samples) -> None:
+        """Further samples."""
+        beyond = np.maximum(off - allowed, 0.0)
+        self._count += len(off)
+        self._outside += int((beyond > self._limit).sum())
+        self._curve.add(samples.time, beyond * self._factor)
+        rows = np.stack([samples.time, beyond * self._factor], axis=1)
+        worst = int(np.argmax(beyond))
+        if beyond[worst] > self._worst:
+            self._worst, self._worst_at = float(beyond[worst]), float(samples.time[worst])
+            self._worst_allowed = float(allowed[worst])
+            self._shown = (samples.golden_here[worst].copy(), samples.value[worst].copy())
+            self._close_up = np.concatenate([self._tail, rows])
+        else:
+            self._close_up = np.concatenate([self._close_up, rows])
+        self._close_up = self._close_up[np.abs(self._close_up[:, 0] - self._worst_at) <= _CLOSE_UP_S]
+        self._tail = rows[rows[:, 0] >= rows[-1, 0] - _CLOSE_UP_S]
+
+    def check(self, residuals: Dict[ResidualKey, Residual]) -> Check:
+        """The outcome, when all samples were taken; how far off they were goes into ``residuals``."""
+        topic, field, unit, factor = self._topic, self._field, self._unit, self._factor
+        if not self._count:
+            return _nothing_common(self._aspect, topic)
+        residuals[self._aspect, topic, field] = Residual(
+            *self._curve.points(), self._limit * factor, unit, self._close_up[:, 0], self._close_up[:, 1])
+        outside = 100.0 * self._outside / self._count
+        shown = [", ".join("%s %.6g" % (name, value) for name, value in zip(self._names, row)) for row in self._shown]
+        detail = "at most %.4g %s off, at %.3f s" % (self._worst * factor, unit, self._worst_at)
+        if self._worst_allowed > 0:
+            detail += ", beyond %.4g %s that a stop may have moved" % (self._worst_allowed * factor, unit)
+        if outside:
+            detail += "; %.3g %% of %d samples outside" % (outside, self._count)
+        check = judged(self._aspect, topic, field, self._worst * factor, self._limit * factor, unit, detail,
+                       self._worst_at, *shown)
+        if check.outcome is Outcome.DIFFERENT and outside <= self._outside_percent:
+            return judged(self._aspect, topic, field, outside, self._outside_percent, "% of the samples outside",
+                          detail, self._worst_at, *shown)
+        return check
+
+
+class MotionWatch:
+    """Takes in one track of the candidate, a window at a time, and compares it with the golden one."""
+
+    def __init__(self, aspect: Aspect, ours: LongTrack, theirs: LongTrack, frame: Frame,
+                 convert: Convert = _as_they_are) -> None:
+        self._aspect, self._ours, self._theirs, self._frame = aspect, ours, theirs, frame
+        self._aligned = _Aligned(ours, theirs, frame, convert)
+        self._bad: List[Array] = []
+        self.before: List[Check] = []
+
+    def take(self, begin: float, end: float) -> None:
+        """Read a window of the candidate, which follows the one before."""
+        block = self._theirs.between(begin, end)
+        good = np.isfinite(block.value).all(axis=1)
+        if not good.all():
+            self._bad.append(block.time[~good])
+        samples = self._aligned.samples(block)
+        if samples is not None:
+            self._judge(samples)
+
+    def _judge(self, samples: _Samples) -> None:
+        raise NotImplementedError
+
+    def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
+        raise NotImplementedError
+
+    def checks(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
+        """The outcomes, when all windows were taken."""
+        return self.before + self._nan_checks() + _one_if_nothing_common(self._outcomes(residuals))
+
+    def _nan_checks(self) -> List[Check]:
+        """The policy for values that are not finite."""
+        ours, theirs, frame = self._ours, self._theirs, self._frame
+        policy = frame.tolerances.nan
+        if policy == "ignore" or (ours.facts.count == ours.facts.finite_count
+                                  and theirs.facts.count == theirs.facts.finite_count):
+            return []
+        blocks = ours.blocks() if ours.facts.count != ours.facts.finite_count else ()
+        bad_g = np.concatenate([np.zeros(0)] + [block.time[~np.isfinite(block.value).all(axis=1)] for block in blocks])
+        bad_c = np.concatenate([np.zeros(0), *self._bad])
+        at = frame.alignment.golden_time(arm_of(ours.topic, frame.arms), bad_c)
+        if policy == "fail":
+            wrong, words = at, "%d samples are not numbers"
+        else:
+            reach = frame.jitter_s + 0.01
+            wrong = np.concatenate([at[~_near(at, bad_g, reach)], bad_g[~_near(bad_g, at, reach)]])
+            words = "%d samples are not numbers in one of the logs only"
+        return [equal(self._aspect, ours.topic, "NaN", not len(wrong), words % len(wrong),
+                      float(wrong.min()) if len(wrong) else None, str(len(bad_g)), str(len(bad_c)))]
+
+
+def _one_if_nothing_common(checks: List[Check]) -> List[Check]:
+    """Of several fields that have no sample in common one says so."""
+    return checks[:1] if all(check.measured is None for check in checks) else checks
 
 
 def _near(times: Array, others: Array, reach: float) -> Array:
@@ -184,98 +275,103 @@ def _near(times: Array, others: Array, reach: float) -> Array:
     return near
 
 
+class _JointWatch(MotionWatch):
+    def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame) -> None:
+        super().__init__(Aspect.JOINTS, ours, theirs, frame)
+        limits = frame.tolerances.joints
+        self._limits = [limits.per_joint.get(name, limits.position_rad) for name in ours.names]
+        self._judges = [_Judge(Aspect.JOINTS, ours.topic, name, limit, "rad", limits.outside_percent, [name])
+                        for name, limit in zip(ours.names, self._limits)]
+
+    def _judge(self, samples: _Samples) -> None:
+        for column, (judge, limit) in enumerate(zip(self._judges, self._limits)):
+            part = samples.columns(slice(column, column + 1))
+            judge.take(part.distances(limit), part.allowed[:, 0], part)
+
+    def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
+        return [judge.check(residuals) for judge in self._judges]
+
+
+class _PoseWatch(MotionWatch):
+    def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame) -> None:
+        super().__init__(Aspect.POSITION, ours, theirs, frame, _with_quaternions)
+        limits = frame.tolerances.tcp
+        self._limits = mm_to_m(limits.position_mm), limits.orientation_rad
+        self._placed = _Judge(Aspect.POSITION, ours.topic, "position", self._limits[0], "mm", limits.outside_percent,
+                              ("x", "y", "z"), m_to_mm(1.0))
+        self._turned = _Judge(Aspect.ORIENTATION, ours.topic, "orientation", self._limits[1], "rad",
+                              limits.outside_percent, ("qw", "qx", "qy", "qz"))
+        if ours.frames or theirs.frames:
+            self.before.append(equal(Aspect.POSITION, ours.topic, "frame_id", ours.frames == theirs.frames,
+                                     "frame %s" % ", ".join(theirs.frames), None, ", ".join(ours.frames),
+                                     ", ".join(theirs.frames)))
+
+    def _judge(self, samples: _Samples) -> None:
+        placed, turned = samples.columns(slice(0, 3)), samples.columns(slice(3, 7))
+        self._placed.take(placed.distances(self._limits[0]), lengths(placed.allowed), placed)
+        opposite = np.einsum("ij,ij->i", turned.golden_here, turned.value) < 0
+        turned = turned._replace(value=np.where(opposite[:, None], -turned.value, turned.value))
+        # unit quaternions that are an angle a apart are 2 sin(a/4) apart as points
+        chord = turned.distances(0.5 * self._limits[1])
+        angle = 4.0 * np.arcsin(np.minimum(0.5 * chord, np.sin(np.pi / 4.0)))
+        self._turned.take(angle, 2.0 * lengths(turned.allowed), turned)
+
+    def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
+        return [self._placed.check(residuals), self._turned.check(residuals)]
+
+
+class _FieldWatch(MotionWatch):
+    def __init__(self, ours: LongTrack, theirs: LongTrack, name: str, rule: FieldTolerance, frame: Frame) -> None:
+        super().__init__(Aspect.FIELDS, ours, theirs, frame)
+        self._rule = rule
+        self._only = _Judge(Aspect.FIELDS, ours.topic, name, rule.absolute, "", 0.0, ours.names)
+
+    def _judge(self, samples: _Samples) -> None:
+        near, rule = samples.golden_here, self._rule
+        unwound = samples
+        if rule.wraps:
+            unwound = samples._replace(value=near + np.mod(samples.value - near + np.pi, 2.0 * np.pi) - np.pi)
+        off = np.zeros(len(near))
+        for column in range(near.shape[1]):
+            distance = unwound.columns(slice(column, column + 1)).distances(rule.absolute)
+            off = np.maximum(off, distance - rule.relative * np.abs(near[:, column]))
+        self._only.take(off, np.zeros(len(off)), samples)
+
+    def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
+        return [self._only.check(residuals)]
+
+
+def motion_watches(golden: Run, candidate: Run, frame: Frame) -> Tuple[List[Check], List[MotionWatch]]:
+    """What compares joints, tool poses and further fields; and the checks of those that cannot be compared.
+
+    Both runs hold only topics that the other has with the same types.
+    """
+    checks: List[Check] = []
+    watches: List[MotionWatch] = []
+    for topic, ours in golden.joints.items():
+        theirs = candidate.joints.get(topic)
+        if theirs is None:
+            checks.append(_nothing_common(Aspect.JOINTS, topic))
+        elif ours.names != theirs.names:
+            checks.append(equal(Aspect.JOINTS, topic, "names", False, "the joints are not the same", None,
+                                " ".join(ours.names), " ".join(theirs.names)))
+        else:
+            watches.append(_JointWatch(ours, theirs, frame))
+    for topic, ours in golden.poses.items():
+        theirs = candidate.poses.get(topic)
+        if theirs is None:
+            checks.append(_nothing_common(Aspect.POSITION, topic))
+        else:
+            watches.append(_PoseWatch(ours, theirs, frame))
+    for topic, fields in golden.fields.items():
+        for name, ours in fields.items():
+            theirs = candidate.fields[topic][name]
+            if len(ours.names) != len(theirs.names):
+                checks.append(equal(Aspect.FIELDS, topic, name, False, "the candidate has another number of values"))
+            else:
+                watches.append(_FieldWatch(ours, theirs, name, frame.tolerances.fields[topic][name], frame))
+    return checks, watches
+
+
 def _nothing_common(aspect: Aspect, topic: str) -> Check:
     return equal(aspect, topic, "", False, "no samples in common: the candidate has none while the golden log has")
-
-
-def _joint_checks(ours: Track, theirs: Optional[Track], frame: _Frame) -> List[Check]:
-    limits = frame.tolerances.joints
-    if theirs is None:
-        return [_nothing_common(Aspect.JOINTS, ours.topic)]
-    if ours.names != theirs.names:
-        return [equal(Aspect.JOINTS, ours.topic, "names", False, "the joints are not the same", None,
-                      " ".join(ours.names), " ".join(theirs.names))]
-    checks = _nan_checks(Aspect.JOINTS, ours, theirs, frame)
-    samples = _samples(ours, theirs, frame)
-    if samples is None:
-        return checks + [_nothing_common(Aspect.JOINTS, ours.topic)]
-    for column, name in enumerate(ours.names):
-        limit = limits.per_joint.get(name, limits.position_rad)
-        part = samples.columns(slice(column, column + 1))
-        checks.append(_verdict(Aspect.JOINTS, ours.topic, name, part.distances(limit), part.allowed[:, 0], limit,
-                               "rad", limits.outside_percent, part, [name], frame))
-    return checks
-
-
-def _with_quaternions(pose: Track) -> Track:
-    """Positions, and orientations as quaternions that interpolate: shape (n, 7)."""
-    orientation = continuous(quaternions(pose.value[:, 3:]))
-    return dataclasses.replace(pose, value=np.hstack([pose.value[:, :3], orientation]))
-
-
-def _pose_checks(ours: Track, theirs: Optional[Track], frame: _Frame) -> List[Check]:
-    limits = frame.tolerances.tcp
-    if theirs is None:
-        return [_nothing_common(Aspect.POSITION, ours.topic)]
-    checks = []
-    if ours.frames or theirs.frames:
-        checks.append(equal(Aspect.POSITION, ours.topic, "frame_id", ours.frames == theirs.frames,
-                            "frame %s" % ", ".join(theirs.frames), None, ", ".join(ours.frames),
-                            ", ".join(theirs.frames)))
-    checks += _nan_checks(Aspect.POSITION, ours, theirs, frame)
-    both = _samples(_with_quaternions(ours), _with_quaternions(theirs), frame)
-    if both is None:
-        return checks + [_nothing_common(Aspect.POSITION, ours.topic)]
-    placed, turned = both.columns(slice(0, 3)), both.columns(slice(3, 7))
-    limit = mm_to_m(limits.position_mm)
-    checks.append(_verdict(Aspect.POSITION, ours.topic, "position", placed.distances(limit), lengths(placed.allowed),
-                           limit, "mm", limits.outside_percent, placed, ("x", "y", "z"), frame, m_to_mm(1.0)))
-    opposite = np.einsum("ij,ij->i", turned.golden_here, turned.value) < 0
-    turned = turned._replace(value=np.where(opposite[:, None], -turned.value, turned.value))
-    # unit quaternions that are an angle a apart are 2 sin(a/4) apart as points
-    chord = turned.distances(0.5 * limits.orientation_rad)
-    angle = 4.0 * np.arcsin(np.minimum(0.5 * chord, np.sin(np.pi / 4.0)))
-    checks.append(_verdict(Aspect.ORIENTATION, ours.topic, "orientation", angle, 2.0 * lengths(turned.allowed),
-                           limits.orientation_rad, "rad", limits.outside_percent, turned, ("qw", "qx", "qy", "qz"),
-                           frame))
-    return checks
-
-
-def _field_checks(ours: Track, theirs: Track, name: str, rule: FieldTolerance, frame: _Frame) -> List[Check]:
-    if ours.value.shape[1] != theirs.value.shape[1]:
-        return [equal(Aspect.FIELDS, ours.topic, name, False, "the candidate has another number of values")]
-    checks = _nan_checks(Aspect.FIELDS, ours, theirs, frame)
-    samples = _samples(ours, theirs, frame)
-    if samples is None:
-        return checks + [_nothing_common(Aspect.FIELDS, ours.topic)]
-    near = samples.golden_here
-    unwound = samples
-    if rule.wraps:
-        unwound = samples._replace(value=near + np.mod(samples.value - near + np.pi, 2.0 * np.pi) - np.pi)
-    off = np.zeros(len(near))
-    for column in range(near.shape[1]):
-        distance = unwound.columns(slice(column, column + 1)).distances(rule.absolute)
-        off = np.maximum(off, distance - rule.relative * np.abs(near[:, column]))
-    checks.append(_verdict(Aspect.FIELDS, ours.topic, name, off, np.zeros(len(off)), rule.absolute, "", 0.0,
-                           samples, ours.names, frame))
-    return checks
-
-
-def coverage_check(golden: Run, candidate: Run, has_arms: bool, alignment: Alignment,
-                   tolerances: Tolerances) -> Check:
-    """Does the candidate's recording hold everything that happens in the golden log?"""
-    times = [call.start for call in golden.calls] + [call.end for call in golden.calls]
-    for episodes in alignment.episodes.values():
-        times += [time for episode in episodes for time in (episode.start, episode.end)]
-    words = "lag %.3f s, found by %s" % (alignment.lag, alignment.method)
-    if golden.joints and not has_arms:
-        return equal(Aspect.ALIGNMENT, "", "", False, "the joints of the logs cannot be aligned; " + words)
-    if times:
-        slack = tolerances.timing.event_s
-        if min(times) + alignment.lag < -slack:
-            return equal(Aspect.ALIGNMENT, "", "", False, "the candidate begins %.2f s after the first event; %s"
-                         % (-min(times) - alignment.lag, words), min(times))
-        if max(times) + alignment.lag > candidate.duration + slack:
-            return equal(Aspect.ALIGNMENT, "", "", False, "the candidate ends %.2f s before the last event; %s"
-                         % (max(times) + alignment.lag - candidate.duration, words), candidate.duration - alignment.lag)
-    return equal(Aspect.ALIGNMENT, "", "", True, words)

@@ -6,22 +6,23 @@ import numpy as np
 
 from ..messages.batch import Array
 from .curve_distance import interpolated
-from .run import Track
+from .run import LongTrack, Window
 
 _ROUNDS = 10
 _STEP_S = 0.05
 _LEAST_POWER = 1e-9
 _KNEE_RAD = 2e-4
-_COMMON_MOTIONS = 60
+COMMON_MOTIONS = 60
+"""So many motions of each arm are enough to find the lag that all have in common."""
 _LATE_ONE_BY_ONE = 10.0
+_MOST_STEP_S = 0.2
+_FARTHEST_S = _ROUNDS * _MOST_STEP_S + 0.5
+_NEAR_S = 1.0
 
 
-def speeds(time: Array, value: Array) -> Array:
-    """Rate of change of each column, central over about 48 ms, unit/s, the shape of ``value``."""
+def speeds(time: Array, value: Array, reach: int) -> Array:
+    """Rate of change of each column over ``reach`` samples to either side, unit/s; 0 where there are not so many."""
     result = np.zeros(value.shape)
-    steps = np.diff(time)
-    steps = steps[steps > 1e-4]
-    reach = max(1, int(round(0.024 / float(np.median(steps))))) if len(steps) else 1
     if len(time) > 2 * reach:
         span = np.maximum(time[2 * reach:] - time[:-2 * reach], 1e-6)
         result[reach:-reach] = (value[2 * reach:] - value[:-2 * reach]) / span[:, None]
@@ -29,19 +30,42 @@ def speeds(time: Array, value: Array) -> Array:
 
 
 class Curve:
-    """Joint positions and speeds as functions of time, interpolated; samples that are no numbers are left out."""
+    """Joint positions and speeds as functions of time, interpolated; samples that are no numbers are left out.
 
-    def __init__(self, track: Track) -> None:
-        track = track.finite()
-        self.time, self.value = track.time, track.value
-        self.speed = speeds(self.time, self.value)
-        self._both = np.hstack([self.value, self.speed])
+    Args:
+        track: Where they come from.
+        windows: Times between which it will be asked for; elsewhere what it gives has no meaning, but that it is held
+            at the ends of the track.
+    """
+
+    def __init__(self, track: LongTrack, windows: Sequence[Window]) -> None:
+        reach = track.facts.reach
+        times: List[Array] = []
+        pieces: List[Array] = []
+        for begin, end in _joined(windows):
+            part = track.around(begin, end, reach + 2)
+            both = np.hstack([part.value, speeds(part.time, part.value, reach)])
+            fresh = int(np.searchsorted(part.time, times[-1][-1], "right")) if times and len(times[-1]) else 0
+            times.append(part.time[fresh:])
+            pieces.append(both[fresh:])
+        self.time, self._both = np.concatenate(times), np.concatenate(pieces)
 
     def at(self, times: Array) -> Tuple[Array, Array]:
         """Values and speeds, the shape of ``times`` and a last axis for the joints; held at the ends."""
-        joints = self.value.shape[1]
+        joints = self._both.shape[1] // 2
         both = interpolated(self.time, self._both, times.ravel()).reshape(times.shape + (2 * joints,))
         return both[..., :joints], both[..., joints:]
+
+
+def _joined(windows: Sequence[Window]) -> List[Window]:
+    """The same windows in the order of time, those that are near each other as one."""
+    result: List[Window] = []
+    for begin, end in sorted(windows):
+        if result and begin <= result[-1][1] + _NEAR_S:
+            result[-1] = (result[-1][0], max(end, result[-1][1]))
+        else:
+            result.append((begin, end))
+    return result
 
 
 @dataclass(frozen=True)
@@ -83,12 +107,16 @@ class Fits(NamedTuple):
     rms: Array
 
 
-def sampled(golden: Curve, candidate: Curve, spans: Sequence[Tuple[float, float]], samples: int) -> Motions:
-    """Motions between golden times (start, end), s."""
+def sampled(golden: LongTrack, candidate: LongTrack, spans: Sequence[Window], samples: int, around: Array,
+            reach_s: float) -> Motions:
+    """Motions between golden times (start, end), s; the candidate's are looked for near the lags ``around``, s."""
     part = np.linspace(0.0, 1.0, samples)
     edges = np.array(spans, float).reshape(-1, 2)
     times = edges[:, :1] + part * (edges[:, 1:] - edges[:, :1])
-    return Motions(times, golden.at(times)[0], candidate)
+    # pace and lag change step by step, and no farther than this
+    middle, reach = edges.mean(axis=1) + around, (edges[:, 1] - edges[:, 0]) + _FARTHEST_S + reach_s
+    there = list(zip((middle - reach).tolist(), (middle + reach).tolist()))
+    return Motions(times, Curve(golden, spans).at(times)[0], Curve(candidate, there))
 
 
 def _normals(motions: Motions, lag: Array, pace: Array) -> Tuple[Array, Array, Array, Array, Array, Array]:
@@ -122,7 +150,7 @@ def fit(motions: Motions, lag: Array, with_pace: Array) -> Fits:
         safe = np.where(both, determinant, 1.0)
         step = np.where(both, (push * spread - twist * cross) / safe, alone)
         turn = np.where(both, (twist * power - push * cross) / safe, 0.0)
-        lag[active] += np.clip(step, -0.2, 0.2)
+        lag[active] += np.clip(step, -_MOST_STEP_S, _MOST_STEP_S)
         pace[active] = np.clip(pace[active] + np.clip(turn, -0.1, 0.1), 0.5, 2.0)
         active = active[(np.abs(step) > 1e-5) | (np.abs(turn) > 1e-5)]
         if not len(active):
@@ -145,7 +173,7 @@ def fit_common(arms: Sequence[Motions], lag: float) -> Tuple[float, float]:
         square = float(np.concatenate(squares).mean())
         if power < _LEAST_POWER:
             break
-        step = min(max(push / power, -0.2), 0.2)
+        step = min(max(push / power, -_MOST_STEP_S), _MOST_STEP_S)
         lag += step
         if abs(step) < 1e-6:
             break
@@ -188,7 +216,6 @@ def search_common(arms: Sequence[Motions], around: float, reach_s: float, good_r
 
     Motions may be late one by one, so more than ``good_rms``, rad, of each may remain.
     """
-    arms = [motions.some(slice(None, None, 1 + len(motions.times) // _COMMON_MOTIONS)) for motions in arms]
     lag, rms = fit_common(arms, around)
     if rms <= _LATE_ONE_BY_ONE * good_rms and abs(lag - around) <= reach_s:
         return lag

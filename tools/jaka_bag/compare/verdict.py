@@ -115,16 +115,20 @@ class Residual(NamedTuple):
     """How far off the samples of one check are, beyond what jitter and stops allow.
 
     Attributes:
-        time: Golden time, s, shape (n,).
+        time: Golden time, s, shape (n,): so many of the samples that the curve of all can be drawn.
         off: In ``unit``, shape (n,).
         limit: What is allowed.
         unit: Of both.
+        near_time: Golden time of all samples within a second of the worst one, s, shape (m,).
+        near_off: In ``unit``, shape (m,).
     """
 
     time: Array
     off: Array
     limit: float
     unit: str
+    near_time: Array
+    near_off: Array
 
 
 ResidualKey = Tuple[Aspect, str, str]

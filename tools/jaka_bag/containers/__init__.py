@@ -6,7 +6,8 @@ contract      what every format offers: a reader and a writer, chunks as batches
 recovery      what reads a damaged log, and what it yields
 bag           ROS bags, version 2.0
 mcap          MCAP
-rosbag2       rosbag2 folders (MCAP with CDR messages), written only
+rosbag2       rosbag2 folders (MCAP with CDR messages), written
+rosbag2_folder   rosbag2 folders, read by the library rosbags
 registry      the formats by content and by suffix: opens, creates, recovers
 time_order    the messages of logs in the order of time
 """

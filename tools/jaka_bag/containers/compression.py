@@ -2,8 +2,9 @@
 
 ``MissingDependency`` is raised where the library of a codec is not installed.
 """
+import os
 import threading
-from typing import Any, Callable, Dict, Optional, Tuple
+from typing import Any, Callable, Dict, List, Optional, Tuple
 
 from ..errors import BagError, BagFormatError, MissingDependency
 from .index import Buffer
@@ -11,7 +12,14 @@ from .index import Buffer
 MCAP_CODECS = ("none", "lz4", "zstd")
 BAG_CODECS = ("none", "lz4", "bz2")
 ZSTD_LEVEL = 1
-_MAX_UNCOMPRESSED = 1 << 32
+_CHUNK_FLOOR, _CHUNK_RATIO = 32 << 20, 50
+_FILE_FLOOR, _FILE_RATIO = 64 << 20, 100
+"""A chunk may claim so many bytes, or so many times its stored ones; all chunks of a file likewise."""
+_LIMIT_NAME = "JAKA_BAG_UNPACK_MB"
+"""Environment variable, MB, that raises both limits for a file that is trusted."""
+
+_PIECE = 4096
+_STEP = 1 << 16
 
 _local = threading.local()
 
@@ -70,28 +78,90 @@ def compressor(codec: str, level: Optional[int] = None, for_bag: bool = False) -
     return lambda data: data if isinstance(data, bytes) else bytes(data)
 
 
+def _limit(floor: int, ratio: int, stored: int) -> int:
+    """Bytes that ``stored`` bytes may claim to be when they are unpacked."""
+    trusted = os.environ.get(_LIMIT_NAME, "")
+    return max(floor, ratio * stored, int(trusted) * 1000000 if trusted.isdigit() else 0)
+
+
+class Allowance:
+    """Limits what all chunks of one file unpack to; thread-safe.
+
+    Args:
+        file_size: byte.
+    """
+
+    def __init__(self, file_size: int) -> None:
+        self._limit = _limit(_FILE_FLOOR, _FILE_RATIO, file_size)
+        self._claimed: Dict[int, int] = {}
+        self._total = 0
+        self._lock = threading.Lock()
+
+    def take(self, position: int, size: int) -> None:
+        """Allow the chunk at a position of the file to unpack to ``size`` bytes.
+
+        Raises:
+            BagFormatError: With it, too much is claimed.
+        """
+        with self._lock:
+            self._total += size - self._claimed.get(position, 0)
+            self._claimed[position] = size
+            if self._total > self._limit:
+                raise BagFormatError("the chunks claim more than %d MB when they are unpacked (%s=N in the environment "
+                                     "allows N MB)" % (self._limit // 1000000, _LIMIT_NAME))
+
+
+def _bounded(decoder: Any, data: Buffer, size: int) -> bytes:
+    """At most ``size`` + 1 bytes of a chunk; one more tells that there is more than claimed."""
+    result: bytes = decoder.decompress(data, max_length=size + 1)
+    return result
+
+
+def _decompress_bz2(data: Buffer, size: int) -> bytes:
+    import bz2
+    parts: List[bytes] = []
+    total, rest = 0, bytes(data)
+    while rest and total <= size:  # a chunk may be several streams
+        decoder = bz2.BZ2Decompressor()
+        parts.append(_bounded(decoder, rest, size - total))
+        total += len(parts[-1])
+        if not decoder.eof:
+            if total <= size:
+                raise EOFError("it ends too early")
+            break
+        rest = decoder.unused_data
+    return b"".join(parts)
+
+
 def decompress(codec: str, data: Buffer, size: int) -> Buffer:
-    """The ``size`` bytes of one compressed chunk.
+    """The ``size`` bytes of one compressed chunk; never more memory than that is used.
 
     Raises:
-        BagFormatError: The data is damaged, or its size is not ``size``.
+        BagFormatError: The data is damaged, its size is not ``size``, or it claims too much.
     """
-    if not 0 <= size < _MAX_UNCOMPRESSED:
-        raise BagFormatError("a chunk claims %d bytes" % size)
+    most = _limit(_CHUNK_FLOOR, _CHUNK_RATIO, len(data))
+    if size < 0 or (codec not in ("none", "") and size > most):
+        raise BagFormatError("a chunk of %d bytes claims %d bytes; more than %d are not unpacked (%s=N in the "
+                             "environment allows N MB)" % (len(data), size, most, _LIMIT_NAME))
     result: Buffer
     try:
         if codec in ("none", ""):
             result = data
         elif codec == "zstd":
-            decoder = _local.__dict__.setdefault("zstd_decoder", None) or _import(
-                "zstandard", "zstd").ZstdDecompressor()
+            zstandard = _import("zstandard", "zstd")
+            decoder = _local.__dict__.setdefault("zstd_decoder", None) or zstandard.ZstdDecompressor()
             _local.zstd_decoder = decoder
+            told = zstandard.frame_content_size(data)
+            if told not in (-1, size):
+                raise BagFormatError("a chunk has %d bytes instead of %d" % (told, size))
             result = decoder.decompress(data, max_output_size=max(size, 1))
         elif codec == "lz4":
-            result = _import("lz4.frame", "lz4").decompress(data)
+            lz4_decoder = _import("lz4.frame", "lz4").LZ4FrameDecompressor()
+            result = _bounded(lz4_decoder, data, size)
+            if not lz4_decoder.eof and len(result) <= size:
+                raise EOFError("it ends too early")
         elif codec == "bz2":
-            import bz2
-            result = bz2.decompress(data)
+            result = _decompress_bz2(data, size)
         else:
             raise BagFormatError("compression %r is not known" % codec)
     except BagError:
@@ -104,25 +174,54 @@ def decompress(codec: str, data: Buffer, size: int) -> Buffer:
     return result
 
 
-def decompress_partly(codec: str, data: Buffer) -> bytes:
-    """As many bytes from the start of a damaged or cut-off chunk as its codec gives back."""
-    decoder: Any
+def decompress_partly(codec: str, data: Buffer, size: Optional[int] = None) -> bytes:
+    """As many bytes from the start of a damaged or cut-off chunk as its codec gives back.
+
+    Args:
+        codec: As of ``decompress``.
+        data: What there is of the chunk.
+        size: Bytes at most; None where the chunk does not say.
+    """
+    most = _limit(_CHUNK_FLOOR, _CHUNK_RATIO, len(data))
+    most = most if size is None else min(size, most)
     if codec in ("none", ""):
-        return bytes(data)
+        return bytes(data) if size is None else bytes(data[:size])
     if codec == "zstd":
-        decoder = _import("zstandard", "zstd").ZstdDecompressor().decompressobj()
-    elif codec == "lz4":
+        stream = _import("zstandard", "zstd").ZstdDecompressor().stream_reader(data)
+        return _joined(lambda left: stream.read(min(_STEP, left)), most)
+    decoder: Any
+    if codec == "lz4":
         decoder = _import("lz4.frame", "lz4").LZ4FrameDecompressor()
     elif codec == "bz2":
         import bz2
         decoder = bz2.BZ2Decompressor()
     else:
         return b""
-    parts = []
-    step = 4096  # in steps: the decoders drop what they have when one call fails
-    for start in range(0, len(data), step):
+    rest = memoryview(data)
+
+    def step(left: int) -> bytes:
+        nonlocal rest
+        part = b""
+        while not part and not decoder.eof and (len(rest) or not decoder.needs_input):
+            taken = bytes(rest[:_PIECE]) if decoder.needs_input else b""
+            rest = rest[len(taken):]
+            part = decoder.decompress(taken, max_length=min(_STEP, left))
+        return part
+
+    return _joined(step, most)
+
+
+def _joined(step: Callable[[int], bytes], most: int) -> bytes:
+    """What a decoder gives in steps, up to its first error: the decoders drop what they have when one call fails."""
+    parts: List[bytes] = []
+    left = most
+    while left > 0:
         try:
-            parts.append(decoder.decompress(bytes(data[start:start + step])))
+            part = step(left)
         except Exception:  # each library has error types of its own; the rest is lost
             break
+        if not part:
+            break
+        parts.append(part)
+        left -= len(part)
     return b"".join(parts)

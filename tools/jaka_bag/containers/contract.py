@@ -12,7 +12,7 @@ from ..messages.connection import Connection
 from ..messages.selection import MessageFilter
 from ..output_file import OutputFile
 from ..paths import PathLike
-from .compression import check_codec, compressor
+from .compression import Allowance, check_codec, compressor
 from .index import AttachmentIndex, Buffer, ChunkRef, LogIndex, MetadataIndex, read_at
 
 Self = TypeVar("Self", bound="LogWriter")
@@ -125,6 +125,7 @@ class LogReader:
         self.connections: List[Connection] = index.connections
         self.chunks: List[ChunkRef] = index.chunks
         self._renumber = _Renumbering(index.numbers)
+        self._allowance = Allowance(index.size)
 
     @property
     def message_count(self) -> int:

@@ -50,13 +50,16 @@ class MetadataIndex(NamedTuple):
 
 
 class ChunkHead(NamedTuple):
-    """A chunk record up to its data: codec, uncompressed size, CRC (0: none), where the data starts, how long it is."""
+    """A chunk record without its data: codec, uncompressed size, CRC (0: none), where the data starts, how long it is,
+    and where the record ends; byte from its beginning.
+    """
 
     codec: str
     size: int
     crc: int
     data_start: int
     data_size: int
+    end: int
 
 
 CodecTotals = Tuple[str, int, int, int]
@@ -90,7 +93,8 @@ class LogIndex(NamedTuple):
         library: The program that wrote the MCAP, else empty.
         attachments: Of an MCAP.
         metadata: Of an MCAP.
-        codecs: Of the chunks (the index of a .bag does not say: ``read_codecs``).
+        codecs: Of the chunks; empty where the index does not say (``read_codecs``).
+        notes: What the file has that is none of the format and was skipped, one line each.
     """
 
     format: str
@@ -108,6 +112,7 @@ class LogIndex(NamedTuple):
     attachments: Tuple[AttachmentIndex, ...] = ()
     metadata: Tuple[MetadataIndex, ...] = ()
     codecs: Tuple[CodecTotals, ...] = ()
+    notes: Tuple[str, ...] = ()
 
 
 def open_for_reading(path: PathLike) -> BinaryIO:

@@ -1,9 +1,13 @@
 """What reads a damaged log of any format, and what it yields."""
+import functools
 from typing import Dict, Iterator, List, NamedTuple, Optional
 
+from ..errors import BagFormatError, DefinitionError
 from ..messages.batch import MessageBatch
 from ..messages.connection import Connection
-from .index import AttachmentIndex, MetadataIndex
+from ..messages.definitions import definition_md5
+from .compression import Allowance, decompress_partly
+from .index import AttachmentIndex, Buffer, MetadataIndex
 
 
 class Loss(NamedTuple):
@@ -34,6 +38,16 @@ class Stretch(NamedTuple):
     is_loose: bool = False
 
 
+@functools.lru_cache(maxsize=1024)
+def _soundness(connection: Connection) -> int:
+    """How far a description can be believed: 2 where the md5 fits, 1 where its text is valid, else 0."""
+    try:
+        "".join(map(str, connection)).encode("utf-8")
+        return 2 if definition_md5(connection.datatype, connection.definition) == connection.md5sum else 1
+    except (DefinitionError, UnicodeEncodeError) as error:
+        return int(isinstance(error, DefinitionError))
+
+
 class LogRecovery:
     """Reads a damaged log as far as that goes.
 
@@ -45,6 +59,7 @@ class LogRecovery:
         profile: MCAP profile of the messages.
         attachments: Whole attachments found so far.
         metadata: Whole metadata records found so far.
+        allowance: Limits what the chunks unpack to.
     """
 
     def __init__(self, descriptor: int, size: int) -> None:
@@ -56,6 +71,14 @@ class LogRecovery:
         self.profile = "ros1"
         self.attachments: List[AttachmentIndex] = []
         self.metadata: List[MetadataIndex] = []
+        self.allowance = Allowance(size)
+
+    def learn(self, connections: Dict[int, Connection]) -> None:
+        """Take up descriptions of connections; of several of one connection an intact one is kept."""
+        for file_id, connection in connections.items():
+            known = self.connections.get(file_id)
+            if known is None or (known != connection and _soundness(connection) >= _soundness(known)):
+                self.connections[file_id] = connection
 
     def lose(self, begin: int, end: int, reason: str) -> None:
         """Note a loss."""
@@ -72,6 +95,15 @@ class LogRecovery:
     def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
         """The content of one of ``metadata``."""
         raise NotImplementedError
+
+    def _partly(self, codec: str, data: Buffer, at: int, size: Optional[int] = None) -> bytes:
+        """What can be unpacked of the damaged chunk at a position, which claims ``size`` bytes (None: nothing)."""
+        raw = decompress_partly(codec, data, size)
+        try:
+            self.allowance.take(at, len(raw))
+        except BagFormatError:
+            return b""
+        return raw
 
     def _skip_damage(self, at: int, reason: str) -> int:
         """Where the next chunk starts behind damage, which is noted; the end of the file where there is none."""

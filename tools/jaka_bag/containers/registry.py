@@ -1,7 +1,7 @@
 """The formats of logs: which one a file has, by content; which one an output gets, by name; who reads and writes it."""
 import importlib
 import os
-from typing import TYPE_CHECKING, Any, Dict, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, Any, BinaryIO, Dict, Iterator, NamedTuple, Optional, Tuple
 
 from ..errors import BagError, BagFormatError
 from ..paths import PathLike
@@ -16,8 +16,8 @@ class Format(NamedTuple):
     """One container format; its parts are named and imported when they are first needed.
 
     Attributes:
-        name: As ``LogIndex.format`` has it.
-        suffix: Of its files.
+        name: As ``LogIndex.format`` has it; bags of version 1.2 are ``bag`` there.
+        suffix: Of its files; empty where it is never written.
         magic: First bytes of its files.
         records: Module with ``read_index(path, descriptor)``, which may give None for a whole file without an index,
             ``parse_chunk_head(raw)`` and, for formats with metadata, ``read_metadata(descriptor, entry)``; no numpy.
@@ -25,6 +25,7 @@ class Format(NamedTuple):
         writer: ``module:class`` of its ``LogWriter``.
         recovery: ``module:class`` of its ``LogRecovery``.
         walk: ``module:function`` of ``(path, descriptor)``, which makes the index of a whole file without one.
+        active: The same for a file that is still being written, whose name ends in ``.active``.
     """
 
     name: str
@@ -35,16 +36,22 @@ class Format(NamedTuple):
     writer: str
     recovery: str
     walk: str = ""
+    active: str = ""
 
 
 FORMATS = (
     Format("bag", ".bag", b"#ROSBAG V2.0\n", "jaka_bag.containers.bag.records",
            "jaka_bag.containers.bag.reader:BagReader", "jaka_bag.containers.bag.writer:BagWriter",
            "jaka_bag.containers.bag.recovery:BagRecovery"),
+    Format("rosrecord", "", b"#ROSRECORD V1.2\n", "jaka_bag.containers.bag.rosrecord",
+           "jaka_bag.containers.bag.rosrecord:RosrecordReader", "",
+           "jaka_bag.containers.bag.rosrecord:RosrecordRecovery"),
     Format("mcap", ".mcap", b"\x89MCAP", "jaka_bag.containers.mcap.records",
            "jaka_bag.containers.mcap.reader:McapReader", "jaka_bag.containers.mcap.writer:McapWriter",
-           "jaka_bag.containers.mcap.recovery:McapRecovery", "jaka_bag.containers.mcap.recovery:walk_index"),
+           "jaka_bag.containers.mcap.recovery:McapRecovery", "jaka_bag.containers.mcap.recovery:walk_index",
+           "jaka_bag.containers.mcap.active:active_index"),
 )
+_PIECE = 1 << 20
 ROSBAG2_WRITER = "jaka_bag.containers.rosbag2:Rosbag2Writer"
 """Writes folders, which have no suffix."""
 
@@ -66,9 +73,11 @@ def detect_format(path: PathLike, descriptor: int) -> Format:
     for entry in FORMATS:
         if head.startswith(entry.magic):
             return entry
-    if head.startswith(b"#ROSBAG V"):
-        raise BagFormatError("%s is a bag of version %s; only 2.0 can be read ('rosbag fix' converts older ones)"
-                             % (path, head[9:].split(b"\n")[0].decode("ascii", "replace")))
+    if head.startswith((b"#ROSBAG V", b"#ROSRECORD V")):
+        raise BagFormatError("%s is a bag of version %s; only 1.2 and 2.0 can be read ('rosbag fix' converts others)"
+                             % (path, head.partition(b" V")[2].split(b"\n")[0].decode("ascii", "replace")))
+    if head.startswith(b"SQLite format 3"):
+        raise BagFormatError("%s is a part of a rosbag2 folder: give the folder to info or convert" % path)
     if not head:
         raise BagFormatError("%s is empty" % path)
     raise BagFormatError("%s is neither a .bag nor an .mcap file" % path)
@@ -78,7 +87,12 @@ def _index_of(entry: Format, path: PathLike, descriptor: int) -> LogIndex:
     try:
         index: LogIndex = load(entry.records).read_index(path, descriptor) or load(entry.walk)(path, descriptor)
     except BagFormatError as error:
-        raise BagFormatError("%s: %s" % (path, error)) from error
+        if not (entry.active and str(path).endswith(".active")):
+            raise BagFormatError("%s: %s" % (path, error)) from error
+        try:
+            index = load(entry.active)(path, descriptor)
+        except BagFormatError as damage:
+            raise BagFormatError("%s: %s" % (path, damage)) from damage
     return index
 
 
@@ -124,6 +138,19 @@ def read_metadata(index: LogIndex, entry: MetadataIndex) -> Dict[str, str]:
     with open_for_reading(index.path) as file:
         values: Dict[str, str] = _records_module(index).read_metadata(file.fileno(), entry)
     return values
+
+
+def file_pieces(file: BinaryIO) -> Iterator[Tuple[int, int, str]]:
+    """A file of any format in pieces without a gap: first byte, size, what it is; its position is changed."""
+    size = os.fstat(file.fileno()).st_size
+    at = 0
+    if read_at(file.fileno(), 0, 16).startswith(b"\x89MCAP"):
+        for piece in load("jaka_bag.containers.mcap.pieces:pieces")(file):
+            yield piece
+            at = piece[0] + piece[1]
+    while at < size:
+        yield at, min(_PIECE, size - at), "bytes"
+        at += _PIECE
 
 
 def open_log(path: PathLike) -> "LogReader":
@@ -179,7 +206,7 @@ def create_log(path: PathLike, compression: Optional[str] = None, level: Optiona
         writer = load(ROSBAG2_WRITER)(path, compression, level, overwrite)
         return writer
     for entry in FORMATS:
-        if suffix == entry.suffix:
+        if suffix and suffix == entry.suffix:
             writer = load(entry.writer)(path, compression, level, overwrite=overwrite, profile=profile, **options)
             return writer
     raise BagError("%s: the name of an output ends in .bag or .mcap" % path)

@@ -12,7 +12,8 @@ from .contract import LogReader, Message
 from .index import ChunkRef
 
 _PIECE = 1 << 20
-_HELD_BYTES = 32 << 20
+_MOST_HELD = 1 << 18
+HELD_BYTES = 32 << 20
 """Chunk contents kept while chunks overlap in time; beyond it they are read again when their turn comes."""
 
 
@@ -45,7 +46,8 @@ class _Held:
     def drop(self) -> None:
         """Forget the payloads, but not the times."""
         rest = self.rest
-        self.rest = MessageBatch(rest.data[:0], rest.start, rest.length, rest.connection, rest.log_time)
+        none = np.zeros(0, np.uint8)  # not a view, which would keep the whole buffer
+        self.rest = MessageBatch(none, rest.start, rest.length, rest.connection, rest.log_time)
 
     def take_before(self, time: Optional[int]) -> MessageBatch:
         """Remove and return the messages before a time, ns (None: all)."""
@@ -79,9 +81,24 @@ def in_time_order(sources: Sequence[Source]) -> Iterator[MessageBatch]:
         yield from _emit(held, start)
         held = [h for h in held if len(h.rest)]
         held.append(_Held((k, position), sources[k], chunk))
-        for old in held[:-1] if sum(h.held_bytes for h in held) > _HELD_BYTES else ():
+        for old in held[:-1] if sum(h.held_bytes for h in held) > HELD_BYTES else ():
             old.drop()
     yield from _emit(held, None)
+
+
+def gathered(batches: Iterable[MessageBatch], size: int) -> Iterator[MessageBatch]:
+    """The same messages in batches of at least ``size`` bytes of payload, or a quarter of a million messages."""
+    held: List[MessageBatch] = []
+    total = count = 0
+    for batch in batches:
+        held.append(batch.copy() if len(batch.data) > 2 * size else batch)
+        total += int(batch.length.sum())
+        count += len(batch)
+        if total >= size or count >= _MOST_HELD:
+            yield concatenate(held)
+            held, total, count = [], 0, 0
+    if held:
+        yield concatenate(held)
 
 
 def whole_source(reader: LogReader, selection: Optional[Selection] = None) -> Source:

@@ -11,7 +11,7 @@ from ..containers.time_order import Source, in_time_order
 from ..errors import BagError
 from ..messages.batch import Array
 from ..messages.connection import Connection
-from ..messages.selection import MessageFilter, Selection
+from ..messages.selection import MessageFilter, Selection, unmatched
 from .publisher import frame_of
 
 _BATCH = 512
@@ -84,6 +84,15 @@ class LogSource:
                 self.connections.append(connection)
             numbers[i] = self.connections.index(connection) if wanted else -1
         return numbers
+
+    @property
+    def notes(self) -> List[str]:
+        """What the logs have that was skipped, one line each."""
+        return ["%s: %s" % (reader.path, note) for reader in self._readers for note in reader.index.notes]
+
+    def unmatched(self) -> List[str]:
+        """What is wanted by name and no log has, one line each."""
+        return unmatched(self._choice, [connection for reader in self._readers for connection in reader.connections])
 
     def close(self) -> None:
         """Close the logs."""

@@ -1,4 +1,5 @@
 """The file or files that a recording writes: names, chunks closed by age, splits, latched messages, a full disk."""
+import itertools
 import os
 import resource
 import time
@@ -10,12 +11,13 @@ from ..containers.contract import LogWriter
 from ..containers.registry import create_log
 from ..errors import BagError, WriteFailed
 from ..units import NS_PER_S
-from .stream_account import Stream, drops_as_metadata, drops_by_topic
+from .stream_account import Stream, TopicDrops, drops_as_metadata, drops_by_topic
 
 WORKING_SUFFIX = ".active"
 _SUMMARY_RESERVE = 64 * 1024
 _SUMMARY_SHARE = 64
 """Room kept for the end of the file: a fixed part, byte, and a share of what was written."""
+_file_numbers = itertools.count(1)
 
 
 class Attachment(NamedTuple):
@@ -81,6 +83,7 @@ class RollingFiles:
         attachments: Files stored in each MCAP file.
         streams: Gives all streams so far, for the account stored in each MCAP file.
         notice: Takes a line for the user.
+        drops: Gives that account, where it is not that of all streams since they were opened.
 
     Attributes:
         finished: Final paths of whole files, oldest first.
@@ -91,8 +94,10 @@ class RollingFiles:
     """
 
     def __init__(self, settings: FileSettings, facts: Dict[str, str], attachments: List[Attachment],
-                 streams: Callable[[], List[Stream]], notice: Callable[[str], None]) -> None:
+                 streams: Callable[[], List[Stream]], notice: Callable[[str], None],
+                 drops: Optional[Callable[[], Dict[str, TopicDrops]]] = None) -> None:
         self.settings = settings
+        self._drops = drops or (lambda: drops_by_topic(streams()))
         self._facts = facts
         self._attachments = attachments
         self._streams = streams
@@ -116,21 +121,22 @@ class RollingFiles:
                             suffix=WORKING_SUFFIX, keep_leftover=not s.overwrite)
         self._writer = writer
         self._serial += 1
+        self._file_number = next(_file_numbers)
         self._begin_time = None
         self._chunk_born = None
         self._synced_position = 0
         try:
             self._check_space(writer)
-            if writer.capabilities.metadata:
-                writer.add_metadata("jaka_bag.recording", self._facts)
-            for item in self._attachments if writer.capabilities.attachments else ():
-                writer.add_attachment(item.name, item.data, item.media_type, time.time_ns(), time.time_ns())
+            self.add_metadata("jaka_bag.recording", self._facts)
+            for item in self._attachments:
+                self.add_attachment(item)
         except BagError:
             writer.abort()
             self._writer = None
             raise
 
-    def add(self, stream: Stream, log_time: int, publish_time: int, payload: bytes) -> None:
+    def add(self, stream: Stream, log_time: int, publish_time: int, payload: bytes,
+            sequence: Optional[int] = None) -> None:
         """Write one message; a new file is begun where the settings say so.
 
         Args:
@@ -138,6 +144,7 @@ class RollingFiles:
             log_time: ns.
             publish_time: ns.
             payload: The serialised message.
+            sequence: Its number among its publisher's; None for the stream's own count.
         """
         try:
             self._make_ready(log_time, len(payload))
@@ -146,7 +153,7 @@ class RollingFiles:
             raise
         self.messages += 1
         stream.written += 1
-        self._put(stream, log_time, publish_time, payload)
+        self._put(stream, log_time, publish_time, payload, sequence)
         if stream.connection.latching:
             stream.latched = (payload, publish_time)
 
@@ -168,16 +175,18 @@ class RollingFiles:
         self._largest_chunk = max(self._largest_chunk, writer.position - begin)
         self._chunk_done()
 
-    def _put(self, stream: Stream, log_time: int, publish_time: int, payload: bytes) -> None:
+    def _put(self, stream: Stream, log_time: int, publish_time: int, payload: bytes,
+             sequence: Optional[int] = None) -> None:
         writer = self._writer
         assert writer is not None
         if self._chunk_born is None:
             self._chunk_born = time.monotonic()
-        if stream.channel_file != self._serial:
+        if stream.channel_file != self._file_number:
             stream.channel = writer.add_channel(stream.connection)
-            stream.channel_file = self._serial
+            stream.channel_file = self._file_number
         self._chunk_streams[stream] = self._chunk_streams.get(stream, 0) + 1
-        writer.add_message(stream.channel, log_time, payload, publish_time, stream.position & 0xFFFFFFFF)
+        number = stream.position if sequence is None else sequence
+        writer.add_message(stream.channel, log_time, payload, publish_time, number & 0xFFFFFFFF)
         if not writer.pending_bytes:
             self._chunk_done()
 
@@ -234,6 +243,32 @@ class RollingFiles:
                 self._sync(writer)
                 self._check_space(writer)
 
+    @property
+    def size(self) -> int:
+        """Bytes of the file that is being written, those of the chunk under way as they came."""
+        return 0 if self._writer is None else self._writer.position + self._writer.pending_bytes
+
+    def add_metadata(self, name: str, values: Dict[str, str]) -> None:
+        """Add named facts to the file that is being written, where its format has a place for them."""
+        if self._writer is not None and self._writer.capabilities.metadata:
+            self._writer.add_metadata(name, values)
+
+    def add_attachment(self, item: Attachment) -> None:
+        """Add a file to the one that is being written, where its format has a place for it."""
+        if self._writer is not None and self._writer.capabilities.attachments:
+            self._writer.add_attachment(item.name, item.data, item.media_type, time.time_ns(), time.time_ns())
+
+    def force(self) -> None:
+        """Close the chunk and force all that was added to the disk.
+
+        Raises:
+            WriteFailed: The system refused.
+        """
+        writer = self._writer
+        if writer is not None:
+            self._flush(writer)
+            self._sync(writer)
+
     def _sync(self, writer: LogWriter) -> None:
         try:
             os.fdatasync(writer.fileno())
@@ -275,8 +310,7 @@ class RollingFiles:
         except WriteFailed as error:
             self.lose_chunk()
             self._notice(str(error))
-        if writer.capabilities.metadata:
-            writer.add_metadata("jaka_bag.drops", drops_as_metadata(drops_by_topic(self._streams())))
+        self.add_metadata("jaka_bag.drops", drops_as_metadata(self._drops()))
         if self.settings.fsync_s:
             self._sync(writer)
         writer.close()

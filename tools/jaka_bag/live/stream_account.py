@@ -36,7 +36,7 @@ class Stream:
         missing: Messages that ``header.seq`` skipped.
         undelivered: Messages that the publisher counts as sent on this link beyond those received; None where it
             was never asked or gives no number.
-        channel: Number of the stream in the file whose serial is ``channel_file``.
+        channel: Number of the stream in the file whose number in this process is ``channel_file``.
     """
 
     __slots__ = ("connection", "publisher", "has_header", "is_wanted", "received", "link_start", "written",

@@ -93,6 +93,11 @@ class Subscriber:
         self._slave.subscriptions = lambda: [[topic, "*"] for topic in list(self._accepts)]
         self._slave.bus_info = self._bus_info
 
+    @property
+    def uri(self) -> str:
+        """The node's XMLRPC URI."""
+        return self._slave.uri
+
     # Called from other threads
 
     def subscribe(self, topic: str, accept: Accept = accept_all) -> None:

@@ -3,12 +3,12 @@ import collections
 import struct
 import threading
 import time
-from typing import Callable, Deque, Dict, List, Optional, Set, Tuple
+from pathlib import Path
+from typing import Callable, Deque, Dict, List, Optional, Protocol, Set, Tuple
 
 from ..errors import BagError, WriteFailed
 from ..messages.connection import Connection
 from ..units import NS_PER_S
-from .rolling_files import RollingFiles
 from .stream_account import Stream
 
 _HEADER = struct.Struct("<III")
@@ -22,6 +22,29 @@ CLOCK_TOPIC = "/clock"
 _Item = Tuple[Stream, int, int, bytes]
 
 
+class MessageFiles(Protocol):
+    """Where the writing thread puts messages: ``RollingFiles``, or what makes files of some of them."""
+
+    messages: int
+    finished: List[Path]
+
+    @property
+    def is_large_enough(self) -> bool:
+        """True where no more is wanted."""
+
+    def add(self, stream: Stream, log_time: int, publish_time: int, payload: bytes) -> None:
+        """Take one message; times in ns."""
+
+    def tick(self) -> None:
+        """Do what is due; called often."""
+
+    def lose_chunk(self) -> None:
+        """Count the messages of a chunk that the system refused as unwritten."""
+
+    def close(self) -> None:
+        """Finish what is being written."""
+
+
 class WriterThread:
     """Takes messages in the receiving thread, writes them in another.
 
@@ -32,6 +55,7 @@ class WriterThread:
         is_simulated_time: Log times are those of ``/clock``, not the host's.
         limit: Messages to record of each topic; 0 for all.
         snapshot_s: Keep this many seconds in memory and write them only when triggered; None records at once.
+        item_bytes: What a waiting message counts beside its payload, byte.
         notice: Takes a line for the user.
         on_stop: Called from the writing thread, with the reason, when recording cannot or need not go on.
 
@@ -44,15 +68,16 @@ class WriterThread:
         untimed: Messages that came before the first ``/clock`` and got its time.
     """
 
-    def __init__(self, open_files: Callable[[], RollingFiles], buffer_bytes: int, notice: Callable[[str], None],
+    def __init__(self, open_files: Callable[[], MessageFiles], buffer_bytes: int, notice: Callable[[str], None],
                  on_stop: Callable[[str], None], is_simulated_time: bool = False, limit: int = 0,
-                 snapshot_s: Optional[float] = None) -> None:
+                 snapshot_s: Optional[float] = None, item_bytes: int = 0) -> None:
         self._open_files = open_files
         self._buffer_bytes = buffer_bytes
         self._notice = notice
         self._on_stop = on_stop
         self._limit = limit
         self._snapshot_s = snapshot_s
+        self._item_bytes = item_bytes
         self.is_simulated_time = is_simulated_time
         self.clock: Optional[int] = None
         self._waiting_for_clock: List[_Item] = []
@@ -61,7 +86,7 @@ class WriterThread:
         self._taken_bytes = 0
         self._passed_bytes = 0
         self._topic_counts: Dict[str, int] = {}
-        self._files: Optional[RollingFiles] = None
+        self._files: Optional[MessageFiles] = None
         self._ring: Deque[_Item] = collections.deque()
         self._ring_bytes = 0
         self._trigger = threading.Event()
@@ -126,6 +151,7 @@ class WriterThread:
             self._queue.append((stream, stamp, published, data))
 
     def _has_room(self, stream: Stream, size: int) -> bool:
+        size += self._item_bytes
         if self._buffer_bytes and self._taken_bytes - self._passed_bytes + size > self._buffer_bytes:
             stream.overflowed += 1
             return False
@@ -206,7 +232,7 @@ class WriterThread:
             self.failure = self.failure or error
         self._note_files(self._files)
 
-    def _note_files(self, files: RollingFiles) -> None:
+    def _note_files(self, files: MessageFiles) -> None:
         self.messages += files.messages
         self.finished_paths.extend(str(path) for path in files.finished)
 
@@ -214,7 +240,7 @@ class WriterThread:
         queue, files, limit = self._queue, self._files, self._limit
         for _ in range(len(queue)):
             stream, stamp, published, data = queue.popleft()
-            self._passed_bytes += len(data)
+            self._passed_bytes += len(data) + self._item_bytes
             if limit and not self._is_within_limit(stream.connection.topic):
                 continue
             if files is not None:

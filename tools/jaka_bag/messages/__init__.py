@@ -5,6 +5,8 @@ definitions   ROS 1 message definitions: text to fields, and the md5 of a type
 batch         many messages in one buffer: what readers give, filters pick from and writers take
 selection     which messages are wanted: topics, types, times
 layout        where the fields of serialised messages lie; messages of one layout are handled together
+values        one message as Python values
+decoding      single messages as data for JSON
 columns       fields of messages as numpy columns
 ros2_types    ROS 2 definitions, type hashes and single CDR messages, by the library rosbags
 cdr           ROS 1 messages to CDR, many at once

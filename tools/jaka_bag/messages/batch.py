@@ -12,6 +12,9 @@ _GATHER_LIMIT = 4096
 """Payloads above this size, byte, are copied one by one: memcpy then wins over index arrays."""
 _GATHER_ROWS = 8
 _MAX_GAPS = 64
+_MOST_IN_PIECE = 1 << 18
+"""Messages in one piece of a batch, for those without bytes."""
+_ROWS = 1 << 16
 
 
 class MessageBatch:
@@ -127,7 +130,7 @@ def concatenate(batches: Sequence[MessageBatch]) -> MessageBatch:
 def pieces_of(batch: MessageBatch, max_bytes: int) -> List[MessageBatch]:
     """The batch cut, in order, into batches of at most ``max_bytes`` of messages (a larger message stays whole)."""
     total = int(batch.length.sum())
-    if total <= max_bytes or len(batch) <= 1:
+    if total <= max_bytes and len(batch) <= _MOST_IN_PIECE or len(batch) <= 1:
         return [batch]
     ends = np.cumsum(batch.length)
     result: List[MessageBatch] = []
@@ -135,6 +138,7 @@ def pieces_of(batch: MessageBatch, max_bytes: int) -> List[MessageBatch]:
     while begin < len(batch):
         base = int(ends[begin - 1]) if begin else 0
         end = max(int(np.searchsorted(ends, base + max_bytes, side="right")), begin + 1)
+        end = min(end, begin + _MOST_IN_PIECE)
         result.append(batch.take(slice(begin, end)))
         begin = end
     return result
@@ -152,9 +156,31 @@ def uncovered(start: Array, end: Array, total: int) -> Optional[List[Tuple[int, 
     return list(zip(begins[which].tolist(), ends[which].tolist()))
 
 
-def batch_of_rows(data: Array, columns: List[Tuple[int, ...]], has_publish: bool) -> MessageBatch:
-    """A batch from (start, length, connection, log time[, publish time, sequence]) of each message."""
-    table = np.array(columns, np.uint64).reshape(-1, 6 if has_publish else 4)
+class Rows:
+    """Collects (start, length, connection, log time[, publish time, sequence]) of each message in little memory."""
+
+    def __init__(self, has_publish: bool) -> None:
+        self._width = 6 if has_publish else 4
+        self._rows: List[Tuple[int, ...]] = []
+        self._tables: List[Array] = []
+
+    def append(self, row: Tuple[int, ...]) -> None:
+        """Add one message."""
+        self._rows.append(row)
+        if len(self._rows) >= _ROWS:
+            self._pack()
+
+    def _pack(self) -> None:
+        self._tables.append(np.array(self._rows, np.uint64).reshape(-1, self._width))
+        self._rows = []
+
+    def batch(self, data: Array) -> MessageBatch:
+        """The messages, which lie in ``data``."""
+        self._pack()
+        return _batch_of_table(data, np.concatenate(self._tables), self._width == 6)
+
+
+def _batch_of_table(data: Array, table: Array, has_publish: bool) -> MessageBatch:
     signed = np.ascontiguousarray(table.T).view(np.int64)
     optional = (signed[4], signed[5].astype(np.uint32)) if has_publish else ()
     return MessageBatch(data, signed[0], signed[1], signed[2], signed[3], *optional)

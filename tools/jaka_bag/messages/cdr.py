@@ -63,8 +63,8 @@ class CdrConverter:
     """
 
     def __init__(self, connection: Connection) -> None:
+        self._finder = LayoutFinder(connection)  # first, for it refuses definitions that rosbags would not get done
         self.kind = Ros2Type(connection)
-        self._finder = LayoutFinder(connection)
         self._maps: Dict[Layout, ByteMap] = {}
         self._seen: Dict[Layout, int] = {}
 

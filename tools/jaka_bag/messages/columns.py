@@ -1,5 +1,5 @@
 """Fields of messages as numpy columns; all messages of one layout are decoded at once."""
-from typing import Dict, List, NamedTuple
+from typing import Container, Dict, List, NamedTuple, Optional
 
 import numpy as np
 
@@ -89,12 +89,13 @@ def _join(where: List[Array], values: List[Array], count: int) -> Array:
     return joined
 
 
-def part_of(batch: MessageBatch, groups: List[Group]) -> Part:
-    """The messages of one topic in a batch, given by layout."""
+def part_of(batch: MessageBatch, groups: List[Group], fields: Optional[Container[str]] = None) -> Part:
+    """The messages of one topic in a batch, given by layout; with some ``fields`` only, where these are named."""
     among = np.sort(np.concatenate([group.which for group in groups])) if len(groups) > 1 else groups[0].which
     return Part(batch.log_time[among], batch.publish_time[among], [
         _Taken(np.searchsorted(among, group.which),
-               {name: leaf_values(group.rows, leaf) for name, leaf in group.layout.leaves.items()})
+               {name: leaf_values(group.rows, leaf) for name, leaf in group.layout.leaves.items()
+                if fields is None or name in fields})
         for group in groups])
 
 

@@ -6,6 +6,7 @@ import hashlib
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
 from ..errors import DefinitionError
+from .connection import Connection
 
 PRIMITIVE_SIZES = {
     "bool": 1, "byte": 1, "char": 1, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int32": 4, "uint32": 4,
@@ -13,6 +14,9 @@ PRIMITIVE_SIZES = {
 }
 """Size on the ROS 1 wire, byte; ``string`` is the one built-in type without a fixed size."""
 
+_DEEPEST = 60
+_MOST_FIELDS = 5000
+"""Fields of a type with those of all types in it, beyond which a definition is taken for an attack."""
 _HEADER_NAMES = ("Header", "std_msgs/Header", "roslib/Header")
 
 
@@ -111,30 +115,69 @@ def parse_definition(datatype: str, text: str) -> Dict[str, MessageType]:
                 name = _resolve(line[4:].strip(), datatype.split("/")[0])
         else:
             lines.append(line)
-    _check_closed(datatype, types, ())
+    _check_closed(datatype, types, (), {})
     return types
 
 
-def _check_closed(name: str, types: Dict[str, MessageType], above: Tuple[str, ...]) -> None:
+def types_of(connection: Connection) -> Dict[str, MessageType]:
+    """The types of a connection's messages, as ``parse_definition`` gives them.
+
+    Raises:
+        DefinitionError: The messages are not those of ROS 1, or the definition is not understood.
+    """
+    where = "%s (%s)" % (connection.topic, connection.datatype)
+    if connection.encoding != "ros1" or connection.schema_encoding != "ros1msg":
+        raise DefinitionError("%s: messages encoded as %s, described by %s, cannot be decoded" % (
+            where, connection.encoding or "nothing known", connection.schema_encoding or "nothing"))
+    try:
+        return parse_definition(connection.datatype, connection.definition)
+    except DefinitionError as error:
+        raise DefinitionError("%s: %s" % (where, error)) from error
+
+
+def _check_closed(name: str, types: Dict[str, MessageType], above: Tuple[str, ...],
+                  known: Dict[str, Tuple[int, int]]) -> Tuple[int, int]:
+    """How many fields a type has with all that is in it, and how deep it is; both are limited."""
+    if name in known:
+        return known[name]
     if name not in types:
         raise DefinitionError("the definition of %s lacks %s" % (above[0] if above else name, name))
     if name in above:
         raise DefinitionError("%s contains itself" % name)
-    for inner in types[name].fields:
-        if not inner.is_builtin:
-            _check_closed(inner.type, types, above + (name,))
+    count, depth = 0, 1
+    for inner in types[name].fields if len(above) < _DEEPEST else ():
+        below = (1, 0) if inner.is_builtin else _check_closed(inner.type, types, above + (name,), known)
+        count += 1 if inner.is_builtin else 1 + below[0]
+        depth = max(depth, 1 + below[1])
+    if depth > _DEEPEST or len(above) >= _DEEPEST:
+        raise DefinitionError("the definition of %s is more than %d types deep" % ((above + (name,))[0], _DEEPEST))
+    if count > _MOST_FIELDS:
+        raise DefinitionError("the definition of %s describes more than %d fields"
+                              % ((above + (name,))[0], _MOST_FIELDS))
+    known[name] = (count, depth)
+    return known[name]
 
 
-def md5_of(datatype: str, types: Dict[str, MessageType]) -> str:
-    """md5 of a type as ROS 1 computes it (genmsg ``gentools``): constants, then fields, nested types by md5."""
+def md5_of(datatype: str, types: Dict[str, MessageType], known: Optional[Dict[str, str]] = None) -> str:
+    """md5 of a type as ROS 1 computes it (genmsg ``gentools``): constants, then fields, nested types by md5.
+
+    Args:
+        datatype: Full name.
+        types: All types by full name.
+        known: The md5 of types that are done; it grows.
+    """
+    known = {} if known is None else known
+    if datatype in known:
+        return known[datatype]
     lines = ["%s %s=%s" % constant for constant in types[datatype].constants]
     for item in types[datatype].fields:
         if item.is_builtin:
             suffix = "" if item.array is None else "[]" if item.array < 0 else "[%d]" % item.array
             lines.append("%s%s %s" % (item.type, suffix, item.name))
         else:
-            lines.append("%s %s" % (md5_of(item.type, types), item.name))
-    return hashlib.md5("\n".join(lines).strip().encode("utf-8", "surrogateescape")).hexdigest()
+            lines.append("%s %s" % (md5_of(item.type, types, known), item.name))
+    known[datatype] = hashlib.md5("\n".join(lines).strip().encode("utf-8", "surrogateescape")).hexdigest()
+    return known[datatype]
 
 
 def definition_md5(datatype: str, text: str) -> str:

@@ -3,17 +3,20 @@
 ``DefinitionError`` is raised where the definition is not understood or does not describe a message.
 """
 import struct
-from typing import Dict, Iterator, List, NamedTuple, Tuple
+from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from ..errors import DefinitionError
 from .batch import Array, MessageBatch, distinct, rows
 from .connection import Connection
-from .definitions import PRIMITIVE_SIZES, MessageType, parse_definition
+from .definitions import PRIMITIVE_SIZES, MessageType, types_of
 
 _U32 = struct.Struct("<I")
 _MAX_CACHED = 256
+_MOST_EMPTY = 10000
+_MOST_VALUES = 2000000
+"""Values that the arrays of messages in one message may hold, and fields that it may have, together."""
 
 
 class Leaf(NamedTuple):
@@ -55,9 +58,29 @@ class _Walker:
     def __init__(self, types: Dict[str, MessageType], raw: bytes) -> None:
         self._types = types
         self._raw = raw
+        self._left = _MOST_VALUES
+        self._least: Dict[str, int] = {}
         self.at = 0
         self.lengths_at: List[int] = []
         self.runs: Dict[str, Tuple[str, List[int], List[int], bool]] = {}
+
+    def _least_size(self, type_name: str) -> int:
+        """Bytes that a value of a type has at least; where there are none, none has any."""
+        if type_name == "string":
+            return 4
+        if type_name in PRIMITIVE_SIZES:
+            return PRIMITIVE_SIZES[type_name]
+        if type_name not in self._least:
+            self._least[type_name] = sum(
+                4 if field.array is not None and field.array < 0
+                else self._least_size(field.type) * (1 if field.array is None else field.array)
+                for field in self._types[type_name].fields)
+        return self._least[type_name]
+
+    def _count_one(self) -> None:
+        self._left -= 1
+        if self._left < 0:
+            raise DefinitionError("a message has more than %d values" % _MOST_VALUES)
 
     def _length(self) -> int:
         if self.at + 4 > len(self._raw):
@@ -69,6 +92,7 @@ class _Walker:
     def _leaf(self, name: str, type_name: str, count: int, size: int, is_array: bool) -> None:
         if self.at + count * size > len(self._raw):
             raise DefinitionError("a message is shorter than its definition says")
+        self._count_one()
         run = self.runs.setdefault(name, (type_name, [], [], is_array))
         run[1].append(self.at)
         run[2].append(count)
@@ -83,8 +107,14 @@ class _Walker:
             if size is not None:
                 self._leaf(name, field.type, count, size, in_array)
                 continue
-            if count > len(self._raw) and (field.type == "string" or self._types[field.type].fields):
+            least = self._least_size(field.type)
+            if count * least > len(self._raw):
                 raise DefinitionError("a message is shorter than its definition says")
+            if least == 0:  # messages of nothing but constants have no bytes
+                if count > _MOST_EMPTY:
+                    raise DefinitionError("a message has an array of %d empty messages" % count)
+                continue
+            self._count_one()
             if count == 0:
                 self._declare(field.type, name)
             for _ in range(count):
@@ -95,6 +125,7 @@ class _Walker:
 
     def _declare(self, type_name: str, name: str) -> None:
         """Name the leaves of an array that is empty in this message."""
+        self._count_one()
         if type_name == "string" or type_name in PRIMITIVE_SIZES:
             self.runs.setdefault(name, (type_name, [], [], True))
             return
@@ -130,12 +161,9 @@ class LayoutFinder:
     """
 
     def __init__(self, connection: Connection) -> None:
-        if connection.encoding != "ros1" or connection.schema_encoding != "ros1msg":
-            raise DefinitionError("%s: messages encoded as %s (%s) cannot be decoded"
-                                  % (connection.topic, connection.encoding, connection.schema_encoding))
         self._topic = connection.topic
         self._datatype = connection.datatype
-        self._types = parse_definition(connection.datatype, connection.definition)
+        self._types = types_of(connection)
         self._known: Dict[int, List[Layout]] = {}
         self._count = 0
 
@@ -144,6 +172,11 @@ class LayoutFinder:
             return layout_of(self._datatype, self._types, raw)
         except DefinitionError as error:
             raise DefinitionError("%s (%s): %s" % (self._topic, self._datatype, error)) from error
+
+    def leaf(self, name: str) -> Optional[Leaf]:
+        """A field as it lies in one of the layouts met so far; None where it was not met."""
+        return next((layout.leaves[name] for known in self._known.values() for layout in known
+                     if name in layout.leaves), None)
 
     def groups(self, batch: MessageBatch, which: Array) -> Iterator[Group]:
         """The messages at positions ``which`` of a batch, by layout."""

@@ -1,20 +1,46 @@
-"""The only door to rosbags, whose interface changes between versions: CDR, ROS 2 definitions and type hashes."""
-from typing import Any
+"""The door to rosbags' types, whose interface changes between versions: CDR, ROS 2 definitions and type hashes."""
+import re
+from typing import Any, Dict, List, Set
 
 from ..errors import DefinitionError, MissingDependency
 from .connection import Connection
+from .definitions import definition_md5
 
 _BREAK = "=" * 80
 _ROS2_HEADER = ("builtin_interfaces/Time stamp\nstring frame_id\n" + _BREAK
                 + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n" + _BREAK
                 + "\nMSG: builtin_interfaces/Duration\nint32 sec\nuint32 nanosec\n")
+_HEADER = "std_msgs/msg/Header"
+_CONSTANT = re.compile(r"\s*(\w+)\s+(\w+)\s*=(.*)$")
+_ROS2_CONSTANT = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*$")
 _RENAMED = {"tf/tfMessage": "tf2_msgs/TFMessage"}  # the one ROS 1 type that ROS 2 knows under another name
+
+
+def _short(error: Exception) -> str:
+    """What an exception of rosbags says, without the definition that it may quote."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 160 else text[:160] + "..."
 
 
 def ros2_name(datatype: str) -> str:
     """``package/Type`` as ROS 2 writes it, ``package/msg/Type``."""
     package, _, name = _RENAMED.get(datatype, datatype).partition("/")
     return "%s/msg/%s" % (package, name)
+
+
+def with_ros2_constants(definition: str) -> str:
+    """A ROS 1 definition with the constants named as ROS 2 wants it, in capitals, and without those it cannot have."""
+    lines = []
+    for line in definition.splitlines():
+        constant = _CONSTANT.match(line)
+        if constant is not None:
+            type_name, name, rest = constant.groups()
+            name = name.upper().strip("_")
+            if type_name in ("time", "duration") or not _ROS2_CONSTANT.match(name):
+                continue
+            line = "%s %s=%s" % (type_name, name, rest)
+        lines.append(line)
+    return "\n".join(lines) + "\n"
 
 
 class Ros2Type:
@@ -39,16 +65,23 @@ class Ros2Type:
         except ImportError:
             raise MissingDependency("ROS 2 output needs the Python package rosbags") from None
         self.name = ros2_name(connection.datatype)
-        try:
-            types = get_types_from_msg(connection.definition, self.name)
+        def store_of(definition: str) -> Any:
+            types = get_types_from_msg(definition, self.name)
             types.update(get_types_from_msg(_ROS2_HEADER, "std_msgs/msg/Header"))
-            self._store: Any = get_typestore(Stores.EMPTY)
-            self._store.register(types)
+            store = get_typestore(Stores.EMPTY)
+            store.register(types)
+            return store
+
+        try:
+            try:
+                self._store = store_of(connection.definition)
+            except Exception:  # rosbags raises what its parser raises: constants are not named as in ROS 2
+                self._store = store_of(with_ros2_constants(connection.definition))
             self.definition: str = self._store.generate_msgdef(self.name, ros_version=2)[0]
             self.type_hash: str = self._store.hash_rihs01(self.name)
         except Exception as error:  # rosbags raises what its parser raises
             raise DefinitionError("%s: the definition of %s has no ROS 2 form (%s)" % (
-                connection.topic, connection.datatype, str(error) or type(error).__name__)) from error
+                connection.topic, connection.datatype, _short(error))) from error
 
     def to_cdr(self, message: bytes) -> bytes:
         """A serialised ROS 1 message as CDR.
@@ -60,3 +93,83 @@ class Ros2Type:
             return bytes(self._store.ros1_to_cdr(message, self.name))
         except Exception as error:  # IndexError, struct.error, AssertionError: whatever the generated code meets
             raise DefinitionError("a message of %s does not fit its definition" % self.name) from error
+
+
+def _needed(name: str, known: Dict[str, Any]) -> Set[str]:
+    """A type and those that it is made of, by their names in rosbags' nested tuples of fields."""
+    found: Set[str] = set()
+    waiting: List[Any] = [name]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, (tuple, list)):
+            waiting += part
+        elif isinstance(part, str) and part in known and part not in found:
+            found.add(part)
+            waiting.append(known[part][1])
+    return found
+
+
+def _definitions_in(store: Any) -> Dict[str, Any]:
+    """The types that a store of rosbags knows; the last version for Python 3.8 has another name for them."""
+    found: Dict[str, Any] = store.fielddefs if hasattr(store, "fielddefs") else store.FIELDDEFS
+    return found
+
+
+def ros1_name(type_name: str) -> str:
+    """``package/msg/Type`` as ROS 1 writes it, ``package/Type``."""
+    return type_name.replace("/msg/", "/", 1)
+
+
+class Ros1Type:
+    """The ROS 1 side of a ROS 2 message type.
+
+    Args:
+        name: ``package/msg/Type``.
+        definition: Text with the definitions of all types in it; empty for the ones that rosbags knows of ROS 2.
+        is_idl: The text is OMG IDL instead of ``.msg``.
+
+    Attributes:
+        name: ``package/Type``.
+        definition: ROS 1 definition text with those of all types in it.
+        md5sum: Of the type.
+
+    Raises:
+        MissingDependency: rosbags is not installed.
+        DefinitionError: The type is not known, or ROS 1 has nothing like it.
+    """
+
+    def __init__(self, name: str, definition: str = "", is_idl: bool = False) -> None:
+        try:
+            from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+        except ImportError:
+            raise MissingDependency("rosbag2 folders need the Python package rosbags") from None
+        self.name = ros1_name(name)
+        self._ros2_name = name
+        try:
+            known = dict(_definitions_in(get_typestore(Stores.ROS2_HUMBLE)))
+            if definition:
+                known.update(get_types_from_idl(definition) if is_idl else get_types_from_msg(definition, name))
+            known = {each: known[each] for each in _needed(name, known)}
+            self._store: Any = get_typestore(Stores.EMPTY)
+            self._store.register(known)
+            ros1_store: Any = get_typestore(Stores.EMPTY)
+            if _HEADER in known:
+                known[_HEADER] = _definitions_in(get_typestore(Stores.ROS1_NOETIC))[_HEADER]
+            ros1_store.register(known)
+            self.definition: str = ros1_store.generate_msgdef(name, ros_version=1)[0]
+            self.md5sum = definition_md5(self.name, self.definition)
+        except Exception as error:  # rosbags raises what its parser raises
+            raise DefinitionError("%s has no ROS 1 form (%s)" % (name, _short(error))) from error
+        if "<=" in self.definition or "wstring" in self.definition:
+            raise DefinitionError("%s has no ROS 1 form: ROS 1 has no bounded types and no wide strings" % name)
+
+    def to_ros1(self, message: bytes) -> bytes:
+        """A CDR message as ROS 1 serialises it; ``header.seq``, which ROS 2 does not have, is 0.
+
+        Raises:
+            DefinitionError: The definition does not describe these bytes.
+        """
+        try:
+            return bytes(self._store.cdr_to_ros1(message, self._ros2_name))
+        except Exception as error:
+            raise DefinitionError("a message of %s does not fit its definition" % self._ros2_name) from error

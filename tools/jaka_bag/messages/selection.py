@@ -1,13 +1,14 @@
 """Which messages of a log are wanted: topics, types, times.
 
-``BagError`` is raised where a pattern is no regular expression.
+``BagError`` is raised where a pattern is no regular expression, ``UsageError`` where nothing of a log can be wanted.
 """
 import re
-from typing import Collection, List, NamedTuple, Optional, Pattern, Sequence
+from typing import Collection, List, NamedTuple, Optional, Pattern, Sequence, Tuple
 
 import numpy as np
 
-from ..errors import BagError
+from ..errors import BagError, UsageError
+from ..units import NS_PER_S
 from .batch import Array, MessageBatch
 from .connection import Connection
 
@@ -51,6 +52,48 @@ def compile_patterns(patterns: Sequence[str]) -> List[Pattern[str]]:
         raise BagError("%r is not a regular expression: %s" % (error.pattern, error.msg)) from error
 
 
+def nearest(wanted: str, names: Collection[str]) -> str:
+    """What to say behind a name that is not among others: the one that was probably meant."""
+    import difflib
+
+    bare = wanted.strip("/")
+    by_end = [name for name in names if bare and ("/" + name).endswith("/" + bare)]
+    folded = {name.lower().strip("/"): name for name in names}
+    near = by_end or [folded[name] for name in difflib.get_close_matches(bare.lower(), folded, 1, 0.6)]
+    return ", did you mean %s?" % near[0] if near else ""
+
+
+def unmatched(selection: Selection, connections: Sequence[Connection]) -> List[str]:
+    """What a selection asks for by name and the log does not have, one line each, with the nearest name."""
+    topics = sorted({connection.topic for connection in connections})
+    types = sorted({connection.datatype for connection in connections})
+    lines = ["no topic %s%s" % (topic, nearest(topic, topics)) for topic in selection.topics if topic not in topics]
+    for text, pattern in zip(selection.patterns, compile_patterns(selection.patterns)):
+        if not any(pattern.fullmatch(topic) for topic in topics):
+            lines.append("no topic whose whole name matches %r%s" % (text, nearest(text.strip("^$.*"), topics)))
+    lines += ["no type %s%s" % (name, nearest(name, types)) for name in selection.types if name not in types]
+    return lines
+
+
+def require_match(selection: Selection, connections: Sequence[Connection], path: str) -> Tuple[str, ...]:
+    """What of a selection the log does not have, one line each, where it has other things that are wanted.
+
+    Raises:
+        UsageError: Nothing of the log is wanted: a name is wrong.
+    """
+    missing = unmatched(selection, connections)
+    if not connections or selection.wanted(connections).any():
+        return tuple("%s has %s" % (path, line) for line in missing)
+    topics = sorted({connection.topic for connection in connections})
+    rest = "none of its topics is selected; it has %s%s" % (", ".join(topics[:8]), ", ..." if len(topics) > 8 else "")
+    raise UsageError("%s has %s" % (path, "; ".join(missing)) if missing else "%s: %s" % (path, rest))
+
+
+def seconds_text(ns: int) -> str:
+    """A time, ns, in s with nine decimals, as ``jaka_bag info`` prints it and options take it."""
+    return "%s%d.%09d" % ("-" if ns < 0 else "", abs(ns) // NS_PER_S, abs(ns) % NS_PER_S)
+
+
 class TimePoint(NamedTuple):
     """A moment as users name it: ns since the epoch, or from a log's start (negative: from its end)."""
 
@@ -72,13 +115,26 @@ class TimeSpan(NamedTuple):
     duration: Optional[int] = None
 
     def apply(self, selection: Selection, start_time: Optional[int], end_time: Optional[int]) -> Selection:
-        """The selection limited to the span, for a log that spans these times, ns (None: it has no message)."""
+        """The selection limited to the span, for a log that spans these times, ns (None: it has no message).
+
+        Raises:
+            UsageError: The log has nothing in the span, or the span ends before it starts.
+        """
         if self == TimeSpan() or start_time is None or end_time is None:
             return selection
         first = None if self.start is None else self.start.resolve(start_time, end_time)
         last = None if self.end is None else self.end.resolve(start_time, end_time)
         if self.duration is not None:
             last = (start_time if first is None else first) + self.duration
+        wrong = ("the end of the wanted time is before its start"
+                 if first is not None and last is not None and last < first
+                 else "the wanted time starts behind the log's end" if first is not None and first > end_time
+                 else "the wanted time ends before the log's start" if last is not None and last < start_time else "")
+        if wrong:
+            raise UsageError("%s: %s to %s is wanted, the log is from %s to %s (%.3f s)" % (
+                wrong, "its start" if first is None else seconds_text(first),
+                "its end" if last is None else seconds_text(last), seconds_text(start_time), seconds_text(end_time),
+                (end_time - start_time) / NS_PER_S))
         return selection._replace(start_time=first, end_time=last)
 
 

@@ -3,21 +3,38 @@
 Decoding raises ``DefinitionError`` where a definition is not understood or does not describe a message, and
 ``BagFormatError`` where a chunk is damaged.
 """
-from typing import Dict, Iterator, List, Optional, Sequence, Tuple
+from typing import Container, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from ..containers.contract import LogReader
 from ..containers.index import ChunkRef
 from ..containers.registry import open_log
+from ..containers.time_order import Source, in_time_order
 from ..errors import BagError, DefinitionError
 from ..messages.batch import MessageBatch, distinct
 from ..messages.columns import Columns, Part, columns_of, part_of
 from ..messages.connection import Connection
-from ..messages.layout import Group, LayoutFinder
+from ..messages.layout import Group, LayoutFinder, Leaf
 from ..messages.selection import MessageFilter, Selection
 from ..paths import PathLike
 from ..pipeline import WORKERS, in_order
+
+_GROUP_MESSAGES, _GROUP_BYTES = 30000, 2 << 20
+
+
+def chunk_groups(chunks: Sequence[ChunkRef]) -> List[List[ChunkRef]]:
+    """Chunks in the order of time, so many together that it is worth to decode them at once."""
+    groups: List[List[ChunkRef]] = []
+    messages = size = 0
+    for chunk in sorted(chunks, key=lambda chunk: (chunk.start_time, chunk.position)):
+        if not groups or messages >= _GROUP_MESSAGES or size >= _GROUP_BYTES:
+            groups.append([])
+            messages = size = 0
+        groups[-1].append(chunk)
+        messages += sum(chunk.counts.values())
+        size += chunk.end - chunk.position
+    return groups
 
 
 class ColumnReader:
@@ -59,17 +76,58 @@ class ColumnReader:
             for group in self._finders[number].groups(batch, np.flatnonzero(batch.connection == number)):
                 yield self._topics[number], group
 
-    def read(self, workers: int = WORKERS) -> Dict[str, Columns]:
-        """All wanted messages, by topic; a topic without messages has no entry."""
-        def work(chunk: ChunkRef) -> Dict[str, Part]:
-            batch = self._filter.apply(self._reader.load(chunk))
+    def leaf(self, topic: str, name: str) -> Leaf:
+        """What kind of field it is, of a topic of which messages were decoded."""
+        found = (finder.leaf(name) for number, finder in self._finders.items() if self._topics[number] == topic)
+        return next(leaf for leaf in found if leaf is not None)
+
+    def parts(self, chunk: ChunkRef, fields: Optional[Mapping[str, Container[str]]] = None) -> Dict[str, Part]:
+        """The wanted messages of one chunk, by topic; may be called by several threads at once.
+
+        Args:
+            chunk: One of the reader's.
+            fields: By topic the only fields that are needed; of other topics all are given.
+        """
+        batch = self._filter.apply(self._reader.load(chunk))
+        by_topic: Dict[str, List[Group]] = {}
+        for topic, group in self.groups(batch):
+            by_topic.setdefault(topic, []).append(group)
+        return {topic: part_of(batch, groups, (fields or {}).get(topic)) for topic, groups in by_topic.items()}
+
+    def pieces(self, fields: Optional[Mapping[str, Container[str]]] = None) -> Iterator[Tuple[str, Columns]]:
+        """All wanted messages in the order of time, piece by piece: topic and messages.
+
+        Args:
+            fields: See ``parts``.
+        """
+        groups = chunk_groups(self._reader.wanted_chunks(self._filter))
+        starts = [group[0].start_time for group in groups]
+        ends = [max(chunk.end_time for chunk in group) for group in groups]
+        if any(end > start for end, start in zip(ends, starts[1:])):
+            yield from self._pieces_in_time_order(fields)
+            return
+        for group in groups:
+            found: Dict[str, List[Part]] = {}
+            for by_topic in in_order(lambda chunk: self.parts(chunk, fields), group, WORKERS if len(group) > 1 else 1):
+                for topic, part in by_topic.items():
+                    found.setdefault(topic, []).append(part)
+            for topic, parts in found.items():
+                yield topic, columns_of(self.connections[topic], parts)
+
+    def _pieces_in_time_order(self, fields: Optional[Mapping[str, Container[str]]]) -> Iterator[Tuple[str, Columns]]:
+        numbers = np.arange(len(self._reader.connections))
+        for batch in in_time_order([Source(self._reader, self._filter, numbers)]):
             by_topic: Dict[str, List[Group]] = {}
             for topic, group in self.groups(batch):
                 by_topic.setdefault(topic, []).append(group)
-            return {topic: part_of(batch, groups) for topic, groups in by_topic.items()}
+            for topic, found in by_topic.items():
+                part = part_of(batch, found, (fields or {}).get(topic))
+                yield topic, columns_of(self.connections[topic], [part])
 
+    def read(self, workers: int = WORKERS) -> Dict[str, Columns]:
+        """All wanted messages, by topic; a topic without messages has no entry."""
         parts: Dict[str, List[Part]] = {}
-        for by_topic in in_order(work, self._reader.wanted_chunks(self._filter), workers):
+        for by_topic in in_order(self.parts, self._reader.wanted_chunks(self._filter), workers):
             for topic, part in by_topic.items():
                 parts.setdefault(topic, []).append(part)
         return {topic: columns_of(self.connections[topic], parts.pop(topic)) for topic in list(parts)}

@@ -2,7 +2,22 @@
 import os
 import time
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple, TypeVar, Union
+from typing import (
+    Any,
+    Callable,
+    Dict,
+    FrozenSet,
+    Iterable,
+    Iterator,
+    List,
+    NamedTuple,
+    Optional,
+    Sequence,
+    Set,
+    Tuple,
+    TypeVar,
+    Union,
+)
 
 import numpy as np
 
@@ -10,15 +25,18 @@ from ..containers.contract import EncodedChunk, LogReader, LogWriter
 from ..containers.index import ChunkRef
 from ..containers.recovery import LogRecovery
 from ..containers.registry import create_log, open_log
-from ..errors import BagError, BagFormatError, DefinitionError
+from ..containers.time_order import HELD_BYTES, Source, gathered, in_time_order
+from ..errors import BagError, BagFormatError, DefinitionError, UsageError
 from ..messages.batch import Array, MessageBatch, concatenate, distinct, pieces_of
 from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
-from ..messages.selection import MessageFilter, Selection, TimeSpan
+from ..messages.selection import MessageFilter, Selection, TimeSpan, require_match
 from ..pipeline import WORKERS, in_order
 
 _MAX_PIECE = 4 << 20
 """Payload of the largest chunk written from larger ones, byte."""
+_OVERLAP = 0.1
+"""Share of the chunks' time that lies in an earlier chunk, too, above which sorting is worth its time."""
 _SMALL = 256 << 10
 """Neighbouring chunks are written as one up to this many bytes in the source."""
 
@@ -143,7 +161,7 @@ class LossNotes:
 
     def notes(self, readers: Sequence[LogReader]) -> Tuple[str, ...]:
         """What was left out, one line each."""
-        result = []
+        result = [note for reader in readers for note in reader.index.notes]
         if self._publish_times:
             result.append("%s has no place for publish times: only the log times are kept" % self._format_name)
         if self._sequences:
@@ -155,18 +173,30 @@ class LossNotes:
         return tuple(result)
 
 
-def copy_extras(source: Union[LogReader, LogRecovery], writer: LogWriter) -> None:
+def copy_extras(source: Union[LogReader, LogRecovery], writer: LogWriter, has_attachments: bool = True,
+                known: Optional[Set[Tuple[str, FrozenSet[Tuple[str, str]]]]] = None) -> None:
     """Copy attachments and metadata where the output has a place for them.
+
+    Args:
+        source: The log.
+        writer: The output.
+        has_attachments: False to copy the metadata only.
+        known: Metadata, name and values, that the output has already and that is not repeated; it grows.
 
     Raises:
         BagFormatError: One of them is damaged.
     """
     found = source.index if isinstance(source, LogReader) else source
-    for attachment in found.attachments if writer.capabilities.attachments else ():
+    for attachment in found.attachments if has_attachments and writer.capabilities.attachments else ():
         writer.add_attachment(attachment.name, source.read_attachment(attachment), attachment.media_type,
                               attachment.log_time, attachment.create_time)
     for entry in found.metadata if writer.capabilities.metadata else ():
-        writer.add_metadata(entry.name, source.read_metadata(entry))
+        values = source.read_metadata(entry)
+        fact = (entry.name, frozenset(values.items()))
+        if known is None or fact not in known:
+            writer.add_metadata(entry.name, values)
+        if known is not None:
+            known.add(fact)
 
 
 def write_in_order(items: Iterable[Item], load: Callable[[Item], Tuple[int, MessageBatch]], writer: LogWriter,
@@ -216,6 +246,29 @@ def _neighbours(chunks: Iterable[ChunkRef]) -> Iterator[List[ChunkRef]]:
         yield group
 
 
+def is_worth_sorting(chunks: Sequence[ChunkRef], expansion: float) -> bool:
+    """Whether chunks overlap in time so much that who reads in the order of time unpacks them again and again.
+
+    False also where those that overlap are too large to be held at once.
+
+    Args:
+        chunks: In any order.
+        expansion: Unpacked bytes for each stored one.
+    """
+    overlap = span = 0
+    open_chunks: List[Tuple[int, int]] = []
+    latest: Optional[int] = None
+    for chunk in sorted(chunks, key=lambda c: (c.start_time, c.position)):
+        span += chunk.end_time - chunk.start_time
+        overlap += 0 if latest is None else max(0, min(latest, chunk.end_time) - chunk.start_time)
+        latest = chunk.end_time if latest is None else max(latest, chunk.end_time)
+        open_chunks = [entry for entry in open_chunks if entry[0] > chunk.start_time]
+        open_chunks.append((chunk.end_time, chunk.end - chunk.position))
+        if sum(size for _, size in open_chunks) * expansion > HELD_BYTES:
+            return False
+    return overlap > _OVERLAP * span
+
+
 def _latched_before(reader: LogReader, message_filter: MessageFilter, start_time: int) -> MessageBatch:
     """The newest message before a time, ns, of each wanted latched connection, in the order of time."""
     latched = np.array([bool(c.latching) for c in reader.connections], bool) & message_filter.wanted
@@ -234,10 +287,11 @@ def _latched_before(reader: LogReader, message_filter: MessageFilter, start_time
     return concatenate(sorted(newest.values(), key=lambda b: int(b.log_time[0])))
 
 
-def _copy(reader: LogReader, writer: LogWriter, message_filter: MessageFilter, on_progress: Optional[OnProgress],
-          workers: int, latched_from: Optional[int]) -> Tuple[int, Tuple[str, ...]]:
+def copy_log(reader: LogReader, writer: LogWriter, message_filter: MessageFilter, on_progress: Optional[OnProgress],
+             workers: int, latched_from: Optional[int]) -> Tuple[int, Tuple[str, ...]]:
     """Copy the wanted messages of one log in the order of the file, and what stands beside them.
 
+    Where its chunks overlap in time, the messages are sorted by time, so that readers need each new chunk once.
     Also the newest message before ``latched_from``, ns (None: not), of each latched connection. Gives how many messages
     were written, and what was left out.
     """
@@ -253,11 +307,20 @@ def _copy(reader: LogReader, writer: LogWriter, message_filter: MessageFilter, o
         before = _latched_before(reader, message_filter, latched_from)
         writer.append(writer.encode(before, ids))
         written += len(before)
-    wanted = _neighbours(reader.wanted_chunks(message_filter))
-    written += write_in_order(wanted, load, writer, ids, on_progress, workers)
+    wanted = reader.wanted_chunks(message_filter)
+    stored = sum(entry[2] for entry in reader.index.codecs)
+    if stored and is_worth_sorting(wanted, sum(entry[3] for entry in reader.index.codecs) / stored):
+        source = Source(reader, message_filter, np.arange(len(reader.connections)))
+        written += write_in_order(gathered(in_time_order([source]), writer.chunk_size),
+                                  lambda batch: (int(batch.length.sum()), losses.look(batch)), writer, ids,
+                                  on_progress, workers)
+    else:
+        written += write_in_order(_neighbours(wanted), load, writer, ids, on_progress, workers)
     if message_filter.takes_all and written != reader.message_count:
         raise BagFormatError("%s: the index tells of %d messages, the chunks hold %d (jaka_bag recover keeps them)"
                              % (reader.path, reader.message_count, written))
+    if not written and reader.message_count:
+        raise UsageError("%s: no message is selected: the selected topics have none in the selected time" % reader.path)
     copy_extras(reader, writer)
     return written, losses.notes([reader])
 
@@ -267,15 +330,17 @@ def convert_file(job: Job, on_progress: Optional[OnProgress] = None) -> WriteRes
 
     Raises:
         BagError: The source cannot be read, or the target cannot be written or hold it.
+        UsageError: Nothing of the source is selected.
     """
     begin = time.monotonic()
     refuse_same_file(job.source, job.target)
     with open_log(job.source) as reader:
         index = reader.index
+        missing = require_match(job.selection, reader.connections, job.source)
         selection = job.span.apply(job.selection, index.start_time, index.end_time)
         with create_log(job.target, job.compression, job.level, job.overwrite, index.profile or "ros1",
                         job.profile == "ros2") as writer:
-            messages, notes = _copy(reader, writer, MessageFilter(selection, reader.connections), on_progress,
+            messages, notes = copy_log(reader, writer, MessageFilter(selection, reader.connections), on_progress,
                                     job.workers, selection.start_time if job.keep_latched else None)
     return WriteResult(job.source, job.target, messages, index.size, size_of(job.target), time.monotonic() - begin,
-                       notes)
+                       notes + missing)

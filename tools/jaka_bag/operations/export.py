@@ -15,7 +15,7 @@ from ..containers.contract import LogReader
 from ..containers.time_order import in_time_order, whole_source
 from ..errors import BagError, MissingDependency
 from ..messages.batch import Array
-from ..messages.columns import leaf_values
+from ..messages.columns import Columns, leaf_values
 from ..messages.layout import Layout, Leaf
 from ..messages.selection import Selection
 from ..output_file import OutputFile
@@ -24,6 +24,7 @@ from ..units import NS_PER_S
 from .columns import ColumnReader
 
 FORMATS = (".csv", ".npz", ".parquet")
+_ROW_GROUP_BYTES = 8 << 20
 _BYTE_TYPES = ("uint8", "char", "byte", "int8")
 
 
@@ -110,44 +111,100 @@ def _write_csv(output: OutputFile, again: Callable[[], Iterator[Table]]) -> int:
     return count
 
 
-def _arrow_column(pa: Any, leaf: Leaf, values: Array) -> Any:
-    flat = values.reshape(-1)
-    if leaf.type == "string":
-        column = pa.array([v.decode("utf-8", "replace") for v in flat.tolist()], pa.string())
-    elif leaf.type == "time":
-        column = pa.array(flat, pa.timestamp("ns", "UTC"))
-    elif leaf.type == "duration":
-        column = pa.array(flat, pa.duration("ns"))
-    elif _is_bytes(leaf):
-        return pa.array([row.tobytes() for row in values], pa.binary())
+def _arrow_texts(pa: Any, values: Array) -> Any:
+    """Text from byte strings, shape (n,); most of a log's are the same again and again."""
+    if len(values) and (values == values[0]).all():
+        texts, which = values[:1], np.zeros(len(values), np.int32)
     else:
-        column = pa.array(flat)
+        texts, which = np.unique(values, return_inverse=True)
+    known = pa.array([text.decode("utf-8", "replace") for text in texts.tolist()], pa.string())
+    return pa.DictionaryArray.from_arrays(pa.array(which.astype(np.int32)), known).dictionary_decode()
+
+
+def _arrow_text_rows(pa: Any, values: Array) -> Any:
+    """As ``_arrow_texts``, of rows of texts, shape (n, k), one behind the other."""
+    if len(values) and (values == values[0]).all():
+        texts = pa.array([text.decode("utf-8", "replace") for text in values[0].tolist()], pa.string())
+        again = np.tile(np.arange(values.shape[1], dtype=np.int32), len(values))
+        return pa.DictionaryArray.from_arrays(pa.array(again), texts).dictionary_decode()
+    return _arrow_texts(pa, values.reshape(-1))
+
+
+def _arrow_column(pa: Any, leaf: Leaf, values: Array) -> Any:
+    if _is_bytes(leaf):
+        return pa.array([row.tobytes() for row in values], pa.binary())
+    lengths = None
+    if values.dtype == object:
+        lengths = np.array([len(row) for row in values], np.int64)
+        values = np.concatenate(list(values))
+    if leaf.type == "string":
+        column = _arrow_text_rows(pa, values) if values.ndim > 1 else _arrow_texts(pa, values)
+    else:
+        kind = {"time": pa.timestamp("ns", "UTC"), "duration": pa.duration("ns")}.get(leaf.type)
+        column = pa.array(values.reshape(-1), kind)
     if not leaf.is_array:
         return column
-    offsets = np.arange(len(values) + 1, dtype=np.int32) * values.shape[1]
+    if lengths is None:
+        lengths = np.full(len(values), values.shape[1], np.int64)
+    offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
     return pa.ListArray.from_arrays(pa.array(offsets), column)
 
 
-def _write_parquet(output: OutputFile, again: Callable[[], Iterator[Table]]) -> int:
+class _ParquetTable:
+    """The table of one topic: its row groups are written as they fill."""
+
+    def __init__(self, pa: Any, parquet: Any, output: OutputFile, stack: contextlib.ExitStack) -> None:
+        self._pa, self._parquet, self._output, self._stack = pa, parquet, output, stack
+        self._writer: Any = None
+        self._waiting: List[Any] = []
+        self._waiting_bytes = 0
+        self.count = 0
+
+    def add(self, columns: Columns, leaf: Callable[[str], Leaf]) -> None:
+        """Further messages."""
+        pa = self._pa
+        made = {"log_time": pa.array(columns.log_time, pa.timestamp("ns", "UTC"))}
+        for name, values in columns.fields.items():
+            made[name] = _arrow_column(pa, leaf(name), values)
+        table = pa.table(made)
+        self.count += len(columns.log_time)
+        self._waiting.append(table)
+        self._waiting_bytes += table.nbytes
+        if self._waiting_bytes >= _ROW_GROUP_BYTES:
+            self.write()
+
+    def write(self) -> None:
+        """Write what waits as one row group."""
+        if not self._waiting:
+            return
+        pa, table = self._pa, self._pa.concat_tables(self._waiting)
+        self._waiting, self._waiting_bytes = [], 0
+        if self._writer is None:
+            sink = self._stack.enter_context(pa.PythonFile(self._output.file, mode="w"))
+            # numbers that are measured rarely repeat: a dictionary of them would be made in vain
+            repeated = [field.name for field in table.schema if not pa.types.is_list(field.type) and (
+                pa.types.is_string(field.type) or pa.types.is_integer(field.type) and field.type.bit_width < 32)]
+            texts = [field.name for field in table.schema if pa.types.is_list(field.type)
+                     and pa.types.is_string(field.type.value_type)]
+            self._writer = self._stack.enter_context(self._parquet.ParquetWriter(
+                sink, table.schema, use_dictionary=repeated + [name + ".list.element" for name in texts] or False))
+        self._writer.write_table(table, row_group_size=max(len(table), 1))
+
+
+def _write_parquet(reader: LogReader, outputs: Dict[str, OutputFile]) -> Dict[str, int]:
     try:
         pa = importlib.import_module("pyarrow")
         parquet = importlib.import_module("pyarrow.parquet")
     except ImportError:
         raise MissingDependency("Parquet needs the Python package pyarrow") from None
-    writer: Any = None
-    count = 0
+    columns = ColumnReader(reader, Selection(topics=tuple(outputs)))
     with contextlib.ExitStack() as stack:
-        for table in again():
-            columns = {"log_time": pa.array(table.log_time, pa.timestamp("ns", "UTC"))}
-            for name, leaf in table.layout.leaves.items():
-                columns[name] = _arrow_column(pa, leaf, leaf_values(table.rows, leaf))
-            made = pa.table(columns)
-            if writer is None:
-                sink = stack.enter_context(pa.PythonFile(output.file, mode="w"))
-                writer = stack.enter_context(parquet.ParquetWriter(sink, made.schema))
-            writer.write_table(made)
-            count += len(table.log_time)
-    return count
+        tables_of = {topic: _ParquetTable(pa, parquet, output, stack) for topic, output in outputs.items()}
+        for topic, some in columns.pieces():
+            tables_of[topic].add(some, functools.partial(columns.leaf, topic))
+        for table in tables_of.values():
+            table.write()
+    return {topic: table.count for topic, table in tables_of.items()}
 
 
 def _add_array(archive: zipfile.ZipFile, name: str, values: Array) -> None:
@@ -210,10 +267,13 @@ def export(reader: LogReader, target: PathLike, selection: Optional[Selection] =
             counts = _write_npz(outputs.enter_context(OutputFile(path, overwrite)), reader, topics)
             result = {topic: (str(path), counts[topic]) for topic in topics}
         else:
-            write = _write_csv if path.suffix == ".csv" else _write_parquet
-            for topic in topics:
-                file = table_path(path, topic, len(topics) == 1)
-                output = outputs.enter_context(OutputFile(file, overwrite))
-                own = ColumnReader(reader, Selection(topics=(topic,)))
-                result[topic] = (str(file), write(output, functools.partial(tables, reader, own, topic)))
+            files = {topic: table_path(path, topic, len(topics) == 1) for topic in topics}
+            opened = {topic: outputs.enter_context(OutputFile(file, overwrite)) for topic, file in files.items()}
+            if path.suffix == ".parquet":
+                counts = _write_parquet(reader, opened)
+            else:
+                counts = {topic: _write_csv(output, functools.partial(
+                    tables, reader, ColumnReader(reader, Selection(topics=(topic,))), topic))
+                    for topic, output in opened.items()}
+            result = {topic: (str(files[topic]), counts[topic]) for topic in topics}
     return result

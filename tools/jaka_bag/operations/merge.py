@@ -1,7 +1,7 @@
 """Makes one log of several, in the order of time."""
 import contextlib
 import time
-from typing import Dict, List, Optional, Sequence, Tuple
+from typing import Dict, FrozenSet, List, Optional, Sequence, Set, Tuple
 
 import numpy as np
 
@@ -24,6 +24,26 @@ from .convert import (
 )
 
 
+def open_all(paths: Sequence[PathLike]) -> List[LogReader]:
+    """Several logs, opened; close them after use.
+
+    Raises:
+        BagError: Some cannot be read; the text names each of them.
+    """
+    readers: List[LogReader] = []
+    errors: List[str] = []
+    for path in paths:
+        try:
+            readers.append(open_log(path))
+        except BagError as error:
+            errors.append(str(error))
+    if errors:
+        for reader in readers:
+            reader.close()
+        raise BagError("; ".join(errors))
+    return readers
+
+
 def sources_of(readers: Sequence[LogReader]) -> Tuple[List[Source], List[Connection]]:
     """Logs to be read together, and the connections of all; equal ones of different logs become one."""
     numbers: Dict[Connection, int] = {}
@@ -38,6 +58,8 @@ def merge(paths: Sequence[PathLike], target: PathLike, compression: Optional[str
           overwrite: bool = False, on_progress: Optional[OnProgress] = None) -> WriteResult:
     """Write the messages of several logs into one, by log time; equal times in the order of the logs given.
 
+    Attachments and metadata of all logs are kept; equal metadata, as the parts of one log have, once.
+
     Raises:
         BagError: A source cannot be read, or the target cannot be written or hold it.
     """
@@ -45,7 +67,7 @@ def merge(paths: Sequence[PathLike], target: PathLike, compression: Optional[str
     for path in paths:
         refuse_same_file(path, target)
     with contextlib.ExitStack() as stack:
-        readers = [stack.enter_context(open_log(path)) for path in paths]
+        readers = [stack.enter_context(reader) for reader in open_all(paths)]
         profiles = {reader.index.profile or "ros1" for reader in readers}
         if len(profiles) > 1:
             raise BagError("logs of different profiles cannot be merged: %s" % ", ".join(sorted(profiles)))
@@ -60,7 +82,8 @@ def merge(paths: Sequence[PathLike], target: PathLike, compression: Optional[str
             if written != expected:
                 raise BagError("the indexes tell of %d messages, the chunks hold %d (jaka_bag recover keeps them)"
                                % (expected, written))
+            known: Set[Tuple[str, FrozenSet[Tuple[str, str]]]] = set()
             for reader in readers:
-                copy_extras(reader, writer)
+                copy_extras(reader, writer, known=known)
         return WriteResult(", ".join(map(str, paths)), str(target), written, sum(r.index.size for r in readers),
                        size_of(target), time.monotonic() - begin, losses.notes(readers))

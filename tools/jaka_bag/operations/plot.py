@@ -1,7 +1,7 @@
 """Pictures of a state log: joints, TCP position and path, states over time (SVG or PNG, by matplotlib)."""
 import importlib
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import Any, Container, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -9,14 +9,19 @@ from ..driver_interface import MotionState
 from ..errors import BagError, MissingDependency
 from ..messages.batch import Array
 from ..messages.columns import Columns
+from ..messages.connection import Connection
 from ..output_file import OutputFile
 from ..paths import PathLike
 from ..units import NS_PER_S
-from .tool_poses import ToolPoses, tool_poses
+from .thinning import Changes, EveryNth, MinMax
+from .tool_poses import POSE_FIELDS, tool_poses
 
 FORMATS = (".svg", ".png")
 _MAX_POINTS = 4000
+_MOST_CHANGES = 100000
 _FLAGS = ("power_state", "servo_state", "collision_state")
+_STATES = ("motion_state", *_FLAGS)
+JOINT_TYPE = "sensor_msgs/JointState"
 
 
 class Panel(NamedTuple):
@@ -45,61 +50,157 @@ def thin(time: Array, values: Array, limit: int = _MAX_POINTS) -> Tuple[Array, A
     return time[which], values[which]
 
 
-def _changes(time: Array, values: Array) -> Tuple[Array, Array]:
-    """Only the first and last sample of each run of equal values."""
-    differs = np.flatnonzero(np.diff(values)) if len(values) else np.zeros(0, np.int64)
-    which = np.unique(np.concatenate([[0], differs, differs + 1, [max(len(values) - 1, 0)]]))
-    return time[which], values[which]
+class _Curves:
+    """The lines of one diagram, of samples that come piece by piece."""
+
+    def __init__(self, title: str, unit: str, names: Sequence[str], ticks: Tuple[Tuple[int, str], ...] = (),
+                 is_steps: bool = False) -> None:
+        self.title, self._unit, self.names = title, unit, tuple(names)
+        self._ticks, self._is_steps = ticks, is_steps
+        self._lines: List[Union[MinMax, Changes]] = [
+            Changes(_MOST_CHANGES) if is_steps else MinMax(_MAX_POINTS) for _ in names]
+
+    def add(self, time: Array, columns: Iterable[Array]) -> None:
+        """Further samples: s, and the values of each line."""
+        for line, values in zip(self._lines, columns):
+            line.add(time, values)
+
+    def panel(self, earlier_s: float) -> Panel:
+        """The diagram, its times ``earlier_s`` earlier."""
+        points = [line.points() for line in self._lines]
+        return Panel(self.title, self._unit, tuple((name, time - earlier_s, values) for name, (time, values)
+                                                   in zip(self.names, points)), self._is_steps, self._ticks)
 
 
-def _seconds(columns: Columns, start_ns: int) -> Array:
-    return (columns.log_time - start_ns) / NS_PER_S
+class _TopicSketch:
+    """The diagrams of one topic, and the path where it is one of tool poses."""
+
+    def __init__(self, topic: str) -> None:
+        self._topic = topic
+        self.rank = 0
+        self.curves: List[_Curves] = []
+        self.path: Optional[EveryNth] = None
+        self._is_undrawable = False
+
+    def _same_as_before(self, curves: Sequence[_Curves]) -> List[_Curves]:
+        self.curves = self.curves or list(curves)
+        return self.curves
+
+    def add(self, time: Array, columns: Columns) -> None:
+        """What is known of the topic's type; s, shape (n,)."""
+        poses = tool_poses(columns)
+        if columns.connection.datatype == JOINT_TYPE:
+            self._add_joints(time, columns)
+        elif poses is not None:
+            placed, turned = self._same_as_before([_Curves(self._topic + "  position", "m", "xyz"),
+                                                   _Curves(self._topic + "  rotation vector", "rad", "xyz")])
+            placed.add(time, poses.position.T)
+            turned.add(time, poses.rotation_vector.T)
+            self.path = self.path or EveryNth(_MAX_POINTS)
+            self.path.add(poses.position)
+            self.rank = 1
+        elif all(name in columns.fields for name in _STATES):
+            states, flags = self._same_as_before([
+                _Curves(self._topic + "  motion_state", "", ["motion_state"], tuple(
+                    (int(s), "%d %s" % (s, s.name.lower().replace("_", " "))) for s in MotionState), True),
+                _Curves(self._topic + "  flags (0 low, 1 high)", "", _FLAGS, tuple(enumerate(_FLAGS)), True)])
+            states.add(time, [columns.fields["motion_state"]])
+            flags.add(time, [columns.fields[name] * 0.7 + lane for lane, name in enumerate(_FLAGS)])
+            self.rank = 2
+
+    def _add_joints(self, time: Array, columns: Columns) -> None:
+        position = columns.fields.get("position")
+        if position is None or position.dtype == object or position.ndim != 2 or not position.shape[1]:
+            self._is_undrawable = True
+        if self._is_undrawable or position is None:
+            self.curves = []
+            return
+        labels = ["[%d]" % i for i in range(position.shape[1])]
+        names = columns.fields.get("name")
+        if names is not None and names.dtype != object and names.shape[1] == len(labels):
+            labels = [name.decode("utf-8", "replace") for name in names[0]]
+        curves, = self._same_as_before([_Curves(self._topic + "  position", "rad", labels)])
+        if len(curves.names) != len(labels):
+            self._is_undrawable, self.curves = True, []
+            return
+        curves.add(time, position.T)
+
+    def add_field(self, time: Array, columns: Columns, name: str) -> None:
+        """One field, whatever it is.
+
+        Raises:
+            BagError: It does not exist, is no number, or is not always as long.
+        """
+        values = columns.fields.get(name)
+        if values is None:
+            raise BagError("%s has no field %s; there are: %s" % (self._topic, name, ", ".join(columns.fields)))
+        if values.dtype.kind not in "iufb" or values.ndim > 2:
+            raise BagError("%s of %s is no number" % (name, self._topic))
+        table = values.reshape(len(values), -1).T.astype(float)
+        labels = ["[%d]" % i for i in range(len(table))] if values.ndim > 1 else [name]
+        curves, = self._same_as_before([_Curves("%s  %s" % (self._topic, name), "", labels)])
+        if curves.names != tuple(labels):
+            raise BagError("%s of %s is no number" % (name, self._topic))
+        curves.add(time, table)
 
 
-def _joint_panels(topic: str, columns: Columns, start_ns: int) -> List[Panel]:
-    position = columns.fields.get("position")
-    if position is None or position.dtype == object or position.ndim != 2 or not position.shape[1]:
-        return []
-    labels = ["[%d]" % i for i in range(position.shape[1])]
-    names = columns.fields.get("name")
-    if names is not None and names.dtype != object and names.shape[1] == len(labels):
-        labels = [name.decode("utf-8", "replace") for name in names[0]]
-    time = _seconds(columns, start_ns)
-    lines = tuple((label, *thin(time, position[:, i])) for i, label in enumerate(labels))
-    return [Panel(topic + "  position", "rad", lines)]
+class Sketch:
+    """The diagrams of a log whose messages come piece by piece; what is kept does not grow with them.
 
+    Args:
+        fields: (topic, field) to draw instead of what is known of the topics' types.
+    """
 
-def _tcp_panels(topic: str, columns: Columns, poses: ToolPoses, start_ns: int) -> List[Panel]:
-    time = _seconds(columns, start_ns)
-    panels = []
-    for values, title, unit in ((poses.position, "position", "m"), (poses.rotation_vector, "rotation vector", "rad")):
-        lines = tuple((axis, *thin(time, values[:, i])) for i, axis in enumerate("xyz"))
-        panels.append(Panel("%s  %s" % (topic, title), unit, lines))
-    return panels
+    def __init__(self, fields: Sequence[Tuple[str, str]] = ()) -> None:
+        self._fields = fields
+        self._by_field: Dict[Tuple[str, str], _TopicSketch] = {}
+        self._by_topic: Dict[str, _TopicSketch] = {}
+        self._base_ns: Optional[int] = None
+        self._start_ns: Optional[int] = None
+        self.message_count = 0
 
+    def forget(self, topic: str) -> None:
+        """Draw nothing of a topic."""
+        self._by_topic.pop(topic, None)
+        for field in [field for field in self._by_field if field[0] == topic]:
+            del self._by_field[field]
 
-def _state_panels(topic: str, columns: Columns, start_ns: int) -> List[Panel]:
-    time = _seconds(columns, start_ns)
-    lanes = []
-    for lane, name in enumerate(_FLAGS):
-        at, values = _changes(time, columns.fields[name])
-        lanes.append((name, at, values * 0.7 + lane))
-    return [
-        Panel(topic + "  motion_state", "", (("motion_state", *_changes(time, columns.fields["motion_state"])),), True,
-              tuple((int(s), "%d %s" % (s, s.name.lower().replace("_", " "))) for s in MotionState)),
-        Panel(topic + "  flags (0 low, 1 high)", "", tuple(lanes), True, tuple(enumerate(_FLAGS)))]
+    def add(self, topic: str, columns: Columns) -> None:
+        """Further messages of a topic, in the order of time.
 
+        Raises:
+            BagError: A field does not exist or is no number.
+        """
+        if not len(columns.log_time):
+            return
+        self.message_count += len(columns.log_time)
+        first = int(columns.log_time[0])
+        self._base_ns = first if self._base_ns is None else self._base_ns
+        self._start_ns = first if self._start_ns is None else min(first, self._start_ns)
+        time = (columns.log_time - self._base_ns) / NS_PER_S
+        if not self._fields:
+            self._by_topic.setdefault(topic, _TopicSketch(topic)).add(time, columns)
+        for one, name in self._fields:
+            if one == topic:
+                self._by_field.setdefault((topic, name), _TopicSketch(topic)).add_field(time, columns, name)
 
-def _field_panel(topic: str, columns: Columns, name: str, start_ns: int) -> Panel:
-    values = columns.fields.get(name)
-    if values is None:
-        raise BagError("%s has no field %s; there are: %s" % (topic, name, ", ".join(columns.fields)))
-    if values.dtype.kind not in "iufb" or values.ndim > 2:
-        raise BagError("%s of %s is no number" % (name, topic))
-    time = _seconds(columns, start_ns)
-    table = values.reshape(len(values), -1)
-    lines = tuple(("[%d]" % i if values.ndim > 1 else name, *thin(time, table[:, i])) for i in range(table.shape[1]))
-    return Panel("%s  %s" % (topic, name), "", lines)
+    def panels(self) -> Tuple[List[Panel], Dict[str, Array]]:
+        """The diagrams, and the path of each topic of TCP positions, m (n, 3).
+
+        Raises:
+            BagError: There is nothing to draw.
+        """
+        earlier_s = ((self._start_ns or 0) - (self._base_ns or 0)) / NS_PER_S
+        for topic, name in self._fields:
+            if (topic, name) not in self._by_field:
+                raise BagError("there is no message of %s" % topic)
+        found = [self._by_field[field] for field in self._fields] or [
+            sketch for _, sketch in sorted(self._by_topic.items(), key=lambda entry: (entry[1].rank, entry[0]))]
+        panels = [curves.panel(earlier_s) for sketch in found for curves in sketch.curves]
+        if not panels:
+            raise BagError("no joints, TCP positions or states among the topics: name fields with --field TOPIC:FIELD")
+        return panels, {topic: sketch.path.rows() for topic, sketch in sorted(self._by_topic.items())
+                        if sketch.path is not None}
 
 
 def panels_of(data: Dict[str, Columns], fields: Sequence[Tuple[str, str]] = ()) -> Tuple[
@@ -113,28 +214,23 @@ def panels_of(data: Dict[str, Columns], fields: Sequence[Tuple[str, str]] = ()) 
     Raises:
         BagError: A field does not exist or is no number, or there is nothing to draw.
     """
-    start_ns = min((int(columns.log_time[0]) for columns in data.values()), default=0)
-    if fields:
-        for topic, _ in fields:
-            if topic not in data:
-                raise BagError("there is no message of %s" % topic)
-        return [_field_panel(topic, data[topic], name, start_ns) for topic, name in fields], {}
-    joints: List[Panel] = []
-    positions: List[Panel] = []
-    states: List[Panel] = []
-    paths: Dict[str, Array] = {}
-    for topic, columns in sorted(data.items()):
-        poses = tool_poses(columns)
-        if columns.connection.datatype == "sensor_msgs/JointState":
-            joints += _joint_panels(topic, columns, start_ns)
-        elif poses is not None:
-            positions += _tcp_panels(topic, columns, poses, start_ns)
-            paths[topic] = poses.position
-        elif all(name in columns.fields for name in ("motion_state",) + _FLAGS):
-            states += _state_panels(topic, columns, start_ns)
-    if not joints + positions + states:
-        raise BagError("no joints, TCP positions or states among the topics: name fields with --field TOPIC:FIELD")
-    return joints + positions + states, paths
+    sketch = Sketch(fields)
+    for topic, columns in data.items():
+        sketch.add(topic, columns)
+    return sketch.panels()
+
+
+def fields_to_draw(connections: Iterable[Connection]) -> Dict[str, Container[str]]:
+    """By topic the fields that a sketch without fields of its own needs; of the topics that it may draw."""
+    wanted: Dict[str, Container[str]] = {}
+    for connection in connections:
+        if connection.datatype == JOINT_TYPE:
+            wanted[connection.topic] = ("position", "name")
+        elif connection.datatype in POSE_FIELDS:
+            wanted[connection.topic] = POSE_FIELDS[connection.datatype]
+        elif all(name in connection.definition for name in _STATES):
+            wanted[connection.topic] = _STATES
+    return wanted
 
 
 def _draw_panel(axes: Any, panel: Panel) -> None:
@@ -151,8 +247,6 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
 
 
 def _draw_path(axes: Any, topic: str, points: Array) -> None:
-    if len(points) > _MAX_POINTS:
-        points = points[np.linspace(0, len(points) - 1, _MAX_POINTS).astype(np.int64)]
     axes.plot(points[:, 0], points[:, 1], points[:, 2], linewidth=0.8)
     axes.scatter(*points[0], s=14, label="start")
     axes.scatter(*points[-1], s=14, marker="x", label="end")

@@ -1,5 +1,6 @@
 """Makes several logs of one."""
 import os
+import re
 from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 
@@ -13,7 +14,7 @@ from ..messages.batch import Array, MessageBatch, pieces_of
 from ..messages.selection import Selection
 from ..output_file import check_output
 from ..paths import PathLike
-from .convert import LossNotes, OnProgress, add_channels
+from .convert import LossNotes, OnProgress, add_channels, copy_extras
 
 _FINEST = 64
 """Pieces that a part limited by size is at least made of."""
@@ -67,6 +68,22 @@ class _Parts:
             self.done.append((path, self.writer.message_count))
             self.writer = None
 
+    def remove_old(self) -> None:
+        """Remove the parts of an earlier split that go on where the new ones end: they would double messages."""
+        number = len(self.done)
+        while self.path(number).is_file():
+            os.unlink(str(self.path(number)))
+            number += 1
+
+    def strangers(self) -> Tuple[str, ...]:
+        """What else is called like a part, one line each."""
+        stem, suffix = self._stem.stem, self._stem.suffix
+        pattern = re.compile(r"%s_([0-9]{1,6})%s" % (re.escape(stem), re.escape(suffix)))
+        found = [(int(match.group(1)), match.group()) for match in map(pattern.fullmatch, os.listdir(
+            str(self._stem.parent))) if match]
+        return tuple("%s is no part of this split: merging %s_*%s would take it, too" % (name, stem, suffix)
+                     for number, name in sorted(found) if number >= len(self.done))
+
     def discard(self) -> None:
         """Remove what was written: a set with parts missing would look whole."""
         if self.writer is not None:
@@ -107,13 +124,15 @@ def split(source: PathLike, stem: PathLike, limits: Limits, compression: Optiona
           on_progress: Optional[OnProgress] = None) -> SplitResult:
     """Write a log as parts ``STEM_0.SUFFIX``, ``STEM_1.SUFFIX``, ..., in the order of time.
 
+    The log's attachments go to the first part, its metadata to each.
+
     Args:
         source: The log.
         stem: ``NAME.bag`` or ``NAME.mcap``.
         limits: When a part is full; at least one limit.
         compression: None for the format's default.
         level: The codec's level; None for its default.
-        overwrite: Replace existing parts.
+        overwrite: Replace existing parts, and remove those of an earlier split that had more of them.
         repeat_latched: Begin each further part with the newest message of each latched connection.
         on_progress: Is told how far it is.
 
@@ -128,6 +147,14 @@ def split(source: PathLike, stem: PathLike, limits: Limits, compression: Optiona
         latched = _Latched(np.array([bool(c.latching) for c in reader.connections], bool))
         losses: Optional[LossNotes] = None
         ids = np.zeros(1, np.int64)
+        def begin(first: int) -> LogWriter:
+            nonlocal ids, losses
+            writer = parts.begin(first)
+            ids = add_channels(reader.connections, writer)
+            losses = LossNotes(writer)
+            copy_extras(reader, writer, has_attachments=not parts.done)
+            return writer
+
         piece = 1 << 20 if limits.size is None else max(min(1 << 20, limits.size // _FINEST), 1)
         try:
             for whole in in_time_order([whole_source(reader, Selection())]):
@@ -136,9 +163,7 @@ def split(source: PathLike, stem: PathLike, limits: Limits, compression: Optiona
                         writer = parts.writer
                         if writer is None:
                             first = int(rest.log_time[0])
-                            writer = parts.begin(first)
-                            ids = add_channels(reader.connections, writer)
-                            losses = LossNotes(writer)
+                            writer = begin(first)
                             for batch in latched.repeated(first) if repeat_latched and parts.done else ():
                                 writer.append(writer.encode(batch, ids))
                         fits = _cuts(rest, parts.begin_time, writer.message_count, limits)
@@ -150,8 +175,13 @@ def split(source: PathLike, stem: PathLike, limits: Limits, compression: Optiona
                             parts.finish()
                 if on_progress is not None:
                     on_progress(int(whole.length.sum()), len(whole))
+            if not parts.done and parts.writer is None and (reader.index.attachments or reader.index.metadata):
+                begin(0)
             parts.finish()
+            if overwrite:
+                parts.remove_old()
         except BaseException:
             parts.discard()
             raise
-        return SplitResult(tuple(parts.done), losses.notes([reader]) if losses is not None else ())
+        return SplitResult(tuple(parts.done), (losses.notes([reader]) if losses is not None else ())
+                           + parts.strangers())

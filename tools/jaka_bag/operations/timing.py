@@ -2,19 +2,20 @@
 
 ``BagFormatError`` is raised where a chunk or its index is damaged.
 """
-from typing import Any, Dict, List, Tuple
+from typing import Any, Dict, Iterator, List, Tuple
 
 import numpy as np
 
 from ..containers.contract import LogReader
 from ..containers.registry import open_log
 from ..errors import DefinitionError
-from ..messages.batch import Array
+from ..messages.batch import Array, distinct
 from ..messages.selection import Selection
 from ..paths import PathLike
-from ..pipeline import in_order
+from ..pipeline import WORKERS, in_order
 from ..units import NS_PER_S
-from .columns import ColumnReader
+from .columns import ColumnReader, chunk_groups
+from .quantiles import Quantiles
 
 _GAP = 1.5
 """An interval above this many median intervals is a gap."""
@@ -22,56 +23,90 @@ _REGULAR = 0.5
 """A topic is periodic where the middle 80 % of its intervals spread over less than this part of the median."""
 
 
-def log_times(reader: LogReader) -> Dict[int, Array]:
-    """Log times of each connection, by number, ns, ascending."""
-    parts: Dict[int, List[Array]] = {}
-    for connection, log_time in in_order(reader.load_times, reader.chunks):
-        order = np.argsort(connection, kind="stable")
-        numbers, begins = np.unique(connection[order], return_index=True)
-        for number, times in zip(numbers.tolist(), np.split(log_time[order], begins[1:])):
-            parts.setdefault(number, []).append(times)
-    return {number: np.sort(np.concatenate(times), kind="stable") for number, times in parts.items()}
+def log_times(reader: LogReader) -> Iterator[Tuple[str, Array]]:
+    """Log times of each topic, ns, ascending, piece by piece."""
+    groups = chunk_groups(reader.chunks)
+    ends = [max(chunk.end_time for chunk in group) for group in groups]
+    if any(end > group[0].start_time for end, group in zip(ends, groups[1:])):
+        groups = [reader.chunks]  # chunks overlap in time: all at once
+    topics = [connection.topic for connection in reader.connections]
+    for group in groups:
+        parts: Dict[str, List[Array]] = {}
+        for connection, log_time in in_order(reader.load_times, group, WORKERS if len(group) > 1 else 1):
+            for number in distinct(connection).tolist():
+                parts.setdefault(topics[number], []).append(log_time[connection == number])
+        for topic, times in parts.items():
+            yield topic, np.sort(np.concatenate(times), kind="stable")
+
+
+class Timing:
+    """How regularly the messages of one topic came."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._first = self._last = 0
+        self._interval = Quantiles()
+        self._worst, self._worst_at = -1.0, 0
+
+    def add(self, times: Array) -> None:
+        """Further log times, ns, ascending, at least one."""
+        if self._count:
+            times = np.append(np.int64(self._last), times)
+        else:
+            self._first = int(times[0])
+            self._count = 1
+        interval = np.diff(times) / NS_PER_S
+        self._count += len(interval)
+        self._interval.add(interval)
+        self._last = int(times[-1])
+        if len(interval) and interval.max() > self._worst:
+            worst = int(interval.argmax())
+            self._worst, self._worst_at = float(interval[worst]), int(times[worst])
+
+    def document(self) -> Dict[str, Any]:
+        """The regularity as JSON data; intervals in s.
+
+        ``missing`` is how many more messages the gaps would hold; None where the messages come irregularly.
+        """
+        if self._count < 2:
+            return {"messages": self._count, "text": "too few messages for a rate"}
+        low, median, high, p99 = self._interval.percentiles([10, 50, 90, 99])
+        span = float(self._last - self._first) / NS_PER_S
+        rate = (self._count - 1) / span if span > 0 else None
+        jitter_p50, jitter_p99 = self._interval.distances(median).percentiles([50, 99])
+        is_periodic = median > 0 and high - low < _REGULAR * median
+        gaps, counts = self._interval.above(_GAP * median) if is_periodic else (np.zeros(0), np.zeros(0))
+        gap_count = int(counts.sum())
+        missing = int((np.round(gaps / median - 1) * counts).sum()) if is_periodic else 0
+        result = {
+            "messages": self._count, "rate": rate, "median_interval": median, "p99_interval": p99,
+            "jitter_p50": jitter_p50, "jitter_p99": jitter_p99,
+            "largest_gap": self._worst, "largest_gap_at_ns": self._worst_at,
+            "gaps": gap_count if is_periodic else None, "missing": missing if is_periodic else None}
+        text = "%s, interval %.3f ms, jitter p50 %.3f p99 %.3f ms, largest gap %.3f ms" % (
+            "no rate" if rate is None else "%.2f Hz" % rate, median * 1e3, jitter_p50 * 1e3, jitter_p99 * 1e3,
+            self._worst * 1e3)
+        if is_periodic:
+            text += ", %d gaps (~%d missing)" % (gap_count, missing) if gap_count else ", no gaps"
+        return dict(result, text=text)
 
 
 def timing_of(times: Array) -> Dict[str, Any]:
-    """The regularity of ascending log times, ns; intervals in s.
-
-    ``missing`` is how many more messages the gaps would hold; None where the messages come irregularly.
-    """
-    if len(times) < 2:
-        return {"messages": len(times), "text": "too few messages for a rate"}
-    interval = np.diff(times) / NS_PER_S
-    low, median, high, p99 = np.percentile(interval, [10, 50, 90, 99])
-    worst = int(interval.argmax())
-    span = float(times[-1] - times[0]) / NS_PER_S
-    rate = (len(times) - 1) / span if span > 0 else None
-    jitter_p50, jitter_p99 = np.percentile(np.abs(interval - median), [50, 99])
-    is_periodic = median > 0 and high - low < _REGULAR * median
-    gaps = interval[interval > _GAP * median] if is_periodic else interval[:0]
-    missing = int(np.round(gaps / median - 1).sum()) if is_periodic else 0
-    result = {
-        "messages": len(times), "rate": rate, "median_interval": float(median), "p99_interval": float(p99),
-        "jitter_p50": float(jitter_p50), "jitter_p99": float(jitter_p99),
-        "largest_gap": float(interval[worst]), "largest_gap_at_ns": int(times[worst]),
-        "gaps": len(gaps) if is_periodic else None, "missing": missing if is_periodic else None}
-    text = "%s, interval %.3f ms, jitter p50 %.3f p99 %.3f ms, largest gap %.3f ms" % (
-        "no rate" if rate is None else "%.2f Hz" % rate, median * 1e3, jitter_p50 * 1e3, jitter_p99 * 1e3,
-        interval[worst] * 1e3)
-    if is_periodic:
-        text += ", %d gaps (~%d missing)" % (len(gaps), missing) if len(gaps) else ", no gaps"
-    return dict(result, text=text)
+    """``Timing.document`` of ascending log times, ns."""
+    timing = Timing()
+    if len(times):
+        timing.add(times)
+    return timing.document()
 
 
 def add_timing(path: PathLike, document: Dict[str, Any]) -> None:
     """Put ``freq`` into each topic of an info document."""
+    by_topic: Dict[str, Timing] = {}
     with open_log(path) as reader:
-        by_connection = log_times(reader)
-        by_topic: Dict[str, List[Array]] = {}
-        for number, times in by_connection.items():
-            by_topic.setdefault(reader.connections[number].topic, []).append(times)
+        for name, times in log_times(reader):
+            by_topic.setdefault(name, Timing()).add(times)
     for topic in document["topics"]:
-        streams = by_topic.get(topic["topic"], [np.zeros(0, np.int64)])
-        topic["freq"] = timing_of(streams[0] if len(streams) == 1 else np.sort(np.concatenate(streams)))
+        topic["freq"] = by_topic.get(topic["topic"], Timing()).document()
 
 
 def _sequence_gaps(reader: LogReader, topic: str) -> Tuple[int, int]:
@@ -80,12 +115,15 @@ def _sequence_gaps(reader: LogReader, topic: str) -> Tuple[int, int]:
     for number, connection in enumerate(reader.connections):
         if connection.topic != topic or not reader.index.counts[number]:
             continue
-        columns = ColumnReader(reader, Selection(topics=(topic,)), only_connection=number).read()
-        sequence = columns[topic].fields["header.seq"].astype(np.int64)
-        steps = np.diff(sequence)
-        skipped = steps[steps > 1] - 1  # a smaller number is a publisher's new start
-        missing += int(skipped.sum())
-        places += len(skipped)
+        columns = ColumnReader(reader, Selection(topics=(topic,)), only_connection=number)
+        last = np.zeros(0, np.int64)
+        for _, some in columns.pieces({topic: ("header.seq",)}):
+            sequence = np.concatenate([last, some.fields["header.seq"].astype(np.int64)])
+            steps = np.diff(sequence)
+            skipped = steps[steps > 1] - 1  # a smaller number is a publisher's new start
+            missing += int(skipped.sum())
+            places += len(skipped)
+            last = sequence[-1:]
     return missing, places
 
 

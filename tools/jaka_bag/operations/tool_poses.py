@@ -11,6 +11,10 @@ TWIST_TYPE = "geometry_msgs/TwistStamped"
 POSE_TYPE = "geometry_msgs/PoseStamped"
 """Of ``interface:=vendor_2025`` and of the maker's newest driver: mm and a quaternion."""
 POSE_NAME = "tool_position"
+POSE_FIELDS = {TWIST_TYPE: tuple("twist.%s.%s" % (part, axis) for part in ("linear", "angular") for axis in "xyz"),
+               POSE_TYPE: (*["pose.position." + axis for axis in "xyz"],
+                           *["pose.orientation." + axis for axis in "xyzw"])}
+"""The fields that ``tool_poses`` needs, by type."""
 
 
 class ToolPoses(NamedTuple):

@@ -3,7 +3,7 @@ from typing import List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from jaka_bag.compare.run import Run, Track
+from jaka_bag.compare.run import LongTrack, Run
 from jaka_bag.driver_interface import JOINT_SPEED_CEILING, JOINTS
 from jaka_bag.errors import BagError, UsageError
 from jaka_bag.messages.batch import Array
@@ -75,15 +75,15 @@ def recorded_joints(run: Run, topic: Optional[str] = None, start_ns: Optional[in
         BagError: There are none, too few, or they are no single motion: the message names the time and the joint.
         UsageError: Several topics have joint positions, and none was named.
     """
-    track = run.joints[_topic_of(run, topic)]
-    columns = _columns(run, track)
+    whole = run.joints[_topic_of(run, topic)]
+    columns = _columns(run, whole)
     first = -np.inf if start_ns is None else (start_ns - run.start_ns) / NS_PER_S
     last = np.inf if end_ns is None else (end_ns - run.start_ns) / NS_PER_S
-    inside = (track.time >= first) & (track.time <= last)
-    finite = inside & np.isfinite(track.value[:, columns]).all(axis=1)
+    track = whole.between(first, float(np.nextafter(last, np.inf)))
+    finite = np.isfinite(track.value[:, columns]).all(axis=1)
     if not finite.any():
         raise BagError("%s: %s has no sample of six numbers%s" % (
-            run.path, track.topic, " in the part that is asked for" if inside.any() or len(track.time) else ""))
+            run.path, track.topic, " in the part that is asked for" if whole.facts.count else ""))
     time, position = track.time[finite], track.value[finite][:, columns]
     if len(time) < _FEWEST:
         raise BagError("%s: %s is too short to replay: %d samples in %.3f s; %d are needed" % (
@@ -116,7 +116,7 @@ def _topic_of(run: Run, topic: Optional[str]) -> str:
     return candidates[0]
 
 
-def _columns(run: Run, track: Track) -> List[int]:
+def _columns(run: Run, track: LongTrack) -> List[int]:
     """For each joint of an arm its column; joints may come in any order, with a prefix."""
     found = [[column for column, name in enumerate(track.names) if name.endswith(joint)] for joint in JOINTS]
     if [len(columns) for columns in found] != [1] * len(JOINTS) or len(track.names) != len(JOINTS):

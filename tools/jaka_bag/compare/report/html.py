@@ -73,12 +73,13 @@ _LEGEND = """<p class="legend"><span class="golden" style="--k:var(--golden)">go
 <span class="band">allowed</span><span class="mark">worst moment</span></p>"""
 
 
-def page(title: str, body: str) -> str:
+def page(title: str, body: str, more_style: str = "") -> str:
     """A page that needs no network and no scripts, to be written as UTF-8; ``body`` is HTML, ``title`` is text."""
     return ('<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width,initial-scale=1">'
             "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">"
-            '<title>%s</title><style>%s</style></head><body>%s</body></html>\n' % (escape(title), _STYLE, body))
+            '<title>%s</title><style>%s</style></head><body>%s</body></html>\n'
+            % (escape(title), _STYLE + more_style, body))
 
 
 def figures_of(figures: Iterable[Figure]) -> str:

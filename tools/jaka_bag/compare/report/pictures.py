@@ -1,14 +1,14 @@
 """The pictures of the report: overlays of both runs, differences, time lines, what a failed check looked like."""
-from typing import List, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from ...messages.batch import Array
-from ...operations.plot import thin
+from ...operations.thinning import EveryNth, MinMax
 from ...units import mm_to_m, s_to_ms
 from ..alignment import Episode
 from ..curve_distance import interpolated
-from ..run import Call, Track, arm_of
+from ..run import Call, LongTrack, Track, arm_of
 from ..state_checks import state_name, state_runs
 from ..tolerances import Tolerances
 from ..verdict import Aspect, Check, Comparison, ResidualKey
@@ -16,6 +16,9 @@ from .svg import Bar, Line, Row, chart, plane, time_line
 from .warping import warping
 
 _POINTS = 1100
+_PATH_POINTS = 3000
+_MARGIN_S = 0.5
+_OVERLAID = "Golden log and candidate over time, one upon the other."
 _AXES = "xyz"
 _MOST_CALLS = 400
 
@@ -29,14 +32,22 @@ class Figure(NamedTuple):
 
 def _line(style: str, time: Array, value: Array) -> Line:
     good = np.isfinite(value)
-    return Line(style, *thin(time[good], value[good], _POINTS))
+    curve = MinMax(_POINTS)
+    curve.add(time[good], value[good])
+    return Line(style, *curve.points())
 
 
-def _path(style: str, pose: Track, one: int, other: int) -> Line:
+def _path(style: str, points: Array, one: int, other: int) -> Line:
     """The path in the plane of two axes, without the points where the arm stands."""
-    points = pose.value[::max(1, len(pose.time) // 3000), :3]
     moved = np.abs(np.diff(points, axis=0, prepend=np.inf)).max(axis=1) > mm_to_m(0.2)
     return Line(style, points[moved, one], points[moved, other])
+
+
+class _Whole(NamedTuple):
+    """All of a track, to be drawn: the curve of each column, and the points of the path of the first three."""
+
+    lines: List[Line]
+    path: Array
 
 
 def _dashes(episodes: Sequence[Episode], values: Sequence[float]) -> Line:
@@ -57,17 +68,47 @@ class Pictures:
         self._lag = comparison.alignment.lag
         self.range = (min(0.0, -self._lag), max(self._golden.duration, self._candidate.duration - self._lag))
 
+        self._wholes: Dict[Tuple[str, str], _Whole] = {}
+
     def _golden_time(self, track: Track) -> Array:
         return self._comparison.alignment.golden_time(arm_of(track.topic, self._arms), track.time)
 
-    def _overlay(self, title: str, unit: str, ours: Track, theirs: Track, column: int,
-                 x_range: Optional[Tuple[float, float]] = None, mark: Optional[float] = None, least: float = 0.02,
-                 lag: Optional[float] = None) -> str:
-        """One column of both runs; the candidate where it is aligned to, or all of it at one lag, s."""
-        time = self._golden_time(theirs) if lag is None else theirs.time - lag
-        lines = [_line("golden", ours.time, ours.value[:, column]), _line("candidate", time, theirs.value[:, column])]
-        return chart(title, "Golden log and candidate over time, one upon the other.", lines, x_range or self.range,
-                     unit, mark=mark, least=least)
+    def _whole(self, style: str, track: LongTrack) -> _Whole:
+        """The curves of a track on the golden clock; the track is read once."""
+        key = style, track.topic
+        if key not in self._wholes:
+            curves = [MinMax(_POINTS) for _ in track.names]
+            path = EveryNth(_PATH_POINTS)
+            for block in track.blocks():
+                time = block.time if style == "golden" else self._golden_time(block)
+                for curve, values in zip(curves, block.value.T):
+                    good = np.isfinite(values)
+                    curve.add(time[good], values[good])
+                path.add(block.value[:, :3])
+            self._wholes[key] = _Whole([Line(style, *curve.points()) for curve in curves], path.rows())
+        return self._wholes[key]
+
+    def _overview(self, title: str, unit: str, ours: LongTrack, theirs: LongTrack, column: int) -> str:
+        """One column of both runs, all of it; the candidate where it is aligned to."""
+        return chart(title, _OVERLAID, [self._whole("golden", ours).lines[column],
+                                        self._whole("candidate", theirs).lines[column]], self.range, unit, least=0.02)
+
+    def _close_up(self, title: str, unit: str, ours: LongTrack, theirs: LongTrack, column: int,
+                  x_range: Tuple[float, float], mark: Optional[float], least: float,
+                  lag: Optional[float] = None) -> str:
+        """As an overview, between two times, s; the candidate where it is aligned to, or all of it at one lag, s."""
+        here, there = ours.around(*x_range), self._around(theirs, *x_range, lag)
+        time = self._golden_time(there) if lag is None else there.time - lag
+        lines = [_line("golden", here.time, here.value[:, column]), _line("candidate", time, there.value[:, column])]
+        return chart(title, _OVERLAID, lines, x_range, unit, mark=mark, least=least)
+
+    def _around(self, theirs: LongTrack, begin: float, end: float, lag: Optional[float] = None) -> Track:
+        """The candidate's samples between two golden times, s."""
+        if lag is not None:
+            return theirs.around(begin + lag, end + lag)
+        arm = arm_of(theirs.topic, self._arms)
+        low, high = (self._comparison.alignment.candidate_time(arm, time) for time in (begin, end))
+        return theirs.around(low, max(high, low))
 
     def _residual(self, key: ResidualKey, x_range: Optional[Tuple[float, float]] = None,
                   mark: Optional[float] = None) -> str:
@@ -75,8 +116,10 @@ class Pictures:
         residual = self._comparison.residuals.get(key)
         if residual is None:
             return ""
+        line = Line("difference", residual.time, residual.off) if x_range is None \
+            else _line("difference", residual.near_time, residual.near_off)
         return chart("How far off", "Distance of both runs, less what jitter and stops allow; the stripe is allowed.",
-                     [_line("difference", residual.time, residual.off)], x_range or self.range, residual.unit, 92, mark,
+                     [line], x_range or self.range, residual.unit, 92, mark,
                      (0.0, residual.limit))
 
     # --- overviews ---------------------------------------------------------------------------------------------------
@@ -86,10 +129,10 @@ class Pictures:
         figures = []
         for topic, ours in self._golden.joints.items():
             theirs = self._candidate.joints.get(topic)
-            if theirs is None or ours.names != theirs.names or len(ours.time) < 2:
+            if theirs is None or ours.names != theirs.names or ours.facts.count < 2:
                 continue
             for column, name in enumerate(ours.names):
-                picture = self._overlay(name, "rad", ours, theirs, column)
+                picture = self._overview(name, "rad", ours, theirs, column)
                 figures.append(Figure("%s of %s" % (name, topic),
                                       picture + self._residual((Aspect.JOINTS, topic, name))))
         return figures
@@ -101,18 +144,19 @@ class Pictures:
                  if check.aspect is Aspect.POSITION and check.at is not None}
         for topic, ours in self._golden.poses.items():
             theirs = self._candidate.poses.get(topic)
-            if theirs is None or len(ours.time) < 2:
+            if theirs is None or ours.facts.count < 2:
                 continue
-            here = interpolated(self._golden_time(theirs), theirs.value, np.array([worst[topic]]))[0] \
-                if topic in worst else None
+            here = self._value_at(theirs, worst[topic]) if topic in worst else None
+            paths = [(style, self._whole(style, pose).path)
+                     for style, pose in (("golden", ours), ("candidate", theirs))]
             planes = [plane("Path in the plane of %s and %s" % (_AXES[one], _AXES[other]),
                             "Path of the tool centre point of both runs.",
-                            [_path("golden", ours, one, other), _path("candidate", theirs, one, other)],
+                            [_path(style, points, one, other) for style, points in paths],
                             (_AXES[one] + ", m", _AXES[other] + ", m"),
                             None if here is None else (float(here[one]), float(here[other])))
                       for one, other in ((0, 1), (0, 2), (1, 2))]
             figures.append(Figure("Path of %s" % topic, '<div class="planes">%s</div>' % "".join(planes)))
-            figures += [Figure("%s of %s" % (name, topic), self._overlay(name, "m", ours, theirs, axis))
+            figures += [Figure("%s of %s" % (name, topic), self._overview(name, "m", ours, theirs, axis))
                         for axis, name in enumerate(_AXES)]
             figures += [
                 Figure("Distance of the two positions", self._residual((Aspect.POSITION, topic, "position"))),
@@ -139,9 +183,9 @@ class Pictures:
                 band=(-limits.pace_percent, limits.pace_percent))))
         for topic, ours in self._golden.joints.items():
             theirs = self._candidate.joints.get(topic)
-            if theirs is None or ours.value.shape[1] != theirs.value.shape[1]:
+            if theirs is None or len(ours.names) != len(theirs.names):
                 continue
-            warp = warping(ours.time, ours.value, theirs.time - self._lag, theirs.value)
+            warp = warping(ours, theirs, self._lag)
             if warp is not None:
                 figures.append(Figure("Time warp of %s, beyond the common lag (to look at, never a verdict)" % topic,
                                       chart("Time warp", "How much later the candidate passes the same place.",
@@ -175,6 +219,12 @@ class Pictures:
             "States and calls", "For each state field and service one row of the golden log and one of the candidate.",
             rows, x_range or self.range, mark))]
 
+    def _value_at(self, theirs: LongTrack, at: float) -> Array:
+        """The candidate at a golden time, s."""
+        near = self._around(theirs, at, at)
+        value: Array = interpolated(self._golden_time(near), near.value, np.array([at]))[0]
+        return value
+
     # --- one check ---------------------------------------------------------------------------------------------------
 
     def moment(self, check: Check) -> List[Figure]:
@@ -202,18 +252,18 @@ class Pictures:
         ours, theirs = self._golden.joints[check.topic], self._candidate.joints.get(check.topic)
         if theirs is None or check.field not in ours.names:
             return []
-        return [Figure("%s, one second to either side" % check.field, self._overlay(
+        return [Figure("%s, one second to either side" % check.field, self._close_up(
             check.field, "rad", ours, theirs, ours.names.index(check.field), span, check.at, 0.005))]
 
     def _position_moment(self, check: Check, at: float, span: Tuple[float, float]) -> List[Figure]:
         ours, theirs = self._golden.poses.get(check.topic), self._candidate.poses.get(check.topic)
-        if ours is None or theirs is None or len(ours.time) < 2:
+        if ours is None or theirs is None or ours.facts.count < 2:
             return []
-        here, there = (interpolated(time, pose.value[:, :3], np.array([at]))[0]
-                       for time, pose in ((ours.time, ours), (self._golden_time(theirs), theirs)))
-        axis = int(np.argmax(np.abs(there - here)))
+        near = ours.around(at, at)
+        here, there = interpolated(near.time, near.value, np.array([at]))[0], self._value_at(theirs, at)
+        axis = int(np.argmax(np.abs(there - here)[:3]))
         return [Figure("%s, the coordinate farthest off, one second to either side" % _AXES[axis],
-                       self._overlay(_AXES[axis], "m", ours, theirs, axis, span, at, 0.002))]
+                       self._close_up(_AXES[axis], "m", ours, theirs, axis, span, at, 0.002))]
 
     def _motion_moment(self, check: Check) -> List[Figure]:
         """The joint that moves most."""
@@ -224,29 +274,30 @@ class Pictures:
         if episode is None or topic is None:
             return []
         ours = self._golden.joints[topic]
-        first, last = np.searchsorted(ours.time, (episode.start, episode.end))
-        part = ours.value[first:max(int(last), int(first) + 1)]
+        part = ours.around(episode.start, episode.end).value
         column = int(np.argmax(part.max(axis=0) - part.min(axis=0)))
         lag, whose, mark = (episode.lag, "this motion", episode.end) if check.aspect is Aspect.PACE \
             else (self._lag, "all motions together", episode.start)
-        return [Figure("%s, at the lag of %s" % (ours.names[column], whose), self._overlay(
+        return [Figure("%s, at the lag of %s" % (ours.names[column], whose), self._close_up(
             ours.names[column], "rad", ours, self._candidate.joints[topic], column,
-            (episode.start - 0.5, episode.end + 0.5), mark, lag=lag))]
+            (episode.start - 0.5, episode.end + 0.5), mark, 0.02, lag))]
 
     def _field_moment(self, check: Check, span: Tuple[float, float]) -> List[Figure]:
         ours = self._golden.fields.get(check.topic, {}).get(check.field)
         theirs = self._candidate.fields.get(check.topic, {}).get(check.field)
-        if ours is None or theirs is None or not ours.value.shape[1] or not theirs.value.shape[1]:
+        if ours is None or theirs is None or not ours.names or not theirs.names:
             return []
         return [Figure("%s, one second to either side" % check.field,
-                       self._overlay(check.field, "", ours, theirs, 0, span, check.at, 0.0))]
+                       self._close_up(check.field, "", ours, theirs, 0, span, check.at, 0.0))]
 
     def _stamp_moment(self, check: Check, span: Tuple[float, float]) -> List[Figure]:
         lines: List[Line] = []
         for run, style, lag in ((self._golden, "golden", 0.0), (self._candidate, "candidate", self._lag)):
             stream = run.streams.get(check.topic)
-            if stream is not None and stream.stamp is not None:
-                lines.append(_line(style, stream.log_time - lag, s_to_ms(1.0) * (stream.log_time - stream.stamp)))
+            if stream is not None and stream.is_stamped:
+                time, stamp, _ = stream.between(span[0] + lag - _MARGIN_S, span[1] + lag + _MARGIN_S)
+                if stamp is not None:
+                    lines.append(_line(style, time - lag, s_to_ms(1.0) * (time - stamp)))
         return [Figure("Log time - header.stamp, one second to either side", chart(
             "Latency", "How old the stamps are when they are recorded.", lines, span, "ms", 130, check.at,
             least=5.0))] if lines else []

@@ -4,7 +4,7 @@ from typing import Optional, Tuple
 import numpy as np
 
 from ...messages.batch import Array
-from ..curve_distance import interpolated
+from ..run import LongTrack
 
 _SAMPLES = 500
 _BAND = 40
@@ -12,23 +12,22 @@ _STRAY = 0.002
 """What each step off the straight way costs, in the unit of the values, so that noise at rest draws no curve."""
 
 
-def warping(golden_time: Array, golden: Array, candidate_time: Array,
-            candidate: Array) -> Optional[Tuple[Array, Array]]:
+def warping(golden: LongTrack, candidate: LongTrack, lag: float) -> Optional[Tuple[Array, Array]]:
     """Golden times and how much later, s, the candidate is at the same place, by warping; None where too short.
 
     Args:
-        golden_time: s, shape (n,).
-        golden: Shape (n, columns).
-        candidate_time: In golden time, s, shape (m,).
-        candidate: Shape (m, columns).
+        golden: Of as many columns as the candidate.
+        candidate: The same joints.
+        lag: How much later the candidate is as a whole, s.
     """
-    if len(golden_time) < 3 or len(candidate_time) < 3:
+    ours, theirs = golden.facts, candidate.facts
+    if min(ours.finite_count, theirs.finite_count) < 3:
         return None
-    start, end = max(golden_time[0], candidate_time[0]), min(golden_time[-1], candidate_time[-1])
+    start, end = max(ours.first, theirs.first - lag), min(ours.last, theirs.last - lag)
     if not end > start:
         return None
     grid = np.linspace(start, end, _SAMPLES)
-    a, b = interpolated(golden_time, golden, grid), interpolated(candidate_time, candidate, grid)
+    a, b = golden.at(grid), candidate.at(grid + lag)
     width = 2 * _BAND + 1
     cost = np.full((_SAMPLES, width), np.inf)
     padded = np.full((_SAMPLES + 2 * _BAND, a.shape[1]), np.inf)

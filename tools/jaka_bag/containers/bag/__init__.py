@@ -1,7 +1,8 @@
-"""ROS bags, version 2.0.
+"""ROS bags, version 2.0, and the reading of version 1.2.
 
 records    the records, and the index that they make; without numpy
 reader     the contents of chunks as batches of messages
 writer     writes chunks and the index
 recovery   reads a cut-off, unindexed or damaged bag as far as that goes
+rosrecord  reads bags of version 1.2
 """

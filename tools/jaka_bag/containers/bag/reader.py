@@ -9,7 +9,7 @@ from typing import Any, Dict, List, Optional, Tuple
 import numpy as np
 
 from ...errors import BagFormatError
-from ...messages.batch import Array, MessageBatch, batch_of_rows, windows
+from ...messages.batch import Array, MessageBatch, Rows, windows
 from ...messages.connection import Connection
 from ...units import NS_PER_S
 from .. import contract
@@ -77,7 +77,7 @@ def _head_type(connection_at: int, time_at: int) -> "np.dtype[Any]":
 
 def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> Parsed:
     """The records of a bag chunk's bytes, one by one, up to the first that is damaged or cut off."""
-    columns: List[Tuple[int, ...]] = []
+    rows = Rows(has_publish=False)
     connections: Dict[int, Connection] = {}
     at = begin
     stop = len(raw) if end is None else end
@@ -87,14 +87,14 @@ def scan(raw: Buffer, begin: int = 0, end: Optional[int] = None) -> Parsed:
             if record is None or record.end > stop:
                 break
             if record.kind == fmt.OP_MESSAGE:
-                columns.append((record.begin, record.end - record.begin, fmt.u32(record.fields, "conn"),
-                                fmt.time_ns(record.fields, "time")))
+                rows.append((record.begin, record.end - record.begin, fmt.u32(record.fields, "conn"),
+                             fmt.time_ns(record.fields, "time")))
             elif record.kind == fmt.OP_CONNECTION:
                 connections.update([fmt.parse_connection(record, raw)])
         except BagFormatError:
             break
         at = record.end
-    return Parsed(batch_of_rows(np.frombuffer(raw, np.uint8), columns, False), connections, at)
+    return Parsed(rows.batch(np.frombuffer(raw, np.uint8)), connections, at)
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array]) -> Parsed:
@@ -108,7 +108,7 @@ def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
     for record in fmt.whole_records(raw, begin, "the index of a chunk is cut off"):
         if record.kind == fmt.OP_INDEX:
             count, rest = divmod(record.end - record.begin, ENTRY_TYPE.itemsize)
-            if rest or fmt.u32(record.fields, "ver") != 1:
+            if rest or fmt.u32(record.fields, "ver") != 1 or fmt.u32(record.fields, "count") != count:
                 raise BagFormatError("the index of a chunk is damaged")
             result.append((fmt.u32(record.fields, "conn"), np.frombuffer(raw, ENTRY_TYPE, count, record.begin)))
     return result
@@ -127,11 +127,20 @@ class BagReader(LogReader):
         data_end = head.data_start + head.data_size
         if data_end > len(raw):
             raise BagFormatError("the chunk is cut off")
+        self._allowance.take(chunk.position, head.size)
         data = decompress(head.codec, memoryview(raw)[head.data_start:data_end], head.size)
-        return parse_chunk(data, offsets_in(index_entries(raw, data_end))).batch
+        try:
+            offset: Optional[Array] = offsets_in(index_entries(raw, data_end))
+        except BagFormatError:  # the index only helps: the chunk's own records count
+            offset = None
+        return parse_chunk(data, offset).batch
 
-    def _times_in_index(self, chunk: ChunkRef) -> List[Tuple[int, Array]]:
+    def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
         head = fmt.parse_chunk_head(read_at(self._file.fileno(), chunk.position, 4096))
-        begin = chunk.position + head.data_start + head.data_size
+        begin = chunk.position + head.end
+        try:
+            entries = index_entries(read_at(self._file.fileno(), begin, chunk.end - begin), 0)
+        except BagFormatError:
+            return None
         return [(number, entry["seconds"].astype(np.int64) * NS_PER_S + entry["nanoseconds"])
-                for number, entry in index_entries(read_at(self._file.fileno(), begin, chunk.end - begin), 0)]
+                for number, entry in entries]

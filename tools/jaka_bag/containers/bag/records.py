@@ -10,12 +10,13 @@ from ...errors import BagFormatError
 from ...messages.connection import Connection
 from ...paths import PathLike
 from ...units import NS_PER_S
-from ..index import Buffer, ChunkHead, ChunkRef, LogIndex, read_at
+from ..index import Buffer, ChunkHead, ChunkRef, LogIndex, codec_totals, read_at
 
 MAGIC = b"#ROSBAG V2.0\n"
 OP_MESSAGE, OP_FILE_HEADER, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION = range(2, 8)
 FILE_HEADER_SIZE = 4096
 """Bytes of the first record's header and padding together."""
+INDEX_ENTRY_SIZE = 12
 MAX_SECONDS = 0xFFFFFFFF
 
 _U32 = struct.Struct("<I")
@@ -26,7 +27,12 @@ Header = Dict[str, bytes]
 
 
 _CUT_OFF = "the recording was cut off, there is no index (jaka_bag recover makes a whole file of it)"
-_DAMAGED = "the index is damaged (jaka_bag recover makes a whole file of it)"
+_INDEX_HEAD = 55
+"""Bytes of an index record without its entries."""
+_PROBE = 4096
+_WINDOW = 4 << 20
+_CHUNK_MARK = b"\x04\x00\x00\x00op=" + bytes([OP_CHUNK])
+DAMAGED = "the index is damaged (jaka_bag recover makes a whole file of it)"
 
 
 class Record(NamedTuple):
@@ -123,7 +129,15 @@ def record_at(raw: Buffer, at: int = 0, stop: Optional[int] = None) -> Optional[
     return Record(kind[0], fields, begin, begin + _U32.unpack_from(raw, header_end)[0])
 
 
-def whole_records(raw: bytes, begin: int = 0, problem: str = _DAMAGED) -> Iterator[Record]:
+def try_record_at(raw: Buffer, at: int = 0) -> Optional[Record]:
+    """As ``record_at``; None also where there is no record."""
+    try:
+        return record_at(raw, at)
+    except BagFormatError:
+        return None
+
+
+def whole_records(raw: bytes, begin: int = 0, problem: str = DAMAGED) -> Iterator[Record]:
     """The records from a position to the end of a buffer."""
     while begin < len(raw):
         record = record_at(raw, begin)
@@ -213,7 +227,7 @@ def parse_chunk_head(raw: bytes) -> ChunkHead:
     if record.kind != OP_CHUNK:
         raise BagFormatError("there is no chunk record")
     codec = record.fields.get("compression", b"").decode("ascii", "replace")
-    return ChunkHead(codec, u32(record.fields, "size"), 0, record.begin, record.end - record.begin)
+    return ChunkHead(codec, u32(record.fields, "size"), 0, record.begin, record.end - record.begin, record.end)
 
 
 def read_file_header(descriptor: int) -> Tuple[Header, int]:
@@ -229,6 +243,67 @@ def read_file_header(descriptor: int) -> Tuple[Header, int]:
     return record.fields, len(MAGIC) + record.end
 
 
+def record_end(record: Record) -> int:
+    """Where a record ends; that of an index by its entries, for its length may claim more than there are."""
+    count = record.fields.get("count", b"")
+    if record.kind == OP_INDEX and len(count) == 4:
+        return record.begin + INDEX_ENTRY_SIZE * int.from_bytes(count, "little")
+    return record.end
+
+
+def _unnamed(at: int) -> BagFormatError:
+    return BagFormatError("the index does not name the chunk at byte %d (jaka_bag recover reads it)" % at)
+
+
+def _no_records(descriptor: int, begin: int, end: int) -> str:
+    """A note of bytes that are no records."""
+    is_zero, at = True, begin
+    while at < end:
+        raw = read_at(descriptor, at, min(_WINDOW, end - at))
+        mark = raw.find(_CHUNK_MARK)
+        if mark >= 0 and end - at - mark > 64:
+            raise _unnamed(at + mark)
+        is_zero = is_zero and not any(raw)
+        if at + len(raw) >= end:
+            break
+        at += len(raw) - len(_CHUNK_MARK)
+    return "%d bytes at byte %d %s skipped" % (end - begin, begin, "are zero and were" if is_zero
+                                              else "are no records and were")
+
+
+def look_between(descriptor: int, begin: int, end: int) -> Optional[str]:
+    """A note of what is no record between two bytes of a bag; None where there is nothing but indexes.
+
+    Raises:
+        BagFormatError: There is a chunk that the index does not name.
+    """
+    while begin < end:
+        record = try_record_at(read_at(descriptor, begin, min(_PROBE, end - begin)))
+        if record is None or not OP_MESSAGE <= record.kind <= OP_CONNECTION:
+            return _no_records(descriptor, begin, end)
+        if record.kind in (OP_CHUNK, OP_MESSAGE):
+            raise _unnamed(begin)
+        begin += record_end(record)
+    return None
+
+
+def _around_chunks(descriptor: int, chunks: List[ChunkRef], first: int, index_position: int
+                   ) -> Tuple[List[ChunkHead], List[Tuple[int, int]]]:
+    """The heads of chunks, and the stretches that are not just the chunks with the indexes that are to be expected."""
+    heads: List[ChunkHead] = []
+    stretches = [(first, chunks[0].position if chunks else index_position)]
+    for chunk in chunks:
+        try:
+            head = parse_chunk_head(read_at(descriptor, chunk.position, 256))
+        except BagFormatError:  # whoever reads the chunk is told
+            continue
+        heads.append(head)
+        behind = chunk.position + head.end
+        if behind + sum(_INDEX_HEAD + INDEX_ENTRY_SIZE * count for count in chunk.counts.values()) != chunk.end:
+            stretches.append((behind, chunk.end))
+    return heads, stretches
+
+
 def read_index(path: PathLike, descriptor: int) -> LogIndex:
     """The index of a bag."""
     size = os.fstat(descriptor).st_size
@@ -241,13 +316,18 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
     by_id: Dict[int, Connection] = {}
     infos: List[ChunkInfo] = []
     section = read_at(descriptor, index_position, size - index_position)
-    for record in whole_records(section):
+    promised = u32(fields, "conn_count"), u32(fields, "chunk_count")
+    index_end = index_position
+    for record in whole_records(section) if any(promised) else ():
         if record.kind == OP_CONNECTION:
             by_id.update([parse_connection(record, section)])
         elif record.kind == OP_CHUNK_INFO:
             infos.append(parse_chunk_info(record, section))
-    if len(by_id) != u32(fields, "conn_count") or len(infos) != u32(fields, "chunk_count"):
-        raise BagFormatError(_DAMAGED)
+        index_end = index_position + record.end
+        if (len(by_id), len(infos)) == promised:
+            break
+    if (len(by_id), len(infos)) != promised:
+        raise BagFormatError(DAMAGED)
     numbers = {file_id: number for number, file_id in enumerate(by_id)}
     infos.sort(key=lambda info: info.position)
     ends = [info.position for info in infos[1:]] + [index_position]
@@ -255,12 +335,16 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
     counts = [0] * len(numbers)
     for info, end in zip(infos, ends):
         if not first_chunk <= info.position < end or not numbers.keys() >= info.counts.keys():
-            raise BagFormatError(_DAMAGED)
+            raise BagFormatError(DAMAGED)
         by_number = {numbers[file_id]: count for file_id, count in info.counts.items()}
         for number, count in by_number.items():
             counts[number] += count
         chunks.append(ChunkRef(info.position, end, info.start_time, info.end_time, by_number))
+    heads, stretches = _around_chunks(descriptor, chunks, first_chunk, index_position)
+    notes = [look_between(descriptor, begin, end) for begin, end in stretches + [(index_end, size)]]
     filled = [chunk for chunk in chunks if any(chunk.counts.values())]
     return LogIndex("bag", "2.0", str(path), size, list(by_id.values()), numbers, chunks, counts,
                     min((c.start_time for c in filled), default=None),
-                    max((c.end_time for c in filled), default=None))
+                    max((c.end_time for c in filled), default=None), codecs=codec_totals(
+                        (head.codec, head.data_size, head.size) for head in heads) if len(heads) == len(chunks) else (),
+                    notes=tuple(note for note in notes if note))

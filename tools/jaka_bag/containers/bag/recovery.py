@@ -4,7 +4,7 @@ from typing import Generator, Iterator, List, Optional, Tuple
 
 from ...errors import BagFormatError
 from ...messages.batch import Array, MessageBatch, concatenate
-from ..compression import decompress, decompress_partly
+from ..compression import decompress
 from ..contract import Parsed
 from ..index import Buffer, ChunkHead, read_at
 from ..recovery import LogRecovery, Stretch
@@ -19,21 +19,13 @@ _MESSAGE_MARK = b"\x04\x00\x00\x00op=" + bytes([fmt.OP_MESSAGE])
 _LONGEST_CHUNK_HEADER = 64
 
 
-def _record_at(raw: bytes, at: int = 0) -> Optional[fmt.Record]:
-    """The record at a position; None where there is none."""
-    try:
-        return fmt.record_at(raw, at)
-    except BagFormatError:
-        return None
-
-
 def _next_message(raw: bytes, begin: int) -> int:
     """Where the next whole message record of a damaged chunk starts; its end where there is none."""
     mark = raw.find(_MESSAGE_MARK, begin)
     while mark >= 0:
         for start in range(max(mark - 38, begin), mark - 3):
             if _U32.unpack_from(raw, start)[0] == 38:
-                record = _record_at(raw, start)
+                record = fmt.try_record_at(raw, start)
                 if record is not None and record.fields.keys() == {"conn", "op", "time"} and record.end <= len(raw):
                     return start
         mark = raw.find(_MESSAGE_MARK, mark + 1)
@@ -46,14 +38,22 @@ class BagRecovery(LogRecovery):
     def __init__(self, descriptor: int, size: int) -> None:
         super().__init__(descriptor, size)
         self._begin = len(fmt.MAGIC)
+        self._promised_chunks = self._chunks = 0
         index_position = 0
         try:
             fields, self._begin = fmt.read_file_header(descriptor)
             index_position = fmt.u64(fields, "index_pos")
+            self._promised_chunks = fmt.u32(fields, "chunk_count")
+            claimed = min(self._begin, size)
+            first = self._next_chunk(len(fmt.MAGIC), claimed)
+            if first < claimed:
+                self.lose(len(fmt.MAGIC), first, "the length of the first record is damaged")
+                self._begin = first
         except BagFormatError as error:
             if "encrypted" in str(error):
                 raise
             self.lose(len(fmt.MAGIC), min(size, len(fmt.MAGIC) + 8 + fmt.FILE_HEADER_SIZE), str(error))
+        self._is_finished = 0 < index_position <= size
         if self._begin <= index_position < size:
             self._read_index(read_at(descriptor, index_position, size - index_position))
 
@@ -63,7 +63,7 @@ class BagRecovery(LogRecovery):
         try:
             for record in fmt.whole_records(raw):
                 if record.kind == fmt.OP_CONNECTION:
-                    self.connections.update([fmt.parse_connection(record, raw)])
+                    self.learn(dict([fmt.parse_connection(record, raw)]))
                 elif record.kind == fmt.OP_CHUNK_INFO:
                     expected += sum(fmt.parse_chunk_info(record, raw).counts.values())
                 else:
@@ -77,12 +77,13 @@ class BagRecovery(LogRecovery):
         at = self._begin
         while at < self.size:
             raw = read_at(self.descriptor, at, 4096)
-            record = _record_at(raw)
+            record = fmt.try_record_at(raw)
             if record is None and len(raw) >= 4 and 4096 - 8 < _U32.unpack_from(raw)[0] <= _MAX_HEADER:
                 raw = read_at(self.descriptor, at, _U32.unpack_from(raw)[0] + 8)
-                record = _record_at(raw)
+                record = fmt.try_record_at(raw)
             if record is None:
-                at = self._skip_damage(at, "no record" if self.size - at > 8 else "a record is cut off")
+                at = self._behind_zeros(at) or self._skip_damage(
+                    at, "no record" if self.size - at > 8 else "a record is cut off")
                 continue
             end = at + record.end
             if record.kind == fmt.OP_CHUNK:
@@ -91,12 +92,28 @@ class BagRecovery(LogRecovery):
                 end = self._skip_damage(at, "a record is cut off or damaged")
             elif record.kind == fmt.OP_CONNECTION:
                 try:
-                    self.connections.update([fmt.parse_connection(record, read_at(self.descriptor, at, record.end))])
+                    self.learn(dict([fmt.parse_connection(record, read_at(self.descriptor, at, record.end))]))
                 except BagFormatError as error:
                     self.lose(at, end, str(error))
             elif not fmt.OP_MESSAGE <= record.kind <= fmt.OP_CONNECTION:
                 end = self._skip_damage(at, "a record of unknown kind %d" % record.kind)
             at = end
+        if self._chunks < self._promised_chunks:
+            self.lose(self.size, self.size, "the file's first record tells of %d chunks, %d were found"
+                      % (self._promised_chunks, self._chunks))
+
+    def _behind_zeros(self, at: int) -> int:
+        """Where the next record, or the end of the file, is behind nothing but zeros; 0 where there are others."""
+        begin = at
+        while begin < self.size:
+            raw = read_at(self.descriptor, begin, _WINDOW)
+            rest = raw.lstrip(b"\0")
+            if rest:
+                begin += len(raw) - len(rest)
+                is_record = begin > at and fmt.try_record_at(read_at(self.descriptor, begin, 4096)) is not None
+                return begin if is_record else 0
+            begin += len(raw)
+        return self.size if self._is_finished else 0
 
     def _next_chunk(self, begin: int, stop: int) -> int:
         at = begin
@@ -118,7 +135,7 @@ class BagRecovery(LogRecovery):
         return stop
 
     def _stretch(self, begin: int, parsed: Parsed, end: int) -> Stretch:
-        self.connections.update(parsed.connections)
+        self.learn(parsed.connections)
         return Stretch(begin, end, parsed.batch)
 
     def _chunk(self, at: int, raw_head: bytes) -> Generator[Stretch, None, int]:
@@ -127,6 +144,7 @@ class BagRecovery(LogRecovery):
             head = fmt.parse_chunk_head(raw_head)
         except BagFormatError as error:
             return self._skip_damage(at, str(error))
+        self._chunks += 1
         start = at + head.data_start
         if head.size == 0 and head.data_size == 0:
             return (yield from self._open_chunk(start, head.codec, "the last chunk was being written"))
@@ -142,25 +160,33 @@ class BagRecovery(LogRecovery):
     def _index_behind(self, begin: int) -> Tuple[Optional[Array], int]:
         """Offsets of messages from the index records behind a chunk (None: not usable), and where they end."""
         entries: List[Tuple[int, Array]] = []
+        is_usable = True
         at = begin
         while at < self.size:
-            record = _record_at(read_at(self.descriptor, at, 128))
-            if record is None or record.kind != fmt.OP_INDEX or at + record.end > self.size:
+            record = fmt.try_record_at(read_at(self.descriptor, at, 128))
+            if record is None or record.kind != fmt.OP_INDEX:
                 break
             try:
                 entries += index_entries(read_at(self.descriptor, at, record.end), 0)
             except BagFormatError:
-                return None, at + record.end
-            at += record.end
-        return offsets_in(entries) if entries else None, at
+                is_usable = False
+            ends = [at + end for end in (record.end, fmt.record_end(record)) if at + end <= self.size]
+            if not ends:
+                break
+            at = next((end for end in ends if self._is_record_or_end(end)), ends[0])
+        return offsets_in(entries) if entries and is_usable else None, at
+
+    def _is_record_or_end(self, at: int) -> bool:
+        return at == self.size or fmt.try_record_at(read_at(self.descriptor, at, 4096)) is not None
 
     def _read_chunk(self, head: ChunkHead, data: bytes, offset: Optional[Array], at: int) -> Parsed:
         """All messages of a whole chunk, or of what is left of it."""
         end = at + head.data_start + head.data_size
         try:
+            self.allowance.take(at, head.size)
             raw: Buffer = decompress(head.codec, data, head.size)
         except BagFormatError as error:
-            raw = decompress_partly(head.codec, data)[:head.size]
+            raw = self._partly(head.codec, data, at, head.size)
             self.lose(at, end, "%s; %d of %d bytes of it were read" % (error, len(raw), head.size))
             return scan(raw)
         try:
@@ -173,7 +199,7 @@ class BagRecovery(LogRecovery):
     def _open_chunk(self, start: int, codec: str, reason: str) -> Generator[Stretch, None, int]:
         """Yield the messages of a chunk without a known end; return the end of the file."""
         if codec not in ("none", ""):
-            raw = decompress_partly(codec, read_at(self.descriptor, start, self.size - start))
+            raw = self._partly(codec, read_at(self.descriptor, start, self.size - start), start)
             parsed = scan(raw)
             self.lose(start, self.size, "%s; %d messages of it were read" % (reason, len(parsed.batch)))
             yield self._stretch(start, parsed, self.size)
@@ -183,20 +209,19 @@ class BagRecovery(LogRecovery):
             raw = read_at(self.descriptor, at, _WINDOW)
             parsed = scan(raw)
             if not parsed.consumed and len(raw) == _WINDOW:  # one message may be larger than the window
-                needed = _record_at(raw)
+                needed = fmt.try_record_at(raw)
                 if needed is not None and at + needed.end <= self.size:
                     parsed = scan(read_at(self.descriptor, at, needed.end))
-            if not parsed.consumed:
+            if parsed.consumed:
+                yield self._stretch(at, parsed, at + parsed.consumed)
+                at += parsed.consumed
+                continue
+            again = _next_message(raw, 1)
+            if again == len(raw):
+                self.lose(at, self.size, "a record is cut off")
                 break
-            yield self._stretch(at, parsed, at + parsed.consumed)
-            at += parsed.consumed
-        if at < self.size:
-            rest = read_at(self.descriptor, at, _WINDOW)
-            again = _next_message(rest, 1)
-            if again < len(rest):
-                self.lose(at, at + again, "a record is damaged")
-                return (yield from self._open_chunk(at + again, codec, reason))
-            self.lose(at, self.size, "a record is cut off")
+            self.lose(at, at + again, "a record is damaged")
+            at += again
         return self.size
 
 

@@ -9,7 +9,7 @@ from typing import Dict, List, Optional, Tuple
 import numpy as np
 
 from ...errors import BagFormatError
-from ...messages.batch import Array, MessageBatch, batch_of_rows, windows
+from ...messages.batch import Array, MessageBatch, Rows, windows
 from ...messages.connection import Connection
 from .. import contract
 from ..compression import decompress
@@ -47,7 +47,7 @@ def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = Non
         end: Byte to stop at; None for the end.
         is_loose: The bytes are not a chunk's but the file's own: stop at what belongs in no chunk.
     """
-    columns: List[Tuple[int, ...]] = []
+    rows = Rows(has_publish=True)
     connections: Dict[int, Connection] = {}
     at = begin
     for opcode, body, body_end in fmt.records_in(raw, begin, end):
@@ -56,7 +56,7 @@ def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = Non
                 if body + _HEAD - fmt.RECORD_HEAD.size > body_end:
                     break
                 channel, sequence, log_time, publish_time = fmt.MESSAGE_HEAD.unpack_from(raw, at)[2:]
-                columns.append((at + _HEAD, body_end - at - _HEAD, channel, log_time, publish_time, sequence))
+                rows.append((at + _HEAD, body_end - at - _HEAD, channel, log_time, publish_time, sequence))
             elif opcode == fmt.SCHEMA:
                 schemas.update([fmt.parse_schema(raw[body:body_end])])
             elif opcode == fmt.CHANNEL:
@@ -66,7 +66,7 @@ def scan(raw: Buffer, schemas: Schemas, begin: int = 0, end: Optional[int] = Non
         except BagFormatError:
             break
         at = body_end
-    return Parsed(batch_of_rows(np.frombuffer(raw, np.uint8), columns, True), connections, at)
+    return Parsed(rows.batch(np.frombuffer(raw, np.uint8)), connections, at)
 
 
 def parse_chunk(raw: Buffer, offset: Optional[Array], schemas: Schemas) -> Parsed:
@@ -82,7 +82,7 @@ def index_entries(raw: bytes, begin: int) -> List[Tuple[int, Array]]:
             if end - start < 6:
                 raise BagFormatError("a message index is damaged")
             channel, size = struct.unpack_from("<HI", raw, start)
-            if size != end - start - 6 or size % 16:
+            if size > end - start - 6 or size % 16:
                 raise BagFormatError("a message index is damaged")
             result.append((channel, np.frombuffer(raw, "<u8", size // 8, start + 6).reshape(-1, 2)))
     return result
@@ -101,18 +101,19 @@ class McapReader(LogReader):
             return parse_chunk(raw, None, {}).batch
         head = fmt.parse_chunk_head(raw)
         end = head.data_start + head.data_size
-        if end > len(raw):
+        if head.end > len(raw):
             raise BagFormatError("the chunk is cut off")
+        self._allowance.take(chunk.position, head.size)
         data = decompress(head.codec, memoryview(raw)[head.data_start:end], head.size)
         if head.crc and zlib.crc32(data) != head.crc:
             raise BagFormatError("the chunk's CRC is wrong")
-        return parse_chunk(data, offsets_in(index_entries(raw, end)), {}).batch
+        return parse_chunk(data, offsets_in(index_entries(raw, head.end)), {}).batch
 
     def _times_in_index(self, chunk: ChunkRef) -> Optional[List[Tuple[int, Array]]]:
         if chunk.is_loose:
             return None
         head = fmt.parse_chunk_head(read_at(self._file.fileno(), chunk.position, 256))
-        begin = chunk.position + head.data_start + head.data_size
+        begin = chunk.position + head.end
         if begin == chunk.end:
             return None
         entries = index_entries(read_at(self._file.fileno(), begin, chunk.end - begin), 0)

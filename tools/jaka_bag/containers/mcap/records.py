@@ -22,6 +22,8 @@ MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 FOOTER_SIZE = RECORD_HEAD.size + 20
 MAX_CHANNELS = 65535
 
+_MAX_UNKNOWN = 4096
+"""Bytes behind the data of a chunk record, fields that later versions may add, beyond which its length is damaged."""
 _CODECS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
 _CUT_OFF = "the file is cut off, its summary is missing (jaka_bag recover keeps the rest)"
 _DAMAGED = "the summary is damaged (jaka_bag recover makes a whole file of it)"
@@ -170,26 +172,47 @@ def read_metadata(descriptor: int, entry: MetadataIndex) -> Dict[str, str]:
 def read_attachment(descriptor: int, entry: AttachmentIndex) -> bytes:
     """The content of an attachment record."""
     raw = read_at(descriptor, entry.position, entry.size)
-    crc = int.from_bytes(raw[-4:], "little")
-    if RECORD_HEAD.size + entry.data_size + 4 > len(raw) or (crc and zlib.crc32(raw[RECORD_HEAD.size:-4]) != crc):
+    c = Cursor(raw, RECORD_HEAD.size)
+    c.unpack("QQ")
+    c.text(), c.text()
+    data = c.raw(c.number("Q"))
+    covered = c.at
+    crc = c.number("I")
+    if len(data) != entry.data_size or (crc and zlib.crc32(raw[RECORD_HEAD.size:covered]) != crc):
         raise BagFormatError("the CRC of the attachment %s is wrong" % entry.name)
-    return raw[-4 - entry.data_size:-4]
+    return data
+
+
+def parse_attachment(raw: bytes, position: int) -> AttachmentIndex:
+    """What an attachment record at a position of the file says of itself."""
+    c = Cursor(raw, RECORD_HEAD.size)
+    log_time, create_time = c.unpack("QQ")
+    name, media_type = c.text(), c.text()
+    return AttachmentIndex(position, len(raw), log_time, create_time, c.number("Q"), name, media_type)
+
+
+def parse_metadata(raw: bytes, position: int) -> MetadataIndex:
+    """What a metadata record at a position of the file says of itself."""
+    c = Cursor(raw, RECORD_HEAD.size)
+    entry = MetadataIndex(position, len(raw), c.text())
+    c.text_map()
+    return entry
 
 
 def parse_chunk_head(raw: bytes) -> ChunkHead:
-    """The head of a chunk record; the data may be cut off."""
+    """The head of a chunk record; the data may be cut off. Fields of later versions may stand behind the data."""
     cursor = Cursor(raw)
     if cursor.number("B") != CHUNK:
         raise BagFormatError("there is no chunk record")
-    record_size = cursor.number("Q")
+    end = cursor.number("Q") + RECORD_HEAD.size
     _, _, size, crc = cursor.unpack("QQQI")
     codec = cursor.text()
     stored = cursor.number("Q")
     if codec not in _CODECS:
         raise BagFormatError("compression %r is not known" % codec[:20])
-    if cursor.at + stored != record_size + RECORD_HEAD.size:
+    if not 0 <= end - cursor.at - stored <= _MAX_UNKNOWN:
         raise BagFormatError("a chunk record is damaged")
-    return ChunkHead(_CODECS[codec], size, crc, cursor.at, stored)
+    return ChunkHead(_CODECS[codec], size, crc, cursor.at, stored, end)
 
 
 def records_in(data: Buffer, begin: int = 0, end: Optional[int] = None) -> Iterator[Tuple[int, int, int]]:
@@ -288,6 +311,27 @@ def _is_complete(summary: _Summary) -> bool:
     return bool(summary.chunks) or not statistics.messages
 
 
+def _find_extras(descriptor: int, begin: int, size: int) -> Tuple[List[AttachmentIndex], List[MetadataIndex]]:
+    """All attachments and metadata records of a whole data section, whatever the summary names of them."""
+    attachments: List[AttachmentIndex] = []
+    metadata: List[MetadataIndex] = []
+    opcode = 0
+    while opcode != DATA_END:
+        head = read_at(descriptor, begin, RECORD_HEAD.size)
+        if len(head) < RECORD_HEAD.size:
+            raise BagFormatError(_DAMAGED)
+        opcode, length = RECORD_HEAD.unpack(head)
+        length += RECORD_HEAD.size
+        if begin + length > size:
+            raise BagFormatError(_DAMAGED)
+        if opcode == ATTACHMENT:
+            attachments.append(parse_attachment(read_at(descriptor, begin, length), begin))
+        elif opcode == METADATA:
+            metadata.append(parse_metadata(read_at(descriptor, begin, length), begin))
+        begin += length
+    return attachments, metadata
+
+
 def read_index(path: PathLike, descriptor: int) -> Optional[LogIndex]:
     """The index of an MCAP; None for a whole file without a usable summary."""
     size = os.fstat(descriptor).st_size
@@ -300,16 +344,20 @@ def read_index(path: PathLike, descriptor: int) -> Optional[LogIndex]:
     chunks: List[ChunkRef] = []
     for chunk in sorted(summary.chunks, key=lambda c: c.position):
         end = chunk.position + chunk.size + chunk.index_size
-        if chunk.position < data_start or end > size or not numbers.keys() >= chunk.index_offsets.keys():
+        earliest = chunks[-1].end if chunks else data_start
+        if chunk.position < earliest or end > size or not numbers.keys() >= chunk.index_offsets.keys():
             raise BagFormatError(_DAMAGED)
         chunks.append(ChunkRef(chunk.position, end, chunk.start_time, chunk.end_time,
                                {numbers[c]: 0 for c in chunk.index_offsets}))
     statistics = summary.statistics
+    attachments, metadata = summary.attachments, summary.metadata
+    if statistics[3:5] != (len(attachments), len(metadata)):
+        attachments, metadata = _find_extras(descriptor, data_start, size)
     counts = [statistics.channel_messages.get(channel_id, 0) for channel_id in summary.channels]
     if sum(counts) != statistics.messages:
         raise BagFormatError(_DAMAGED)
     first, last = (statistics.start_time, statistics.end_time) if statistics.messages else (None, None)
     return LogIndex("mcap", "0", str(path), size, list(summary.channels.values()), numbers, chunks, counts, first, last,
-                    profile, library, tuple(summary.attachments), tuple(summary.metadata),
+                    profile, library, tuple(attachments), tuple(metadata),
                     codec_totals((c.compression or "none", c.compressed_size, c.uncompressed_size)
                                  for c in summary.chunks))

@@ -5,13 +5,13 @@ What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import os
 import zlib
-from typing import Dict, Iterator, Tuple
+from typing import Dict, Iterator, Optional, Tuple
 
 import numpy as np
 
 from ...errors import BagFormatError
 from ...paths import PathLike
-from ..compression import decompress, decompress_partly
+from ..compression import decompress
 from ..contract import Parsed
 from ..index import AttachmentIndex, Buffer, ChunkRef, LogIndex, MetadataIndex, read_at
 from ..recovery import LogRecovery, Stretch
@@ -42,7 +42,7 @@ class McapRecovery(LogRecovery):
             summary = fmt.read_summary(descriptor, size)
             if summary is not None:
                 self._schemas.update(summary.schemas)
-                self.connections.update(summary.channels)
+                self.learn(summary.channels)
                 self.expected = None if summary.statistics is None else summary.statistics.messages
         except BagFormatError:
             pass  # that there is none is why the file is recovered
@@ -65,7 +65,7 @@ class McapRecovery(LogRecovery):
             except BagFormatError as error:
                 at = self._skip_damage(at, str(error).split(" (")[0])
                 continue
-            self.connections.update(parsed.connections)
+            self.learn(parsed.connections)
             yield Stretch(at, end, parsed.batch, opcode != fmt.CHUNK)
             at = end
 
@@ -110,15 +110,11 @@ class McapRecovery(LogRecovery):
         if opcode != fmt.ATTACHMENT:
             self._refuse_swallowing(at, end)
         if opcode in (fmt.METADATA, fmt.ATTACHMENT):
-            cursor = fmt.Cursor(read_at(self.descriptor, at, end - at), fmt.RECORD_HEAD.size)
+            raw = read_at(self.descriptor, at, end - at)
             if opcode == fmt.METADATA:
-                metadata = MetadataIndex(at, end - at, cursor.text())
-                fmt.read_metadata(self.descriptor, metadata)
-                self.metadata.append(metadata)
+                self.metadata.append(fmt.parse_metadata(raw, at))
                 return end
-            log_time, create_time = cursor.unpack("QQ")
-            name, media_type = cursor.text(), cursor.text()
-            entry = AttachmentIndex(at, end - at, log_time, create_time, cursor.number("Q"), name, media_type)
+            entry = fmt.parse_attachment(raw, at)
             fmt.read_attachment(self.descriptor, entry)
             self.attachments.append(entry)
         return end
@@ -147,11 +143,12 @@ class McapRecovery(LogRecovery):
     def _chunk(self, at: int) -> Tuple[Parsed, int]:
         """The messages of the chunk at a position, whole or what is left of it, and where the next record starts."""
         head = fmt.parse_chunk_head(read_at(self.descriptor, at, 256))
-        end = at + head.data_start + head.data_size
+        end = at + head.end
         if end > self.size:
             if self._next_chunk(at + 1, self.size) < self.size:
                 raise BagFormatError("a chunk's length is damaged")
-            raw = decompress_partly(head.codec, read_at(self.descriptor, at + head.data_start, head.data_size))
+            data = read_at(self.descriptor, at + head.data_start, head.data_size)
+            raw = self._partly(head.codec, data, at, head.size)
             parsed = scan(raw, self._schemas)
             self.lose(at, self.size, "the last chunk is cut off; %d messages of it were read" % len(parsed.batch))
             return parsed, self.size
@@ -159,9 +156,10 @@ class McapRecovery(LogRecovery):
         region = read_at(self.descriptor, at, region_end - at)
         data = memoryview(region)[head.data_start:head.data_start + head.data_size]
         try:
+            self.allowance.take(at, head.size)
             full: Buffer = decompress(head.codec, data, head.size)
         except BagFormatError as error:
-            part = decompress_partly(head.codec, data)[:head.size]
+            part = self._partly(head.codec, data, at, head.size)
             parsed = scan(part, self._schemas)
             self.lose(at, end, "%s; %d messages of it were read" % (error, len(parsed.batch)))
             return parsed, region_end
@@ -197,9 +195,9 @@ class _Whole(McapRecovery):
         raise BagFormatError("%s%s (jaka_bag recover keeps the rest)" % (reason, place))
 
 
-def walk_index(path: PathLike, descriptor: int) -> LogIndex:
-    """The index of an MCAP without a usable summary."""
-    size = os.fstat(descriptor).st_size
+def walk_index(path: PathLike, descriptor: int, end: Optional[int] = None) -> LogIndex:
+    """The index of an MCAP without a usable summary; the file counts up to byte ``end`` (None: to its last one)."""
+    size = os.fstat(descriptor).st_size if end is None else end
     walk = _Whole(descriptor, size)
     found = []
     totals: Dict[int, int] = {}

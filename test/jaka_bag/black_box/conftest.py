@@ -1,0 +1,25 @@
+"""A master for each test, as the tests of recorder and player have it."""
+import threading
+
+import live_samples
+import pytest
+
+
+@pytest.fixture
+def graph(tmp_path, monkeypatch):
+    """A running master; the environment points at it."""
+    import live_ros  # a plain Python without ROS runs the tests that need no master
+    with live_ros.Graph(tmp_path) as running:
+        for name in ("ROS_MASTER_URI", "ROS_IP"):
+            monkeypatch.setenv(name, running.environment[name])
+        for name in ("ROS_HOSTNAME", "ROS_NAMESPACE"):
+            monkeypatch.delenv(name, raising=False)
+        yield running
+
+
+@pytest.fixture(autouse=True)
+def no_thread_stays():
+    """Fails a test that leaves a thread behind."""
+    before = set(threading.enumerate())
+    yield
+    live_samples.wait_until(lambda: all(t.daemon for t in set(threading.enumerate()) - before), "threads end", 10.0)

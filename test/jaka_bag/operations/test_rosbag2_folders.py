@@ -1,0 +1,97 @@
+"""rosbag2 folders, of MCAP and sqlite3 storage, become logs of ROS 1 messages again."""
+import json
+import struct
+
+import pytest
+from log_samples import JOINTS, MODEL, TOOL, in_order, read, state_log, write
+
+from jaka_bag.cli.main import main
+
+SAMPLES = state_log(0.5)
+
+
+def without_seq(samples):
+    """ROS 2 has no header.seq."""
+    return [(s.connection.topic, s.connection.md5sum, s.time,
+             bytes(4) + s.data[4:] if s.connection in (JOINTS, TOOL) else s.data) for s in samples]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    source = write(tmp_path / "source.bag", SAMPLES)
+    assert main(["convert", str(source), str(tmp_path / "run"), "--profile", "ros2", "-q"]) == 0
+    return tmp_path / "run"
+
+
+@pytest.fixture
+def sqlite_folder(folder):
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
+    if not hasattr(rosbag2, "StoragePlugin"):
+        pytest.skip("this rosbags writes no sqlite3 of these types")
+    with rosbag2.Reader(folder) as reader, rosbag2.Writer(
+            folder.parent / "sql", version=9, storage_plugin=rosbag2.StoragePlugin.SQLITE3) as writer:
+        new = {c.id: writer.add_connection(c.topic, c.msgtype, msgdef=c.msgdef.data, rihs01=c.digest,
+                                           offered_qos_profiles=c.ext.offered_qos_profiles)
+               for c in reader.connections}
+        for connection, log_time, raw in reader.messages():
+            writer.write(new[connection.id], log_time, raw)
+    return folder.parent / "sql"
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("suffix", [".bag", ".mcap"])
+def test_a_folder_becomes_a_log(request, storage, suffix, tmp_path, capsys):
+    source = request.getfixturevalue("folder" if storage == "mcap" else "sqlite_folder")
+    target = tmp_path / ("back" + suffix)
+    assert main(["convert", str(source), str(target)]) == 0
+    assert "%d messages" % len(SAMPLES) in capsys.readouterr().out
+    if storage == "sqlite3":
+        assert main(["info", *map(str, source.glob("*.db3"))]) == 1
+        assert "is a part of a rosbag2 folder" in capsys.readouterr().err
+    back = read(target)
+    assert without_seq(back) == without_seq(in_order(SAMPLES))
+    assert {s.connection.topic for s in back if s.connection.latching} == {MODEL.topic}
+
+
+def test_a_part_of_a_folder_and_its_default_name(folder, capsys):
+    assert main(["convert", str(folder), "-t", MODEL.topic, "-q"]) == 0
+    assert [s.connection.topic for s in read(folder.with_suffix(".mcap"))] == [MODEL.topic]
+    assert main(["convert", str(folder), "o.bag", "-t", "model"]) == 2
+    assert "did you mean /model?" in capsys.readouterr().err
+    assert main(["convert", str(folder), "o.bag", "-s", "1:00"]) == 2
+    assert main(["convert", str(folder), "--profile", "ros2"]) == 2
+
+
+def test_info_tells_the_facts_of_a_folder(folder, capsys):
+    assert main(["info", str(folder)]) == 0
+    out = capsys.readouterr().out
+    assert "rosbag2 8, profile ros2, written by mcap" in out and "sensor_msgs/msg/JointState" in out
+    assert main(["info", "--json", str(folder)]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["messages"] == len(SAMPLES) and facts["start_ns"] == in_order(SAMPLES)[0].time
+    assert main(["info", "--freq", str(folder)]) == 2
+
+
+def test_types_that_ros1_cannot_have_are_left_out(tmp_path, capsys):
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
+    if not hasattr(rosbag2, "StoragePlugin"):
+        pytest.skip("this rosbags writes no MCAP")
+    with rosbag2.Writer(tmp_path / "run", version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
+        for topic, text, raw in (("/odd", "string<=5 a\n", struct.pack("<I3s", 3, b"ab\0")),
+                                 ("/plain", "int32 a\n", struct.pack("<i", 5))):
+            kind = writer.add_connection(topic, "pkg/msg/T" + topic[1:], msgdef=text, rihs01="RIHS01_" + "0" * 64)
+            writer.write(kind, 10**9, b"\x00\x01\x00\x00" + raw)
+    assert main(["convert", str(tmp_path / "run"), str(tmp_path / "o.bag")]) == 0
+    assert "note: /odd is left out: pkg/msg/Todd has no ROS 1 form" in capsys.readouterr().err
+    assert [(s.connection.datatype, s.data) for s in read(tmp_path / "o.bag")] == [
+        ("pkg/Tplain", struct.pack("<i", 5))]
+
+
+@pytest.mark.parametrize("text", ["", "x: 1\n", "rosbag2_bagfile_information: {version: 99}\n", "a: [\n"])
+def test_a_damaged_folder_is_one_line(tmp_path, capsys, text):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "metadata.yaml").write_text(text)
+    for command in ("info", "convert"):
+        assert main([command, str(tmp_path / "run")]) == 1
+        err = capsys.readouterr().err
+        assert "metadata.yaml cannot be read" in err and err.count("\n") == 1

@@ -1,0 +1,66 @@
+"""The black box that robot_start_launch.launch starts beside a driver: an emergency stop leaves a complete file."""
+import json
+import shlex
+
+import roslaunch
+from import_graph import ROOT
+from ros_bench import WAIT, eventually, rosservice
+
+from jaka_bag.cli.main import main
+from jaka_bag.containers.registry import open_log, read_index, read_metadata
+
+START = str(ROOT / "launch" / "robot_start_launch.launch")
+
+
+def black_boxes(*arguments):
+    config = roslaunch.config.load_config_default([(START, list(arguments))], None, verbose=False)
+    return [node for node in config.nodes if node.type == "jaka_bag"]
+
+
+def test_it_is_not_started_unless_asked_for():
+    assert not black_boxes()
+
+
+def test_it_is_respawned_at_low_priority_and_takes_a_folder_with_spaces():
+    (node,) = black_boxes("black_box:=/data/black box", "ip:=10.5.5.100")
+    assert node.respawn and not node.required and node.launch_prefix == "nice -n 10"
+    words = shlex.split(node.args)
+    assert words[words.index("--black-box") + 1] == "/data/black box" and "--state-log" in words
+
+
+def triggers_of(path):
+    index = read_index(path)
+    return [read_metadata(index, entry) for entry in index.metadata if entry.name == "jaka_bag.trigger"]
+
+
+def test_an_emergency_stop_leaves_a_file_that_is_complete(ros_node, simulator, driven_by, tmp_path, capsys):
+    folder = tmp_path / "black box"
+    with driven_by(simulator, "black_box:=%s" % folder, "black_box_args:=--before 5s --after 1s") as arm:
+        arm.wait_until_ready()
+        assert eventually(lambda: rosservice("/jaka_black_box/trigger") and list(folder.glob("*.mcap*")))
+        arm.listen("/diagnostics", 3)
+        simulator.panel("press_emergency_stop")
+
+        def with_stop():
+            return [path for path in folder.glob("*.mcap")
+                    if "emergency_stop" in [trigger["kind"] for trigger in triggers_of(path)]]
+        assert eventually(with_stop, WAIT)
+        simulator.panel("release_emergency_stop")
+        simulator.panel("clear_faults")
+    path = with_stop()[0]
+    with open_log(path) as log:
+        attached = {entry.name: log.read_attachment(entry) for entry in log.index.attachments}
+        topics = {connection.topic for connection in log.connections}
+    assert {"/jaka_driver/joint_position", "/jaka_driver/robot_states", "/diagnostics", "/joint_states"} <= topics
+    assert b"<robot" in attached["robot_description.urdf"]
+    assert b"zu7" in attached["arm_models.yaml"]
+    assert json.loads(attached["rosparam.yaml"])["jaka_driver"]["model"] == "zu7"
+    assert "jaka_bag" in json.loads(attached["versions.json"])
+    events = [status["values"].get("event") for name, status in json.loads(attached["diagnostics.json"]).items()
+              if name.endswith("controller state")]
+    assert len(events) == 1
+    assert main(["info", str(path)]) == 0
+    said = capsys.readouterr().out
+    for words in ("emergency_stop on /jaka_driver/robot_states", "clock: ", "host: ", "driver_version: ",
+                  "controller_version: ", "model: zu7", "missing: nothing", "robot_description.urdf"):
+        assert words in said, said

@@ -1,0 +1,108 @@
+"""One serialised ROS 1 message as Python values, for those who look at messages one by one.
+
+``DefinitionError`` is raised where the definition is not understood or does not describe the bytes.
+"""
+import struct
+from typing import Any, Callable, Dict, List, Tuple
+
+from ..errors import DefinitionError
+from .connection import Connection
+from .definitions import PRIMITIVE_SIZES, MessageType, types_of
+
+_CODES = {"bool": "?", "byte": "b", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
+          "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d"}
+_U32 = struct.Struct("<I")
+_STAMPS = {"time": struct.Struct("<II"), "duration": struct.Struct("<ii")}
+_NS = 1e-9
+_SHORT = "a message is shorter than its definition says"
+MakeTime = Callable[[int, int], Any]
+"""Seconds and nanoseconds to the value of a time or a duration."""
+
+
+def in_seconds(seconds: int, nanoseconds: int) -> float:
+    """A time or a duration, s."""
+    return seconds + nanoseconds * _NS
+
+
+class ValueReader:
+    """Reads the messages of one connection.
+
+    Values are bool, int, float, str, bytes for arrays of ``uint8`` and ``char``, lists for other arrays, and
+    dictionaries for messages in messages.
+
+    Args:
+        connection: Its definition is followed, whatever its md5.
+        make_time: Makes times and durations.
+        errors: What becomes of bytes in a text that are not UTF-8, as in ``bytes.decode``.
+    """
+
+    def __init__(self, connection: Connection, make_time: MakeTime = in_seconds, errors: str = "replace") -> None:
+        self._datatype = connection.datatype
+        self._types = types_of(connection)
+        self._make_time = make_time
+        self._errors = errors
+
+    def has(self, path: Tuple[str, ...]) -> bool:
+        """Whether messages have a field of this path, such as ``("header", "stamp")``."""
+        datatype = self._datatype
+        for name in path:
+            known = self._types.get(datatype)
+            field = next((field for field in known.fields if field.name == name), None) if known else None
+            if field is None:
+                return False
+            datatype = field.type
+        return True
+
+    def field_names(self) -> List[str]:
+        """The names of the fields on top."""
+        return [field.name for field in self._types[self._datatype].fields]
+
+    def read(self, raw: bytes) -> Dict[str, Any]:
+        """The values of one message, by the names of its fields."""
+        try:
+            values, end = self._message(self._types[self._datatype], raw, 0)
+        except struct.error:
+            raise DefinitionError(_SHORT) from None
+        if end != len(raw):
+            raise DefinitionError("a message has %d bytes, its definition describes %d" % (len(raw), end))
+        return values
+
+    def _message(self, kind: MessageType, raw: bytes, at: int) -> Tuple[Dict[str, Any], int]:
+        values: Dict[str, Any] = {}
+        for field in kind.fields:
+            if field.array is None:
+                values[field.name], at = self._one(field.type, raw, at)
+                continue
+            count = field.array
+            if count < 0:
+                count, at = _U32.unpack_from(raw, at)[0], at + 4
+            values[field.name], at = self._array(field.type, count, raw, at)
+        return values, at
+
+    def _array(self, type_name: str, count: int, raw: bytes, at: int) -> Tuple[Any, int]:
+        types = self._types
+        size = PRIMITIVE_SIZES.get(type_name, 0 if type_name in types and not types[type_name].fields else 1)
+        if count * size > len(raw) - at or (not size and count > len(raw)):
+            raise DefinitionError(_SHORT)
+        if type_name in ("uint8", "char"):
+            return raw[at:at + count], at + count
+        if type_name in _CODES:
+            return list(struct.unpack_from("<%d%s" % (count, _CODES[type_name]), raw, at)), at + count * size
+        result = []
+        for _ in range(count):
+            value, at = self._one(type_name, raw, at)
+            result.append(value)
+        return result, at
+
+    def _one(self, type_name: str, raw: bytes, at: int) -> Tuple[Any, int]:
+        code = _CODES.get(type_name)
+        if code is not None:
+            return struct.unpack_from("<" + code, raw, at)[0], at + PRIMITIVE_SIZES[type_name]
+        if type_name == "string":
+            end = at + 4 + int(_U32.unpack_from(raw, at)[0])
+            if end > len(raw):
+                raise DefinitionError(_SHORT)
+            return raw[at + 4:end].decode("utf-8", self._errors), end
+        if type_name in _STAMPS:
+            return self._make_time(*_STAMPS[type_name].unpack_from(raw, at)), at + 8
+        return self._message(self._types[type_name], raw, at)
