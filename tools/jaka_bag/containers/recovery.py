@@ -2,12 +2,21 @@
 import functools
 from typing import Dict, Iterator, List, NamedTuple, Optional
 
+import numpy as np
+
 from ..errors import BagFormatError, DefinitionError
 from ..messages.batch import MessageBatch
 from ..messages.connection import Connection
 from ..messages.definitions import definition_md5
 from .compression import Allowance, decompress_partly
-from .index import AttachmentIndex, Buffer, MetadataIndex
+from .index import AttachmentIndex, Buffer, ChunkRef, MetadataIndex
+
+
+def chunk_of(begin: int, end: int, batch: MessageBatch, is_loose: bool) -> ChunkRef:
+    """The index entry of messages that a walk has read from the bytes ``begin`` to before ``end``; at least one."""
+    numbers, counts = np.unique(batch.connection, return_counts=True)
+    return ChunkRef(begin, end, int(batch.log_time.min()), int(batch.log_time.max()),
+                    dict(zip(numbers.tolist(), counts.tolist())), is_loose)
 
 
 class Loss(NamedTuple):

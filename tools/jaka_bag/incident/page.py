@@ -6,7 +6,7 @@ from typing import Iterable, List, Sequence, Tuple
 
 import numpy as np
 
-from ..compare.report.html import definitions, figures_of, page
+from ..compare.report.html import body_of, contents_of, definitions, figures_of, page
 from ..compare.report.pictures import Figure
 from ..compare.report.svg import Bar, Line, Row, chart, plane, time_line
 from ..compare.state_checks import state_name
@@ -200,10 +200,9 @@ def incident_page(incident: Incident) -> str:
         ("losses", "What was lost", _losses(incident)),
         ("recording", "The recording", facts),
         ("attachments", "Attached to the log", attachments)) if text and text != "<dl></dl>"]
-    links = "".join('<li><a href="#%s">%s</a></li>' % (key, heading) for key, heading, _ in sections)
-    body = "".join('<section id="%s"><h2>%s</h2>%s</section>' % section for section in sections)
     return page("%s: %s" % (name, headline), (
         '<a class="skip" href="#seconds">To the seconds</a>'
         '<main><header class="verdict different"><h1>%s</h1><p>%s</p></header>'
-        '<nav aria-label="Sections"><ul>%s</ul></nav><div class="card">%s</div>%s</main>'
-        % (escape(headline), escape(_moment(incident.at_ns)), links, definitions(where), body)), _MORE_STYLE)
+        '%s<div class="card">%s</div>%s</main>'
+        % (escape(headline), escape(_moment(incident.at_ns)), contents_of(sections), definitions(where),
+           body_of(sections))), _MORE_STYLE)

@@ -1,7 +1,7 @@
 """The result of a comparison as one HTML page that needs no network and no scripts."""
 import os
 from html import escape
-from typing import Iterable, List, Tuple
+from typing import Iterable, List, Sequence, Tuple
 
 from ..tolerances import Tolerances, as_yaml
 from ..verdict import Check, Comparison, Outcome
@@ -73,6 +73,10 @@ _LEGEND = """<p class="legend"><span class="golden" style="--k:var(--golden)">go
 <span class="band">allowed</span><span class="mark">worst moment</span></p>"""
 
 
+Section = Tuple[str, str, str]
+"""Anchor, heading and content of a part of a page, HTML."""
+
+
 def page(title: str, body: str, more_style: str = "") -> str:
     """A page that needs no network and no scripts, to be written as UTF-8; ``body`` is HTML, ``title`` is text."""
     return ('<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
@@ -80,6 +84,17 @@ def page(title: str, body: str, more_style: str = "") -> str:
             "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">"
             '<title>%s</title><style>%s</style></head><body>%s</body></html>\n'
             % (escape(title), _STYLE + more_style, body))
+
+
+def contents_of(sections: Sequence[Section]) -> str:
+    """Links to the sections, HTML."""
+    links = "".join('<li><a href="#%s">%s</a></li>' % (anchor, heading) for anchor, heading, _ in sections)
+    return '<nav aria-label="Sections"><ul>%s</ul></nav>' % links
+
+
+def body_of(sections: Sequence[Section]) -> str:
+    """The sections below one another, HTML."""
+    return "".join('<section id="%s"><h2>%s</h2>%s</section>' % section for section in sections)
 
 
 def figures_of(figures: Iterable[Figure]) -> str:
@@ -139,11 +154,9 @@ def as_html(comparison: Comparison, tolerances: Tolerances) -> str:
         ("checks", "All checks", _table(comparison.checks)),
         ("tolerances", "Tolerances", "<details><summary>The tolerances as a YAML file</summary><pre>%s</pre></details>"
          % escape(as_yaml(tolerances)))) if content]
-    links = "".join('<li><a href="#%s">%s</a></li>' % (name, heading) for name, heading, _ in sections)
-    body = "".join('<section id="%s"><h2>%s</h2>%s</section>' % section for section in sections)
     return page("%s: %s" % (verdict, title), (
         '<a class="skip" href="#checks">To all checks</a><main>'
-        '<header class="verdict %s"><h1>%s %s</h1><p>%s</p></header><nav aria-label="Sections"><ul>%s</ul></nav>'
+        '<header class="verdict %s"><h1>%s %s</h1><p>%s</p></header>%s'
         '<div class="card">%s</div>%s%s</main>'
-        % (verdict, sign, words, escape(headline(comparison)), links, definitions(facts), _LEGEND if not worst else "",
-           body)))
+        % (verdict, sign, words, escape(headline(comparison)), contents_of(sections), definitions(facts),
+           _LEGEND if not worst else "", body_of(sections))))

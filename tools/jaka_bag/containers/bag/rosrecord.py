@@ -3,7 +3,7 @@
 What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import os
-from typing import BinaryIO, Dict, Iterator, List, NamedTuple, Optional, Tuple
+from typing import BinaryIO, Counter, Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ...paths import PathLike
 from ...units import NS_PER_S
 from ..contract import LogReader
 from ..index import ChunkRef, LogIndex, read_at
-from ..recovery import LogRecovery, Stretch
+from ..recovery import LogRecovery, Stretch, chunk_of
 from . import records as fmt
 from .records import parse_chunk_head
 
@@ -97,20 +97,17 @@ def read_index(path: PathLike, descriptor: int) -> LogIndex:
     size = os.fstat(descriptor).st_size
     walk = _Walk(descriptor, size)
     chunks: List[ChunkRef] = []
-    totals: Dict[int, int] = {}
+    totals: Counter[int] = Counter()
     for run in walk.runs():
         if len(run.batch):
-            numbers, counts = np.unique(run.batch.connection, return_counts=True)
-            by_number = dict(zip(numbers.tolist(), counts.tolist()))
-            totals.update({number: totals.get(number, 0) + count for number, count in by_number.items()})
-            chunks.append(ChunkRef(run.begin, run.end, int(run.batch.log_time.min()), int(run.batch.log_time.max()),
-                                   by_number, True))
+            chunks.append(chunk_of(run.begin, run.end, run.batch, True))
+            totals.update(chunks[-1].counts)
     if walk.at < size:
         raise BagFormatError("a record at byte %d is cut off or damaged (jaka_bag recover keeps those before it)"
                              % walk.at)
     connections = list(walk.numbers)
     return LogIndex("bag", "1.2", str(path), size, connections, {i: i for i in range(len(connections))}, chunks,
-                    [totals.get(i, 0) for i in range(len(connections))],
+                    [totals[i] for i in range(len(connections))],
                     min((c.start_time for c in chunks), default=None), max((c.end_time for c in chunks), default=None))
 
 

@@ -5,7 +5,7 @@ What reads raises ``BagFormatError`` where the bytes are damaged or cut off.
 """
 import os
 import zlib
-from typing import Dict, Iterator, Optional, Tuple
+from typing import Counter, Dict, Iterator, Optional, Tuple
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from ...errors import BagFormatError
 from ...paths import PathLike
 from ..compression import decompress
 from ..contract import Parsed
-from ..index import AttachmentIndex, Buffer, ChunkRef, LogIndex, MetadataIndex, read_at
-from ..recovery import LogRecovery, Stretch
+from ..index import AttachmentIndex, Buffer, LogIndex, MetadataIndex, read_at
+from ..recovery import LogRecovery, Stretch, chunk_of
 from . import records as fmt
 from .reader import index_entries, offsets_in, parse_chunk, scan
 
@@ -200,14 +200,11 @@ def walk_index(path: PathLike, descriptor: int, end: Optional[int] = None) -> Lo
     size = os.fstat(descriptor).st_size if end is None else end
     walk = _Whole(descriptor, size)
     found = []
-    totals: Dict[int, int] = {}
+    totals: Counter[int] = Counter()
     for stretch in walk.stretches():
         if len(stretch.batch):
-            channels, counts = np.unique(stretch.batch.connection, return_counts=True)
-            by_channel = dict(zip(channels.tolist(), counts.tolist()))
-            totals.update({channel: totals.get(channel, 0) + count for channel, count in by_channel.items()})
-            found.append(ChunkRef(stretch.begin, stretch.end, int(stretch.batch.log_time.min()),
-                                  int(stretch.batch.log_time.max()), by_channel, stretch.is_loose))
+            found.append(chunk_of(stretch.begin, stretch.end, stretch.batch, stretch.is_loose))
+            totals.update(found[-1].counts)
     numbers = {channel: number for number, channel in enumerate(walk.connections)}
     for channel in totals.keys() - numbers.keys():
         raise BagFormatError("messages of channel %d, which is not described" % channel)
