@@ -10,6 +10,7 @@ from wire_verdict import WireVerdict
 from jaka_msgs.msg import MovePathAction, MovePathGoal, PathSegment
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S
 
 WAIT = 60.0
 STATES = {value: name for name, value in vars(GoalStatus).items() if isinstance(value, int) and name.isupper()}
@@ -74,6 +75,15 @@ class PathClient:
 def tool_way(log_file, since):
     """Places of the tool, m, cycle by cycle."""
     return [forward(MODEL, joints)[9:] for at, joints in WireVerdict(log_file).joints() if at >= since]
+
+
+def bow(log_file, since, index):
+    """By what factor the straight line behind a sample of the joints may be farther off the curve than at one cycle.
+
+    A line over two cycles, where the simulator was late, is four times as far off as one over one cycle.
+    """
+    times = [at for at, _ in WireVerdict(log_file).joints() if at >= since]
+    return max(1.0, (times[index + 1] - times[index]) / CYCLE_TIME_S) ** 2
 
 
 def nearest(way, place):

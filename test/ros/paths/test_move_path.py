@@ -4,7 +4,7 @@ import math
 import time
 
 import pytest
-from path_bench import SQUARE, PathClient, arc, joint, line, nearest, square, tool_way
+from path_bench import SQUARE, PathClient, arc, bow, joint, line, nearest, square, tool_way
 from ros_bench import HOME, InBackground, SimulatorProcess, eventually
 from wire_verdict import WireVerdict
 
@@ -98,8 +98,8 @@ def test_corners_are_rounded_within_their_radius_in_order_as_one_queue(arm, clie
     way = tool_way(log_file, since)
     found = [nearest(way, (x, y, 0.37)) for x, y in SQUARE[:3]]
     assert [index for _, index in found] == sorted(index for _, index in found), "the corners are not in order"
-    for distance, _ in found:
-        assert 0.2 * radius - 1e-6 <= distance <= 1.05 * radius + 2e-5
+    for distance, index in found:
+        assert 0.2 * radius - 1e-6 <= distance <= radius + (0.01 * radius + 2e-5) * bow(log_file, since, index)
     under_way = [feedback.segment for feedback in client.feedback]
     assert under_way == sorted(under_way) and set(under_way) <= {0, 1, 2, 3, 4} and len(set(under_way)) >= 3
 

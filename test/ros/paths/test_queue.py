@@ -5,18 +5,14 @@ import os
 import pytest
 from import_graph import ROOT
 from page_commands import Shell, blocks
-from path_bench import nearest
+from path_bench import bow, nearest, tool_way
 from ros_bench import HOME, SimulatorProcess, collecting, eventually
 from wire_verdict import WireVerdict
 
 from jaka_msgs.msg import MotionState
-from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.kinematics.forward import forward
-from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S
 
 CORNER = [420.0, 100.0, 370.0]
 TURN = [2.2214, -2.2214, 0.0]
-MODEL = load_model("zu7")
 
 
 @pytest.fixture(scope="module")
@@ -67,14 +63,9 @@ def tolerances(log_file, name):
 
 
 def deviation(log_file, since):
-    """(how near the tool came to the corner on straight lines from sample to sample, how far a line may be off), mm.
-
-    A line over two cycles, where the simulator was late, is four times as far off the curve as one over one cycle.
-    """
-    samples = [(at, joints) for at, joints in WireVerdict(log_file).joints() if at >= since]
-    distance, index = nearest([[1000.0 * v for v in forward(MODEL, joints)[9:]] for _, joints in samples], CORNER)
-    gap = samples[index + 1][0] - samples[index][0]
-    return distance, 0.05 * max(1.0, gap / CYCLE_TIME_S) ** 2
+    """(how near the tool came to the corner on straight lines from sample to sample, how far a line may be off), mm."""
+    distance, index = nearest(tool_way(log_file, since), [v / 1000.0 for v in CORNER])
+    return 1000.0 * distance, 0.05 * bow(log_file, since, index)
 
 
 @pytest.mark.parametrize("radius", [0.0, 5.0, 20.0])
