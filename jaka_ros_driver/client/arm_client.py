@@ -484,6 +484,7 @@ class ArmClient:
                     self._core.closed(event.port, event.reason, now)
             self._core.tick(now)
             self._perform()
+            self._core.prepare()
             shows, self._shows = self._shows, []
         if self._guard is not None:
             self._guard.beat(now)

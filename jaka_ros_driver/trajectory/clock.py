@@ -4,7 +4,7 @@ Only the clock's speed changes, never the path: a pause, another speed, a stop o
 the same way.
 """
 import math
-from typing import Optional, Tuple
+from typing import NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING, JOINT_SPEED_CEILING, SERVO_PERIOD_S
@@ -21,6 +21,16 @@ _SHORT_S = 1e-5
 _ROOM = 0.5 * JOINT_ACCELERATION_CEILING
 """rad/s2; with the rest of its acceleration an arm at the highest speed gives up 5 % of it within four cycles."""
 _CYCLES_AHEAD = 7
+
+
+class _Step(NamedTuple):
+    """Where a cycle leads from the present one at the rate that is wanted; the names are those of the clock."""
+
+    wanted: float
+    time: float
+    rate: float
+    position: Vector
+    velocity: Vector
 
 
 class PathClock:
@@ -42,6 +52,7 @@ class PathClock:
         self.position: Vector = path.at(path.begin).position
         self.velocity: Vector = (0.0,) * JOINT_COUNT
         self._next: Optional[Tuple[float, Path]] = None
+        self._ahead: Optional[_Step] = None
         self._top = tuple([min(speed, JOINT_SPEED_CEILING) for speed in model.joint_max_speed])
 
     @property
@@ -63,16 +74,33 @@ class PathClock:
     def join(self, time: float, path: Path) -> None:
         """Follow another path, from its begin on, when this one has come to ``time``, which is now or later, s."""
         self._next = time, path
+        self._ahead = None
 
     def pass_rest(self, seconds: float) -> None:
         """Go so far ahead on a path that starts later, s: to its start at most, or to where another one is joined."""
         until = 0.0 if self._next is None else min(0.0, self._next[0])
         self.time = max(self.time, min(self.time + seconds, until))
+        self._ahead = None
+
+    def look_ahead(self, wanted: float) -> Vector:
+        """Where ``step`` will lead, rad (6,); it is computed now, and need not be then, unless something changes."""
+        if self._ahead is None or self._ahead.wanted != wanted:
+            self._ahead = self._from_here(wanted)
+        return self._ahead.position
 
     def step(self, wanted: float) -> Vector:
         """Go one cycle further, if possible at the rate ``wanted`` (0 and more); returns the position, rad (6,)."""
-        if wanted > 1.0 and not self._has_room_ahead():
-            wanted = 1.0
+        position = self.look_ahead(wanted)
+        assert self._ahead is not None
+        _, self.time, self.rate, _, self.velocity = self._ahead
+        self.position, self._ahead = position, None
+        if self._next is not None and self.time >= self._next[0]:
+            (joined_at, path), self._next = self._next, None
+            self.path, self.time = path, path.begin + self.time - joined_at
+        return position
+
+    def _from_here(self, asked: float) -> _Step:
+        wanted = 1.0 if asked > 1.0 and not self._has_room_ahead() else asked
         rate = max(self.rate, min(wanted, 1.0))
         for _ in range(_TRIES):  # another stretch of the path: its mean speed is not quite the same
             expected, rate = rate, self._possible(wanted, rate)
@@ -85,13 +113,8 @@ class PathClock:
         if excess > 1.0:
             time = self.time + (time - self.time) * _NEARLY / excess
             position = self._at(time).position
-        self.rate = (time - self.time) / SERVO_PERIOD_S if time < self._end else rate
-        self.velocity = tuple([(new - old) / SERVO_PERIOD_S for new, old in zip(position, self.position)])
-        self.time, self.position = time, position
-        if self._next is not None and time >= self._next[0]:
-            (joined_at, path), self._next = self._next, None
-            self.path, self.time = path, path.begin + time - joined_at
-        return position
+        return _Step(asked, time, (time - self.time) / SERVO_PERIOD_S if time < self._end else rate, position,
+                     tuple([(new - old) / SERVO_PERIOD_S for new, old in zip(position, self.position)]))
 
     @property
     def _end(self) -> float:

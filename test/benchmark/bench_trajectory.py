@@ -1,8 +1,8 @@
 """Trajectories on the running node: duration and path on the wire for each spacing of points, intervals, cancel, CPU.
 
 Compared in one run: the driver's CPU at rest, with a servo stream by topic, and with a trajectory; and its intervals
-with those of a bare Python program that sleeps until 8 ms are over and computes for half a millisecond, with the same
-priority: what the host itself costs. Run it in the devel space, quiet or beside other processes; the arguments are the
+with those of a bare Python program of the same priority that only sleeps until 8 ms are over: what the host itself
+costs. Run it in the devel space, quiet or beside other processes; the arguments are the
 number of rounds (2) and the driver's realtime_priority (20). The simulated controller, whose log tells when frames
 came, has real-time priority.
 """
@@ -33,20 +33,12 @@ import sys, time
 from jaka_ros_driver import scheduling
 priority = int(sys.argv[1])
 scheduling.set_real_time(priority) if priority else scheduling.ask_for_short_slices()
-def compute(count):
-    for n in range(count):
-        n * n
-begun, count = time.perf_counter(), 0
-while time.perf_counter() - begun < 0.5:
-    compute(1000)
-    count += 1
 due = time.monotonic()
 moments = []
 try:
     while True:
         due += 0.008
         time.sleep(max(0.0, due - time.monotonic()))
-        compute(count)
         moments.append(time.monotonic())
 except KeyboardInterrupt:
     print(*moments)
@@ -118,10 +110,13 @@ def bare_loop(priority):
         moments += map(float, process.communicate()[0].split())
 
 
-def p99_ms(moments):
-    """Of the intervals between moments, s."""
-    intervals = sorted(b - a for a, b in zip(moments, moments[1:]))
-    return 1e3 * intervals[int(0.99 * len(intervals))]
+def intervals_of(moments):
+    return [b - a for a, b in zip(moments, moments[1:])]
+
+
+def p99_ms(intervals):
+    """Of intervals, s."""
+    return 1e3 * sorted(intervals)[int(0.99 * len(intervals))]
 
 
 def report(spacing, frames, bare):
@@ -129,15 +124,17 @@ def report(spacing, frames, bare):
     last = max(i for i, (_, joints) in enumerate(frames) if joints != frames[-1][1])
     path = frames[first - 1:last + 2]
     times = [at for at, _ in path]
-    longest = 1e3 * max(b - a for a, b in zip(times, times[1:]))
+    intervals = intervals_of(times)
+    bare_intervals = intervals_of([at for at in bare if times[0] <= at <= times[-1]])
     square = 0.0
     for _, joints in path:  # each joint goes its share of the first one's way, whatever the clock does
         way = joints[0] - START[0]
         square += max(abs(joint - start - way / (n + 1)) for n, (joint, start) in enumerate(zip(joints, START))) ** 2
     print("%5.0f ms  duration %+7.2f ms  frames %4d  off the path, RMS %8.5f mrad  interval p99 %.2f max %.2f ms  "
-          "bare p99 %.2f" % (1e3 * spacing, 1e3 * (path[-1][0] - path[0][0] - DURATION_S), len(path),
-                  1e3 * math.sqrt(square / len(path)), p99_ms(times), longest,
-                  p99_ms([at for at in bare if times[0] <= at <= times[-1]])))
+          "bare p99 %.2f" % (
+              1e3 * spacing, 1e3 * (path[-1][0] - path[0][0] - DURATION_S), len(path),
+              1e3 * math.sqrt(square / len(path)), p99_ms(intervals), 1e3 * max(intervals), p99_ms(bare_intervals)))
+    return intervals, bare_intervals
 
 
 def main(rounds, priority):
@@ -161,8 +158,10 @@ def main(rounds, priority):
         assert code == 0, said
         log = WireVerdict(live.log_file)
         sent = [(at, joints_of(request)) for at, request in log.received() if request["cmdName"] == "servo_j"]
-        for spacing, since in begun:
-            report(spacing, [frame for frame in sent if since <= frame[0] < since + DURATION_S + 0.4], bare)
+        of_all = [report(spacing, [frame for frame in sent if since <= frame[0] < since + DURATION_S + 0.4], bare)
+                  for spacing, since in begun]
+        print("all of them: interval p99 %.2f ms, bare p99 %.2f ms" % tuple(
+            p99_ms([interval for intervals in one for interval in intervals]) for one in zip(*of_all)))
         for since, cancelled in cancels:
             report_cancel(cancelled, [frame for frame in sent if since <= frame[0] < cancelled + 0.5])
 

@@ -133,6 +133,7 @@ class DriverProcess:
             self._judge.broken("the core asks for ticks without end, at deadline %r" % self.core.next_deadline())
         self._last_tick = now
         self._do(self.core.tick)
+        self._of_core(self.core.prepare)
 
     def call(self, call: Call) -> None:
         """A client's request has come in."""

@@ -7,6 +7,7 @@ from typing import Tuple
 from mutant import Mutant
 
 STORIES = ("test/client/core/test_trajectory_stories.py",)
+CLOCK = ("test/trajectory/test_clock.py",)
 RULES = ("test/trajectory/test_path_rules.py",)
 DECODER = ("test/ros/trajectories/test_decoder.py",)
 ENDS = ("test/ros/trajectories/test_action_ends.py",)
@@ -19,6 +20,13 @@ OF_TRAJECTORIES: Tuple[Mutant, ...] = (
     Mutant("a trajectory has one speed", "trajectory/clock.py",
            "time = min(self.time + rate * SERVO_PERIOD_S, self._end)",
            "time = min(self.time + SERVO_PERIOD_S * (rate > 0.0), self._end)", STORIES),
+    Mutant("what was prepared is sent though the speed has changed", "trajectory/clock.py",
+           "if self._ahead is None or self._ahead.wanted != wanted:", "if self._ahead is None:", CLOCK + STORIES),
+    Mutant("what was prepared is sent though the path has changed", "trajectory/clock.py",
+           "        self._next = time, path\n        self._ahead = None", "        self._next = time, path",
+           CLOCK + STORIES),
+    Mutant("what was prepared is sent in place of what is asked for", "client/core/channel.py",
+           "self._prepared is not None and self._prepared[0] == on_wire:", "self._prepared is not None:", STORIES),
     Mutant("another path is joined before its place", "trajectory/clock.py",
            "self._next = time, path", "self._next = self.time, path", STORIES),
     Mutant("a path is not audited", "trajectory/build.py",
@@ -74,11 +82,12 @@ OF_TRAJECTORIES: Tuple[Mutant, ...] = (
     Mutant("a path that comes too late is joined", "client/core/trajectory.py",
            "or self._clock.path is not start.path or self._clock.time > start.time:", ":", STORIES),
     Mutant("a pause is ignored", "client/core/trajectory.py",
-           "0.0 if self.is_paused or self._is_cancelled else scale", "0.0 if self._is_cancelled else scale", STORIES),
+           "0.0 if self.is_paused or self._is_cancelled else self._scale",
+           "0.0 if self._is_cancelled else self._scale", STORIES),
     Mutant("the controller's speed is ignored", "client/core/trajectory.py",
            "return 1.0 if rate is None else min(max(rate, 0.0), 1.0)", "return 1.0", STORIES),
     Mutant("time that was lost is not made up for", "client/core/trajectory.py",
-           "wanted *= 1.0 + _CATCH_UP", "pass", STORIES),
+           "return wanted * (1.0 + _CATCH_UP) if self._lag > 0.0 else wanted", "return wanted", STORIES),
     Mutant("an arm that was moved from its goal is said to be there", "client/core/trajectory.py",
            "elif outcome is None and self._far_from_goal(self._state):", "elif False:", STORIES),
     Mutant("a start that was replaced is jumped to", "trajectory/clock.py",

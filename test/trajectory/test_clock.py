@@ -226,3 +226,23 @@ def test_the_state_tells_where_the_joints_are_wanted_at_the_present_rate():
     assert clock.rate == pytest.approx(0.5) and state.position == clock.position
     assert state.velocity == pytest.approx(tuple(0.5 * v for v in on_path.velocity))
     assert state.acceleration == pytest.approx(tuple(0.25 * a for a in on_path.acceleration))
+
+
+def test_what_was_computed_ahead_changes_no_frame_whatever_happens_meanwhile():
+    chance = random.Random(5)
+    first = build(wave(0.05), elapsed=-0.1)
+    plain, ahead = PathClock(first, MODEL), PathClock(first, MODEL)
+    for cycle in range(400):
+        guess, wanted = (chance.choice((0.0, 0.3, 1.0, 1.05)) for _ in range(2))
+        ahead.look_ahead(guess)
+        for clock in (plain, ahead):
+            if cycle == 3:
+                clock.pass_rest(0.05)
+            if cycle == 100:  # the other path leads elsewhere at once
+                state = first.at(clock.time)
+                clock.join(clock.time, Path(*spline([
+                    at(7.0, np.subtract(state.position, HOME), state.velocity, state.acceleration),
+                    at(8.0, (0.1, 0.1), REST, REST)])))
+        assert ahead.step(wanted) == plain.step(wanted)
+        assert (ahead.time, ahead.rate, ahead.velocity) == (plain.time, plain.rate, plain.velocity)
+    assert plain.path is not first and plain.is_at_end

@@ -199,6 +199,10 @@ class ArmCore:
         self._tick_running(now)
         self._admission.retry(now)
 
+    def prepare(self) -> None:
+        """Compute in idle time what is sent next, so that it need not be computed when it is due; nothing is sent."""
+        self.custody.prepare()
+
     # ---- calls: each is answered once ----
 
     def move(self, call: Any, command: c.Motion, wait: bool, now: float, end: Any = None) -> None:

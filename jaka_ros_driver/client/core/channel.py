@@ -41,6 +41,7 @@ class Channel:
         self._stream = ObjectStream()
         self._exchange: Exchange[_Pending] = Exchange()
         self._down_reason = "not connected yet"
+        self._prepared: Optional[Tuple[Command, bytes]] = None
         self.is_open = False
         self.is_confirmed = False
         self.damaged_replies = 0
@@ -66,6 +67,12 @@ class Channel:
                     error = ReplyTimeout(request.name, request.patience)
                 request.waiter.on_reply(None, error, now)
 
+    def prepare(self, command: Command) -> None:
+        """Encode a command that is likely to be the next one; nothing is sent. Raises InvalidCommand as ``request``."""
+        on_wire = self._on_wire(command)
+        if self._prepared is None or self._prepared[0] != on_wire:
+            self._prepared = on_wire, encode_object(codec.encode(on_wire))
+
     def request(self, command: Command, now: float, on_reply: OnReply, asks_who: bool = False) -> None:
         """Send one command; ``asks_who``: it belongs to asking who the controller is.
 
@@ -77,7 +84,7 @@ class Channel:
 
     def request_all(self, commands: Sequence[Command], now: float, on_last: OnReply, asks_who: bool = False) -> None:
         """Send the commands in one piece, of which only the last one's reply matters; errors as ``request``."""
-        texts = [encode_object(codec.encode(self._on_wire(command))) for command in commands]
+        texts = [self._encoded(command) for command in commands]
         if not self.is_open or not (self.is_confirmed or asks_who):
             raise ConnectionLost("no link to the controller: " + (
                 "it has not said yet who it is" if self.is_open else self._down_reason))
@@ -128,6 +135,12 @@ class Channel:
             own = settings.power_timeout if isinstance(command, SetPower) else settings.enable_timeout
             return own + settings.reply_timeout, True
         return settings.reply_timeout, False
+
+    def _encoded(self, command: Command) -> bytes:
+        on_wire = self._on_wire(command)
+        if self._prepared is not None and self._prepared[0] == on_wire:
+            return self._prepared[1]
+        return encode_object(codec.encode(on_wire))
 
     def _on_wire(self, command: Command) -> Command:
         """Terminals count from 0 in this program, from ``io_index_base`` on the wire."""

@@ -223,6 +223,11 @@ class Custody:
                                                       "and again (%s)" % (self._outcome or "at the end"))
                 self._tell_end()
 
+    def prepare(self) -> None:
+        """Compute in idle time what the motion sends next; nothing is sent."""
+        if self.motion is not None and self._phase is _Phase.HELD:
+            self.motion.prepare()
+
     def sight_lost(self, reason: str, now: float) -> None:
         """The status feed is gone or unreadable: a motion would go on unseen."""
         self.stillness.lose_sight()

@@ -61,6 +61,9 @@ class Motion:
     def tick(self, now: float) -> None:
         """Let time pass; not called any more while it is being stopped."""
 
+    def prepare(self) -> None:
+        """Compute in idle time what the next ``tick`` needs, as far as it is known; nothing is sent."""
+
     def observe_stop(self, state: RobotState) -> None:
         """Take a fresh state into account while it is being stopped."""
 

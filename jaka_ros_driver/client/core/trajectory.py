@@ -164,6 +164,10 @@ class Trajectory(Streaming):
         self._built_at = now
         super().begin(now)
 
+    def prepare(self) -> None:
+        if self._is_begun and self.is_streaming:
+            self._custody.channel.prepare(ServoJoint(self._clock.look_ahead(self._wanted)))
+
     def observe(self, state: RobotState, now: float) -> None:
         super().observe(state, now)
         if self._rests_since is not None and self._leave_reason is None and not self._custody.is_ending:
@@ -192,9 +196,7 @@ class Trajectory(Streaming):
         if not self._is_begun:  # a stream begins where the arm is (docs/controller-protocol.md section 5.6.5)
             self._is_begun = True
             return ServoJoint(clock.position)
-        wanted = 0.0 if self.is_paused or self._is_cancelled else scale
-        if self._lag > 0.0:
-            wanted *= 1.0 + _CATCH_UP
+        wanted = self._wanted
         frame = ServoJoint(clock.step(wanted))
         if self._lag > 0.0:
             self._lag = 0.0 if wanted == 0.0 else self._lag - max(0.0, clock.rate - scale) * SERVO_PERIOD_S
@@ -231,6 +233,12 @@ class Trajectory(Streaming):
     def _scale(self) -> float:
         rate = self._state.rapid_rate
         return 1.0 if rate is None else min(max(rate, 0.0), 1.0)
+
+    @property
+    def _wanted(self) -> float:
+        """The rate that the clock is to run at."""
+        wanted = 0.0 if self.is_paused or self._is_cancelled else self._scale
+        return wanted * (1.0 + _CATCH_UP) if self._lag > 0.0 else wanted
 
     def _look_for_the_end(self, state: RobotState, now: float) -> None:
         """The stream has come to rest; the arm must, too, and where it is asked to."""
