@@ -89,6 +89,27 @@ def test_windows_give_the_outcome_of_the_whole(change, tmp_path, request):
             assert getattr(other, name) == pytest.approx(getattr(residual, name), rel=1e-6, abs=1e-9)
 
 
+def full_disk(monkeypatch):
+    monkeypatch.setattr(windows.tempfile, "TemporaryFile", lambda **_: open("/dev/full", "r+b"))
+
+
+def no_place_for_files(monkeypatch):
+    def refuse(**_):
+        raise PermissionError("nowhere")
+    monkeypatch.setattr(windows.tempfile, "TemporaryFile", refuse)
+
+
+@pytest.mark.parametrize("hinder", [full_disk, no_place_for_files])
+def test_what_finds_no_place_on_disk_is_decoded_again(hinder, tmp_path, small_windows, monkeypatch):
+    golden = write_long_log(tmp_path / "golden.mcap", 60.0, block_s=30.0)
+    candidate = write_long_log(tmp_path / "candidate.mcap", 60.0, Conditions(seed=5), disturb(1), 30.0)
+    stored, _ = data_of(golden, candidate, Tolerances())
+    hinder(monkeypatch)
+    decoded_again, _ = data_of(golden, candidate, Tolerances())
+    assert not stored["same"]
+    assert_same(stored, decoded_again)
+
+
 def peak_of(golden, candidate):
     tracemalloc.start()
     try:

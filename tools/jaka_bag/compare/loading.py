@@ -19,7 +19,6 @@ from ..messages.selection import Selection
 from ..operations.columns import ColumnReader, chunk_groups
 from ..operations.tool_poses import POSE_FIELDS, POSE_NAME, POSE_TYPE, TWIST_TYPE, tool_poses
 from ..paths import PathLike
-from ..pipeline import WORKERS, in_order
 from ..units import NS_PER_S
 from .run import Arrivals, Call, LongTrack, Run, Stream, Track
 from .tolerances import Tolerances
@@ -167,10 +166,9 @@ class _Loader:
 
     def _decode(self, number: int) -> Dict[str, Rows]:
         """The rows of a part of the log, by topic."""
-        part = self._parts[number]
         found: Dict[str, List[Part]] = {}
         times: Dict[str, List[Array]] = {}
-        for decoded, timed in in_order(self._work, part, WORKERS if len(part) > 1 else 1):
+        for decoded, timed in map(self._work, self._parts[number]):  # two logs are read at the same time: no threads
             for topic, some in decoded.items():
                 found.setdefault(topic, []).append(some)
             for topic, log_times in timed.items():

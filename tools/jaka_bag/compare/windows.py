@@ -1,7 +1,13 @@
-"""A log in windows of time: its chunks are decoded when a window needs them, and what was decoded last is kept."""
+"""A log in windows of time: its chunks are decoded when a window needs them.
+
+What was decoded last is kept in memory, what was decoded before it in a temporary file.
+"""
+import contextlib
 import ctypes
+import pickle
+import tempfile
 from collections import OrderedDict
-from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import IO, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 import numpy as np
 
@@ -45,6 +51,46 @@ def give_back_memory() -> None:
         pass  # another C library
 
 
+class _Store:
+    """Decoded parts in a temporary file without a name; reading them costs a tenth of decoding them again."""
+
+    def __init__(self) -> None:
+        self._file: Optional[IO[bytes]] = None
+        self._places: Dict[int, int] = {}
+        self._is_usable = True
+
+    def put(self, number: int, rows: Dict[str, Rows]) -> None:
+        """Write a part, unless it is there; on a full disk nothing is written any more."""
+        if number in self._places or not self._is_usable:
+            return
+        try:
+            if self._file is None:
+                self._file = tempfile.TemporaryFile(prefix="jaka_bag.")
+            place = self._file.seek(0, 2)
+            pickle.dump(rows, self._file, protocol=5)
+            self._file.flush()
+            self._places[number] = place
+        except OSError:
+            self.close()
+            self._is_usable = False
+
+    def get(self, number: int) -> Optional[Dict[str, Rows]]:
+        """The part; None where it is not there."""
+        if self._file is None or number not in self._places:
+            return None
+        self._file.seek(self._places[number])
+        rows: Dict[str, Rows] = pickle.load(self._file)
+        return rows
+
+    def close(self) -> None:
+        """Forget everything."""
+        self._places.clear()
+        if self._file is not None:
+            with contextlib.suppress(OSError):  # what could not be written still cannot
+                self._file.close()
+            self._file = None
+
+
 class LogWindows:
     """Gives the samples of any window of time.
 
@@ -61,6 +107,7 @@ class LogWindows:
         self._most_bytes = _KEPT_BYTES if kept_bytes is None else kept_bytes
         self._kept: OrderedDict[int, Dict[str, Rows]] = OrderedDict()
         self._kept_bytes = 0
+        self._store = _Store()
         self._cells: Dict[str, Dict[int, Set[int]]] = {}
         self._counts: Dict[int, int] = {}
         self.is_all_kept = True
@@ -75,6 +122,7 @@ class LogWindows:
         """Start anew: nothing is kept, nothing is known of where samples lie."""
         self._kept.clear()
         self._kept_bytes = 0
+        self._store.close()
         self._cells.clear()
         self._counts.clear()
         self.is_all_kept = True
@@ -84,11 +132,14 @@ class LogWindows:
         if number in self._kept:
             self._kept.move_to_end(number)
             return self._kept[number]
-        rows = self._decode(number)
+        stored = self._store.get(number)
+        rows = self._decode(number) if stored is None else stored
         self._kept[number] = rows
         self._kept_bytes += sum(topic.size for topic in rows.values())
         while self._kept_bytes > self._most_bytes and len(self._kept) > 1:
-            self._kept_bytes -= sum(topic.size for topic in self._kept.popitem(last=False)[1].values())
+            oldest, left = self._kept.popitem(last=False)
+            self._store.put(oldest, left)
+            self._kept_bytes -= sum(topic.size for topic in left.values())
             self.is_all_kept = False
         self._decoded += 1
         if not self.is_all_kept and self._decoded % _TRIM_EVERY == 0:

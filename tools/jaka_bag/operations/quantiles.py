@@ -44,13 +44,11 @@ class Quantiles:
             return
         values = np.concatenate(self._kept)
         self._kept, self._kept_count, self._exact = [], 0, _EXACT // 4
-        self._count_classes(values, np.ones(len(values), np.int64))
+        number = np.sort(_classes_of(values))
+        first = np.flatnonzero(np.concatenate([[True], number[1:] != number[:-1]]))
+        self._add_classes(number[first], np.diff(first, append=len(number)))
 
-    def _count_classes(self, values: Array, counts: Array) -> None:
-        bits = np.ascontiguousarray(values, float).view(np.int64)
-        number = bits >> _SHIFT
-        # the sign is the highest bit: negative values are ordered by what follows it, backwards
-        number = np.where(bits < 0, -1 - (number & (2 ** (63 - _SHIFT) - 1)), number)
+    def _add_classes(self, number: Array, counts: Array) -> None:
         classes, place = np.unique(np.concatenate([self._classes, number]), return_inverse=True)
         self._counts = np.bincount(place, np.concatenate([self._counts, counts])).astype(np.int64)
         self._classes = classes
@@ -85,7 +83,7 @@ class Quantiles:
             return result
         self._merge()
         result = Quantiles(0)
-        result._count_classes(np.abs(self._levels() - centre), self._counts)
+        result._add_classes(_classes_of(np.abs(self._levels() - centre)), self._counts)
         return result
 
     def above(self, limit: float) -> Tuple[Array, Array]:
@@ -111,3 +109,11 @@ class Quantiles:
     def _ranked(self, levels: Array, at: int) -> float:
         order = np.argsort(levels, kind="stable")
         return float(levels[order][np.searchsorted(np.cumsum(self._counts[order]), at, side="right")])
+
+
+def _classes_of(values: Array) -> Array:
+    """The number of each value's class; they rise with the values."""
+    bits = np.ascontiguousarray(values, float).view(np.int64)
+    number = bits >> _SHIFT
+    # the sign is the highest bit: negative values are ordered by what follows it, backwards
+    return np.where(bits < 0, -1 - (number & (2 ** (63 - _SHIFT) - 1)), number)
