@@ -106,13 +106,16 @@ class ColumnReader:
         if any(end > start for end, start in zip(ends, starts[1:])):
             yield from self._pieces_in_time_order(fields)
             return
-        for group in groups:
-            found: Dict[str, List[Part]] = {}
-            for by_topic in in_order(lambda chunk: self.parts(chunk, fields), group, WORKERS if len(group) > 1 else 1):
-                for topic, part in by_topic.items():
-                    found.setdefault(topic, []).append(part)
-            for topic, parts in found.items():
-                yield topic, columns_of(self.connections[topic], parts)
+        last_of_group = [chunk is group[-1] for group in groups for chunk in group]
+        parts = in_order(lambda chunk: self.parts(chunk, fields), (chunk for group in groups for chunk in group))
+        found: Dict[str, List[Part]] = {}
+        for by_topic, is_last in zip(parts, last_of_group):
+            for topic, part in by_topic.items():
+                found.setdefault(topic, []).append(part)
+            if is_last:
+                for topic, some in found.items():
+                    yield topic, columns_of(self.connections[topic], some)
+                found = {}
 
     def _pieces_in_time_order(self, fields: Optional[Mapping[str, Container[str]]]) -> Iterator[Tuple[str, Columns]]:
         numbers = np.arange(len(self._reader.connections))

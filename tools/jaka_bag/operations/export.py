@@ -6,6 +6,7 @@ import importlib
 import io
 import re
 import zipfile
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, cast
 
@@ -151,9 +152,12 @@ def _arrow_column(pa: Any, leaf: Leaf, values: Array) -> Any:
 
 
 class _ParquetTable:
-    """The table of one topic: its row groups are written as they fill."""
+    """The table of one topic: its row groups are written as they fill, by the thread of ``encoder``."""
 
-    def __init__(self, pa: Any, parquet: Any, output: OutputFile, stack: contextlib.ExitStack) -> None:
+    def __init__(self, pa: Any, parquet: Any, output: OutputFile, stack: contextlib.ExitStack,
+                 encoder: ThreadPoolExecutor) -> None:
+        self._encoder = encoder
+        self._writing: Optional[Future[None]] = None
         self._pa, self._parquet, self._output, self._stack = pa, parquet, output, stack
         self._writer: Any = None
         self._waiting: List[Any] = []
@@ -171,14 +175,27 @@ class _ParquetTable:
         self._waiting.append(table)
         self._waiting_bytes += table.nbytes
         if self._waiting_bytes >= _ROW_GROUP_BYTES:
-            self.write()
+            self._pass_on()
 
-    def write(self) -> None:
-        """Write what waits as one row group."""
-        if not self._waiting:
-            return
-        pa, table = self._pa, self._pa.concat_tables(self._waiting)
-        self._waiting, self._waiting_bytes = [], 0
+    def end(self) -> None:
+        """Write what is left."""
+        self._pass_on()
+        self._wait()
+
+    def _pass_on(self) -> None:
+        """Begin to write what waits as one row group, when the one before is written."""
+        self._wait()
+        if self._waiting:
+            self._writing = self._encoder.submit(self._write, self._waiting)
+            self._waiting, self._waiting_bytes = [], 0
+
+    def _wait(self) -> None:
+        writing, self._writing = self._writing, None
+        if writing is not None:
+            writing.result()
+
+    def _write(self, some: List[Any]) -> None:
+        pa, table = self._pa, self._pa.concat_tables(some)
         if self._writer is None:
             sink = self._stack.enter_context(pa.PythonFile(self._output.file, mode="w"))
             # numbers that are measured rarely repeat: a dictionary of them would be made in vain
@@ -198,12 +215,12 @@ def _write_parquet(reader: LogReader, outputs: Dict[str, OutputFile]) -> Dict[st
     except ImportError:
         raise MissingDependency("Parquet needs the Python package pyarrow") from None
     columns = ColumnReader(reader, Selection(topics=tuple(outputs)))
-    with contextlib.ExitStack() as stack:
-        tables_of = {topic: _ParquetTable(pa, parquet, output, stack) for topic, output in outputs.items()}
+    with contextlib.ExitStack() as stack, ThreadPoolExecutor(1) as encoder:  # which ends before the files are closed
+        tables_of = {topic: _ParquetTable(pa, parquet, output, stack, encoder) for topic, output in outputs.items()}
         for topic, some in columns.pieces():
             tables_of[topic].add(some, functools.partial(columns.leaf, topic))
         for table in tables_of.values():
-            table.write()
+            table.end()
     return {topic: table.count for topic, table in tables_of.items()}
 
 
