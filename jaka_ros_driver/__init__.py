@@ -14,8 +14,9 @@ wire                the bytes between driver and controller: recorded and played
 simulation          the simulated controller
 ros                 the node: parameters, services, topics, diagnostics
 
-Beside it, in tools/: ``jaka_bag``, the log tools, which import nothing of this package; and ``jaka_regression``, on top
-of both, which makes recorded runs happen again.
+Beside it, in tools/: ``jaka_bag``, the log tools, which import nothing of this package; ``jaka_panel``, an operator's
+page, a client of its topics and services; and ``jaka_regression``, on top of the driver and the log tools, which makes
+recorded runs happen again.
 """
 
 __version__ = "0.2.0"

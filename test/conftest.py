@@ -15,8 +15,8 @@ import pytest
 ROS_PACKAGES = (
     "actionlib", "actionlib_msgs", "catkin_pkg", "diagnostic_msgs", "diagnostic_updater", "genmsg", "genpy",
     "geometry_msgs", "jaka_msgs", "rosbag", "rosgraph", "rosgraph_msgs", "roslaunch", "roslib", "rosmsg", "rosnode",
-    "rosparam", "rosservice", "rostest", "rostopic", "rospy", "sensor_msgs", "std_msgs", "std_srvs", "tf2_msgs",
-    "trajectory_msgs")
+    "rosparam", "rospkg", "rosservice", "rostest", "rostopic", "rospy", "sensor_msgs", "std_msgs", "std_srvs",
+    "tf2_msgs", "trajectory_msgs")
 MISSING = frozenset(name for name in ROS_PACKAGES if importlib.util.find_spec(name) is None)
 NEED_ROS = tuple(import_graph.ROOT / "test" / name for name in ("ros", "packaging", "jaka_regression/ros"))
 left_out: List[str] = []

@@ -1,11 +1,13 @@
-"""Every promise of docs/safety.md has a test, by a name that exists."""
+"""Every promise of docs/safety.md and docs/panel.md has a test, by a name that exists."""
 import re
 
 import pytest
 from import_graph import ROOT
 
-PAGE = (ROOT / "docs" / "safety.md").read_text(encoding="utf-8")
-PROMISES = [line for line in PAGE.partition("| promise |")[2].partition("\n\n")[0].splitlines()[2:] if line]
+TABLES = (("safety.md", "| promise |"), ("panel.md", "| promise |"), ("panel.md", "| attack |"))
+PROMISES = [line for page, head in TABLES
+            for line in (ROOT / "docs" / page).read_text(encoding="utf-8").partition(head)[2].partition(
+                "\n\n")[0].splitlines()[2:] if line]
 DEFINED = {name for path in (ROOT / "test").rglob("test_*.py")
            for name in re.findall(r"^def (test_\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)}
 

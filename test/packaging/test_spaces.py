@@ -78,7 +78,8 @@ def test_every_definition_is_listed_and_every_field_has_a_comment(root):
             assert line == "---" or "# " in line, "%s: no comment: %s" % (path.name, line)
 
 
-@pytest.mark.parametrize("program", ["jaka_bag", "jaka_driver", "jaka_rostest", "jaka_sim"])
+@pytest.mark.parametrize("program", ["jaka_bag", "jaka_driver", "jaka_foxglove", "jaka_panel", "jaka_rostest",
+                                     "jaka_sim"])
 def test_rosrun_and_roslaunch_find_one_program_each(space, shell, program):
     found = shell("catkin_find --libexec jaka_ros_driver %s" % program, space).stdout.split()
     assert len(found) == 1
@@ -99,7 +100,7 @@ def test_the_log_tools_are_found_with_the_subcommands_that_need_the_driver(space
 def test_roslaunch_finds_a_launch_file_and_those_it_includes(space, shell):
     files = shell("roslaunch --files jaka_ros_driver demo.launch", space).stdout.split()
     assert [name.rsplit("/", 2)[1:] for name in sorted(files)] == [
-        ["launch", "demo.launch"], ["launch", "robot_start_launch.launch"]]
+        ["launch", "demo.launch"], ["launch", "panel.launch"], ["launch", "robot_start_launch.launch"]]
 
 
 def test_a_plain_checkout_runs_the_simulation(root, shell):

@@ -40,7 +40,7 @@ def identities(path, *arguments):
 
 
 def test_the_launch_files_are_these():
-    assert [path.name for path in FILES] == ["demo.launch", "display.launch", "gamepad.launch",
+    assert [path.name for path in FILES] == ["demo.launch", "display.launch", "gamepad.launch", "panel.launch",
                                              "robot_start_launch.launch", "two_arms.launch"]
 
 
@@ -129,9 +129,9 @@ def test_a_gamepad_is_stamped_and_sent_to_the_driver(ros_node, arguments, topic,
 
 
 def test_the_demo_runs(ros_node, launch, free_ports):
-    command_port, status_port = free_ports(2)
+    command_port, status_port, panel_port = free_ports(3)
     launch("demo.launch", "command_port:=%d" % command_port, "status_port:=%d" % status_port,
-           "sim_args:=--power-delay 0.1 --enable-delay 0.1")
+           "sim_panel_port:=%d" % panel_port, "sim_args:=--power-delay 0.1 --enable-delay 0.1")
     arm = Arm(None)
     arm.wait_until_seen()
     assert eventually(lambda: arm.listen("robot_states", 1)[0].power_state == 1)
@@ -141,7 +141,8 @@ def test_the_demo_runs(ros_node, launch, free_ports):
 def test_the_demo_leaves_another_controller_on_its_ports_alone(ros_node, launch, tmp_path):
     log = tmp_path / "wire.mcap"
     with contextlib.closing(SimulatorProcess("--log", str(log))) as another:
-        launch("demo.launch", "command_port:=%d" % another.command_port, "status_port:=%d" % another.status_port)
+        launch("demo.launch", "command_port:=%d" % another.command_port, "status_port:=%d" % another.status_port,
+               "sim_panel_port:=0", "panel:=false")
         arm = Arm(None)
         assert eventually(lambda: "not the simulated one" in arm.call(
             "joint_move", pose=[0.1, 1.5, -1.5, 1.5, 1.5, 0.0], mvvelo=3.0, mvacc=12.0).message)

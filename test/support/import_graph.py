@@ -7,7 +7,7 @@ from typing import Dict, FrozenSet, Iterator, Set
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 PACKAGES = {"jaka_ros_driver": ROOT / "jaka_ros_driver", "jaka_bag": ROOT / "tools" / "jaka_bag",
-            "jaka_regression": ROOT / "tools" / "jaka_regression"}
+            "jaka_panel": ROOT / "tools" / "jaka_panel", "jaka_regression": ROOT / "tools" / "jaka_regression"}
 """The packages of this project, each with its folder."""
 _MODULE_NAME = re.compile(r"((?:%s)(?:\.\w+)+)(?::\w+)?" % "|".join(PACKAGES))
 

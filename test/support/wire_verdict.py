@@ -15,9 +15,15 @@ class WireVerdict:
 
     def __init__(self, log_file):
         self.events = read_log(str(log_file))
+        self._received = None
 
     def received(self):
         """(time, request) of all that came in on the command port."""
+        if self._received is None:
+            self._received = self._read_requests()
+        return list(self._received)
+
+    def _read_requests(self):
         streams, requests = {}, []
         for event in self.wire("command", "in"):
             stream = streams.setdefault(event.connection, ObjectStream())

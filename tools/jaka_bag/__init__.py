@@ -12,8 +12,10 @@ containers           the formats: one contract for readers and writers, .bag, .m
 operations           convert, merge, split, recover, export, plot, timing
 live                 the ROS graph without ROS: subscribe, publish, record, play
 black_box            a recorder's memory, and a file around each accident
+foxglove             servers for Foxglove and Lichtblick: the graph, logs
 compare              does the arm still do what it did? a log against a golden one, and the reports
 incident             what happened around an accident, as a page
+fleet                many logs: tasks on Dask or Ray, a data set of Parquet tables
 cli                  the program ``jaka_bag``, one module a subcommand
 __main__             ``python -m jaka_bag``
 

@@ -113,3 +113,13 @@ class OutputFile:
             self.abort()
         elif not self._is_finished:
             self.commit()
+
+
+def is_being_written(path: Path) -> bool:
+    """Whether a program that still runs writes this working file: it holds a lock then (``OutputFile``)."""
+    try:
+        with open(str(path), "rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    return False

@@ -35,7 +35,7 @@ def test_the_help_ends_with_examples_that_are_understood(name):
     lines = re.findall(r"^  (?:source <\()?(jaka_bag %s\b[^\n]*)" % name, examples, re.MULTILINE)
     assert len(lines) >= 2, "the help of %s has no two examples" % name
     for line in lines:
-        words = shlex.split(re.split(r" \| | > |\)|   ", line)[0])[2:]
+        words = shlex.split(re.split(r" \| | > |\)$|   ", line)[0])[1 + len(name.split()):]
         PARSERS[name].parse_intermixed_args(_with_files_first(PARSERS[name], words))
 
 

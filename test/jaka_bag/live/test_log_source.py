@@ -66,6 +66,37 @@ def test_the_newest_latched_messages_before_a_time(tmp_path):
     source.close()
 
 
+def test_the_newest_of_several_connections_is_found_across_logs_chunks_and_their_order(tmp_path):
+    entries = [(topic, at, "%s%d" % (topic, at)) for at in range(10, 400) for topic in ("/a", "/b")]
+    entries += [("/rare", 11, "rare")] + [("/a", 50, "again at 50")]  # the last chunk begins before others end
+    one = write(tmp_path / "one.bag", sorted(entries[:-1], key=lambda entry: entry[1]) + entries[-1:])
+    two = write(tmp_path / "two.mcap", [("/b", 200, "B200")])
+    source = LogSource([one, two], frame=bytes)
+    topics = [connection.topic for connection in source.connections]
+
+    def newest(time, *wanted):
+        found = source.newest(time, [topics.index(topic) for topic in wanted])
+        assert [m.time for m in found] == sorted(m.time for m in found)
+        return {topics[m.connection]: (m.time, m.frame[4:].decode()) for m in found}
+
+    assert newest(9, "/a", "/b", "/rare") == {}
+    assert newest(300, "/a", "/rare") == {"/a": (300, "/a300"), "/rare": (11, "rare")}
+    assert newest(50, "/a") == {"/a": (50, "again at 50")}
+    assert newest(200, "/b")["/b"][0] == 200 and newest(10**9, "/b") == {"/b": (399, "/b399")}
+    source.close()
+
+
+def test_batches_are_polled_without_waiting(tmp_path):
+    source = LogSource([write(tmp_path / "log.bag", [("/a", i, "x") for i in range(2000)])], frame=bytes)
+    ahead, found, batch = source.play(500, None), [], None
+    while batch != []:
+        batch = ahead.poll()
+        found += batch or []
+    assert [m.time for m in found] == list(range(500, 2000)) and found[0].frame == string_frame("x")[4:]
+    ahead.close()
+    source.close()
+
+
 def test_stopping_early_ends_the_reading_thread(tmp_path):
     log = write(tmp_path / "log.bag", [("/a", i + 1, "x" * 100) for i in range(20000)], 100000)
     source = LogSource([log])

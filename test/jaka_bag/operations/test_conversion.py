@@ -32,11 +32,13 @@ from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import open_log
 from jaka_bag.errors import BagError, BagFormatError, DefinitionError, OutputExists
+from jaka_bag.fleet.conversion import task_of
+from jaka_bag.fleet.processes import Processes
+from jaka_bag.fleet.tasks import run_tasks
 from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.ros2_types import Ros2Type
 from jaka_bag.messages.selection import Selection, TimePoint, TimeSpan
 from jaka_bag.operations.convert import Job, convert_file, is_worth_sorting
-from jaka_bag.operations.many import convert_many
 
 SAMPLES = state_log(2.0)
 
@@ -230,14 +232,13 @@ def test_a_folder_is_converted_and_a_failed_file_stops_nothing(tmp_path, jobs, c
     assert not (tmp_path / "out" / "broken.mcap").exists()
 
 
-def test_a_killed_process_is_a_failed_file(tmp_path, monkeypatch):
+def test_a_killed_process_is_a_failed_file(tmp_path):
     outcomes = []
-    monkeypatch.setattr("jaka_bag.operations.many.try_convert", kill_own_process)
-    convert_many([Job("a.bag", "a.mcap")], 1, outcomes.append)
-    assert [o.error for o in outcomes] == ["a.bag: its process was killed"]
+    run_tasks(kill_own_process, [task_of(Job("a.bag", "a.mcap"))], Processes(1), outcomes.append)
+    assert [(o.status, o.reason) for o in outcomes] == [("failed", "a.bag: its process was killed")]
 
 
-def kill_own_process(job):
+def kill_own_process(task):
     os._exit(9)
 
 

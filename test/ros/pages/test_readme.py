@@ -29,7 +29,8 @@ def run(root, tmp_path):
 def test_the_other_shell(root, launch, ros_node, free_ports, run, tmp_path):
     setup, move, forward, stop, rate, record, info, convert, compare = commands_of_the_other_shell(root)
     assert run(setup)[0] == 0
-    launch("demo.launch", *("%s:=%d" % pair for pair in zip(("command_port", "status_port"), free_ports(2))))
+    ports = zip(("command_port", "status_port", "sim_panel_port"), free_ports(3))
+    launch("demo.launch", *("%s:=%d" % pair for pair in ports))
 
     code, said = run(move)
     deadline = time.monotonic() + DEADLINE_S

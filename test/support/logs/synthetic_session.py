@@ -38,6 +38,7 @@ class Call(NamedTuple):
     success: bool = True
     error: str = ""
     response: str = "ret: 1\nmessage: 'completed'"
+    caller: str = "/cell"
 
 
 class Step(NamedTuple):
@@ -196,14 +197,14 @@ def _string(text: str) -> bytes:
     return struct.pack("<I", len(raw)) + raw
 
 
-def _ns(seconds: np.ndarray) -> np.ndarray:
+def log_ns(seconds: np.ndarray) -> np.ndarray:
     return EPOCH_NS + np.round(seconds * 1e9).astype(np.int64)
 
 
-def _headed(stamp: np.ndarray, frame: str, first: int, step: int, body: np.ndarray) -> np.ndarray:
+def headed(stamp: np.ndarray, frame: str, first: int, step: int, body: np.ndarray) -> np.ndarray:
     """Bytes of messages with a header, shape (n, size); ``body`` is uint8 (n, rest)."""
     head = np.empty(len(stamp), np.dtype([("seq", "<u4"), ("secs", "<u4"), ("nsecs", "<u4"), ("size", "<u4")]))
-    stamp_ns = _ns(stamp)
+    stamp_ns = log_ns(stamp)
     head["seq"] = step * np.arange(len(stamp)) + first
     head["secs"], head["nsecs"] = stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000
     head["size"] = len(frame)
@@ -212,7 +213,7 @@ def _headed(stamp: np.ndarray, frame: str, first: int, step: int, body: np.ndarr
                            body], axis=1)
 
 
-def _bytes(values: np.ndarray, kind: str) -> np.ndarray:
+def as_bytes(values: np.ndarray, kind: str) -> np.ndarray:
     return np.ascontiguousarray(values.astype(kind)).view(np.uint8).reshape(len(values), -1)
 
 
@@ -224,22 +225,23 @@ def _rows(session: Session, name: str) -> np.ndarray:
     keep = session.keep[name]
     count = int(keep.sum())
     if name == "robot_states":
-        return _bytes(session.states[keep], "<i2")
+        return as_bytes(session.states[keep], "<i2")
     if name == "tool_position":
         pose = np.hstack([session.position[keep], session.rotation_vector[keep]])
-        return _headed(session.stamp[keep], session.frame, session.first_sequence, session.sequence_step[name],
-                       _bytes(pose, "<f8"))
+        return headed(session.stamp[keep], session.frame, session.first_sequence, session.sequence_step[name],
+                      as_bytes(pose, "<f8"))
     names = struct.pack("<I", 6) + b"".join(_string("joint_%d" % (i + 1)) for i in range(6)) + struct.pack("<I", 6)
-    body = np.concatenate([_fixed(names, count), _bytes(session.joints[keep], "<f8"), _fixed(bytes(8), count)], axis=1)
-    return _headed(session.stamp[keep], "", session.first_sequence, session.sequence_step[name], body)
+    position = as_bytes(session.joints[keep], "<f8")
+    body = np.concatenate([_fixed(names, count), position, _fixed(bytes(8), count)], axis=1)
+    return headed(session.stamp[keep], "", session.first_sequence, session.sequence_step[name], body)
 
 
 def _call_bytes(session: Session, call: Call, number: int) -> bytes:
-    stamp_ns = int(_ns(np.array([call.start]))[0])
+    stamp_ns = int(log_ns(np.array([call.start]))[0])
     raw_request, raw_response = call.request.encode(), call.response.encode()
     return (struct.pack("<III", number, *divmod(stamp_ns, 1_000_000_000)) + _string("")
             + _string(session.node + "/" + call.service) + _string("jaka_msgs/Move") + _string("0" * 32)
-            + _string("/cell") + _string(call.request) + struct.pack("<I", len(raw_response)) + raw_response
+            + _string(call.caller) + _string(call.request) + struct.pack("<I", len(raw_response)) + raw_response
             + struct.pack("<I", len(raw_request)) + raw_request + _string(call.response)
             + struct.pack("<d?", call.duration, call.success) + _string(call.error))
 
@@ -255,16 +257,16 @@ def _block(session: Session, name: str, number: int) -> MessageBatch:
         payloads = [_call_bytes(session, call, i + 1) for i, call in enumerate(session.calls)]
         length = np.array([len(p) for p in payloads], np.int64)
         data = np.frombuffer(b"".join(payloads), np.uint8)
-        log_time = _ns(np.array([call.start + call.duration + 0.001 for call in session.calls]))
+        log_time = log_ns(np.array([call.start + call.duration + 0.001 for call in session.calls]))
     else:
         rows = _rows(session, name)
         length = np.full(len(rows), rows.shape[1], np.int64)
         data = rows.reshape(-1)
-        log_time = _ns(session.log_time[name][session.keep[name]])
+        log_time = log_ns(session.log_time[name][session.keep[name]])
     return MessageBatch(data, np.cumsum(length) - length, length, np.full(len(length), number, np.int32), log_time)
 
 
-def _parts(sessions: Sequence[Session]) -> Tuple[List[Connection], MessageBatch]:
+def session_parts(sessions: Sequence[Session]) -> Tuple[List[Connection], MessageBatch]:
     """The connections of sessions, one an arm, and their messages in the order of time."""
     connections, blocks = [], []
     for session in sessions:
@@ -282,7 +284,7 @@ def _parts(sessions: Sequence[Session]) -> Tuple[List[Connection], MessageBatch]
 
 def write_log(path: Path, *sessions: Session) -> Path:
     """Write sessions, one an arm, as one log."""
-    connections, whole = _parts(sessions)
+    connections, whole = session_parts(sessions)
     with create_log(path, overwrite=True) as writer:
         ids = np.array([writer.add_channel(connection) for connection in connections])
         for begin in range(0, len(whole), 8000):
@@ -320,7 +322,7 @@ def write_long_log(path: Path, seconds: float, conditions: Conditions = UNDISTUR
             session.stamp = session.stamp + begin
             session.log_time = {name: time + begin for name, time in session.log_time.items()}
             session.calls = [call._replace(start=call.start + begin) for call in session.calls]
-            connections, whole = _parts([session])
+            connections, whole = session_parts([session])
             if ids is None:
                 ids = np.array([writer.add_channel(connection) for connection in connections])
             for first in range(0, len(whole), 8000):

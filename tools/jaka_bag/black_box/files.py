@@ -1,5 +1,4 @@
 """The files of a black box in their folder: names, how many are kept, what a killed one left behind."""
-import fcntl
 import time
 from pathlib import Path
 from typing import Callable, List, NamedTuple
@@ -36,16 +35,6 @@ def finished_files(folder: Path) -> List[Path]:
 def cut_off_files(folder: Path) -> List[Path]:
     """What black boxes that were killed left in a folder, oldest first."""
     return sorted(folder.glob(PREFIX + "*" + SUFFIX + WORKING_SUFFIX))
-
-
-def is_being_written(path: Path) -> bool:
-    """Whether a program that still runs writes this working file: it holds a lock then (``OutputFile``)."""
-    try:
-        with open(str(path), "rb") as file:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return True
-    return False
 
 
 def remove_old(folder: Path, keep: Keep, notice: Callable[[str], None]) -> None:

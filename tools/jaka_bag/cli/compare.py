@@ -13,6 +13,7 @@ from ..compare.tolerances import ToleranceError, Tolerances, as_yaml, load_toler
 from ..compare.verdict import Comparison
 from ..errors import UsageError
 from ..output_file import OutputFile, check_output
+from .fleet import comparing
 from .main import printable
 from .options import add_old_spelling
 from .quantities import positive_number
@@ -24,11 +25,16 @@ positions and orientations; sequences of states; service calls. A late start is 
 
 Tolerances: jaka_bag compare --print-tolerances > cell.yaml writes the defaults with a comment at each.
 
+With --against, each log of a data set or a folder is compared with GOLDEN: verdicts and the margin of every check as
+Parquet tables, and a page with the runs over time, what drifts since when, and trends; docs/fleet_regression.md.
+
 Exit code: 0 same, 1 different, 2 cannot be compared (or usage).
 
 examples:
   jaka_bag compare golden.mcap today.bag
   jaka_bag compare golden.mcap today.mcap --tolerances cell.yaml --html report.html --junit report.xml
+  jaka_bag compare golden.mcap --against logs --jobs 4
+  jaka_bag compare golden.mcap --against logs --sweep wide.yaml --sweep tight.yaml
 """
 
 
@@ -49,6 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("-v", "--verbose", action="store_true", help="every check, not only the differences")
     add("-q", "--quiet", action="store_true", help="only the verdict")
     add("--print-tolerances", action="store_true", help="print the tolerances in force as YAML, and end")
+    comparing.add_arguments(parser)
 
 
 def write_reports(comparison: Comparison, tolerances: Tolerances, html: Optional[str] = None,
@@ -83,11 +90,16 @@ def _sort_json(args: argparse.Namespace) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compare; 0 same, 1 different, 2 cannot be compared."""
     try:
-        _sort_json(args)
+        if args.against is None:
+            _sort_json(args)
         tolerances = load_tolerances(args.tolerances)
         if args.print_tolerances:
             sys.stdout.write(as_yaml(tolerances))
             return 0
+        if args.against is not None:
+            return comparing.run(args, tolerances)
+        if args.sweep or args.results:
+            raise UsageError("--sweep and --results are for many runs: say where they are with --against")
         if not (args.golden and args.candidate):
             raise UsageError("GOLDEN and CANDIDATE are needed")
         for name in [name for name in (args.html, args.junit, args.report) if name]:

@@ -1,6 +1,6 @@
 """``jaka_bag completion``: prints a completion script, made from the commands' own options."""
 import argparse
-from typing import Dict, List
+from typing import Dict, Iterable, List
 
 from .main import COMMANDS, is_installed, load_command
 
@@ -12,6 +12,16 @@ _jaka_bag() {
     if [ "$COMP_CWORD" -eq 1 ]; then
         COMPREPLY=($(compgen -W "%(commands)s" -- "$word"))
         return
+    fi
+    case $command in
+%(families)s
+    esac
+    if [ -n "$values" ]; then
+        if [ "$COMP_CWORD" -eq 2 ]; then
+            COMPREPLY=($(compgen -W "$values" -- "$word"))
+            return
+        fi
+        command="$command ${COMP_WORDS[2]}" values=
     fi
     case $command in
 %(cases)s
@@ -35,6 +45,7 @@ _ZSH = """\
 # zsh completion of jaka_bag: source <(jaka_bag completion zsh)
 _jaka_bag() {
     local -a commands options values
+    local name=$words[2]
     commands=(
 %(described)s
     )
@@ -42,17 +53,28 @@ _jaka_bag() {
         _describe command commands
         return
     fi
-    case $words[2] in
+    case $name in
+%(families)s
+    esac
+    if (( $#values )); then
+        if (( CURRENT == 3 )); then
+            compadd -- $values
+            return
+        fi
+        name="$name $words[3]"
+        values=()
+    fi
+    case $name in
 %(cases)s
     esac
-    case "$words[2] $words[CURRENT-1]" in
+    case "$name $words[CURRENT-1]" in
 %(values)s
     esac
     if (( $#values )); then
         compadd -- $values
     elif [[ $words[CURRENT] == -* ]]; then
         compadd -- $options
-    elif [[ $words[2] == completion ]]; then
+    elif [[ $name == completion ]]; then
         compadd -- bash zsh
     else
         _files
@@ -98,16 +120,37 @@ def _values(form: str) -> str:
                      for name, actions in _options().items() for action in actions if action.choices)
 
 
+def _families(names: Iterable[str]) -> Dict[str, List[str]]:
+    """First word of each command of two words, and the second ones."""
+    families: Dict[str, List[str]] = {}
+    for name in names:
+        first, _, second = name.partition(" ")
+        if second:
+            families.setdefault(first, []).append(second)
+    return families
+
+
 def run(args: argparse.Namespace) -> int:
     """Print the script; the exit code."""
     options = options_by_command()
+    families = _families(options)
+    firsts = list(dict.fromkeys(name.split(" ")[0] for name in options))
     if args.shell == "bash":
-        cases = "\n".join('        %s) options="%s" ;;' % (name, " ".join(words)) for name, words in options.items())
-        print(_BASH % {"commands": " ".join(options), "cases": cases, "values": _values('        %s) values="%s" ;;')},
-              end="")
+        print(_BASH % {
+            "commands": " ".join(firsts), "values": _values('        %s) values="%s" ;;'),
+            "families": _cases('        %s) values="%s" ;;', families),
+            "cases": _cases('        "%s") options="%s" ;;', options)}, end="")
     else:
-        cases = "\n".join("        %s) options=(%s) ;;" % (name, " ".join(words)) for name, words in options.items())
-        described = "\n".join("        '%s:%s'" % (name, COMMANDS[name].summary.replace("'", "").replace(":", " -"))
-                              for name in options)
-        print(_ZSH % {"described": described, "cases": cases, "values": _values("        %s) values=(%s) ;;")}, end="")
+        summaries = {name: COMMANDS[name].summary if name in COMMANDS else " ".join(families[name]) for name in firsts}
+        described = "\n".join("        '%s:%s'" % (name, summary.replace("'", "").replace(":", " -"))
+                              for name, summary in summaries.items())
+        print(_ZSH % {
+            "described": described, "values": _values("        %s) values=(%s) ;;"),
+            "families": _cases("        %s) values=(%s) ;;", families),
+            "cases": _cases('        "%s") options=(%s) ;;', options)}, end="")
     return 0
+
+
+def _cases(form: str, words: Dict[str, List[str]]) -> str:
+    """A line of a shell's ``case`` for each name, with its words."""
+    return "\n".join(form % (name, " ".join(some)) for name, some in words.items())

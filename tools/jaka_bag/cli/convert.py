@@ -95,9 +95,15 @@ def _run_rosbag2(args: argparse.Namespace, folder: Path, output: Optional[str], 
 
 def _run_folder(args: argparse.Namespace, folder: Path, output: Optional[str], report: Report) -> int:
     jobs = _jobs(args, folder, output)
+    targets = {job.source: job.target for job in jobs}
     results: List[WriteResult] = []
 
-    def take(result: WriteResult) -> None:
+    from ..fleet.conversion import convert_task, task_of
+    from ..fleet.tasks import Engine, LogResult, run_tasks
+
+    def take(outcome: LogResult) -> None:
+        result: WriteResult = outcome.value or WriteResult(
+            outcome.path, targets[outcome.path], error=outcome.reason, seconds=outcome.seconds)
         results.append(result)
         if result.error:
             report.tell("error", [result.error])
@@ -105,12 +111,14 @@ def _run_folder(args: argparse.Namespace, folder: Path, output: Optional[str], r
             report.done(_line(result))
         report.tell("note", ["%s: %s" % (result.target, note) for note in result.notes])
 
-    from ..operations.many import convert_many, convert_on_dask
-
+    engine: Engine
     if args.dask:
-        convert_on_dask(jobs, args.dask, take)
+        from ..fleet.dask_engine import Dask
+        engine = Dask(args.dask)
     else:
-        convert_many(jobs, max(args.jobs, 1), take)
+        from ..fleet.processes import Processes
+        engine = Processes(max(args.jobs, 1))
+    run_tasks(convert_task, map(task_of, jobs), engine, take)
     failed = sum(1 for result in results if result.error)
     report.finish({"files": [result.document() for result in results], "failed": failed})
     if failed:

@@ -1,4 +1,4 @@
-"""The program ``jaka_bag``: its subcommands, each a module that is imported when it is called.
+"""The program ``jaka_bag``: its subcommands, each a module that is imported when it is called; and ``jaka_foxglove``.
 
 What goes wrong becomes a line and an exit code here.
 """
@@ -8,7 +8,7 @@ import os
 import re
 import sys
 from types import ModuleType
-from typing import TYPE_CHECKING, Callable, Dict, Iterable, List, NamedTuple, Optional
+from typing import TYPE_CHECKING, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 from ..errors import JakaBagError, UsageError
 
@@ -46,6 +46,7 @@ COMMANDS: Dict[str, Command] = {
     "record": Command("jaka_bag.cli.record", "record topics (as rosbag record)"),
     "play": Command("jaka_bag.cli.play", "publish the messages of logs (as rosbag play)"),
     "info": Command("jaka_bag.cli.info", "what is in a log (as rosbag info); --freq: rate, jitter, gaps, drops"),
+    "serve": Command("jaka_bag.cli.serve", "show logs to Foxglove and Lichtblick: play, pause, seek, speed"),
     "convert": Command("jaka_bag.cli.convert", "between .bag, .mcap and rosbag2 folders, one or many; compress"),
     "filter": Command("jaka_bag.cli.filter", "a part of a log: topics, types, times (as rosbag filter)"),
     "merge": Command("jaka_bag.cli.merge", "several logs into one, in the order of time"),
@@ -62,6 +63,11 @@ COMMANDS: Dict[str, Command] = {
                        failed=2),
     "report": Command("jaka_bag.cli.evidence.report", "what happened around an accident, second by second, as a page"),
     "verify": Command("jaka_bag.cli.evidence.verify", "was a log changed since record --sign signed it?"),
+    "dataset add": Command("jaka_bag.cli.fleet.add", "many logs into a data set of Parquet tables, here or on Dask"),
+    "dataset query": Command("jaka_bag.cli.fleet.query", "ask a data set in SQL (DuckDB)"),
+    "dataset compact": Command("jaka_bag.cli.fleet.compact", "put a data set's table of logs into one file"),
+    "replay": Command("jaka_regression.many.replay_goldens",
+                      "make golden logs happen again, side by side, against a driver, and compare"),
     "replay-commands": Command("jaka_regression.replay_commands",
                                "make the service calls of a log again, against a live driver"),
     "replay-wire": Command("jaka_regression.replay_wire",
@@ -89,6 +95,9 @@ ELSEWHERE = {
     "snapshot": "'jaka_bag record --snapshot 30s' keeps the newest messages in memory",
 }
 """Commands of other tools, and what does the same here."""
+
+LIVE_PROGRAM = "jaka_foxglove"
+LIVE = Command("jaka_bag.cli.foxglove", "show the topics of a running ROS 1 system to Foxglove and Lichtblick")
 
 BROUGHT_BY = {"jaka_regression": "the ROS package jaka_ros_driver: build it in a catkin workspace (or with its "
                                  "tools/dev setup), source the setup.bash there, and call jaka_bag in that shell"}
@@ -175,8 +184,17 @@ def _help() -> str:
     return "\n".join(lines)
 
 
+def command_of(words: List[str]) -> Tuple[str, List[str]]:
+    """The name of a command, of one word or two, at the beginning of these words, and what follows it."""
+    count = 2 if " ".join(words[:2]) in COMMANDS else 1
+    return " ".join(words[:count]), words[count:]
+
+
 def _instead(name: str) -> str:
     """What to say behind a name that is no command: what does it here, or which command was probably meant."""
+    family = [command for command in COMMANDS if command.startswith(name + " ")]
+    if family:
+        return ": it is one of %s" % ", ".join(family)
     if name in ELSEWHERE:
         return ": " + ELSEWHERE[name]
     import difflib
@@ -194,23 +212,26 @@ def _columns() -> int:
 
 def parser_of(name: str, module: ModuleType, width: int) -> "argparse.ArgumentParser":
     """The parser of a subcommand, whose module is given, with help texts of so many columns."""
+    return _parser("%s %s" % (PROGRAM, name), COMMANDS[name].summary, module, width)
+
+
+def _parser(program: str, summary: str, module: ModuleType, width: int) -> "argparse.ArgumentParser":
     import argparse
 
     parser = argparse.ArgumentParser(
-        "%s %s" % (PROGRAM, name), description=COMMANDS[name].summary, epilog=getattr(module, "EPILOG", None),
+        program, description=summary, epilog=getattr(module, "EPILOG", None),
         formatter_class=lambda prog: argparse.RawDescriptionHelpFormatter(prog, width=width))
     module.add_arguments(parser)
     parser._negative_number_matcher = _NEGATIVE_TIME
     return parser
 
 
-def _run(name: str, arguments: List[str]) -> int:
-    module = load_command(name)
+def _run(module: ModuleType, program: str, summary: str, arguments: List[str]) -> int:
     run_files = getattr(module, "run_files", None)
     if run_files is not None and arguments and not any(word.startswith("-") for word in arguments):
         return int(run_files(arguments))
     _end_at_sigterm()
-    parser = parser_of(name, module, _columns())
+    parser = _parser(program, summary, module, _columns())
     return int(module.run(parser.parse_intermixed_args(_with_files_first(parser, arguments))))
 
 
@@ -256,7 +277,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(_help(), file=sys.stdout if arguments else sys.stderr)
         return 0 if arguments else 2
-    name = arguments[0]
+    name, rest = command_of(arguments)
     if name in ("-V", "--version", "version"):
         from .. import __version__
         print("%s %s" % (PROGRAM, __version__))
@@ -264,34 +285,48 @@ def main(argv: Optional[List[str]] = None) -> int:
     if name not in COMMANDS:
         print("%s: error: no command %r%s (see %s --help)" % (PROGRAM, name, _instead(name), PROGRAM), file=sys.stderr)
         return 2
+    command = COMMANDS[name]
+    return _guarded(PROGRAM, "%s %s" % (PROGRAM, name), command.failed, lambda: _run(
+        load_command(name), "%s %s" % (PROGRAM, name), command.summary, rest))
+
+
+def live(argv: Optional[List[str]] = None) -> int:
+    """The program ``jaka_foxglove``; the result is the exit code: 0 done, 1 failed, 2 usage."""
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    return _guarded(LIVE_PROGRAM, LIVE_PROGRAM, LIVE.failed, lambda: _run(
+        importlib.import_module(LIVE.module), LIVE_PROGRAM, LIVE.summary, arguments))
+
+
+def _guarded(program: str, command: str, failed: int, run: Callable[[], int]) -> int:
+    """The exit code of ``run``, with a line for what goes wrong and then the exit code ``failed``."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         # names in logs may hold bytes that are not UTF-8: print them escaped rather than fail
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        code = _run(name, arguments[1:])
+        code = run()
         sys.stdout.flush()  # here, where a reader that has gone is noticed and handled
         return code
     except SystemExit as end:  # argparse: help or usage
         return end.code if isinstance(end.code, int) else 2
     except MissingCommand as error:
-        print("%s: error: %s" % (PROGRAM, error), file=sys.stderr)
+        print("%s: error: %s" % (program, error), file=sys.stderr)
         return 2
     except UsageError as error:
-        print("%s %s: error: %s" % (PROGRAM, name, error_line(error)), file=sys.stderr)
+        print("%s: error: %s" % (command, error_line(error)), file=sys.stderr)
         return 2
     except JakaBagError as error:
-        print("%s: error: %s" % (PROGRAM, error_line(error)), file=sys.stderr)
+        print("%s: error: %s" % (program, error_line(error)), file=sys.stderr)
     except MemoryError:
-        print("%s: error: there is not enough memory for this" % PROGRAM, file=sys.stderr)
+        print("%s: error: there is not enough memory for this" % program, file=sys.stderr)
     except BrokenPipeError:  # the reader of our output has gone: nobody is left to be told
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        print("%s: error: %s" % (PROGRAM, error_line(error)), file=sys.stderr)
+        print("%s: error: %s" % (program, error_line(error)), file=sys.stderr)
     except KeyboardInterrupt:
-        print("%s: interrupted, no half file is left" % PROGRAM, file=sys.stderr)
+        print("%s: interrupted, no half file is left" % program, file=sys.stderr)
     except Exception:
-        if COMMANDS[name].failed == 1:
+        if failed == 1:
             raise  # ends with a traceback and exit code 1, which means failed
         import traceback
         traceback.print_exc()
-    return COMMANDS[name].failed
+    return failed

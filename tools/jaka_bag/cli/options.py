@@ -201,7 +201,11 @@ class Report:
         """A progress bar over the bytes of some files; silent without a terminal."""
         total = sum(path.stat().st_size for source in map(Path, sources)
                     for path in (source.rglob("*") if source.is_dir() else [source]) if path.is_file())
-        return Progress(total, Path(sources[0]).name, None if self._quiet or not sys.stderr.isatty() else sys.stderr)
+        return self.progress_over(total, Path(sources[0]).name)
+
+    def progress_over(self, total: int, name: str) -> Progress:
+        """A progress bar over so many bytes of what has this name; silent without a terminal."""
+        return Progress(total, name, None if self._quiet or not sys.stderr.isatty() else sys.stderr)
 
     def done(self, line: str) -> None:
         """One result, for people."""

@@ -3,6 +3,7 @@
 The shelf, from the ground up; a module imports only from those above it in this list:
 
 tolerances        how far the candidate may be off, from YAML
+course            where tolerances decide about the course of a comparison, and how far they could be other
 rotation_angles   angles between orientations
 run               one log as streams, joints, poses, states and calls, times in s
 track_facts       what is learnt from samples as they pass once: steps, motions, changes of state

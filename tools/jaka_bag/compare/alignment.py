@@ -10,6 +10,7 @@ from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, 
 import numpy as np
 
 from ..messages.batch import Array
+from .course import Decision
 from .motion_fit import COMMON_MOTIONS, Motions, sampled, search, search_common
 from .run import Call, LongTrack, Run, Window, arm_of
 from .sequences import Entry, pair
@@ -29,6 +30,7 @@ _PACE_SPAN_S = 0.4
 _PACE_TRAVEL_RAD = 0.02
 _ALIKE_RAD = 0.005
 _ALIKE_SHARE = 0.03
+_GOOD_FIT_RAD = 0.002
 
 
 @dataclass(frozen=True)
@@ -227,15 +229,16 @@ class Aligner:
         arms: Of both.
         fit_ends: By arm, (start of a motion, time from which it is no longer fitted), s: motions cut off end where
             the stop found them, not where their target was.
-        good_rms: A fit that leaves no more, rad, is not searched further.
+        good_fit: Whether what a fit leaves, rad, is so little that it is not searched further; None: at most 2 mrad.
 
     Attributes:
         alignment: What was found; ``fit_until`` adds motions to it.
     """
 
     def __init__(self, golden: Run, candidate: Run, arms: Dict[str, Arm],
-                 fit_ends: Optional[Dict[str, Spans]] = None, good_rms: float = 0.002) -> None:
-        self._arms, self._good_rms = arms, good_rms
+                 fit_ends: Optional[Dict[str, Spans]] = None, good_fit: Optional[Decision] = None) -> None:
+        self._arms = arms
+        self._good_fit = good_fit or Decision(_GOOD_FIT_RAD)
         self._edges: Dict[str, List[Window]] = {}
         self._around: Dict[str, Array] = {}
         self._waiting: Dict[str, List[slice]] = {}
@@ -256,7 +259,7 @@ class Aligner:
         ends = fit_ends or {}
         self._edges = {name: _fitted(arm.spans, dict(ends.get(name, ()))) for name, arm in arms.items() if arm.spans}
         lag = search_common([self._sampled(name, slice(None, None, 1 + len(edges) // COMMON_MOTIONS), coarse)
-                             for name, edges in self._edges.items()], coarse, _REACH_S, good_rms)
+                             for name, edges in self._edges.items()], coarse, _REACH_S, self._good_fit)
         for name in self._edges:
             arm = arms[name]
             call_times, call_lags = _call_lags(arm.calls, calls_of(candidate, name, golden.arms), coarse)
@@ -275,17 +278,16 @@ class Aligner:
                 which = waiting.pop()
                 around = self._around[name][which]
                 self.alignment.episodes[name] += _episodes(name, self._arms[name].spans[which],
-                                                           self._sampled(name, which, around), around, self._good_rms)
+                                                           self._sampled(name, which, around), around, self._good_fit)
 
     def _known_until(self, name: str) -> float:
         return max((episode.end + episode.lag for episode in self.alignment.episodes[name][-_BATCH_MOTIONS:]),
                    default=-np.inf)
 
 
-def align(golden: Run, candidate: Run, arms: Dict[str, Arm], fit_ends: Optional[Dict[str, Spans]] = None,
-          good_rms: float = 0.002) -> Alignment:
+def align(golden: Run, candidate: Run, arms: Dict[str, Arm], fit_ends: Optional[Dict[str, Spans]] = None) -> Alignment:
     """Align two logs, all of them; see ``Aligner``."""
-    aligner = Aligner(golden, candidate, arms, fit_ends, good_rms)
+    aligner = Aligner(golden, candidate, arms, fit_ends)
     aligner.fit_until(np.inf)
     return aligner.alignment
 
@@ -313,12 +315,12 @@ def _lag_near(span: Tuple[float, float], call_times: Array, call_lags: Array, la
 
 
 def _episodes(arm: str, spans: Spans, motions: Motions, around: Array,
-              good_rms: float) -> Tuple[Episode, ...]:
+              good_fit: Decision) -> Tuple[Episode, ...]:
     length = motions.times[:, -1] - motions.times[:, 0]
     travel = (motions.values.max(axis=1) - motions.values.min(axis=1)).max(axis=1)
     with_pace = (length >= _PACE_SPAN_S) & (travel >= _PACE_TRAVEL_RAD)
-    plain = search(motions, around, np.zeros(len(around), bool), _REACH_S, good_rms)
-    paced = search(motions, plain.lag, with_pace, _REACH_S, good_rms)
+    plain = search(motions, around, np.zeros(len(around), bool), _REACH_S, good_fit)
+    paced = search(motions, plain.lag, with_pace, _REACH_S, good_fit)
     is_alike = paced.rms <= np.maximum(_ALIKE_RAD, _ALIKE_SHARE * travel)
     return tuple(Episode(arm, spans[i][0], spans[i][1], float(plain.lag[i] if is_alike[i] else around[i]),
                          float(paced.pace[i]) if with_pace[i] and is_alike[i] else None, float(length[i]),

@@ -4,7 +4,11 @@ import re
 from dataclasses import replace
 from typing import Dict, List, NamedTuple, Sequence, Tuple
 
+import numpy as np
+
+from ..messages.batch import Array
 from .alignment import Alignment
+from .course import Decision
 from .run import Call, Run
 from .sequences import Entry, pair
 from .tolerances import CallTolerance, Tolerances
@@ -19,7 +23,7 @@ class CallPair(NamedTuple):
 
 
 def call_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: Tolerances,
-                common: Tuple[float, float]) -> List[Check]:
+                common: Tuple[float, float], outer: Decision) -> List[Check]:
     """All services; none where neither log has calls.
 
     Args:
@@ -28,12 +32,12 @@ def call_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: T
         alignment: Of both.
         tolerances: What is allowed.
         common: Golden times between which both logs have messages, s; calls outside of it are not compared.
+        outer: Whether a call so far, s, outside of ``common`` is compared nevertheless.
     """
     limits = tolerances.calls
     lag = alignment.lag
-    begin, end = common[0] - limits.timing_s, common[1] + limits.timing_s
-    ours = [call for call in golden.calls if begin <= call.start <= end]
-    theirs = [call for call in candidate.calls if begin <= call.start - lag <= end]
+    ours = _inside(golden.calls, 0.0, common, outer)
+    theirs = _inside(candidate.calls, lag, common, outer)
     checks: List[Check] = []
     pairs: List[CallPair] = []
     for service in sorted({call.service for call in ours + theirs}):
@@ -51,6 +55,14 @@ def call_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: T
         checks += _response_checks(pairs, limits)
         checks.append(_duration_check(pairs, limits))
     return checks
+
+
+def _inside(calls: Sequence[Call], lag: float, common: Tuple[float, float], outer: Decision) -> List[Call]:
+    starts = np.array([call.start for call in calls]) - lag
+    outside: Array = np.maximum(common[0] - starts, starts - common[1])
+    is_inside = outside <= 0
+    is_inside[~is_inside] = outer.within(outside[~is_inside])
+    return [call for call, wanted in zip(calls, is_inside.tolist()) if wanted]
 
 
 def _entries(calls: Sequence[Call], limits: CallTolerance) -> List[Entry]:
@@ -116,48 +128,74 @@ def _values(text: str) -> Dict[str, str]:
     return values
 
 
-def _same_word(ours: str, theirs: str, absolute: float) -> bool:
+def _off(ours: str, theirs: str) -> float:
+    """How far a number in a response is from the golden one; infinite where they are no numbers and differ."""
+    if ours == theirs:
+        return 0.0
     try:
-        return ours == theirs or math.isclose(float(ours), float(theirs), rel_tol=0.0, abs_tol=absolute)
+        golden, candidate = float(ours), float(theirs)
     except ValueError:
-        return False
+        return math.inf
+    off = 0.0 if golden == candidate else abs(golden - candidate)
+    return off if off == off else math.inf
 
 
-def _same_value(ours: str, theirs: str, absolute: float) -> bool:
+def _value_off(ours: str, theirs: str) -> float:
     words_g, words_c = (re.sub(r"[][,]", " ", text).split() for text in (ours, theirs))
-    return len(words_g) == len(words_c) and all(_same_word(*words, absolute) for words in zip(words_g, words_c))
+    return max(map(_off, words_g, words_c), default=0.0) if len(words_g) == len(words_c) else math.inf
 
 
-def _same_response(ours: Call, theirs: Call, limits: CallTolerance) -> bool:
+def _response_off(ours: Call, theirs: Call, limits: CallTolerance) -> float:
+    """How far the numbers of a response are off; infinite where something else differs."""
     if limits.response == "exact":
-        return ours.response == theirs.response
+        return 0.0 if ours.response == theirs.response else math.inf
     values_g, values_c = _values(ours.response_text), _values(theirs.response_text)
-    return bool(ours.response) == bool(theirs.response) and set(values_g) == set(values_c) and all(
-        _same_value(values_g[name], values_c[name], limits.value_absolute) for name in values_g)
+    if bool(ours.response) != bool(theirs.response) or set(values_g) != set(values_c):
+        return math.inf
+    return max((_value_off(values_g[name], values_c[name]) for name in values_g), default=0.0)
 
 
 def _response_checks(pairs: Sequence[CallPair], limits: CallTolerance) -> List[Check]:
     if limits.response == "ignore":
         return []
-    wrong = [both for both in pairs if both.golden.success == both.candidate.success
-             and not _same_response(both.golden, both.candidate, limits)]
+    offs = [_response_off(both.golden, both.candidate, limits) if both.golden.success == both.candidate.success else 0.0
+            for both in pairs]
+    worst = max(offs)
+    wrong = [both for both, off in zip(pairs, offs) if off > limits.value_absolute]
     if not wrong:
-        return [equal(Aspect.RESPONSES, "", "", True, "%d responses" % len(pairs))]
+        return [judged(Aspect.RESPONSES, "", "", worst, limits.value_absolute, "", "%d responses" % len(pairs))]
     first = min(wrong, key=lambda both: both.golden.start)
-    return [equal(Aspect.RESPONSES, first.golden.service, "", False, "%s at %.2f s is answered differently, %d in all"
-                  % (first.golden.words, first.golden.start, len(wrong)), first.golden.start,
-                  *[" ".join(call.response_text.split()) or "no response" for call in first])]
+    words = "%s at %.2f s is answered differently, %d in all" % (first.golden.words, first.golden.start, len(wrong))
+    golden, candidate = (" ".join(call.response_text.split()) or "no response" for call in first)
+    if math.isinf(worst):
+        return [equal(Aspect.RESPONSES, first.golden.service, "", False, words, first.golden.start, golden,
+                      candidate)]
+    return [judged(Aspect.RESPONSES, first.golden.service, "", worst, limits.value_absolute, "", words,
+                   first.golden.start, golden, candidate)]
+
+
+def _worst_durations(pairs: Sequence[CallPair]) -> Tuple[Tuple[float, float], ...]:
+    """(s off, s of the golden call) of the calls that no shorter one outdoes."""
+    worst: List[Tuple[float, float]] = []
+    for length, off in sorted((both.golden.duration, -abs(both.candidate.duration - both.golden.duration))
+                              for both in pairs):
+        if not worst or -off > worst[-1][0]:
+            worst.append((-off, length))
+    return tuple(worst)
+
+
+def allowed_duration(golden_s: float, limits: CallTolerance) -> float:
+    """How far the duration of a call that takes ``golden_s`` may be off, s."""
+    return limits.duration_s + 0.01 * limits.duration_percent * golden_s
 
 
 def _duration_check(pairs: Sequence[CallPair], limits: CallTolerance) -> Check:
-    def allowed(both: CallPair) -> float:
-        return limits.duration_s + 0.01 * limits.duration_percent * both.golden.duration
-
     def excess(both: CallPair) -> float:
-        return abs(both.candidate.duration - both.golden.duration) / max(allowed(both), 1e-9)
+        return abs(both.candidate.duration - both.golden.duration) / max(
+            allowed_duration(both.golden.duration, limits), 1e-9)
 
     worst = max(pairs, key=excess)
     return judged(Aspect.DURATIONS, worst.golden.service, "", abs(worst.candidate.duration - worst.golden.duration),
-                  allowed(worst), "s", "%s takes %.3f s, %.3f s in the golden log"
+                  allowed_duration(worst.golden.duration, limits), "s", "%s takes %.3f s, %.3f s in the golden log"
                   % (worst.golden.words, worst.candidate.duration, worst.golden.duration), worst.golden.start,
-                  "%.3f s" % worst.golden.duration, "%.3f s" % worst.candidate.duration)
+                  "%.3f s" % worst.golden.duration, "%.3f s" % worst.candidate.duration, _worst_durations(pairs))

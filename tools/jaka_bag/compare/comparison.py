@@ -8,9 +8,10 @@ from ..paths import PathLike
 from ..pipeline import in_order
 from .alignment import Aligner, arms_of
 from .call_checks import call_checks
+from .course import Course
 from .cut_motions import Cut, cut_motions, fit_ends
 from .loading import load_run
-from .motion_checks import Frame, motion_watches
+from .motion_checks import RESOLUTION, Frame, motion_watches
 from .run import Run, Window
 from .state_checks import state_checks
 from .stream_checks import common_time, stream_checks, stream_watches, type_checks
@@ -23,19 +24,21 @@ class CannotCompare(BagError):
     """The logs have nothing that could be compared, or one of them cannot be read."""
 
 
-def _scaled(tolerances: Tolerances, time_scale: float) -> Tolerances:
-    """Latencies of the host are the same at any speed: in the log's time they grow with it."""
-    def scaled(section: Any, *names: str) -> Any:
+def scaled(tolerances: Tolerances, time_scale: float) -> Tolerances:
+    """The tolerances of a candidate that ran faster: latencies of the host are the same at any speed, in the log's time
+    they grow with it.
+    """
+    def grown(section: Any, *names: str) -> Any:
         return dataclasses.replace(section, **{name: time_scale * getattr(section, name) for name in names})
 
     return dataclasses.replace(
-        tolerances, timing=scaled(tolerances.timing, "event_s", "cut_ms", "jitter_ms", "pace_floor_ms"),
-        states=scaled(tolerances.states, "brief_s", "timing_s"),
-        calls=scaled(tolerances.calls, "duration_s", "timing_s"))
+        tolerances, timing=grown(tolerances.timing, "event_s", "cut_ms", "jitter_ms", "pace_floor_ms"),
+        states=grown(tolerances.states, "brief_s", "timing_s"),
+        calls=grown(tolerances.calls, "duration_s", "timing_s"))
 
 
 def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] = None,
-                 time_scale: float = 1.0) -> Comparison:
+                 time_scale: float = 1.0, resolution: float = RESOLUTION) -> Comparison:
     """Compare two logs that were read.
 
     Args:
@@ -43,11 +46,13 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
         candidate: What happened; read with the same ``time_scale``.
         tolerances: How far it may be off; None for the defaults.
         time_scale: The candidate ran this many times faster.
+        resolution: Share of a limit; how far a sample is off is not told from less than that. A finer one takes longer
+            and changes no outcome.
 
     Raises:
         CannotCompare: The logs have no topic in common.
     """
-    limits = _scaled(tolerances or Tolerances(), time_scale)
+    limits = scaled(tolerances or Tolerances(), time_scale)
     checks = type_checks(golden, candidate, limits)
     comparable = [topic for topic, stream in golden.streams.items()
                   if topic in candidate.streams and candidate.streams[topic].types == stream.types]
@@ -56,13 +61,13 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
     ours, theirs = _only(golden, comparable), _only(candidate, comparable)
     arms = arms_of(ours, theirs)
     cuts: Dict[str, List[Cut]] = {name: cut_motions(ours, name, arm) for name, arm in arms.items()}
-    aligner = Aligner(ours, theirs, arms, {name: fit_ends(found) for name, found in cuts.items()},
-                      max(limits.joints.position_rad, 1e-4))
+    course = Course(limits)
+    aligner = Aligner(ours, theirs, arms, {name: fit_ends(found) for name, found in cuts.items()}, course.good_fit)
     alignment = aligner.alignment
     call_topics = {call.topic for call in golden.calls + candidate.calls}
     topics = [topic for topic in sorted(comparable) if topic not in call_topics]
     streams = stream_watches(ours, theirs, alignment, limits, topics)
-    motion, watches = motion_watches(ours, theirs, Frame(alignment, limits, ours.arms, cuts))
+    motion, watches = motion_watches(ours, theirs, Frame(alignment, limits, ours.arms, cuts, resolution))
     for is_candidate, (begin, end) in _in_step(golden.windows, candidate.windows, alignment.lag):
         for stream in streams[is_candidate].values():
             stream.take(begin, end)
@@ -77,9 +82,10 @@ def compare_runs(golden: Run, candidate: Run, tolerances: Optional[Tolerances] =
     checks += motion
     for watch in watches:
         checks += watch.checks(residuals)
-    checks += state_checks(ours, theirs, alignment, limits)
-    checks += call_checks(ours, theirs, alignment, limits, common_time(ours, theirs, alignment))
-    return Comparison(golden, candidate, alignment, tuple(checks), residuals, time_scale)
+    checks += state_checks(ours, theirs, alignment, limits, course)
+    checks += call_checks(ours, theirs, alignment, limits, common_time(ours, theirs, alignment),
+                          course.outer_call)
+    return Comparison(golden, candidate, alignment, tuple(checks), residuals, time_scale, course)
 
 
 def _in_step(golden: Tuple[Window, ...], candidate: Tuple[Window, ...], lag: float) -> Iterator[Tuple[bool, Window]]:

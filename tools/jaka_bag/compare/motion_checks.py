@@ -14,8 +14,10 @@ from .run import LongTrack, Run, Track, arm_of
 from .tolerances import FieldTolerance, Tolerances
 from .verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged
 
-_LOOK_CLOSER = 0.3
+RESOLUTION = 0.3
 """A sample farther off than this share of its limit is looked for within the jitter of its stamp."""
+_SHARES_AT = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
+"""Of these multiples of a limit it is counted how many samples are outside."""
 _BEHIND_S = 10.0
 """So much of the golden curve stays at hand, behind what any sample was looked for in."""
 _CLOSE_UP_S = 1.0
@@ -29,6 +31,7 @@ class Frame(NamedTuple):
     tolerances: Tolerances
     arms: List[str]
     cuts: Dict[str, List[Cut]]
+    resolution: float = RESOLUTION
 
     @property
     def jitter_s(self) -> float:
@@ -55,10 +58,10 @@ class _Samples(NamedTuple):
         return self._replace(value=self.value[:, some], allowed=self.allowed[:, some],
                              golden_value=self.golden_value[:, some], golden_here=self.golden_here[:, some])
 
-    def distances(self, limit: float) -> Array:
-        """Of each sample to the golden curve, Euclidean over the columns; exact where near ``limit`` or beyond it."""
+    def distances(self, enough: float) -> Array:
+        """Of each sample to the golden curve, Euclidean over the columns; exact where beyond ``enough``."""
         return distances(self.golden_time, self.golden_value, self.time, self.value,
-                         lengths(self.value - self.golden_here), self.jitter, _LOOK_CLOSER * limit)
+                         lengths(self.value - self.golden_here), self.jitter, enough)
 
 
 Convert = Callable[[Array, Optional[Array]], Array]
@@ -162,11 +165,14 @@ class _Judge:
     """Judges distances, in ``unit`` / ``factor``, that may be larger than the limit by what stops allow."""
 
     def __init__(self, aspect: Aspect, topic: str, field: str, limit: float, unit: str, outside_percent: float,
-                 names: Sequence[str], factor: float = 1.0) -> None:
+                 names: Sequence[str], floor: float, factor: float = 1.0) -> None:
         self._aspect, self._topic, self._field, self._names = aspect, topic, field, names
         self._limit, self._unit, self._factor, self._outside_percent = limit, unit, factor, outside_percent
+        self._floor = floor
         self._curve = MinMax(_POINTS)
         self._count = self._outside = 0
+        self._rungs = np.array([share * limit for share in _SHARES_AT if share * limit >= floor])
+        self._beyond = np.zeros(len(self._rungs), np.int64)
         self._worst = -1.0
         self._worst_at = self._worst_allowed = 0.0
         self._shown: Tuple[Array, Array] = (np.zeros(0), np.zeros(0))
@@ -178,6 +184,8 @@ class _Judge:
         beyond = np.maximum(off - allowed, 0.0)
         self._count += len(off)
         self._outside += int((beyond > self._limit).sum())
+        if beyond.max() > self._floor:
+            self._beyond += (beyond[:, None] > self._rungs).sum(axis=0)
         self._curve.add(samples.time, beyond * self._factor)
         rows = np.stack([samples.time, beyond * self._factor], axis=1)
         worst = int(np.argmax(beyond))
@@ -199,17 +207,20 @@ class _Judge:
         residuals[self._aspect, topic, field] = Residual(
             *self._curve.points(), self._limit * factor, unit, self._close_up[:, 0], self._close_up[:, 1])
         outside = 100.0 * self._outside / self._count
-        shown = [", ".join("%s %.6g" % (name, value) for name, value in zip(self._names, row)) for row in self._shown]
+        golden, candidate = (", ".join("%s %.6g" % (name, value) for name, value in zip(self._names, row))
+                             for row in self._shown)
         detail = "at most %.4g %s off, at %.3f s" % (self._worst * factor, unit, self._worst_at)
         if self._worst_allowed > 0:
             detail += ", beyond %.4g %s that a stop may have moved" % (self._worst_allowed * factor, unit)
         if outside:
             detail += "; %.3g %% of %d samples outside" % (outside, self._count)
+        shares = zip((self._rungs * factor).tolist(), (100.0 * self._beyond / self._count).tolist())
+        evidence = ((self._worst * factor, self._floor * factor), *[rung for rung in shares if rung[1] > 0])
         check = judged(self._aspect, topic, field, self._worst * factor, self._limit * factor, unit, detail,
-                       self._worst_at, *shown)
+                       self._worst_at, golden, candidate, evidence)
         if check.outcome is Outcome.DIFFERENT and outside <= self._outside_percent:
             return judged(self._aspect, topic, field, outside, self._outside_percent, "% of the samples outside",
-                          detail, self._worst_at, *shown)
+                          detail, self._worst_at, golden, candidate, evidence)
         return check
 
 
@@ -280,16 +291,23 @@ class _JointWatch(MotionWatch):
         super().__init__(Aspect.JOINTS, ours, theirs, frame)
         limits = frame.tolerances.joints
         self._limits = [limits.per_joint.get(name, limits.position_rad) for name in ours.names]
-        self._judges = [_Judge(Aspect.JOINTS, ours.topic, name, limit, "rad", limits.outside_percent, [name])
+        self._judges = [_Judge(Aspect.JOINTS, ours.topic, name, limit, "rad", limits.outside_percent, [name],
+                              frame.resolution * limit)
                         for name, limit in zip(ours.names, self._limits)]
 
     def _judge(self, samples: _Samples) -> None:
         for column, (judge, limit) in enumerate(zip(self._judges, self._limits)):
             part = samples.columns(slice(column, column + 1))
-            judge.take(part.distances(limit), part.allowed[:, 0], part)
+            judge.take(part.distances(self._frame.resolution * limit), part.allowed[:, 0], part)
 
     def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
         return [judge.check(residuals) for judge in self._judges]
+
+
+def _angles(chords: Array) -> Array:
+    """Angles between orientations whose unit quaternions are so far apart as points: 2 sin(angle/4)."""
+    angles: Array = 4.0 * np.arcsin(np.minimum(0.5 * chords, np.sin(np.pi / 4.0)))
+    return angles
 
 
 class _PoseWatch(MotionWatch):
@@ -297,10 +315,12 @@ class _PoseWatch(MotionWatch):
         super().__init__(Aspect.POSITION, ours, theirs, frame, _with_quaternions)
         limits = frame.tolerances.tcp
         self._limits = mm_to_m(limits.position_mm), limits.orientation_rad
+        self._enough_chord = 0.5 * frame.resolution * self._limits[1]
         self._placed = _Judge(Aspect.POSITION, ours.topic, "position", self._limits[0], "mm", limits.outside_percent,
-                              ("x", "y", "z"), m_to_mm(1.0))
+                              ("x", "y", "z"), frame.resolution * self._limits[0], m_to_mm(1.0))
         self._turned = _Judge(Aspect.ORIENTATION, ours.topic, "orientation", self._limits[1], "rad",
-                              limits.outside_percent, ("qw", "qx", "qy", "qz"))
+                              limits.outside_percent, ("qw", "qx", "qy", "qz"),
+                              float(_angles(np.array(self._enough_chord))))
         if ours.frames or theirs.frames:
             self.before.append(equal(Aspect.POSITION, ours.topic, "frame_id", ours.frames == theirs.frames,
                                      "frame %s" % ", ".join(theirs.frames), None, ", ".join(ours.frames),
@@ -308,13 +328,11 @@ class _PoseWatch(MotionWatch):
 
     def _judge(self, samples: _Samples) -> None:
         placed, turned = samples.columns(slice(0, 3)), samples.columns(slice(3, 7))
-        self._placed.take(placed.distances(self._limits[0]), lengths(placed.allowed), placed)
+        self._placed.take(placed.distances(self._frame.resolution * self._limits[0]), lengths(placed.allowed), placed)
         opposite = np.einsum("ij,ij->i", turned.golden_here, turned.value) < 0
         turned = turned._replace(value=np.where(opposite[:, None], -turned.value, turned.value))
-        # unit quaternions that are an angle a apart are 2 sin(a/4) apart as points
-        chord = turned.distances(0.5 * self._limits[1])
-        angle = 4.0 * np.arcsin(np.minimum(0.5 * chord, np.sin(np.pi / 4.0)))
-        self._turned.take(angle, 2.0 * lengths(turned.allowed), turned)
+        chord = turned.distances(self._enough_chord)
+        self._turned.take(_angles(chord), 2.0 * lengths(turned.allowed), turned)
 
     def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
         return [self._placed.check(residuals), self._turned.check(residuals)]
@@ -324,7 +342,8 @@ class _FieldWatch(MotionWatch):
     def __init__(self, ours: LongTrack, theirs: LongTrack, name: str, rule: FieldTolerance, frame: Frame) -> None:
         super().__init__(Aspect.FIELDS, ours, theirs, frame)
         self._rule = rule
-        self._only = _Judge(Aspect.FIELDS, ours.topic, name, rule.absolute, "", 0.0, ours.names)
+        self._only = _Judge(Aspect.FIELDS, ours.topic, name, rule.absolute, "", 0.0, ours.names,
+                            frame.resolution * rule.absolute)
 
     def _judge(self, samples: _Samples) -> None:
         near, rule = samples.golden_here, self._rule
@@ -333,7 +352,8 @@ class _FieldWatch(MotionWatch):
             unwound = samples._replace(value=near + np.mod(samples.value - near + np.pi, 2.0 * np.pi) - np.pi)
         off = np.zeros(len(near))
         for column in range(near.shape[1]):
-            distance = unwound.columns(slice(column, column + 1)).distances(rule.absolute)
+            distance = unwound.columns(slice(column, column + 1)).distances(
+                self._frame.resolution * rule.absolute)
             off = np.maximum(off, distance - rule.relative * np.abs(near[:, column]))
         self._only.take(off, np.zeros(len(off)), samples)
 

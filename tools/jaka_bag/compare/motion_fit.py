@@ -5,6 +5,7 @@ from typing import List, NamedTuple, Sequence, Tuple, Union
 import numpy as np
 
 from ..messages.batch import Array
+from .course import Decision
 from .curve_distance import interpolated
 from .run import LongTrack, Window
 
@@ -193,10 +194,12 @@ def _best_around(cost_of_lags: Array, lags: Array) -> Array:
     return best
 
 
-def search(motions: Motions, around: Array, with_pace: Array, reach_s: float, good_rms: float) -> Fits:
-    """As ``fit``; where that leaves more than ``good_rms``, rad, from the best of the lags within ``reach_s``."""
+def search(motions: Motions, around: Array, with_pace: Array, reach_s: float, good_fit: Decision) -> Fits:
+    """As ``fit``; where that leaves more than ``good_fit``, rad, from the best of the lags within ``reach_s``."""
     first = fit(motions, around, with_pace)
-    poor = np.flatnonzero((first.rms > good_rms) | (np.abs(first.lag - around) > reach_s))
+    is_good = np.abs(first.lag - around) <= reach_s
+    is_good[is_good] = good_fit.within(first.rms[is_good])
+    poor = np.flatnonzero(~is_good)
     if not len(poor):
         return first
     some = motions.some(poor)
@@ -211,13 +214,13 @@ def search(motions: Motions, around: Array, with_pace: Array, reach_s: float, go
     return first
 
 
-def search_common(arms: Sequence[Motions], around: float, reach_s: float, good_rms: float) -> float:
+def search_common(arms: Sequence[Motions], around: float, reach_s: float, good_fit: Decision) -> float:
     """As ``fit_common``; where much remains, from the best of the lags within ``reach_s``.
 
-    Motions may be late one by one, so more than ``good_rms``, rad, of each may remain.
+    Motions may be late one by one, so more than ``good_fit``, rad, of each may remain.
     """
     lag, rms = fit_common(arms, around)
-    if rms <= _LATE_ONE_BY_ONE * good_rms and abs(lag - around) <= reach_s:
+    if abs(lag - around) <= reach_s and good_fit.within(np.array([rms / _LATE_ONE_BY_ONE])).all():
         return lag
     lags = np.arange(-reach_s, reach_s + 0.5 * _STEP_S, _STEP_S)
     costs = [[sum(float(_costs(m, np.full(len(m.times), around + offset)).sum()) for m in arms)] for offset in lags]

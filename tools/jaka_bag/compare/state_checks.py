@@ -5,6 +5,7 @@ import numpy as np
 
 from ..driver_interface import MotionState
 from .alignment import Alignment
+from .course import Course
 from .run import Run, Track
 from .sequences import Entry, pair
 from .tolerances import StateTolerance, Tolerances
@@ -57,8 +58,9 @@ def state_name(field: str, value: int) -> str:
     return str(value)
 
 
-def state_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: Tolerances) -> List[Check]:
-    """Each state field of topics that both logs have."""
+def state_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: Tolerances,
+                 course: Course) -> List[Check]:
+    """Each state field of topics that both logs have; what depends on the lengths of states is noted in ``course``."""
     checks: List[Check] = []
     for topic, ours in golden.states.items():
         theirs = candidate.states.get(topic)
@@ -70,7 +72,8 @@ def state_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: 
             continue
         for column, name in enumerate(ours.names):
             checks += _field_checks(topic, name, state_runs(ours, column, golden.duration),
-                                    state_runs(theirs, column, candidate.duration), alignment.lag, tolerances.states)
+                                    state_runs(theirs, column, candidate.duration), alignment.lag, tolerances.states,
+                                    course)
     return checks
 
 
@@ -81,16 +84,18 @@ def _overlap(runs: List[StateRun], begin: float, end: float) -> List[StateRun]:
 
 
 def _field_checks(topic: str, name: str, ours: List[StateRun], theirs: List[StateRun], lag: float,
-                  limits: StateTolerance) -> List[Check]:
+                  limits: StateTolerance, course: Course) -> List[Check]:
     # Both logs say nothing about the time before they begin and after they end.
     begin = max(ours[0].start, theirs[0].start - lag)
     end = min(ours[-1].end, theirs[-1].end - lag)
     ours, theirs = _overlap(ours, begin, end), _overlap(theirs, begin + lag, end + lag)
     if not ours or not theirs:
         return [equal(Aspect.STATES, topic, name, False, "the logs have no time in common")]
+    course.brief_state.within(np.array([run.length for run in ours + theirs]))
     long_g, long_c = without_brief(ours, limits.brief_s), without_brief(theirs, limits.brief_s)
     if [run.value for run in long_g] == [run.value for run in long_c]:
         ours, theirs = long_g, long_c
+    course.edge_state.within(np.array([run.length for runs in (ours, theirs) for run in runs[:1] + runs[-1:]]))
     alone: List[Tuple[StateRun, float, str]] = []
     late: List[Tuple[float, StateRun]] = []
     for i, j in pair(_entries(ours, limits), _entries(theirs, limits), lag):

@@ -1,6 +1,7 @@
 """What must hold of every topic, whatever it carries: type, count, rate, jitter, gaps, lost messages, stamps."""
 import bisect
 import itertools
+import math
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from .verdict import Aspect, Check, equal, judged, not_compared
 _PERIODIC_COUNT = 10
 _PERIODIC_S = 2.0
 _LAST = np.array([-1])
+_OTHER_GAP_S = 10.0
 
 
 class StreamWatch:
@@ -206,27 +208,37 @@ def _rate_checks(both: _Common, limits: StreamTolerance, lag: float) -> List[Che
     # a gap just below the limit in one log and just above in the other is the same gap
     gaps_g, gaps_c = (watch.gaps for watch in both)
     near_g, near_c = (watch.near_gaps for watch in both)
-    unmatched = [(start, length, "the candidate has no such gap") for start, length in gaps_g
-                 if not _has_gap(near_c, start + lag, length, limits)]
-    unmatched += [(start - lag, length, "the golden log has no such gap") for start, length in gaps_c
-                  if not _has_gap(near_g, start - lag, length, limits)]
+    gaps = [(_gap_off(near_c, start + lag, length), start, length, "the candidate has no such gap")
+            for start, length in gaps_g]
+    gaps += [(_gap_off(near_g, start - lag, length), start - lag, length, "the golden log has no such gap")
+             for start, length in gaps_c]
+    worst = max((gap[0] for gap in gaps), default=0.0)
+    unmatched = [gap for gap in gaps if gap[0] > limits.gap_length_s]
     if unmatched:
-        at, length, words = max(unmatched, key=lambda gap: gap[1])
-        checks.append(equal(Aspect.GAPS, topic, "", False, "silent for %.2f s: %s" % (length, words), at,
-                            "%d gaps" % len(gaps_g), "%d gaps" % len(gaps_c)))
+        _, at, length, words = max(unmatched, key=lambda gap: gap[2])
+        detail, golden, candidate = ("silent for %.2f s: %s" % (length, words), "%d gaps" % len(gaps_g),
+                                     "%d gaps" % len(gaps_c))
+        checks.append(equal(Aspect.GAPS, topic, "", False, detail, at, golden, candidate) if math.isinf(worst) else
+                      judged(Aspect.GAPS, topic, "", worst, limits.gap_length_s, "s", detail, at, golden, candidate))
     else:
-        checks.append(equal(Aspect.GAPS, topic, "", True, "%d gaps longer than %g s" % (len(gaps_c), limits.gap_s)))
+        checks.append(judged(Aspect.GAPS, topic, "", worst, limits.gap_length_s, "s",
+                             "%d gaps longer than %g s" % (len(gaps_c), limits.gap_s)))
     return checks
 
 
-def _has_gap(gaps: Sequence[Tuple[float, float]], start: float, length: float, limits: StreamTolerance) -> bool:
-    near = bisect.bisect_left(gaps, (start - limits.gap_length_s, -np.inf))
-    for other, size in itertools.islice(gaps, near, None):
-        if other - start > limits.gap_length_s:
-            return False
-        if abs(size - length) <= limits.gap_length_s:
-            return True
-    return False
+def _gap_off(gaps: Sequence[Tuple[float, float]], start: float, length: float) -> float:
+    """How far in begin and in length, whichever is more, a gap is from the nearest of ``gaps``, s.
+
+    Infinite where there is none within ten seconds.
+    """
+    middle = bisect.bisect_left(gaps, (start, -np.inf))
+    nearest = _OTHER_GAP_S
+    for some in (itertools.islice(gaps, middle, None), (gaps[i] for i in range(middle - 1, -1, -1))):
+        for other, size in some:
+            if abs(other - start) >= nearest:
+                break
+            nearest = min(nearest, max(abs(other - start), abs(size - length)))
+    return nearest if nearest < _OTHER_GAP_S else math.inf
 
 
 def _lost_checks(both: _Common, limits: StreamTolerance) -> List[Check]:

@@ -5,7 +5,7 @@ from ..units import ms_to_s
 from .alignment import Alignment, Episode
 from .cut_motions import Cut
 from .run import Run
-from .tolerances import Tolerances
+from .tolerances import TimingTolerance, Tolerances
 from .verdict import Aspect, Check, equal, judged, not_compared
 
 _POOLED_S = 2.0
@@ -31,6 +31,22 @@ def timing_checks(alignment: Alignment, cuts: Dict[str, List[Cut]], tolerances: 
     return checks
 
 
+def allowed_pace(span: float, limits: TimingTolerance) -> float:
+    """How far the duration of motions that last ``span``, s, may be off, %."""
+    return max(100.0 * ms_to_s(limits.pace_floor_ms) / span, limits.pace_percent)
+
+
+def _worst_paces(paces: Sequence[Tuple[float, float]]) -> Tuple[Tuple[float, float], ...]:
+    """Of (% off, s of the motion) those that no other outdoes in both the share and the time that it is off."""
+    worst: List[Tuple[float, float]] = []
+    longest = -1.0
+    for percent, span in sorted(paces, key=lambda pace: (-pace[0], -pace[1])):
+        if percent * span > longest:
+            worst.append((percent, span))
+            longest = percent * span
+    return tuple(worst)
+
+
 def _pace_checks(arm: str, episodes: Sequence[Episode], cuts: Sequence[Cut], tolerances: Tolerances) -> List[Check]:
     limits = tolerances.timing
     displaced = [(cut.at, cut.until) for cut in cuts]
@@ -46,18 +62,20 @@ def _pace_checks(arm: str, episodes: Sequence[Episode], cuts: Sequence[Cut], tol
         return abs(pace - 1.0) * episode.span / max(0.01 * limits.pace_percent * episode.span, floor, 1e-9)
 
     episode, pace = max(fitted, key=excess)
-    allowed = max(100.0 * floor / episode.span, limits.pace_percent)
+    allowed = allowed_pace(episode.span, limits)
     checks = [judged(Aspect.PACE, arm, "one motion", 100.0 * abs(pace - 1.0), allowed, "%",
                      "the motion at %.2f s lasts %+.2f %% of its golden %.2f s"
                      % (episode.start, 100.0 * (pace - 1.0), episode.span), episode.start,
-                     "%.3f s" % episode.span, "%.3f s" % (episode.span * pace))]
+                     "%.3f s" % episode.span, "%.3f s" % (episode.span * pace),
+                     _worst_paces([(100.0 * abs(pace - 1.0), episode.span) for episode, pace in fitted]))]
     total = sum(episode.span for episode, _ in fitted)
     if total >= _POOLED_S:
         pooled = sum((pace - 1.0) * episode.span for episode, pace in fitted) / total
-        allowed = max(100.0 * floor / total, limits.pace_percent)
+        allowed = allowed_pace(total, limits)
         checks.append(judged(Aspect.PACE, arm, "all motions", 100.0 * abs(pooled), allowed, "%",
                              "all motions together last %+.2f %% of their golden %.1f s" % (100.0 * pooled, total),
-                             episode.start, "%.3f s" % total, "%.3f s" % (total * (1.0 + pooled))))
+                             episode.start, "%.3f s" % total, "%.3f s" % (total * (1.0 + pooled)),
+                             ((100.0 * abs(pooled), total),)))
     return checks
 
 
@@ -72,10 +90,12 @@ def coverage_check(golden: Run, candidate: Run, has_arms: bool, alignment: Align
         return equal(Aspect.ALIGNMENT, "", "", False, "the joints of the logs cannot be aligned; " + words)
     if times:
         slack = tolerances.timing.event_s
-        if min(times) + alignment.lag < -slack:
-            return equal(Aspect.ALIGNMENT, "", "", False, "the candidate begins %.2f s after the first event; %s"
-                         % (-min(times) - alignment.lag, words), min(times))
-        if max(times) + alignment.lag > candidate.duration + slack:
-            return equal(Aspect.ALIGNMENT, "", "", False, "the candidate ends %.2f s before the last event; %s"
-                         % (max(times) + alignment.lag - candidate.duration, words), candidate.duration - alignment.lag)
+        before, behind = -min(times) - alignment.lag, max(times) + alignment.lag - candidate.duration
+        missing, at = max(before, behind, 0.0), None
+        if before > slack:
+            words, at = "the candidate begins %.2f s after the first event; %s" % (before, words), min(times)
+        elif behind > slack:
+            words = "the candidate ends %.2f s before the last event; %s" % (behind, words)
+            at = candidate.duration - alignment.lag
+        return judged(Aspect.ALIGNMENT, "", "", missing, slack, "s", words, at)
     return equal(Aspect.ALIGNMENT, "", "", True, words)

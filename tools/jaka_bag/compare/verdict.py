@@ -5,6 +5,7 @@ from typing import Dict, List, NamedTuple, Optional, Tuple
 
 from ..messages.batch import Array
 from .alignment import Alignment
+from .course import Course
 from .run import Run
 
 
@@ -55,6 +56,10 @@ class Check:
         at: Golden time of the worst moment, s; None where it has none.
         golden: The golden log's value there, readable.
         candidate: The candidate's value there.
+        evidence: What the outcome under other tolerances follows from; empty where ``measured`` is enough.
+            Of joints, position, orientation and fields first (the worst, how far amounts are upper bounds only), then
+            (limit, % of the samples outside of it); of pace (% off, s of golden motion); of durations (s off, s of the
+            golden call). Pairs that others outdo in both are left out.
     """
 
     aspect: Aspect
@@ -68,6 +73,7 @@ class Check:
     at: Optional[float] = None
     golden: str = ""
     candidate: str = ""
+    evidence: Tuple[Tuple[float, float], ...] = ()
 
     @property
     def name(self) -> str:
@@ -89,14 +95,23 @@ class Check:
             return float("inf") if self.outcome is Outcome.DIFFERENT else 0.0
         if self.limit <= 0:
             return float("inf") if self.measured > 0 else 0.0
-        return self.measured / self.limit
+        return self.measured / self.limit if self.measured == self.measured else float("inf")
+
+    @property
+    def margin(self) -> Optional[float]:
+        """``severity``, of which 1 is the limit: at most 1 where the outcome is the same, above where it is different.
+
+        None where the check was not made.
+        """
+        return None if self.outcome is Outcome.NOT_COMPARED else self.severity
 
 
 def judged(aspect: Aspect, topic: str, field: str, measured: float, limit: float, unit: str, detail: str,
-           at: Optional[float] = None, golden: str = "", candidate: str = "") -> Check:
+           at: Optional[float] = None, golden: str = "", candidate: str = "",
+           evidence: Tuple[Tuple[float, float], ...] = ()) -> Check:
     """A check whether an amount is within its limit; NaN is not within it."""
     outcome = Outcome.SAME if measured <= limit else Outcome.DIFFERENT
-    return Check(aspect, topic, field, outcome, detail, measured, limit, unit, at, golden, candidate)
+    return Check(aspect, topic, field, outcome, detail, measured, limit, unit, at, golden, candidate, evidence)
 
 
 def equal(aspect: Aspect, topic: str, field: str, is_same: bool, detail: str, at: Optional[float] = None,
@@ -146,6 +161,7 @@ class Comparison:
         checks: In the order they were made.
         residuals: Of the checks that go sample by sample.
         time_scale: The candidate ran this many times faster.
+        course: With which other tolerances the amounts would be the same; None where that was not noted.
     """
 
     golden: Run
@@ -154,6 +170,7 @@ class Comparison:
     checks: Tuple[Check, ...]
     residuals: Dict[ResidualKey, Residual]
     time_scale: float = 1.0
+    course: Optional[Course] = None
 
     @property
     def differences(self) -> List[Check]:

@@ -1,7 +1,7 @@
-"""The messages of several logs in the order of time, read ahead by a thread, framed for the wire."""
+"""The messages of several logs in the order of time, read ahead by a thread, as they go to the wire."""
 import queue
 import threading
-from typing import Any, Callable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Collection, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from ..containers.contract import LogReader
 from ..containers.registry import open_log
 from ..containers.time_order import Source, in_time_order
 from ..errors import BagError
-from ..messages.batch import Array
+from ..messages.batch import Array, distinct
 from ..messages.connection import Connection
 from ..messages.selection import MessageFilter, Selection, unmatched
 from .publisher import frame_of
@@ -26,7 +26,7 @@ class Timed(NamedTuple):
     Attributes:
         time: Log time, ns since the epoch.
         connection: Position in ``LogSource.connections``.
-        frame: The message as TCPROS sends it.
+        frame: The message as the source's ``frame`` makes it.
     """
 
     time: int
@@ -42,6 +42,8 @@ class LogSource:
         topics: Wanted topics; none for all.
         patterns: Wanted topics as regular expressions for whole names.
         exclude: Unwanted topics as regular expressions for whole names.
+        frame: Makes of a message's bytes what goes to the wire; the length in front of them is TCPROS.
+        is_any_encoding: Take messages of every kind, not only of ROS 1.
 
     Attributes:
         connections: The wanted connections of all logs; equal ones are one.
@@ -53,7 +55,10 @@ class LogSource:
     """
 
     def __init__(self, paths: Sequence[str], topics: Sequence[str] = (), patterns: Sequence[str] = (),
-                 exclude: Sequence[str] = ()) -> None:
+                 exclude: Sequence[str] = (), frame: Callable[[bytes], bytes] = frame_of,
+                 is_any_encoding: bool = False) -> None:
+        self._frame = frame
+        self._is_any_encoding = is_any_encoding
         self._choice = Selection(tuple(topics), tuple(patterns), tuple(exclude))
         self._readers: List[LogReader] = []
         self.connections: List[Connection] = []
@@ -77,7 +82,7 @@ class LogSource:
         numbers = np.zeros(len(reader.connections), np.int32)
         for i, wanted in enumerate(self._choice.wanted(reader.connections).tolist()):
             connection = reader.connections[i]
-            if wanted and connection.encoding != "ros1":
+            if wanted and connection.encoding != "ros1" and not self._is_any_encoding:
                 raise BagError("%s: %s is encoded as %s; only ROS 1 messages can be played"
                                % (reader.path, connection.topic, connection.encoding or "nothing known"))
             if wanted and connection not in self.connections:
@@ -109,24 +114,50 @@ class LogSource:
             data = memoryview(buffer)
             for first in range(0, len(batch), _BATCH):
                 part = batch.take(slice(first, first + _BATCH))
-                yield [Timed(time, number, frame_of(data[start:start + length].tobytes()))
+                yield [Timed(time, number, self._frame(data[start:start + length].tobytes()))
                        for time, number, start, length in zip(part.log_time.tolist(), part.connection.tolist(),
                                                               part.start.tolist(), part.length.tolist())]
 
     def last_before(self, time: int) -> List[Timed]:
         """The newest message of each latching connection before a log time, ns, in the order of time."""
-        topics = tuple({c.topic for c in self.connections if c.latching})
-        newest = {}
-        if topics:
-            for batch in self._batches(self._choice._replace(topics=topics, patterns=(), end_time=time - 1)):
-                for message in batch:
-                    if self.connections[message.connection].latching:
-                        newest[message.connection] = message
-        return sorted(newest.values())
+        return self.newest(time - 1, [number for number, c in enumerate(self.connections) if c.latching])
 
-    def play(self, begin: Optional[int], end: Optional[int]) -> "ReadAhead":
-        """The wanted messages from a log time to another, ns, None for the whole; close it after use."""
+    def newest(self, time: int, wanted: Collection[int]) -> List[Timed]:
+        """The newest message of each wanted connection up to a log time, ns, in the order of time.
+
+        Chunks are read from the end on, and only those which, by the index, may hold what is not found yet.
+        """
+        found: Dict[int, Timed] = {}
+        parts = [(min(chunk.end_time, time), chunk.position, reader, numbers, chunk)
+                 for reader, numbers in zip(self._readers, self._numbers)
+                 for chunk in reader.chunks if chunk.start_time <= time]
+        for last, _, reader, numbers, chunk in sorted(parts, key=lambda part: part[:2], reverse=True):
+            missing = [number for number in wanted if number not in found or found[number].time < last]
+            if not missing:
+                break
+            if chunk.counts and not set(numbers[list(chunk.counts)].tolist()) & set(missing):
+                continue
+            batch = reader.load(chunk).with_connections(numbers)
+            batch = batch.take(np.isin(batch.connection, missing) & (batch.log_time <= time))
+            for number in distinct(batch.connection).tolist():
+                own = np.flatnonzero(batch.connection == number)[::-1]
+                i = int(own[np.argmax(batch.log_time[own])])  # of several at one time the last
+                if number not in found or found[number].time < int(batch.log_time[i]):
+                    payload = batch.data[batch.start[i]:batch.start[i] + batch.length[i]].tobytes()
+                    found[number] = Timed(int(batch.log_time[i]), number, self._frame(payload))
+        return sorted(found.values())
+
+    def play(self, begin: Optional[int], end: Optional[int], topics: Collection[str] = ()) -> "ReadAhead":
+        """The wanted messages from a log time to another, ns, None for the whole; close it after use.
+
+        Args:
+            begin: First log time, ns.
+            end: Last log time, ns.
+            topics: Of the wanted topics only these; none for all.
+        """
         selection = self._choice._replace(start_time=begin, end_time=end)
+        if topics:
+            selection = selection._replace(topics=tuple(topics), patterns=())
         return ReadAhead(lambda: self._batches(selection))
 
 
@@ -177,6 +208,21 @@ class ReadAhead:
                 return
             self._ahead_bytes -= sum(len(message.frame) for message in batch)
             yield from batch
+
+    def poll(self) -> Optional[List[Timed]]:
+        """The next batch, an empty one at the end, None while none is ready; not to be mixed with iterating.
+
+        Raises:
+            BagError: The log cannot be read on.
+        """
+        try:
+            batch, failure = self._queue.get_nowait()
+        except queue.Empty:
+            return None
+        if failure is not None:
+            raise failure
+        self._ahead_bytes -= sum(len(message.frame) for message in batch)
+        return batch
 
     def close(self) -> None:
         """Stop reading."""

@@ -166,7 +166,7 @@ class Session:
 
     def _look_at_graph(self, transport: Subscriber) -> None:
         master = transport.master
-        if self._subscribed and not _knows(master, transport.names.node):
+        if self._subscribed and not knows_node(master, transport.names.node):
             transport.resubscribe()
             self._notice("registered again: the master was restarted")
         for topic in self._selection.names:
@@ -216,7 +216,8 @@ class Session:
             self._notice_once("overflow", "the buffer is full: %d messages thrown away so far" % lost)
 
 
-def _knows(master: RemoteNode, node: str) -> bool:
+def knows_node(master: RemoteNode, node: str) -> bool:
+    """Whether a node is registered with the master; one that was restarted knows none."""
     try:
         master.call("lookupNode", node)
         return True

@@ -141,8 +141,15 @@ class Subscriber:
 
     # The loop's thread
 
+    def fileno(self) -> int:
+        """A file descriptor that is readable while ``poll`` has something to do, but for its clockwork."""
+        return self._epoll.fileno()
+
     def poll(self, timeout_s: float) -> None:
-        """Deliver what arrives within the time; returns after the first messages or events."""
+        """Deliver what arrives within the time; returns after the first messages or events.
+
+        Call it some times a second: what is to be done at its time, as trying again, is done here, too.
+        """
         for fd, _ in self._epoll.poll(timeout_s, _MAX_EVENTS):
             entry = self._links.get(fd)
             if entry is None:

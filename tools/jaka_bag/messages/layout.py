@@ -35,6 +35,11 @@ class Leaf(NamedTuple):
     is_array: bool
 
 
+def is_bytes(leaf: Leaf) -> bool:
+    """Whether a field is an array of bytes, which belong together rather than being numbers of their own."""
+    return leaf.is_array and leaf.type in ("uint8", "char", "byte", "int8")
+
+
 class Layout:
     """Where each field lies in all messages that have the same lengths of strings and arrays.
 

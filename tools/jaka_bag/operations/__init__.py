@@ -2,7 +2,6 @@
 
 columns     the messages of a log as numpy columns
 convert     one file into another, as a job; and what the next three share with that
-many        many such jobs at a time, in processes or on a Dask cluster
 merge       several logs into one
 split       one log into several
 recover     a damaged log into a whole one
@@ -13,6 +12,7 @@ diagnosis   is a log whole, and if not, why not
 extras      attachments and metadata: added, taken out
 signature   finds and names what was changed in a signed log
 export      fields as CSV, NPZ or Parquet
+parquet     tables of messages as Parquet
 plot        pictures of a log
 thinning    fewer points that show the same curve
 quantiles   quantiles of any number of values in bounded memory

@@ -94,11 +94,13 @@ class ColumnReader:
             by_topic.setdefault(topic, []).append(group)
         return {topic: part_of(batch, groups, (fields or {}).get(topic)) for topic, groups in by_topic.items()}
 
-    def pieces(self, fields: Optional[Mapping[str, Container[str]]] = None) -> Iterator[Tuple[str, Columns]]:
+    def pieces(self, fields: Optional[Mapping[str, Container[str]]] = None,
+               workers: int = WORKERS) -> Iterator[Tuple[str, Columns]]:
         """All wanted messages in the order of time, piece by piece: topic and messages.
 
         Args:
             fields: See ``parts``.
+            workers: Threads.
         """
         groups = chunk_groups(self._reader.wanted_chunks(self._filter))
         starts = [group[0].start_time for group in groups]
@@ -106,8 +108,9 @@ class ColumnReader:
         if any(end > start for end, start in zip(ends, starts[1:])):
             yield from self._pieces_in_time_order(fields)
             return
+        chunks = [chunk for group in groups for chunk in group]
         last_of_group = [chunk is group[-1] for group in groups for chunk in group]
-        parts = in_order(lambda chunk: self.parts(chunk, fields), (chunk for group in groups for chunk in group))
+        parts = in_order(lambda chunk: self.parts(chunk, fields), chunks, workers)
         found: Dict[str, List[Part]] = {}
         for by_topic, is_last in zip(parts, last_of_group):
             for topic, part in by_topic.items():

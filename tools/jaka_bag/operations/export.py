@@ -2,11 +2,10 @@
 import contextlib
 import csv
 import functools
-import importlib
 import io
 import re
 import zipfile
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, cast
 
@@ -14,19 +13,18 @@ import numpy as np
 
 from ..containers.contract import LogReader
 from ..containers.time_order import in_time_order, whole_source
-from ..errors import BagError, MissingDependency
+from ..errors import BagError
 from ..messages.batch import Array
-from ..messages.columns import Columns, leaf_values
-from ..messages.layout import Layout, Leaf
+from ..messages.columns import leaf_values
+from ..messages.layout import Layout, Leaf, is_bytes
 from ..messages.selection import Selection
 from ..output_file import OutputFile
 from ..paths import PathLike
 from ..units import NS_PER_S
 from .columns import ColumnReader
+from .parquet import ParquetTable
 
 FORMATS = (".csv", ".npz", ".parquet")
-_ROW_GROUP_BYTES = 8 << 20
-_BYTE_TYPES = ("uint8", "char", "byte", "int8")
 
 
 class Table(NamedTuple):
@@ -54,10 +52,6 @@ def tables(reader: LogReader, columns: ColumnReader, topic: str) -> Iterator[Tab
             yield Table(batch.log_time[run], group.layout, group.rows[place[run]])
 
 
-def _is_bytes(leaf: Leaf) -> bool:
-    return leaf.is_array and leaf.type in _BYTE_TYPES
-
-
 def _text_time(ns: int) -> str:
     sign = "-" if ns < 0 else ""
     return "%s%d.%09d" % (sign, abs(ns) // NS_PER_S, abs(ns) % NS_PER_S)
@@ -66,7 +60,7 @@ def _text_time(ns: int) -> str:
 def _cells(leaf: Leaf, rows: Array, width: int) -> List[List[Any]]:
     """The CSV columns of a field, ``width`` of them."""
     values = leaf_values(rows, leaf)
-    if _is_bytes(leaf):
+    if is_bytes(leaf):
         return [[row.tobytes().hex() for row in values]]
     columns = [values] if values.ndim == 1 else [values[:, i] for i in range(values.shape[1])]
     cells: List[List[Any]] = []
@@ -86,7 +80,7 @@ def _widths(source: Iterator[Table]) -> Dict[str, Tuple[Leaf, int]]:
     widths: Dict[str, Tuple[Leaf, int]] = {}
     for table in source:
         for name, leaf in table.layout.leaves.items():
-            count = 1 if _is_bytes(leaf) or not leaf.is_array else (
+            count = 1 if is_bytes(leaf) or not leaf.is_array else (
                 len(leaf.counts) if leaf.type == "string" else sum(leaf.counts))
             widths[name] = (leaf, max(count, widths.get(name, (leaf, 0))[1]))
     return widths
@@ -98,7 +92,7 @@ def _write_csv(output: OutputFile, again: Callable[[], Iterator[Table]]) -> int:
     writer = csv.writer(stream)
     header = ["log_time"]
     for name, (leaf, width) in widths.items():
-        header += ["%s[%d]" % (name, i) for i in range(width)] if leaf.is_array and not _is_bytes(leaf) else [name]
+        header += ["%s[%d]" % (name, i) for i in range(width)] if leaf.is_array and not is_bytes(leaf) else [name]
     writer.writerow(header)
     count = 0
     for table in again():
@@ -112,115 +106,14 @@ def _write_csv(output: OutputFile, again: Callable[[], Iterator[Table]]) -> int:
     return count
 
 
-def _arrow_texts(pa: Any, values: Array) -> Any:
-    """Text from byte strings, shape (n,); most of a log's are the same again and again."""
-    if len(values) and (values == values[0]).all():
-        texts, which = values[:1], np.zeros(len(values), np.int32)
-    else:
-        texts, which = np.unique(values, return_inverse=True)
-    known = pa.array([text.decode("utf-8", "replace") for text in texts.tolist()], pa.string())
-    return pa.DictionaryArray.from_arrays(pa.array(which.astype(np.int32)), known).dictionary_decode()
-
-
-def _arrow_text_rows(pa: Any, values: Array) -> Any:
-    """As ``_arrow_texts``, of rows of texts, shape (n, k), one behind the other."""
-    if len(values) and (values == values[0]).all():
-        texts = pa.array([text.decode("utf-8", "replace") for text in values[0].tolist()], pa.string())
-        again = np.tile(np.arange(values.shape[1], dtype=np.int32), len(values))
-        return pa.DictionaryArray.from_arrays(pa.array(again), texts).dictionary_decode()
-    return _arrow_texts(pa, values.reshape(-1))
-
-
-def _arrow_column(pa: Any, leaf: Leaf, values: Array) -> Any:
-    if _is_bytes(leaf):
-        return pa.array([row.tobytes() for row in values], pa.binary())
-    lengths = None
-    if values.dtype == object:
-        lengths = np.array([len(row) for row in values], np.int64)
-        values = np.concatenate(list(values))
-    if leaf.type == "string":
-        column = _arrow_text_rows(pa, values) if values.ndim > 1 else _arrow_texts(pa, values)
-    else:
-        kind = {"time": pa.timestamp("ns", "UTC"), "duration": pa.duration("ns")}.get(leaf.type)
-        column = pa.array(values.reshape(-1), kind)
-    if not leaf.is_array:
-        return column
-    if lengths is None:
-        lengths = np.full(len(values), values.shape[1], np.int64)
-    offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
-    return pa.ListArray.from_arrays(pa.array(offsets), column)
-
-
-class _ParquetTable:
-    """The table of one topic: its row groups are written as they fill, by the thread of ``encoder``."""
-
-    def __init__(self, pa: Any, parquet: Any, output: OutputFile, stack: contextlib.ExitStack,
-                 encoder: ThreadPoolExecutor) -> None:
-        self._encoder = encoder
-        self._writing: Optional[Future[None]] = None
-        self._pa, self._parquet, self._output, self._stack = pa, parquet, output, stack
-        self._writer: Any = None
-        self._waiting: List[Any] = []
-        self._waiting_bytes = 0
-        self.count = 0
-
-    def add(self, columns: Columns, leaf: Callable[[str], Leaf]) -> None:
-        """Further messages."""
-        pa = self._pa
-        made = {"log_time": pa.array(columns.log_time, pa.timestamp("ns", "UTC"))}
-        for name, values in columns.fields.items():
-            made[name] = _arrow_column(pa, leaf(name), values)
-        table = pa.table(made)
-        self.count += len(columns.log_time)
-        self._waiting.append(table)
-        self._waiting_bytes += table.nbytes
-        if self._waiting_bytes >= _ROW_GROUP_BYTES:
-            self._pass_on()
-
-    def end(self) -> None:
-        """Write what is left."""
-        self._pass_on()
-        self._wait()
-
-    def _pass_on(self) -> None:
-        """Begin to write what waits as one row group, when the one before is written."""
-        self._wait()
-        if self._waiting:
-            self._writing = self._encoder.submit(self._write, self._waiting)
-            self._waiting, self._waiting_bytes = [], 0
-
-    def _wait(self) -> None:
-        writing, self._writing = self._writing, None
-        if writing is not None:
-            writing.result()
-
-    def _write(self, some: List[Any]) -> None:
-        pa, table = self._pa, self._pa.concat_tables(some)
-        if self._writer is None:
-            sink = self._stack.enter_context(pa.PythonFile(self._output.file, mode="w"))
-            # numbers that are measured rarely repeat: a dictionary of them would be made in vain
-            repeated = [field.name for field in table.schema if not pa.types.is_list(field.type) and (
-                pa.types.is_string(field.type) or pa.types.is_integer(field.type) and field.type.bit_width < 32)]
-            texts = [field.name for field in table.schema if pa.types.is_list(field.type)
-                     and pa.types.is_string(field.type.value_type)]
-            self._writer = self._stack.enter_context(self._parquet.ParquetWriter(
-                sink, table.schema, use_dictionary=repeated + [name + ".list.element" for name in texts] or False))
-        self._writer.write_table(table, row_group_size=max(len(table), 1))
-
-
 def _write_parquet(reader: LogReader, outputs: Dict[str, OutputFile]) -> Dict[str, int]:
-    try:
-        pa = importlib.import_module("pyarrow")
-        parquet = importlib.import_module("pyarrow.parquet")
-    except ImportError:
-        raise MissingDependency("Parquet needs the Python package pyarrow") from None
     columns = ColumnReader(reader, Selection(topics=tuple(outputs)))
-    with contextlib.ExitStack() as stack, ThreadPoolExecutor(1) as encoder:  # which ends before the files are closed
-        tables_of = {topic: _ParquetTable(pa, parquet, output, stack, encoder) for topic, output in outputs.items()}
+    with contextlib.ExitStack() as stack:
+        encoder = stack.enter_context(ThreadPoolExecutor(1))
+        tables_of = {topic: stack.enter_context(ParquetTable(output.file, encoder=encoder))
+                     for topic, output in outputs.items()}
         for topic, some in columns.pieces():
             tables_of[topic].add(some, functools.partial(columns.leaf, topic))
-        for table in tables_of.values():
-            table.end()
     return {topic: table.count for topic, table in tables_of.items()}
 
 

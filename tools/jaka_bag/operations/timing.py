@@ -109,8 +109,13 @@ def add_timing(path: PathLike, document: Dict[str, Any]) -> None:
         topic["freq"] = by_topic.get(topic["topic"], Timing()).document()
 
 
-def _sequence_gaps(reader: LogReader, topic: str) -> Tuple[int, int]:
-    """Numbers missing in ``header.seq`` and places where they are missing, over all publishers of a topic."""
+def sequence_gaps(reader: LogReader, topic: str) -> Tuple[int, int]:
+    """Numbers missing in ``header.seq`` and places where they are missing, over all publishers of a topic.
+
+    Raises:
+        KeyError: Its messages have no such field.
+        DefinitionError: They are not understood.
+    """
     missing = places = 0
     for number, connection in enumerate(reader.connections):
         if connection.topic != topic or not reader.index.counts[number]:
@@ -132,7 +137,7 @@ def add_sequence_gaps(path: PathLike, document: Dict[str, Any]) -> None:
     with open_log(path) as reader:
         for topic in document["topics"]:
             try:
-                missing, places = _sequence_gaps(reader, topic["topic"])
+                missing, places = sequence_gaps(reader, topic["topic"])
             except (KeyError, DefinitionError):
                 continue
             topic["seq"] = {"missing": missing, "gaps": places, "text": "header.seq: %s" % (

@@ -9,7 +9,7 @@ from typing import Any, Callable, Dict, Optional, Tuple
 
 from ...black_box.evidence import FACTS_RECORD, Evidence
 from ...black_box.expression import Expression
-from ...black_box.files import Keep, cut_off_files, is_being_written
+from ...black_box.files import Keep, cut_off_files
 from ...black_box.recorder import ITEM_BYTES, BlackBox, Window, started_line
 from ...black_box.service import TriggerService
 from ...black_box.triggers import Trigger, TriggerWatch
@@ -22,6 +22,7 @@ from ...live.topic_selection import TopicSelection
 from ...live.writer_thread import WriterThread
 from ...operations.recover import recover
 from ...operations.signature import sign
+from ...output_file import is_being_written
 from ...units import NS_PER_S
 from .. import quantities
 from ..notices import Notices

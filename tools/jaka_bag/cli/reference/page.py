@@ -93,7 +93,7 @@ def page() -> str:
         MissingCommand: The package that brings a command is not installed.
     """
     lines = [_HEAD.format(program=PROGRAM).rstrip("\n")]
-    lines += [_row("[%s](#%s)" % (name, name), command.summary, PEER_COMMANDS.get(name, Peers()))
+    lines += [_row("[%s](#%s)" % (name, name.replace(" ", "-")), command.summary, PEER_COMMANDS.get(name, Peers()))
               for name, command in COMMANDS.items()]
     lines += ["", "Options of `rosbag` without a counterpart:", "", "| rosbag | here |", "|---|---|"]
     lines += ["| `%s` | %s |" % (option, reason) for option, reason in WITHOUT.items()]

@@ -137,19 +137,20 @@ def _number(value: float) -> str:
 
 def chart(title: str, description: str, lines: Sequence[Line], x_range: Tuple[float, float], unit: str,
           height: float = 150, mark: Optional[float] = None, band: Optional[Tuple[float, float]] = None,
-          least: float = 0.0) -> str:
-    """Curves over time.
+          least: float = 0.0, x_unit: str = "s") -> str:
+    """Curves over time, or over what ``x_unit`` counts.
 
     Args:
         title: See ``_Picture``.
         description: See there.
         lines: The curves; later ones lie above.
-        x_range: Time from, to, s.
+        x_range: From, to, in ``x_unit``.
         unit: Of the vertical axis.
         height: px.
-        mark: A moment to be marked, s.
+        mark: What is to be marked, in ``x_unit``.
         band: Values that are allowed, from and to: drawn as a stripe.
         least: The vertical axis spans at least this.
+        x_unit: Of the horizontal axis.
     """
     low, high = x_range
     bottom, right = height - _BOTTOM, WIDTH - _RIGHT
@@ -161,7 +162,7 @@ def chart(title: str, description: str, lines: Sequence[Line], x_range: Tuple[fl
         picture.parts.append('<rect class="band" x="%d" y="%.1f" width="%d" height="%.1f"/>' % (
             _LEFT, picture.y(band[1]), right - _LEFT, (band[1] - band[0]) * picture.y_scale))
     picture.grid(10, max(3, int(height / 30)))
-    picture.text("tick", WIDTH - 2, bottom + 15, "s", "end")
+    picture.text("tick", WIDTH - 2, bottom + 15, x_unit, "end")
     picture.text("unit", 4, _TOP + 10, unit)
     picture.mark(mark)
     for line in lines:

@@ -1,0 +1,222 @@
+"""Logs of a fleet into a data set: speed with one and two workers, memory, bytes, and the questions of docs/fleet.md.
+
+The logs are simulated, 2 minutes at 125 Hz with six topics; the workers are those of a Dask cluster on this computer. A
+rate counts from the moment when each worker has given a result to the last result, so the start of the cluster does not
+count; nor does the making of the logs. On a busy machine the two workers have less than two processors, and the
+speed-up says so: "the machine alone" is the one of two processes that only compute.
+
+    python3 test/benchmark/bench_fleet.py                                   1,000 logs, some ten minutes, 8 GB
+    python3 test/benchmark/bench_fleet.py --logs 300 --keep /var/tmp/fleet  a third; logs that are there are taken
+"""
+import argparse
+import hashlib
+import multiprocessing
+import resource
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Dict, List, NamedTuple, Tuple
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "logs")]
+
+from fleet_logs import DAY_S, Run, write_run  # noqa: E402
+from fleet_tasks import measured_add  # noqa: E402
+from page_commands import blocks  # noqa: E402
+
+from jaka_bag.fleet.adding import AddSettings, find_logs  # noqa: E402
+from jaka_bag.fleet.dask_engine import Dask  # noqa: E402
+from jaka_bag.fleet.query import DataSet  # noqa: E402
+from jaka_bag.fleet.runs import check_version, compact  # noqa: E402
+from jaka_bag.fleet.store import open_store  # noqa: E402
+from jaka_bag.fleet.tasks import DONE, LogResult, LogTask, Serial, run_tasks  # noqa: E402
+
+CELLS = 30
+LOGS_A_DAY = 3
+GOAL_SPEED_UP, GOAL_MEMORY, GOAL_QUESTION_S, GOAL_GROWTH = 1.8, 300e6, 2.0, 1.1
+ROUNDS = 3
+
+
+def run_of(number: int, seconds: float) -> Run:
+    """The plan of one log: cells in turn, three shifts a day, faults here and there, a joint of one cell that wears."""
+    cell, shift = number % CELLS, number // CELLS
+    return Run("cell_%02d" % cell, shift * DAY_S / LOGS_A_DAY + 7.0 * cell, int(seconds / 4) + 2, seconds=seconds,
+               wear={3: 1.0 + 0.05 * shift} if cell == 4 else {}, stops=(20.0,) if number % 50 == 7 else (),
+               failed=[("/plc", "out of range")] if number % 40 == 3 else (), undelivered=number % 60 == 11,
+               seed=number)
+
+
+def make(job: Tuple[str, int, float]) -> None:
+    """Write one log."""
+    folder, number, seconds = job
+    write_run(Path(folder) / ("log_%04d.mcap" % number), run_of(number, seconds))
+
+
+class Pass(NamedTuple):
+    """One pass over all logs.
+
+    Attributes:
+        wall: Time for all logs at the rate that holds once each worker has given a result, s.
+        messages: In all logs.
+        memory: By worker, byte after each log.
+        cpu: Of the workers, for the logs, s.
+        own_cpu: Of this program, which has the scheduler in it, from the same moment on, for all logs, s.
+    """
+
+    wall: float
+    messages: int
+    memory: Dict[int, List[int]]
+    cpu: float
+    own_cpu: float
+
+
+def add(logs: List[str], target: Path, workers: int) -> Pass:
+    """Add all logs; a wrong result ends the benchmark."""
+    check_version(open_store(str(target)), is_to_be_made=True)
+    times: List[Tuple[float, float]] = []
+    results: List[LogResult] = []
+
+    def take(result: LogResult) -> None:
+        times.append((time.perf_counter(), time.process_time()))
+        results.append(result)
+
+    run_tasks(measured_add, [LogTask(path, AddSettings(str(target))) for path in logs],
+              Dask(workers=workers) if workers else Serial(), take)
+    wrong = [result for result in results if result.status != DONE]
+    if wrong:
+        raise SystemExit("%s: %s" % (wrong[0].path, wrong[0].reason))
+    memory: Dict[int, List[int]] = {}
+    begin = 0
+    for number, result in enumerate(results):
+        if result.value[0] not in memory:
+            begin = number
+        memory.setdefault(result.value[0], []).append(result.value[1])
+    share = len(results) / max(len(results) - 1 - begin, 1)
+    wall, own_cpu = (share * (last - first) for first, last in zip(times[begin], times[-1]))
+    return Pass(wall, sum(result.messages for result in results), memory, sum(result.value[2] for result in results),
+                own_cpu)
+
+
+def compute(rounds: int) -> float:
+    """Work that needs a processor alone, as adding a log does most of the time; its wall time, s."""
+    data = np.arange(200_000, dtype=np.float64)
+    begin = time.perf_counter()
+    for _ in range(rounds):
+        hashlib.sha256(np.sort(np.sin(data)).tobytes()).digest()
+    return time.perf_counter() - begin
+
+
+def machine_speed_up() -> float:
+    """How much more two processes compute than one, with nothing between them."""
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        pool.map(compute, [5, 5], 1)
+        alone = pool.apply(compute, (200,))
+        return 2.0 * alone / max(pool.map(compute, [200, 200], 1))
+
+
+def size_of(folder: Path) -> int:
+    """Bytes of all files below."""
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+def verdict(is_met: bool) -> str:
+    """Whether a goal is met."""
+    return "met" if is_met else "MISSED"
+
+
+def growth_of(memory: List[int]) -> float:
+    """The mean memory in the last tenth of a worker's logs over that in the second tenth; 1 of too few logs."""
+    tenth = len(memory) // 10
+    if not tenth:
+        return 1.0
+    return (sum(memory[-tenth:]) / tenth) / (sum(memory[tenth:2 * tenth]) / len(memory[tenth:2 * tenth]))
+
+
+def show_passes(passes: Dict[int, Pass], logs: int) -> bool:
+    """The table of the passes; whether the goals are met."""
+    print("%-8s %8s %8s %16s %15s %11s %13s %10s %7s" % (
+        "workers", "wall s", "logs/s", "messages/s/core", "messages/CPU s", "CPU ms/log", "own CPU ms/log", "memory MB",
+        "growth"))
+    is_met = True
+    for workers, one in passes.items():
+        peak = max(max(memory) for memory in one.memory.values())
+        growth = max(growth_of(memory) for memory in one.memory.values())
+        is_met &= peak <= GOAL_MEMORY and growth <= GOAL_GROWTH
+        print("%-8d %8.1f %8.2f %16.0f %15.0f %11.0f %14.1f %10.0f %7.2f" % (
+            workers, one.wall, logs / one.wall, one.messages / one.wall / max(workers, 1), one.messages / one.cpu,
+            1e3 * one.cpu / logs, 1e3 * one.own_cpu / logs, peak / 1e6, growth), flush=True)
+    print("memory of a worker <= %.0f MB, and at most %.2f times as much at the end as in the second tenth: %s"
+          % (GOAL_MEMORY / 1e6, GOAL_GROWTH, verdict(is_met)))
+    if 1 in passes and 2 in passes:
+        speed_up = passes[1].wall / passes[2].wall
+        print("speed-up with two workers %.2f, goal %.1f: %s; the machine alone %.2f"
+              % (speed_up, GOAL_SPEED_UP, verdict(speed_up >= GOAL_SPEED_UP), machine_speed_up()))
+        is_met &= speed_up >= GOAL_SPEED_UP
+    return is_met
+
+
+def show_questions(target: Path) -> bool:
+    """The table of the questions; whether the goal is met. Opening the data set counts."""
+    print("\n%-12s %10s %8s" % ("question", "best s", "rows"))
+    is_met = True
+    for block in blocks(ROOT / "docs" / "fleet.md"):
+        if not block.note.startswith("the question: "):
+            continue
+        times = []
+        for _ in range(ROUNDS):
+            begin = time.perf_counter()
+            with DataSet(str(target)) as data:
+                rows = sum(len(batch) for batch in data.ask(block.text)[1])
+            times.append(time.perf_counter() - begin)
+        is_met &= min(times) <= GOAL_QUESTION_S
+        print("%-12s %10.2f %8d" % (block.note.partition(": ")[2], min(times), rows), flush=True)
+    print("each <= %.0f s: %s" % (GOAL_QUESTION_S, verdict(is_met)))
+    return is_met
+
+
+def main() -> int:
+    """Make the logs, add them, ask; print tables. The exit code is 1 where a goal is missed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--logs", type=int, default=1000, help="how many, default 1000")
+    parser.add_argument("--seconds", type=float, default=120.0, help="length of each, default 120")
+    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2], help="default 1 2")
+    parser.add_argument("--keep", metavar="FOLDER", help="leave logs and data set there, and take logs that are there")
+    options = parser.parse_args()
+    folder = Path(options.keep or tempfile.mkdtemp(prefix="bench_fleet_"))
+    try:
+        (folder / "logs").mkdir(parents=True, exist_ok=True)
+        jobs = [(str(folder / "logs"), number, options.seconds) for number in range(options.logs)
+                if not (folder / "logs" / ("log_%04d.mcap" % number)).exists()]
+        with multiprocessing.get_context("spawn").Pool(2) as pool:
+            for _ in pool.imap_unordered(make, jobs, 4):
+                pass
+        logs = find_logs([str(folder / "logs")])[:options.logs]
+        print("%d logs are made" % len(logs), flush=True)
+        passes: Dict[int, Pass] = {}
+        for workers in options.workers:
+            target = folder / ("fleet_%d" % workers)
+            shutil.rmtree(str(target), ignore_errors=True)
+            passes[workers] = add(logs, target, workers)
+        print("%d logs of %.0f s, %d messages" % (len(logs), options.seconds, passes[options.workers[0]].messages))
+        is_met = show_passes(passes, len(logs))
+        begin = time.perf_counter()
+        compact(open_store(str(target)))
+        compact_s = time.perf_counter() - begin
+        logs_size, target_size = sum(Path(path).stat().st_size for path in logs), size_of(target)
+        print("\nbytes: %.1f MB of zstd MCAP, %.1f MB of Parquet (%.2f times); runs compacted in %.2f s, %.0f byte each"
+              % (logs_size / 1e6, target_size / 1e6, target_size / logs_size, compact_s,
+                 (target / "runs" / "compacted.parquet").stat().st_size / len(logs)))
+        is_met &= show_questions(target)
+        print("memory of this program: %.0f MB" % (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3))
+        return 0 if is_met else 1
+    finally:
+        if not options.keep:
+            shutil.rmtree(str(folder), ignore_errors=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

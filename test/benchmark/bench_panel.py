@@ -1,0 +1,104 @@
+"""What the operator's panel costs, and how soon a jog of it rests after each way of letting go.
+
+Processor time of the panel's server with no page, with one and with three, and how much a page is told; the driver's
+rate, jitter and stop latency without pages and with three, in one run. Then, for each way of letting go, the time from
+the last heartbeat that counted to the last frame of motion on the wire, and to the arm's rest, by the simulated
+controller's log. Run it in the devel space, on a quiet host; the arguments are the number of repeats (30) and the
+seconds of each row (20).
+"""
+import contextlib
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (
+    ".", "tools", "test/support", "test/support/jogging", "test/support/panel")]
+
+from jog_pad import last_frame_of_motion  # noqa: E402
+from live_driver import LiveDriver  # noqa: E402
+from panel_jog import WAYS, JogBench, let_go  # noqa: E402
+from panel_page import Loop  # noqa: E402
+from ros_bench import collecting  # noqa: E402
+from soak_bench import master, percentile  # noqa: E402
+
+WATCHED_S = 20.0
+SETTLE_S = 3.0
+LET_GO_S = 15.0
+"""Without pages the panel lets go of the topics after 10 s."""
+STOPS = 100
+
+
+def of_driver(live, watched_s):
+    """Rate, Hz; the 99th percentile of what intervals differ from 8 ms, ms; p50 and p95 of a stop's call, ms."""
+    with collecting(live.arm.name + "/joint_position") as received:
+        time.sleep(watched_s)
+    stamps = [message.header.stamp.to_sec() for _, message in received]
+    steps = [b - a for a, b in zip(stamps, stamps[1:])]
+    calls = []
+    for _ in range(STOPS):
+        begin = time.monotonic()
+        live.arm.call("stop_move")
+        calls.append(1e3 * (time.monotonic() - begin))
+        time.sleep(0.01)
+    return ((len(stamps) - 1) / (stamps[-1] - stamps[0]), 1e3 * percentile([abs(step - 0.008) for step in steps], 0.99),
+            percentile(calls, 0.5), percentile(calls, 0.95))
+
+
+def cost(bench, live, watched_s):
+    """Rows of the driver's figures by the number of pages, each number twice in turn but one page."""
+    bench.page.close()
+    print("pages   server: % of a core   a page   MB   states/s   messages/s   "
+          "driver: Hz   jitter p99 ms   stop p50 ms   p95 ms")
+    rows = {}
+    for count in (0, 1, 3, 0, 3):
+        with contextlib.ExitStack() as stack:
+            pages = [stack.enter_context(bench.new_page(control=False)) for _ in range(count)]
+            for page in pages:
+                page.watch(bench.arm, plots=True)
+            time.sleep(SETTLE_S if pages else LET_GO_S)
+            begin, used = time.monotonic(), bench.panel.cpu()
+            told = [dict(page.counts) for page in pages]
+            measured = of_driver(live, watched_s)
+            took = time.monotonic() - begin
+            share = 100.0 * (bench.panel.cpu() - used) / took
+            states, messages = (max([0.0, *(sum(page.counts[kind] - before.get(kind, 0) for kind in kinds(page)) / took
+                                            for page, before in zip(pages, told))])
+                                for kinds in (lambda page: ["state"], lambda page: list(page.counts)))
+            print("%5d   %18.1f %8.1f %4.0f %10.1f %12.1f   %10.2f %15.2f %13.2f %8.2f" % (
+                count, share, share / max(1, count), bench.panel.resident(), states, messages, *measured), flush=True)
+            rows.setdefault(count, []).append(measured)
+    bench.renew_page()
+    compare(rows)
+
+
+def compare(rows):
+    """Of the driver with three pages and without, the lower one of two measurements each."""
+    without, watched = ([min(column) for column in zip(*rows[count])] for count in (0, 3))
+    for name, a, b in zip(("rate", "jitter p99", "stop p50", "stop p95"), without, watched):
+        print("%-10s with three pages %+6.1f %%" % (name, 100.0 * (b / a - 1.0)))
+
+
+def main(repeats, watched_s=WATCHED_S):
+    with tempfile.TemporaryDirectory() as folder, master(), contextlib.closing(Loop()) as loop, LiveDriver(
+            folder, name="jogged", guard=True) as live, contextlib.closing(JogBench(live, loop)) as bench:
+        live.arm.wait_until_ready()
+        cost(bench, live, watched_s)
+        moments = {}
+        for way in WAYS:
+            for repeat in range(repeats):
+                bench.go_home()
+                moments.setdefault(way, []).append(let_go(bench, way, ("joint", "base")[repeat % 2]))
+        bench.close()
+        verdict = live.verdict()
+    print("way               repeats   frames at rest: p50    max      arm at rest: p50    max   (ms)")
+    for way, ends in moments.items():
+        wire = [1e3 * (last_frame_of_motion(verdict, since, until) - since) for since, until in ends]
+        arm = [1e3 * (verdict.rest_after(since, until) - since) for since, until in ends]
+        print("%-18s %6d   %19.0f %6.0f   %16.0f %6.0f" % (
+            way, len(ends), percentile(wire, 0.5), max(wire), percentile(arm, 0.5), max(arm)))
+
+
+if __name__ == "__main__":
+    main(int((sys.argv[1:] + ["30"])[0]), *map(float, sys.argv[2:3]))

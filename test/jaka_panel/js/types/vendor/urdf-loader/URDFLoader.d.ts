@@ -1,0 +1,2 @@
+declare const URDFLoader: any;
+export default URDFLoader;

@@ -1,0 +1,79 @@
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { Store, withItem } from '../../../../tools/jaka_panel/web/js/link/store.js';
+import { readStates } from '../../../../tools/jaka_panel/web/js/state/status.js';
+
+const ARM = { id: '/a', label: 'a', alive: true };
+const state = (/** @type {object} */ more) => ({ t: 'state', arm: '/a', n: 1, now: 3, age: 0.01, fresh: true, q: [0, 0, 0, 0, 0, 0], ...more });
+
+test('the first arm that lives is chosen, and kept while it is there', () => {
+  const store = new Store();
+  store.take({ t: 'arms', arms: [{ ...ARM, id: '/dead', alive: false }, ARM] });
+  assert.equal(store.chosen, '/a');
+  store.take({ t: 'arms', arms: [{ ...ARM, id: '/b' }, ARM] });
+  assert.equal(store.chosen, '/a');
+  store.take({ t: 'arms', arms: [{ ...ARM, id: '/b' }] });
+  assert.equal(store.chosen, '/b');
+});
+
+test('an older state never takes the place of a newer one', () => {
+  const store = new Store();
+  store.take({ t: 'arms', arms: [ARM] });
+  store.take(state({ n: 5, now: 9 }));
+  store.take(state({ n: 4, now: 8 }));
+  assert.equal(store.record().state?.now, 9);
+});
+
+test('a state is fresh by the word of the server and by its age here', () => {
+  const store = new Store();
+  store.take({ t: 'arms', arms: [ARM] });
+  assert.equal(store.isFresh(), false);
+  store.take(state({}));
+  assert.equal(store.isFresh(), true);
+  store.record().stateAt -= 400;
+  assert.equal(store.isFresh(), false);
+  assert.ok(store.age() > 0.4);
+  store.take(state({ n: 2, fresh: false }));
+  assert.equal(store.isFresh(), false);
+  store.take(state({ n: 3, age: null }));
+  assert.equal(store.isFresh(), false);
+});
+
+test('a new greeting forgets what was known before', () => {
+  const store = new Store();
+  store.take({ t: 'arms', arms: [ARM] });
+  store.take(state({ n: 500 }));
+  store.drawn = 3;
+  store.take({ t: 'welcome', may: 'command', jog: { fraction: 0.1 }, control: { holder: null, you: false, asked: null }, arms: [ARM] });
+  assert.equal(store.record().state, null);
+  assert.equal(store.drawn, null);
+  store.take(state({ n: 1 }));
+  assert.equal(store.record().state?.n, 1);
+});
+
+test('control is had with the server’s leave alone', () => {
+  const store = new Store();
+  store.take({ t: 'welcome', may: 'watch', control: { holder: null, you: true, asked: null }, arms: [] });
+  assert.equal(store.hasControl(), false);
+});
+
+test('lists keep their order, change in place, and do not grow for ever', () => {
+  const list = [{ n: 1, a: 1 }, { n: 2, a: 1 }];
+  assert.deepEqual(withItem(list, { n: 1, a: 2 }, 5), [{ n: 1, a: 2 }, { n: 2, a: 1 }]);
+  assert.deepEqual(withItem(list, { n: 3, a: 1 }, 2).map(({ n }) => n), [2, 3]);
+});
+
+test('what is not known is said to be unknown, never off', () => {
+  for (const [name, [word, mark]] of Object.entries(readStates(null))) {
+    assert.equal(word, name === 'owner' ? 'state.nobody' : 'state.unknown');
+    assert.equal(mark, '');
+  }
+  const states = readStates(/** @type {any} */ ({ robot: { motion: 2, power: 1, servo: 0, collision: 1 }, enabled: false, speed: 0.5,
+    status: { e_stopped: true }, owner: 'a jog' }));
+  assert.deepEqual(states.motion, ['motion.emergency', 'bad']);
+  assert.deepEqual(states.power, ['state.on', 'ok']);
+  assert.deepEqual(states.collision, ['state.collision', 'bad']);
+  assert.deepEqual(states.emergency, ['state.pressed', 'bad']);
+  assert.deepEqual(states.owner, ['a jog', '']);
+  assert.deepEqual(states.speed, ['50 %', '']);
+});

@@ -1,0 +1,305 @@
+"""What the page does: STOP from everywhere, the jog only while it is held and seen, control, and every button."""
+import json
+import time
+
+import pytest
+
+JOG = ".jog-button[data-axis='0'][data-sign='1']"
+READY = "document.querySelector('#panel-move .go').dataset.ready === 'true'"
+QUIET_S = 0.3
+ANSWER_MS = 1500
+CHANGES = """new Promise((resolve) => {
+    const watch = new MutationObserver((records) => {
+        const parent = (one) => one.target.nodeType === 1 ? one.target : one.target.parentElement;
+        if (!records.some((one) => !parent(one)?.closest('#age, #status, #joints, #tool'))) return;
+        watch.disconnect();
+        resolve(true);
+    });
+    watch.observe(document.body, {subtree: true, childList: true, attributes: true, characterData: true});
+    setTimeout(() => { watch.disconnect(); resolve(false); }, %d);
+})""" % ANSWER_MS
+
+
+def beats(panel):
+    return panel.sent("jog")
+
+
+def rested(panel):
+    """Whether heartbeats have ended: none comes for as long as some would have."""
+    count = len(beats(panel))
+    time.sleep(QUIET_S)
+    return len(beats(panel)) == count
+
+
+def until(condition, what, timeout=30.0):
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.01)
+
+
+def test_the_space_bar_stops_wherever_the_focus_is(panel, open_page):
+    page = open_page(control=True)
+    for focus in ("body", "#control-button", "#tab-move", JOG, "#jog-speed", "#field-1", ".choice button"):
+        page.click("#tab-move" if focus == "#field-1" else "#tab-jog")
+        page.evaluate("document.querySelector(%s).focus()" % json.dumps(focus))
+        before, stops = len(panel.received), len(panel.stops)
+        page.key(" ")
+        until(lambda stops=stops: len(panel.stops) > stops, "stop arrives from " + focus)
+        page.until_text("#stop-said", "stopped")
+        assert [one["t"] for one in panel.received[before:]] == ["stop"], focus
+
+
+def test_in_a_field_for_words_the_space_bar_types_and_escape_stops(panel, open_page):
+    page = open_page()
+    page.click("#tab-move")
+    page.click("#point-name")
+    page.key(" ")
+    assert page.evaluate("document.querySelector('#point-name').value") == " " and not panel.stops
+    page.key("Escape")
+    until(lambda: panel.stops, "stop arrives")
+
+
+def test_stop_needs_no_control_and_goes_by_http_where_the_socket_does_not_answer(panel, open_page):
+    page = open_page()
+    page.click("#stop")
+    until(lambda: panel.stops == ["socket"], "one stop for one click: %s" % panel.stops)
+    panel.silent = True
+    page.click("#stop")
+    until(lambda: "http" in panel.stops, "stop arrives another way")
+    page.until_text("#stop-said", "stopped")
+
+
+def begin(page, panel, count, press):
+    """Press until so many heartbeats have come of one press; its number. A busy host makes a page stand still, too."""
+    for _ in range(20):
+        last = max([one["hold"] for one in beats(panel)], default=0)
+        ends = len(panel.sent("jog_stop"))
+        press()
+        until(lambda last=last, ends=ends: len(panel.sent("jog_stop")) > ends or sum(
+            one["hold"] > last for one in beats(panel)) >= count, "heartbeats")
+        if len(panel.sent("jog_stop")) == ends:
+            return beats(panel)[-1]["hold"]
+        page.mouse("Released", 1, 1)
+        page.key("Enter", "up")
+    raise AssertionError("never so many heartbeats in a row: %s" % page.text("#panel-jog .said"))
+
+
+def test_the_jog_lasts_as_long_as_the_button_is_held(panel, open_page):
+    page = open_page(control=True)
+    hold = begin(page, panel, 20, lambda: page.press(JOG))
+    x, y = page.place(JOG)
+    page.mouse("Released", x, y)
+    until(lambda: panel.sent("jog_stop")[-1:] and panel.sent("jog_stop")[-1]["hold"] == hold, "the end is told")
+    assert rested(panel)
+    sent = [one for one in beats(panel) if one["hold"] == hold]
+    assert {(one["space"], one["step"], tuple(one["v"])) for one in sent} == {("joint", None, (1, 0, 0, 0, 0, 0))}
+    assert [one["seq"] for one in beats(panel)] == list(range(1, len(beats(panel)) + 1))
+    assert all(one["echo"] for one in sent) and sent[-1]["echo"] > sent[0]["echo"]
+    assert sent[-1]["clock"] - sent[0]["clock"] > 0.7 * 50 * (len(sent) - 1), "by the clock, not by repetition"
+    assert begin(page, panel, 2, lambda: page.press(JOG)) > hold, "each press has a number of its own"
+    page.mouse("Released", x, y)
+
+
+def test_the_keyboard_jogs_while_enter_is_down_and_its_repetition_does_not_count(panel, open_page):
+    page = open_page(control=True)
+    page.evaluate("document.querySelector(%s).focus()" % json.dumps(JOG))
+    hold = begin(page, panel, 5, lambda: page.key("Enter", "down"))
+    for _ in range(5):
+        page.key("Enter", "down", autoRepeat=True)
+    page.key("Enter", "up")
+    until(lambda: panel.sent("jog_stop")[-1:] and panel.sent("jog_stop")[-1]["hold"] == hold, "the end is told")
+    page.key("Enter", "down", autoRepeat=True)  # as after a press that was lost
+    assert rested(panel) and beats(panel)[-1]["hold"] == hold
+
+
+ENDS = {
+    "the pointer slips off": lambda page, x, y: page.mouse("Moved", x + 300, y - 100, 1),
+    "the focus goes elsewhere": lambda page, x, y: page.evaluate("document.querySelector('#theme').focus()"),
+    "the window loses the focus": lambda page, x, y: page.evaluate("window.dispatchEvent(new Event('blur'))"),
+    "the pointer is lost": lambda page, x, y: page.evaluate(
+        "document.querySelector(%s).dispatchEvent(new PointerEvent('pointercancel', {pointerId: 1}))"
+        % json.dumps(JOG)),
+    "the space bar": lambda page, x, y: page.key(" "),
+    "the page stands still": lambda page, x, y: page.evaluate(
+        "(() => { const end = performance.now() + 400; while (performance.now() < end); })()"),
+    "the server says so": None,
+    "the page is loaded again": lambda page, x, y: page.call("Page.reload"),
+}
+
+
+def test_every_way_of_letting_go_ends_the_jog_for_good(panel, open_page):
+    page = open_page(control=True)
+    for how, end in ENDS.items():
+        hold = begin(page, panel, 4, lambda: page.press(JOG))
+        x, y = page.place(JOG)
+        hellos = len(panel.sent("hello"))
+        if end is None:
+            panel.say(t="jog", hold=hold, state="ended", why="missed", late=0)
+        else:
+            end(page, x, y)
+        if how == "the page is loaded again":
+            until(lambda hellos=hellos: len(panel.sent("hello")) > hellos, "there is another page")
+        else:
+            until(lambda hold=hold: panel.sent("jog_stop")[-1:] and panel.sent("jog_stop")[-1]["hold"] == hold,
+                  "the end is told: " + how)
+        assert rested(panel), "the button is still down, and nothing goes on: " + how
+        page.mouse("Released", x, y)
+
+
+def test_without_control_nothing_is_sent_and_the_page_says_how_to_get_it(panel, open_page):
+    page = open_page()
+    before = len(panel.received)
+    page.press(JOG)
+    page.until_text("#toasts", "Take control first")
+    page.click("#arm-bar button")
+    assert len(panel.received) == before
+
+
+def test_taking_over_asks_the_other_page_and_is_shown_to_both(panel, open_page):
+    first, second = open_page(control=True), open_page()
+    second.until_text("#control-said", "page p1 has control")
+    for give in (False, True):
+        second.click("#control-button")
+        first.until_text("#take-over", "page p2 asks for control")
+        second.until_text("#take-over", "Asked for control")
+        first.click("#take-over button:%s-child" % ("first" if give else "last"))
+        if not give:
+            second.until_text("#toasts", "keeps control")
+    second.until("document.body.dataset.may === 'control'")
+    first.until("document.body.dataset.may === 'take'")
+    first.until("document.querySelector('#take-over').hidden")
+
+
+def test_a_page_without_the_token_only_watches_and_says_why(panel, open_page):
+    panel.may, panel.why = "watch", "no token"
+    page = open_page()
+    page.until_text("#control-said", "open the link with the token")
+    assert page.evaluate("document.querySelector('#control-button').hidden")
+
+
+def test_a_target_is_shown_before_go_goes_there_and_only_there(panel, open_page):
+    page = open_page(control=True)
+    page.click("#tab-move")
+    page.until("document.querySelector('#panel-move input').value === '0.00'")
+    page.click("#panel-move .go")
+    page.until_text("#toasts", "no target yet")
+    page.type("#panel-move input", "20")
+    page.until(READY)
+    page.click("#panel-move .go")
+    until(lambda: panel.sent("joint_move"), "the move is asked for")
+    (move,) = panel.sent("joint_move")
+    assert move["args"]["q"] == pytest.approx([0.349066, 1.5, -1.5, 1.5, 1.5, 0.0], abs=1e-3)
+    page.type("#panel-move input", "9999")
+    page.until_text("#panel-move .said", "beyond its limit")
+    page.type("#panel-move input", "12x")
+    page.until_text("#panel-move .said", "Type a number")
+    page.click("#panel-move .go")
+    assert len(panel.sent("joint_move")) == 1
+
+
+def test_a_target_that_is_typed_while_the_arm_is_under_way_stays(panel, open_page):
+    panel.answers["joint_move"] = lambda arguments: None  # said below
+    page = open_page(control=True)
+    page.click("#tab-move")
+    page.type("#panel-move input", "20")
+    page.until(READY)
+    page.click("#panel-move .go")
+    until(lambda: panel.sent("joint_move"), "the move is asked for")
+    page.type("#panel-move input", "25")
+    page.until(READY)
+    panel.say(t="answer", id=panel.sent("joint_move")[0]["id"], ok=True, message="it is there")
+    page.until_text("#toasts", "it is there")
+    page.click("#panel-move .go")
+    until(lambda: len(panel.sent("joint_move")) == 2, "the second move is asked for")
+    assert panel.sent("joint_move")[1]["args"]["q"][0] == pytest.approx(0.436332, abs=1e-3)
+
+
+def test_a_line_is_asked_of_the_controllers_kinematics_first(panel, open_page):
+    panel.answers["ik"] = lambda arguments: ({"data": {"q": [0.1, 1.4, -1.5, 1.5, 1.5, 0.0]}} if arguments["p"][0] < 0.6
+                                             else {"ok": False, "message": "out of reach"})
+    page = open_page(control=True)
+    page.click("#tab-move")
+    page.click("#panel-move [data-name=line]")
+    field = "#panel-move .fields:not([hidden]) input"
+    page.until("document.querySelector('%s').value === '420.00'" % field)
+    page.type(field, "700")
+    page.until_text("#panel-move .said", "out of reach")
+    page.type(field, "400")
+    page.until(READY)
+    page.click("#panel-move .go")
+    until(lambda: panel.sent("linear_move"), "the line is asked for")
+    (move,) = panel.sent("linear_move")
+    assert move["args"]["p"] == pytest.approx([0.4, -0.115, 0.37])
+    assert [abs(value) for value in move["args"]["r"]] == pytest.approx([2.2214, 2.2214, 0.0], abs=1e-3)
+
+
+def test_stored_points_are_kept_shown_and_run_through(panel, open_page):
+    panel.answers["plan_points"] = lambda arguments: {"data": {
+        "plan": "k1", "duration": 4.0, "start": arguments["points"][0]["q"], "end": arguments["points"][-1]["q"],
+        "path": [point["q"] for point in arguments["points"]], "t": [0.0, 4.0], "warnings": ["a <b>warning</b>"]}}
+    page = open_page(control=True)
+    page.click("#tab-move")
+    page.click("#point-name")
+    page.call("Input.insertText", text="pick & place")
+    page.click("#panel-move .card .buttons button")
+    page.until_text("#panel-move .points", "pick & place")
+    page.click("#tab-run")
+    page.click("#panel-run .card:first-child > .buttons button")
+    page.until_text("#panel-run .way", "pick & place")
+    page.click("#panel-run .card:first-child .needs-control")
+    page.until_text("#panel-run .said", "4.0 s")
+    page.until_text("#panel-run .warnings", "<b>")
+    page.click("#panel-run .go")
+    until(lambda: panel.sent("plan_run"), "it is run by its number")
+    assert panel.sent("plan_run")[0]["args"] == {"plan": "k1"}
+
+
+def test_an_output_shows_what_the_controller_reports_not_what_was_asked(panel, open_page):
+    page = open_page(control=True)
+    page.click("#tab-io")
+    switch = "#panel-io [aria-label='cabinet DO 3']"
+    page.click(switch)
+    until(lambda: panel.sent("set_output"), "it is asked for")
+    assert panel.sent("set_output")[0]["args"] == {"signal": "digital", "bank": "cabinet", "index": 3, "value": True}
+    assert page.evaluate("document.querySelector(%s).getAttribute('aria-checked')" % json.dumps(switch)) == "false"
+    panel.io["banks"]["cabinet"]["do"][3] = True
+    panel.say(t="io", **panel.io)
+    page.until("document.querySelector(%s).getAttribute('aria-checked') === 'true'" % json.dumps(switch))
+
+
+def test_every_button_answers(panel, open_page):
+    """Each one, in each tab: something is sent, or something on the page changes."""
+    page = open_page(control=True, height=1400)
+    dead = []
+    clicked = 0
+    for tab in ("jog", "move", "run", "io", "setup", "simulator"):
+        page.click("#tab-" + tab)
+        count = page.evaluate("document.querySelectorAll('main button, .switches button').length")
+        for number in range(count):
+            name = page.evaluate("""(() => {
+                const button = document.querySelectorAll('main button, .switches button')[%d];
+                document.querySelectorAll('[data-chosen]').forEach((one) => one.removeAttribute('data-chosen'));
+                if (!button || !button.checkVisibility()) return '';
+                if (button.matches('.choice [aria-pressed=true], [data-tested], .tabs *, .view-buttons *')) return '';
+                if (button.matches('[role=switch]:not([aria-label$=" 3"])')) return '';
+                button.setAttribute('data-chosen', '');
+                button.setAttribute('data-tested', '');
+                return button.textContent + '|' + (button.ariaLabel ?? '');
+            })()""" % number)
+            if not name:
+                continue
+            clicked += 1
+            before = len(panel.received)
+            page.evaluate("document.querySelector('#toasts').replaceChildren()")
+            x, y = page.place("[data-chosen]")
+            page.evaluate("window.changed = false; %s.then((changed) => { window.changed = changed; }); true" % CHANGES)
+            page.mouse("Moved", x, y)
+            page.mouse("Pressed", x, y, 1)
+            page.mouse("Released", x, y)
+            deadline = time.monotonic() + ANSWER_MS / 1000
+            while len(panel.received) == before and not page.evaluate("window.changed") and time.monotonic() < deadline:
+                time.sleep(0.01)
+            if len(panel.received) == before and not page.evaluate("window.changed"):
+                dead.append((tab, name))
+    assert clicked > 60 and not dead, (clicked, dead)

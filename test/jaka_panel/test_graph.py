@@ -1,0 +1,136 @@
+"""What the panel reads from and writes to the ROS graph without a graph: bytes, rotations, descriptions, requests."""
+import io
+import math
+import random
+
+import pytest
+from geometry_msgs.msg import Twist, TwistStamped, Vector3
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
+
+from jaka_msgs.msg import RobotMsg
+from jaka_panel.graph import raw_messages, rotations
+from jaka_panel.graph.description import Description
+from jaka_panel.graph.requests import WrongRequest, flag, number, numbers, text, whole
+from jaka_panel.pages.files import page_file
+from jaka_panel.plans.point_plan import WrongPlan, plan_of_points
+from jaka_ros_driver.ros.other_messages import message_type
+
+SIX = [0.1, -0.2, 0.3, -0.4, 0.5, -0.6]
+URDF = """<robot name="a"><link name="l"><visual><geometry><mesh filename="%s"/></geometry></visual></link>%s</robot>"""
+JOINT = '<joint name="left_joint_%d" type="revolute"><limit lower="-1" upper="2" velocity="3" effort="0"/></joint>'
+
+
+def raw(message):
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+def stamped(message, frame_id="a frame"):
+    message.header.stamp.secs, message.header.stamp.nsecs, message.header.frame_id = 12, 345, frame_id
+    return message
+
+
+def test_fields_out_of_the_bytes_are_those_that_were_put_in():
+    names = ["joint_%d" % n for n in range(1, 7)]
+    joints = stamped(JointState(name=names, position=SIX, velocity=SIX[::-1]))
+    assert raw_messages.joint_state(raw(joints)) == (12000000345, tuple(SIX), tuple(SIX[::-1]))
+    joints.velocity = []
+    assert raw_messages.joint_state(raw(joints))[2] is None
+    twist = stamped(TwistStamped(twist=Twist(Vector3(*SIX[:3]), Vector3(*SIX[3:]))))
+    head, values = raw_messages.six_numbers(raw(twist))
+    assert (head.stamp_ns, head.frame_id, values) == (12000000345, "a frame", tuple(SIX))
+    assert raw_messages.robot_states(raw(RobotMsg(3, 1, 0, 1))) == (3, 1, 0, 1)
+    array = Float64MultiArray(MultiArrayLayout([MultiArrayDimension("joint", 6, 6)], 0), SIX)
+    assert raw_messages.number_array(raw(array)) == tuple(SIX)
+
+
+def test_types_of_packages_that_are_not_installed_are_read():
+    status = stamped(message_type("industrial_msgs/RobotStatus")())
+    status.mode.val, status.e_stopped.val, status.in_error.val, status.error_code = 2, 1, -1, 77
+    assert raw_messages.robot_status(raw(status)) == (12000000345, (2, 1, 0, 0, 0, -1, 77))
+    state = stamped(message_type("control_msgs/JointTrajectoryControllerState")())
+    state.joint_names = ["a", "bb"]
+    for point, values in ((state.desired, SIX), (state.actual, SIX[::-1]), (state.error, [0.0] * 6)):
+        point.positions, point.velocities = values, values
+    assert raw_messages.controller_state(raw(state)) == (12000000345, tuple(SIX), (0.0,) * 6)
+
+
+def test_rotations_there_and_back():
+    rolls = random.Random(1)
+    for _ in range(300):
+        vector = [rolls.uniform(-1.7, 1.7) for _ in range(3)]
+        assert rotations.vector_from_rpy(rotations.rpy_from_vector(vector)) == pytest.approx(vector, abs=1e-9)
+        x, y, z, w = rotations.quaternion_from_vector(vector)
+        assert rotations.vector_from_quaternion(-x, -y, -z, -w) == pytest.approx(vector, abs=1e-9)
+    for pitch in (0.5 * math.pi, -0.5 * math.pi):
+        vector = rotations.vector_from_rpy([0.3, pitch, 0.2])
+        assert rotations.vector_from_rpy(rotations.rpy_from_vector(vector)) == pytest.approx(vector, abs=1e-6)
+    assert rotations.vector_from_rpy([0.0, 0.0, 0.0]) == [0.0, 0.0, 0.0]
+
+
+def test_only_meshes_that_the_description_names_are_served(tmp_path):
+    for name in ("link.stl", "other.stl", "skin.png", "secret.txt"):
+        (tmp_path / name).write_text("x")
+    mesh = "file://%s/link.stl" % tmp_path
+    about = Description(URDF % (mesh, ""))
+    assert about.mesh_file(mesh) == str(tmp_path / "link.stl")
+    assert about.mesh_file("file://%s/skin.png" % tmp_path) == str(tmp_path / "skin.png")
+    for other in ("other.stl", "secret.txt", "../x.png", "absent.png", ""):
+        assert about.mesh_file("file://%s/%s" % (tmp_path, other)) is None
+    for named in ("file:///etc/passwd", "package://roslib/../../../../../etc/passwd", "http://evil.example/x.stl",
+                  "package://no_such_package/x.stl"):
+        assert Description(URDF % (named, "")).mesh_file(named) is None
+
+
+def test_limits_are_those_of_six_joints_in_their_order_and_no_entity_is_expanded():
+    about = Description(URDF % ("", "".join(JOINT % n for n in (3, 1, 2, 6, 5, 4))))
+    assert [joint["name"] for joint in about.joints] == ["left_joint_%d" % n for n in range(1, 7)]
+    assert about.joints[0] == {"name": "left_joint_1", "lower": -1.0, "upper": 2.0, "velocity": 3.0}
+    assert Description(URDF % ("", JOINT % 1)).joints is None and Description("no xml <").joints is None
+    whole_text = URDF % ("", "".join(JOINT % n for n in range(1, 7)))
+    assert Description(whole_text).joints and Description('<!DOCTYPE x [<!ENTITY a "b">]>' + whole_text).joints is None
+
+
+@pytest.mark.parametrize("read, args", [
+    (lambda a: number(a, "x"), {"x": "1"}), (lambda a: number(a, "x"), {"x": float("nan")}),
+    (lambda a: number(a, "x"), {}), (lambda a: number(a, "x"), {"x": True}), (lambda a: whole(a, "x"), {"x": 1.0}),
+    (lambda a: whole(a, "x"), {"x": -1}), (lambda a: flag(a, "x"), {"x": 1}),
+    (lambda a: text(a, "x"), {"x": "y" * 101}), (lambda a: text(a, "x", ("a",)), {"x": "b"}),
+    (lambda a: numbers(a, "x", 6), {"x": [1.0] * 5}), (lambda a: numbers(a, "x", 1), {"x": [None]})])
+def test_fields_of_a_wrong_kind_are_named(read, args):
+    with pytest.raises(WrongRequest, match="x must be"):
+        read(args)
+
+
+def test_a_plan_goes_through_its_points():
+    rest = [0.0] * 6
+    plan = plan_of_points([{"t": 0.0, "q": rest, "v": rest}, {"t": 2.0, "q": SIX, "v": rest}], None)
+    shown = plan.shown("k1")
+    assert shown["path"][0] == rest and shown["path"][-1] == SIX and shown["duration"] == 2.0
+    half = shown["path"][len(shown["path"]) // 2]
+    assert all(min(0.0, end) - 1e-6 <= value <= max(0.0, end) + 1e-6 for value, end in zip(half, SIX))
+    later = plan_of_points([{"t": 3.0, "q": SIX}], None)
+    assert not later.begins_here and later.shown("k2")["path"] == [SIX]
+
+
+@pytest.mark.parametrize("points", [
+    [], "x", [1], [{"t": 0.0, "q": SIX}], [{"t": -1.0, "q": SIX}], [{"t": 1.0, "q": SIX[:5]}], [{"t": "1", "q": SIX}],
+    [{"t": 1.0, "q": SIX}, {"t": 1.0, "q": SIX}], [{"t": 1.0, "q": SIX, "v": SIX}, {"t": 2.0, "q": SIX}],
+    [{"t": 1.0, "q": [5.0] * 6}], [{"t": 1.0, "q": [float("inf")] * 6}]])
+def test_points_that_make_no_plan(points):
+    with pytest.raises(WrongPlan):
+        plan_of_points(points, [{"lower": -1.0, "upper": 1.0}] * 6)
+
+
+def test_files_of_the_page_are_those_below_its_folder(tmp_path):
+    (tmp_path / "web" / "js").mkdir(parents=True)
+    for name in ("web/index.html", "web/js/a.js", "web/.secret.js", "web/x.py", "above.js"):
+        (tmp_path / name).write_text("x")
+    (tmp_path / "web" / "link.js").symlink_to(tmp_path / "above.js")
+    web = tmp_path / "web"
+    assert page_file("js/a.js", web).kind == "text/javascript" and page_file("index.html", web).is_text
+    for name in ("", "js", "js/", "../above.js", "js/../../above.js", ".secret.js", "x.py", "link.js", "/above.js",
+                 "no.js", "js\\a.js", "a\0.js"):
+        assert page_file(name, web) is None

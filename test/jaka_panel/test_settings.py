@@ -1,0 +1,53 @@
+"""The options: what lets others in says so; the token's file is its owner's alone."""
+import os
+import stat
+
+import pytest
+
+from jaka_panel.settings import WrongSettings, is_loopback, settings_from, token_from_file
+
+
+def test_it_listens_on_loopback_with_a_new_token_each_time():
+    one, other = settings_from([]), settings_from([])
+    assert one.is_loopback and one.port == 8080 and not one.read_only and one.jog_fraction == 1.0
+    assert one.token != other.token and len(one.token) >= 32
+    assert one.address(8081, one.token) == "http://127.0.0.1:8081/#token=" + one.token
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.5", "::", "robot.example"])
+def test_other_computers_are_let_in_only_when_it_is_said(host):
+    with pytest.raises(WrongSettings, match="insecure-http.*everybody on the way"):
+        settings_from(["--host", host])
+    assert not settings_from(["--host", host, "--insecure-http"]).is_loopback
+    assert settings_from(["--host", host, "--tls-cert", "c", "--tls-key", "k"]).scheme == "https"
+    with pytest.raises(WrongSettings, match="belong together"):
+        settings_from(["--host", host, "--tls-cert", "c"])
+
+
+def test_what_is_loopback():
+    assert all(map(is_loopback, ("127.0.0.1", "127.8.8.8", "::1", "localhost")))
+    assert not any(map(is_loopback, ("0.0.0.0", "::", "10.0.0.1", "localhost.evil.example", "127.0.0.1.evil", "")))
+
+
+def test_the_tokens_file_is_made_kept_and_its_owners_alone(tmp_path):
+    path = str(tmp_path / "token")
+    token = token_from_file(path)
+    assert stat.S_IMODE(os.stat(path).st_mode) == 0o600 and token_from_file(path) == token
+    os.chmod(path, 0o640)
+    with pytest.raises(WrongSettings, match="can be read by others"):
+        token_from_file(path)
+    os.chmod(path, 0o600)
+    for content in ("short", "with blanks in it, and long enough", "ÄÄÄÄÄÄÄÄÄÄÄÄÄÄÄÄÄÄÄÄ"):
+        (tmp_path / "token").write_text(content, encoding="utf-8")
+        with pytest.raises(WrongSettings):
+            token_from_file(path)
+    with pytest.raises(WrongSettings):
+        token_from_file(str(tmp_path / "no folder" / "token"))
+
+
+@pytest.mark.parametrize("words", [["--port", "x"], ["--port", "70000"], ["--pages", "0"], ["--max-jog-speed", "0"],
+                                   ["--max-jog-speed", "nan"], ["--unknown"]])
+def test_wrong_options_end_it(words, capsys):
+    with pytest.raises(SystemExit) as end:
+        settings_from(words)
+    assert end.value.code == 2 and words[0] in capsys.readouterr().err

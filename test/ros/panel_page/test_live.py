@@ -1,0 +1,115 @@
+"""The page on a running driver: a first run by clicks only, and every way of letting go, in the controller's log."""
+import re
+import sys
+import time
+
+import pytest
+
+pytest.importorskip("aiohttp")
+
+from browser import CHROMIUM, Browser
+from import_graph import ROOT
+from live_ros import Graph
+from panel_operator import WAYS, Operator, times_to_rest
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium-headless-shell")
+LONGEST_S = 1.0
+"""s; 0.3 s on a quiet host (test/benchmark/bench_panel_deadman.py), and what a busy one may take away."""
+LEFT_TO_THE_BENCHMARK = ("tab frozen", "page crashed", "loaded again", "browser killed")
+"""A browser takes 8 s to freeze a tab: its JavaScript stands still then, as in "JavaScript blocked". The others need
+another page or browser each; for the server they are closed connections, as "tab closed" is."""
+SUITE = [way for way in WAYS if way not in LEFT_TO_THE_BENCHMARK]
+FIRST_MINUTES_S = 180.0
+LAUNCH = "import sys, roslaunch; sys.argv[0] = 'roslaunch'; roslaunch.main()"
+FIRST_JOINT = "parseFloat(document.querySelector('#joints td.number').textContent)"
+JOG = '.jog-button[data-axis="0"][data-sign="1"]'
+
+
+@pytest.fixture(scope="module")
+def rests(ros_node, tmp_path_factory):
+    with Operator(tmp_path_factory.mktemp("page"), guard=False) as operator:
+        for way in SUITE:
+            operator.let_go(way)
+        return times_to_rest(operator.verdict(), operator.moments)
+
+
+@pytest.mark.parametrize("way", SUITE)
+def test_every_way_of_letting_go_of_a_button_stops_the_arm(rests, way):
+    assert max(rests[way]) < LONGEST_S, "below zero: a busy host had let go before"
+
+
+@pytest.fixture
+def demo(tmp_path, free_ports):
+    """What the README's first command starts, on ports of its own; the address that it prints, and since when."""
+    command, status, simulator = free_ports(3)
+    with Graph(tmp_path) as graph:
+        since = time.monotonic()
+        process = graph.start(sys.executable, "-c", LAUNCH, str(ROOT / "launch" / "demo.launch"), "panel_port:=0",
+                              "command_port:=%d" % command, "status_port:=%d" % status,
+                              "sim_panel_port:=%d" % simulator)
+        try:
+            yield re.search(r"open (\S+)", process.wait_for_line("jaka_panel: open ")).group(1), since
+        finally:
+            process.stop()
+
+
+def test_from_the_first_command_to_an_arm_that_moved_by_clicks_only(demo):
+    address, since = demo
+    done = {}
+
+    def note(what):
+        done[what] = time.monotonic() - since
+    note("the link is printed")
+    with Browser() as browser:
+        page = browser.open(address)
+        page.until("document.querySelector('[data-state=enabled] dd').textContent === 'yes'", "the arm is enabled")
+        note("the page shows the arm")
+        page.click("#control-button")
+        page.until("document.body.dataset.may === 'control'")
+        page.until_text("#simulated", "SIMULATED")
+        note("control is taken")
+        jog(page)
+        note("the arm was jogged")
+        come_back(page)
+        note("it came back to a typed target")
+        press_the_emergency_stop_and_recover(page)
+        note("it was stopped in an emergency, and recovered")
+        assert not page.complaints, page.complaints
+    print("\n".join("%6.1f s: %s" % (at, what) for what, at in done.items()))
+    assert max(done.values()) < FIRST_MINUTES_S
+
+
+def jog(page):
+    """Press until it has moved; again where a busy host lets go of it."""
+    moved = "%s > %r" % (FIRST_JOINT, page.evaluate(FIRST_JOINT) + 0.5)
+    for _ in range(20):
+        x, y = page.press(JOG)
+        page.until("%s || !document.querySelector(%r).classList.contains('held')" % (moved, JOG))
+        page.mouse("Released", x, y)
+        if page.evaluate(moved):
+            break
+    assert page.evaluate(moved), "it is not jogged: %s" % page.text("#panel-jog .said")
+    page.until("document.querySelector('[data-state=owner] dd').textContent === 'nobody'")
+
+
+def come_back(page):
+    before = page.evaluate(FIRST_JOINT) - 0.5
+    page.click("#tab-move")
+    page.click("#panel-move > .buttons > button")
+    page.type("#panel-move input", "%.2f" % before)
+    page.until("document.querySelector('#panel-move .go').dataset.ready === 'true'")
+    page.click("#panel-move .go")
+    page.until_text("#panel-move .said", "Arrived")
+    page.until("Math.abs(%s - %r) < 0.1" % (FIRST_JOINT, before))
+
+
+def press_the_emergency_stop_and_recover(page):
+    page.click("#tab-simulator")
+    page.click("#panel-simulator .danger")
+    page.until_text("[data-state=emergency]", "PRESSED")
+    page.click("#panel-simulator .danger + button")
+    page.until_text("[data-state=emergency]", "released")
+    page.click("#arm-bar button:nth-child(3)")
+    page.until("document.querySelector('[data-state=enabled] dd').textContent === 'yes'", "it is recovered")
+    page.click("#tab-calls")
+    page.until_text("#panel-calls", "recover")

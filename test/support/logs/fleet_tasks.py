@@ -1,0 +1,52 @@
+"""Work for engines: functions that workers import by name; settings tell each what to do."""
+import os
+import signal
+import time
+from pathlib import Path
+
+from jaka_bag.errors import BagError
+from jaka_bag.fleet.adding import add_log
+from jaka_bag.fleet.tasks import LogResult, LogTask
+
+
+def describe(task: LogTask) -> LogResult:
+    """Fails as the settings say, else tells of the task."""
+    if task.settings == "foreseen":
+        raise BagError("%s: it is\nbroken" % task.path)
+    if task.settings == "system":
+        raise FileNotFoundError(2, "No such file or directory", task.path)
+    if task.settings == "bug":
+        raise ZeroDivisionError("a bug")
+    return LogResult(task.path, size=len(task.path), messages=1, value={"settings": task.settings})
+
+
+def die_once(task: LogTask) -> LogResult:
+    """The first one that finds no marker makes it and dies; each that comes to its end leaves a file in the folder."""
+    folder = Path(task.settings)
+    try:
+        os.close(os.open(str(folder / "died"), os.O_CREAT | os.O_EXCL))
+    except FileExistsError:
+        (folder / ("done %s" % task.path)).touch()
+        return LogResult(task.path)
+    os.kill(os.getpid(), signal.SIGKILL)
+    raise AssertionError("alive")
+
+
+def wait_for_gate(task: LogTask) -> LogResult:
+    """Leaves a file when it begins; ends when the gate stands in the folder."""
+    folder = Path(task.settings)
+    (folder / ("began %s" % task.path)).touch()
+    end = time.monotonic() + 100.0
+    while not (folder / "gate").exists():
+        if time.monotonic() > end:
+            raise AssertionError("the gate never came")
+        time.sleep(0.01)
+    return LogResult(task.path)
+
+
+def measured_add(task: LogTask) -> LogResult:
+    """Adds a log; ``value`` is the worker's process id, its resident set, byte, and the CPU time that it took, s."""
+    begin = time.process_time()
+    result = add_log(task)
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return result._replace(value=(os.getpid(), pages * os.sysconf("SC_PAGE_SIZE"), time.process_time() - begin))

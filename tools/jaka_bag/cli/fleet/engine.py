@@ -1,0 +1,74 @@
+"""Options that say where the tasks of many logs are done, and how far they are."""
+import argparse
+import os
+from typing import Sequence
+
+from ...errors import UsageError
+from ...fleet.tasks import FAILED, Engine, LogFunction, LogResult, LogTask, OnResult, Serial, Tally, run_tasks
+from ..options import Report
+from ..quantities import count
+
+
+def add_engine(parser: argparse.ArgumentParser) -> None:
+    """Declare ``--jobs``, ``--dask`` and ``--ray``."""
+    group = parser.add_argument_group("where the work is done (default: a Dask cluster of this computer)")
+    group.add_argument("--jobs", type=count, metavar="N",
+                       help="logs at a time on this computer (default: its processors); 1 needs no Dask")
+    group.add_argument("--dask", metavar="ADDRESS", help="hand the logs to the Dask scheduler there")
+    group.add_argument("--ray", metavar="ADDRESS",
+                       help="hand the logs to the Ray cluster there; local: to one of this computer")
+
+
+def engine_of(args: argparse.Namespace, task_count: int) -> Engine:
+    """The engine that the options choose for so many tasks.
+
+    Raises:
+        UsageError: They choose two.
+    """
+    if args.dask is not None and args.ray is not None:
+        raise UsageError("--dask and --ray do not go together")
+    is_elsewhere = args.dask is not None or args.ray not in (None, "local")
+    if is_elsewhere and args.jobs is not None:
+        raise UsageError("--jobs is for this computer, not for a cluster elsewhere")
+    jobs = max(1, min(args.jobs or os.cpu_count() or 1, task_count))
+    if args.ray is not None:
+        from ...fleet.ray_engine import Ray
+        return Ray(None if args.ray == "local" else args.ray, jobs)
+    if args.dask is None and jobs == 1:
+        return Serial()
+    from ...fleet.dask_engine import Dask
+    return Dask(args.dask, jobs)
+
+
+def work_through(function: LogFunction, tasks: Sequence[LogTask], engine: Engine, report: Report,
+                 on_result: OnResult) -> Tally:
+    """Do all tasks with a progress bar (rate, time left); failed ones are told at once, the tally at the end.
+
+    Args:
+        function: See ``run_tasks``.
+        tasks: The size of those whose path is a file here makes the bar's length.
+        engine: Where.
+        report: Where to tell.
+        on_result: Is given each result.
+
+    Raises:
+        BagError: The engine cannot be reached, or was lost; what is left is told before.
+        KeyboardInterrupt: Likewise.
+    """
+    tally = Tally(len(tasks))
+    try:
+        total = sum(os.path.getsize(task.path) for task in tasks if os.path.isfile(task.path))
+        with report.progress_over(total, "%d logs" % len(tasks)) as progress:
+            def take(result: LogResult) -> None:
+                tally.add(result)
+                on_result(result)
+                if result.status == FAILED:
+                    progress.close()
+                    report.tell("error", ["%s: %s" % (result.path, result.reason.replace(result.path + ": ", "", 1))])
+                progress(result.size, result.messages)
+
+            run_tasks(function, tasks, engine, take)
+    finally:
+        if tally.left:
+            report.tell("note", ["%d of %d logs are left: call it again" % (tally.left, tally.total)])
+    return tally

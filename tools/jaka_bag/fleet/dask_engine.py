@@ -1,0 +1,227 @@
+"""Tasks on the workers of a Dask cluster: one that runs somewhere, or one of this computer for the time of the call.
+
+Few tasks are with the scheduler at a time, so its memory and this program's stay the same however many there are.
+Dask itself gives the task of a worker that died to another, and gives up one that three workers died of. A scheduler
+that is gone has forgotten its tasks: those without a result are handed to the one that comes after it.
+"""
+import contextlib
+import importlib
+import itertools
+import logging
+import multiprocessing.resource_tracker
+import queue
+import signal
+import time
+import uuid
+import warnings
+from collections import deque
+from typing import Any, Deque, Dict, Iterable, Iterator, Optional, Tuple
+
+from ..errors import BagError, MissingDependency
+from .tasks import BoundFunction, Engine, LogResult, LogTask, OnResult, failure
+
+CONNECT_S = 20.0
+"""How long a scheduler may take to answer at the start."""
+RETURN_S = 120.0
+"""How long a scheduler, or all workers, may be gone in the middle of the work."""
+_LOOK_S = 2.0
+_IN_FLIGHT = 1024
+_TOGETHER = 32
+"""So many tasks are handed over in one message: one for each would cost the scheduler 6 ms of its processor time."""
+_TRIES = 5
+"""How many schedulers may be lost one after the other without a result in between."""
+
+_CALM = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s",
+         "distributed.admin.system-monitor.interval": "2s", "distributed.worker.memory.monitor-interval": "1s"}
+"""Dask's watching of itself takes 5 % of a processor here and 3 % of each worker's as it is set, and 1 % so."""
+
+
+@contextlib.contextmanager
+def _interrupts_come_here_alone() -> Iterator[None]:
+    """Ctrl-C of a terminal reaches all processes of a program: threads and processes begun here do not take it."""
+    multiprocessing.resource_tracker.ensure_running()  # it would let the signal through again where it is begun
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Dask's own lines about lost connections are not shown: what matters of them is told by results and errors.
+
+    Nor is its warning of large messages, which tasks make that carry a golden log and a driver.
+    """
+    logger = logging.getLogger("distributed")
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Sending large graph")
+            yield
+    finally:
+        logger.setLevel(before)
+
+
+class Dask(Engine):
+    """On Dask workers, which see the same files under the same names and have this package.
+
+    Args:
+        address: Of a scheduler, as ``tcp://host:8786``; None for a cluster of this computer.
+        workers: Processes of a cluster of this computer.
+        return_s: How long the scheduler, or all workers, may be gone, s.
+    """
+
+    def __init__(self, address: Optional[str] = None, workers: int = 2, return_s: float = RETURN_S) -> None:
+        self._address = address
+        self._workers = workers
+        self._return_s = return_s
+
+    def run(self, function: BoundFunction, tasks: Iterable[LogTask], on_result: OnResult) -> None:
+        try:
+            distributed = importlib.import_module("distributed")
+        except ImportError:
+            raise MissingDependency("--dask needs the Python package distributed" if self._address is not None else
+                                    "several logs at a time need the Python package distributed: install it, or call "
+                                    "with --jobs 1") from None
+        with _quiet(), contextlib.ExitStack() as stack:
+            if self._address is None:
+                stack.enter_context(importlib.import_module("dask.config").set(_CALM))
+                with _interrupts_come_here_alone():
+                    cluster = stack.enter_context(distributed.LocalCluster(
+                        n_workers=self._workers, threads_per_worker=1, processes=True, host="127.0.0.1",
+                        dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL))
+                address = str(cluster.scheduler_address)
+            else:
+                address = self._address
+            _Run(distributed, address, self._return_s, function, tasks, on_result).run()
+
+
+class _Run:
+    """The tasks of one call."""
+
+    def __init__(self, distributed: Any, address: str, return_s: float, function: BoundFunction,
+                 tasks: Iterable[LogTask], on_result: OnResult) -> None:
+        self._distributed = distributed
+        self._address = address
+        self._return_s = return_s
+        self._function = function
+        self._waiting = iter(tasks)
+        self._on_result = on_result
+        self._lost: Deque[LogTask] = deque()
+        self._result_count = 0
+
+    def run(self) -> None:
+        """Do them, with as many schedulers one after the other as it takes."""
+        client = self._connect(CONNECT_S)
+        tries = 0
+        while True:
+            before = self._result_count
+            try:
+                self._work(client)
+            finally:
+                client.close()
+            if not self._lost:
+                return
+            tries = tries + 1 if self._result_count == before else 1
+            if tries > _TRIES:
+                raise BagError("the Dask scheduler %s was lost %d times" % (self._address, tries))
+            client = self._connect_again()
+
+    def _connect(self, timeout_s: float) -> Any:
+        try:
+            return self._distributed.Client(self._address, timeout=timeout_s, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise BagError("cannot reach the Dask scheduler %s: %s" % (self._address, error)) from error
+
+    def _connect_again(self) -> Any:
+        """A client of the scheduler that comes after one that is gone."""
+        end = time.monotonic() + self._return_s
+        while True:
+            try:
+                return self._connect(min(_LOOK_S, self._return_s))
+            except BagError:
+                if time.monotonic() > end:
+                    raise
+
+    def _work(self, client: Any) -> None:
+        """Do tasks until all are done, or the scheduler is lost and with it the tasks that it had."""
+        ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        running: Dict[str, Tuple[Any, LogTask]] = {}
+        is_lost = False
+        workers_seen = time.monotonic()
+        again, self._lost = self._lost, deque()
+        source = itertools.chain(_drained(again), self._waiting)
+        try:
+            while True:
+                while not is_lost and _IN_FLIGHT - len(running) >= min(_TOGETHER, _IN_FLIGHT):
+                    more = list(itertools.islice(source, min(_TOGETHER, _IN_FLIGHT)))
+                    if not more:
+                        break
+                    if client.status == "closed":  # it gave up while a result was taken
+                        is_lost = True
+                        self._lost.extend(more)
+                        break
+                    keys = ["log-" + uuid.uuid4().hex for _ in more]
+                    for future, task in zip(client.map(self._function, more, key=keys, pure=False), more):
+                        running[future.key] = (future, task)
+                        future.add_done_callback(ended.put)
+                if not running:
+                    return
+                try:
+                    future = ended.get(timeout=_LOOK_S)
+                except queue.Empty:
+                    workers_seen = self._look_for_workers(client, workers_seen)
+                    continue
+                workers_seen = time.monotonic()
+                _, task = running.pop(future.key)
+                result = self._fetch(future, task)
+                if result is None:
+                    is_lost = True
+                    self._lost.append(task)
+                    continue
+                self._result_count += 1
+                self._on_result(result)
+        except BaseException:
+            with contextlib.suppress(Exception):  # the scheduler may be the one that is gone
+                client.cancel([future for future, _ in running.values()], force=True)
+            raise
+        finally:
+            self._lost.extend(again)
+
+    def _fetch(self, future: Any, task: LogTask) -> Optional[LogResult]:
+        """The result of a task that has ended; None where the scheduler is gone and the result with it."""
+        wait_s = _LOOK_S
+        while not future.cancelled():
+            try:
+                result: LogResult = future.result(timeout=wait_s)
+                return result
+            except Exception as error:
+                if future.status == "error":
+                    return failure(task, "%s: %s" % (task.path, " ".join(str(error).split())))
+                if isinstance(error, self._distributed.TimeoutError):
+                    wait_s *= 2.0  # a large result, or one that is made again because the worker that had it died
+                elif isinstance(error, (self._distributed.CancelledError, OSError)):
+                    return None
+                else:
+                    raise
+        return None
+
+    def _look_for_workers(self, client: Any, seen: float) -> float:
+        """When a worker was seen last: now, or ``seen``.
+
+        Raises:
+            BagError: That is too long ago.
+        """
+        with contextlib.suppress(Exception):  # a scheduler that is gone shows by its tasks
+            if client.scheduler_info()["workers"]:
+                return time.monotonic()
+        if time.monotonic() - seen > self._return_s:
+            raise BagError("the Dask scheduler %s has no workers" % self._address)
+        return seen
+
+
+def _drained(tasks: Deque[LogTask]) -> Iterator[LogTask]:
+    while tasks:
+        yield tasks.popleft()

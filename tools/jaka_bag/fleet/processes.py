@@ -1,0 +1,63 @@
+"""Tasks in processes of this computer, by the standard library alone."""
+import multiprocessing
+import os
+import signal
+from typing import Any, Iterable, Optional
+
+from .tasks import BoundFunction, Engine, LogResult, LogTask, OnResult, failure
+
+
+class _Worker:
+    """What a worker process does with signals: the parent gets Ctrl-C and ends its workers by SIGTERM."""
+
+    is_at_work = False
+
+    @classmethod
+    def prepare(cls) -> None:
+        """Run in each worker when it starts."""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, cls._on_end)
+
+    @classmethod
+    def _on_end(cls, number: int, frame: Any) -> None:
+        if cls.is_at_work:
+            raise KeyboardInterrupt  # the half output is removed on the way
+        os._exit(1)
+
+    @classmethod
+    def work(cls, function: BoundFunction, task: LogTask) -> Optional[LogResult]:
+        """Do one task."""
+        cls.is_at_work = True
+        try:
+            return function(task)
+        except KeyboardInterrupt:
+            os._exit(1)  # tasks that wait are not begun
+        finally:
+            cls.is_at_work = False
+
+
+class Processes(Engine):
+    """In so many processes of this computer."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+
+    def run(self, function: BoundFunction, tasks: Iterable[LogTask], on_result: OnResult) -> None:
+        from concurrent.futures import ProcessPoolExecutor, as_completed
+        from concurrent.futures.process import BrokenProcessPool
+
+        with ProcessPoolExecutor(self._count, initializer=_Worker.prepare) as pool:
+            try:
+                futures = {pool.submit(_Worker.work, function, task): task for task in tasks}
+                for future in as_completed(futures):
+                    task = futures[future]
+                    try:
+                        result = future.result()
+                    except BrokenProcessPool:
+                        result = None
+                    on_result(result or failure(task, "%s: its process was killed" % task.path))
+            except KeyboardInterrupt:
+                # Without its processes the pool gives up the tasks that wait; it does not bear them to be cancelled.
+                for process in multiprocessing.active_children():
+                    process.terminate()
+                raise

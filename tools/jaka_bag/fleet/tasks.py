@@ -1,0 +1,160 @@
+"""One task a log, done by an engine: a function of a ``LogTask`` that gives a ``LogResult``.
+
+Nothing here knows Dask or Ray. A function of this shape gives the same result in this process, in processes of this
+computer, and on the workers of a cluster.
+"""
+import time
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple
+
+from .. import __version__
+from ..errors import JakaBagError
+from ..units import NS_PER_S
+
+DONE, SKIPPED, FAILED = "done", "skipped", "failed"
+
+
+class LogTask(NamedTuple):
+    """What to do with one log.
+
+    Attributes:
+        path: The log, as the workers name it.
+        settings: What the function needs besides; it is pickled once for each task, so it is small.
+    """
+
+    path: str
+    settings: Any = None
+
+
+class LogResult(NamedTuple):
+    """What became of a task.
+
+    Attributes:
+        path: The task's log.
+        status: ``DONE``, ``SKIPPED`` (there was nothing to do) or ``FAILED``.
+        reason: Why it failed or was skipped; what to know of one that is done.
+        size: Bytes of the log that were worked on.
+        messages: Messages that were worked on.
+        value: What the function found, picklable.
+        seconds: Wall time on the worker, s. The only attribute that differs between two runs of the same task.
+    """
+
+    path: str
+    status: str = DONE
+    reason: str = ""
+    size: int = 0
+    messages: int = 0
+    value: Any = None
+    seconds: float = 0.0
+
+
+LogFunction = Callable[[LogTask], LogResult]
+"""Work on one log: a function of a module, so that it can be pickled. It may raise ``JakaBagError`` and ``OSError``.
+
+It must bear to be called again with the same task, as after the death of a worker, also while the first call runs on.
+"""
+OnResult = Callable[[LogResult], None]
+
+
+class BoundFunction(NamedTuple):
+    """A function as it is sent to workers: failures become results; other versions of this package are refused.
+
+    Attributes:
+        function: The work.
+        version: Version of this package where the task was made.
+    """
+
+    function: LogFunction
+    version: str = __version__
+
+    def __call__(self, task: LogTask) -> LogResult:
+        """Do a task. What is a bug is a failure of this log, too: the other logs need not wait for its repair."""
+        if self.version != __version__:
+            return failure(task, "the worker has jaka_bag %s, this is %s" % (__version__, self.version))
+        begin = time.monotonic_ns()
+        try:
+            result = self.function(task)
+        except JakaBagError as error:
+            result = failure(task, " ".join(str(error).split()))
+        except OSError as error:
+            result = failure(task, "%s: %s" % (error.filename or task.path, error.strerror or error))
+        except Exception as error:
+            result = failure(task, "%s: %s (%s)" % (type(error).__name__, " ".join(str(error).split()), _place(error)))
+        return result._replace(seconds=(time.monotonic_ns() - begin) / NS_PER_S)
+
+
+def _place(error: BaseException) -> str:
+    """Where an exception was raised: file and line."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return "?" if trace is None else "%s:%d" % (trace.tb_frame.f_code.co_filename, trace.tb_lineno)
+
+
+def failure(task: LogTask, reason: str) -> LogResult:
+    """The result of a task that could not be done; the reason is one line."""
+    return LogResult(task.path, FAILED, reason)
+
+
+class Engine:
+    """Where tasks are done."""
+
+    def run(self, function: BoundFunction, tasks: Iterable[LogTask], on_result: OnResult) -> None:
+        """See ``run_tasks``."""
+        raise NotImplementedError
+
+
+class Serial(Engine):
+    """In this process, one after the other."""
+
+    def run(self, function: BoundFunction, tasks: Iterable[LogTask], on_result: OnResult) -> None:
+        for task in tasks:
+            on_result(function(task))
+
+
+def run_tasks(function: LogFunction, tasks: Iterable[LogTask], engine: Engine, on_result: OnResult) -> None:
+    """Do all tasks.
+
+    Args:
+        function: The work; see ``LogFunction``.
+        tasks: They are taken as there is room for them, a bounded number before their turn.
+        engine: Where.
+        on_result: Called in this thread, once for each task, in the order in which they end.
+
+    Raises:
+        BagError: The engine cannot be reached. Results that came before were told; later tasks are not done.
+        MissingDependency: The engine's package is not installed.
+        KeyboardInterrupt: The user ended it; tasks that wait are not begun.
+    """
+    engine.run(BoundFunction(function), tasks, on_result)
+
+
+class Tally:
+    """Counts results, and keeps the failed ones.
+
+    Attributes:
+        total: Tasks that there are.
+        counts: Results by status.
+        failed: Results that failed, as they came.
+        size: Bytes worked on.
+        messages: Messages worked on.
+    """
+
+    def __init__(self, total: int) -> None:
+        self.total = total
+        self.counts: Dict[str, int] = {DONE: 0, SKIPPED: 0, FAILED: 0}
+        self.failed: List[LogResult] = []
+        self.size = 0
+        self.messages = 0
+
+    def add(self, result: LogResult) -> None:
+        """One more."""
+        self.counts[result.status] += 1
+        self.size += result.size
+        self.messages += result.messages
+        if result.status == FAILED:
+            self.failed.append(result)
+
+    @property
+    def left(self) -> int:
+        """Tasks without a result: they were not begun, or not ended."""
+        return self.total - sum(self.counts.values())

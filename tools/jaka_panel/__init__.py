@@ -1,0 +1,16 @@
+"""The operator's panel: a page in a browser, to see running drivers and to hold them.
+
+It is a client of the drivers like any other: topics and services, nothing else.
+
+program    the program jaka_panel: options, start, end
+settings   what a user can set
+authority  who may move the arm, and while which heartbeats: pure, told events and the time
+record     what is kept to be shown: curves of the joints, alarms; pure
+graph      the drivers on the ROS graph: topics, services, descriptions
+plans      motions that are drawn before they are run: points, logs
+pages      HTTP, WebSockets, what each page is told and may ask for
+
+docs/panel.md describes it and the protocol between page and server.
+"""
+
+__version__ = "0.2.0"

@@ -1,0 +1,431 @@
+"""What one driver tells: the newest of what changes all the time, every one of what is an event.
+
+rospy calls back in threads of its own, which only put raw messages down here; they are read in the thread that asks
+(``state``, ``take_plots``, ``take_news``), as often as pages are told, and not for every message.
+"""
+import logging
+import math
+import struct
+import time
+from collections import deque
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+import rospy as untyped_rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from rosgraph_msgs.msg import Log
+from roslib import message as untyped_roslib
+
+from ..record.alarms import AlarmBook, event_of
+from ..record.history import Differences, History
+from . import raw_messages
+from .arms import Driver
+from .rotations import vector_from_quaternion, vector_from_rpy
+
+rospy: Any = untyped_rospy
+roslib_message: Any = untyped_roslib
+_LOG = logging.getLogger(__name__)
+
+STALE_S = 0.3
+"""s; joints that are older are not shown as new, and nobody jogs by them."""
+KEPT_CALLS = 50
+_LONGEST_TEXT = 2000
+_IO_PERIOD_S = 0.1
+_PENDING = 2000
+_BANKS = ("cabinet", "tool", "extension", "modbus_slave", "profinet_slave", "ethernet_ip_slave")
+_MODES = {2: "auto", 1: "manual"}
+_PROGRAM_STATES = {0: "idle", 1: "loading", 2: "paused", 3: "running"}
+_MOTION_STATES = {0: "accepted", 1: "completed", 2: "stopped"}
+_TRI = {0: False, 1: True}
+_DIAGNOSTIC_LEVELS = {Log.WARN: "warning", Log.ERROR: "error", Log.FATAL: "error"}
+_RAW = {"robot_states": "robot", "robot_status": "status", "tool_position": "tool", "wrench": "wrench",
+        "joint_temperatures": "temperature", "joint_currents": "current"}
+_STATUS_NAMES = ("e_stopped", "drives_powered", "motion_possible", "in_motion", "in_error")
+
+
+class Heard(NamedTuple):
+    """A raw message, and when it came, monotonic time, s."""
+
+    at: float
+    raw: bytes
+
+
+class Joints(NamedTuple):
+    """A sample of the joints: when it was taken, monotonic time, s; rad; rad/s or None, (6,) each."""
+
+    at: float
+    position: Tuple[float, ...]
+    velocity: Optional[Sequence[float]]
+
+
+class ArmFeed:
+    """The topics of one driver.
+
+    Attributes:
+        driver: As the master knows it.
+        alarms: Alarms and notes.
+        history: Curves of the joints, while somebody watches.
+        simulated: True, False, or None while it is not known.
+    """
+
+    def __init__(self, driver: Driver) -> None:
+        """Subscribe to what comes seldom; ``follow`` adds what comes 125 times a second."""
+        self.driver = driver
+        self.alarms = AlarmBook()
+        self.history = History()
+        self.simulated: Optional[bool] = None
+        self._heard: Dict[str, Heard] = {}
+        self._samples: Deque[Heard] = deque(maxlen=_PENDING)
+        self._errors: Deque[Heard] = deque(maxlen=_PENDING)
+        self._events: Deque[Callable[[], List[Dict[str, Any]]]] = deque(maxlen=_PENDING)
+        self._calls: Deque[Dict[str, Any]] = deque(maxlen=KEPT_CALLS)
+        self._call_count = 0
+        self._joints: Optional[Joints] = None
+        self._differences = Differences()
+        self._condition: Dict[str, Any] = {}
+        self._said: Dict[str, Dict[str, Any]] = {}
+        self._diagnostics_at = -1e9
+        self._io: Optional[Any] = None
+        self._io_at = 0.0
+        self._told_io_at = -1e9
+        self._clock_offset = 0.0
+        self._watched: Dict[str, Any] = {}
+        self._seldom: Dict[str, Any] = {
+            "/diagnostics": rospy.Subscriber("/diagnostics", DiagnosticArray, self._take_diagnostics, queue_size=20),
+            "/rosout_agg": rospy.Subscriber("/rosout_agg", Log, self._take_log, queue_size=200)}
+        self.follow(driver, False)
+
+    # ---- subscriptions ----
+
+    def follow(self, driver: Driver, is_watched: bool) -> None:
+        """The driver as the master knows it now, and whether what comes 125 times a second is wanted.
+
+        A driver that starts offers its topics one after the other: each is subscribed to when it is there.
+        """
+        self.driver = driver
+        for name, take in (("simulated", self._take_simulated), ("io_states", self._take_io),
+                           ("service_calls", self._take_call), ("program/state", self._take_program),
+                           ("motion_state", self._take_motion)):
+            topic = "%s/%s" % (driver.node, name)
+            kind = next((kind for published, kind in driver.topics if published == topic), None)
+            known = roslib_message.get_message_class(kind) if kind is not None and topic not in self._seldom else None
+            if known is not None:
+                self._seldom[topic] = rospy.Subscriber(topic, known, take, queue_size=200)
+        self._add_raw(self._seldom, "speed_scaling_factor", "speed")
+        if is_watched:
+            self._watch()
+        elif self._watched:
+            self._let_go(self._watched)
+
+    def _watch(self) -> None:
+        for topic, kept in ((self.driver.node + "/joint_position", self._samples),
+                            (self.driver.state_topic, self._errors)):
+            if topic is not None and topic not in self._watched:
+                self._watched[topic] = rospy.Subscriber(topic, rospy.AnyMsg, self._keep(kept), tcp_nodelay=True)
+        for name, key in _RAW.items():
+            self._add_raw(self._watched, name, key)
+
+    def close(self) -> None:
+        """Let go of all topics."""
+        self._let_go(self._watched)
+        self._let_go(self._seldom)
+
+    @staticmethod
+    def _let_go(subscribers: Dict[str, Any]) -> None:
+        for subscriber in subscribers.values():
+            subscriber.unregister()
+        subscribers.clear()
+
+    def _add_raw(self, subscribers: Dict[str, Any], name: str, key: str) -> None:
+        """Keep the newest message of a private topic under a key."""
+        topic = "%s/%s" % (self.driver.node, name)
+        if topic not in subscribers and self.driver.publishes(name):
+            def take(message: Any) -> None:
+                self._heard[key] = Heard(time.monotonic(), message._buff)
+            subscribers[topic] = rospy.Subscriber(topic, rospy.AnyMsg, take, queue_size=1, tcp_nodelay=True)
+
+    @staticmethod
+    def _keep(kept: Deque[Heard]) -> Callable[[Any], None]:
+        return lambda message: kept.append(Heard(time.monotonic(), message._buff))
+
+    # ---- what changes all the time: called by one thread ----
+
+    def read(self, now: float) -> Dict[str, Any]:
+        """Take what has come since the last time into the curves; the new part of them, as JSON has it.
+
+        Returns:
+            ``s``, ``q``, ``dq``, ``e`` as the message ``plot`` has them; empty lists where nothing has come.
+        """
+        self._clock_offset = rospy.get_rostime().to_sec() - now
+        errors = self._new_errors()
+        rows: List[Tuple[float, Sequence[float], Optional[Sequence[float]], Optional[Sequence[float]]]] = []
+        while self._samples:
+            heard = self._samples.popleft()
+            try:
+                stamp_ns, position, velocity = raw_messages.joint_state(heard.raw)
+            except (struct.error, IndexError):
+                continue
+            at = self._moment(stamp_ns, heard.at)
+            if position is None or (self._joints is not None and at <= self._joints.at):
+                continue  # the driver repeats the newest sample of a slow feed
+            speeds = velocity or self._differences.of(at, position)
+            self._joints = Joints(at, position, speeds)
+            error = errors.popleft()[1] if errors and errors[0][0] <= at else None
+            while errors and errors[0][0] <= at:
+                error = errors.popleft()[1]
+            rows.append((at, position, speeds, error))
+            self.history.add(at, (position, speeds, error))
+        return {"s": [round(row[0], 4) for row in rows],
+                **{name: [[None if row[n] is None else round(row[n][joint], 6) for row in rows]  # type: ignore[index]
+                          for joint in range(raw_messages.JOINTS)] for n, name in ((1, "q"), (2, "dq"), (3, "e"))}}
+
+    def _new_errors(self) -> Deque[Tuple[float, Tuple[float, ...]]]:
+        errors: Deque[Tuple[float, Tuple[float, ...]]] = deque()
+        while self._errors:
+            heard = self._errors.popleft()
+            self._heard["want"] = heard
+            try:
+                stamp_ns, _, error = raw_messages.controller_state(heard.raw)
+            except (struct.error, IndexError):
+                continue
+            if error is not None:
+                errors.append((self._moment(stamp_ns, heard.at), error))
+        return errors
+
+    def _moment(self, stamp_ns: int, heard_at: float) -> float:
+        """When a sample was stamped, monotonic time, s; not later than when it was heard."""
+        return min(heard_at, stamp_ns * 1e-9 - self._clock_offset)
+
+    @property
+    def joints(self) -> Optional[Joints]:
+        """The newest sample that was read."""
+        return self._joints
+
+    def is_alive(self, now: float) -> bool:
+        """Whether the driver has said something lately."""
+        return now - self._diagnostics_at < 5.0 or (self._joints is not None and now - self._joints.at < 5.0)
+
+    def tool(self, now: float) -> Optional[Dict[str, Any]]:
+        """The active tool's pose: ``p`` m, ``r`` rotation vector, ``frame``, ``age`` s."""
+        return self._of("tool", now, self._read_tool)
+
+    def state(self, now: float) -> Dict[str, Any]:
+        """The newest of everything, as the message ``state`` has it."""
+        joints = self._joints
+        age = None if joints is None else max(0.0, now - joints.at)
+        return {
+            "age": None if age is None else round(age, 4), "fresh": age is not None and age <= STALE_S,
+            "q": None if joints is None else _rounded(joints.position),
+            "dq": None if joints is None or joints.velocity is None else _rounded(joints.velocity),
+            "tool": self.tool(now), "robot": self._of("robot", now, _read_robot),
+            "status": self._of("status", now, self._read_status), **self._condition_now(now),
+            "speed": self._value("speed", raw_messages.number),
+            "want": self._of("want", now, self._read_want), "wrench": self._of("wrench", now, self._read_wrench),
+            "temperature": self._list("temperature"), "current": self._list("current")}
+
+    def _of(self, name: str, now: float, read: Callable[[Heard], Optional[Dict[str, Any]]]) -> Optional[Dict[str, Any]]:
+        heard = self._heard.get(name)
+        if heard is None:
+            return None
+        try:
+            shown = read(heard)
+        except (struct.error, IndexError):
+            return None
+        if shown is not None:
+            shown["age"] = round(max(0.0, now - shown.pop("at", heard.at)), 4)
+        return shown
+
+    def _value(self, name: str, read: Callable[[bytes], Any]) -> Any:
+        heard = self._heard.get(name)
+        try:
+            return None if heard is None else read(heard.raw)
+        except (struct.error, IndexError):
+            return None
+
+    def _list(self, name: str) -> Optional[List[float]]:
+        values = self._value(name, raw_messages.number_array)
+        return None if values is None else [round(value, 3) for value in values]
+
+    def _read_tool(self, heard: Heard) -> Dict[str, Any]:
+        interface = self.driver.interface
+        if interface == "vendor_2025":
+            head, values = raw_messages.pose(heard.raw)
+            place, turn = [0.001 * value for value in values[:3]], vector_from_quaternion(*values[3:])
+        else:
+            head, values = raw_messages.six_numbers(heard.raw)
+            place, turn = list(values[:3]), list(values[3:])
+            if interface == "vendor":
+                place, turn = [0.001 * value for value in place], vector_from_rpy([0.017453292519943295 * value
+                                                                                   for value in turn])
+        pose = {"p": _rounded(place), "r": _rounded(turn)}
+        base = self.driver.prefix + str(self.driver.parameter("base_frame", "base_link"))
+        return {**pose, "frame": head.frame_id, "base": pose if head.frame_id == base else None,
+                "at": self._moment(head.stamp_ns, heard.at)}
+
+    def _read_status(self, heard: Heard) -> Dict[str, Any]:
+        stamp_ns, values = raw_messages.robot_status(heard.raw)
+        flags = {name: _TRI.get(value) for name, value in zip(_STATUS_NAMES, values[1:6])}
+        return {"mode": _MODES.get(values[0]), **flags, "error_code": values[6], "at": self._moment(stamp_ns, heard.at)}
+
+    def _read_want(self, heard: Heard) -> Optional[Dict[str, Any]]:
+        stamp_ns, desired, error = raw_messages.controller_state(heard.raw)
+        if desired is None or error is None:
+            return None
+        return {"q": _rounded(desired), "e": _rounded(error), "at": self._moment(stamp_ns, heard.at)}
+
+    def _read_wrench(self, heard: Heard) -> Dict[str, Any]:
+        head, values = raw_messages.six_numbers(heard.raw)
+        return {"f": _rounded(values[:3]), "t": _rounded(values[3:]), "at": self._moment(head.stamp_ns, heard.at)}
+
+    def _condition_now(self, now: float) -> Dict[str, Any]:
+        """What /diagnostics tell of the arm; nothing of it while they are silent."""
+        names = ("owner", "enabled", "hand_guided", "tool_id", "user_id", "held_by")
+        known = self._condition if now - self._diagnostics_at < 3.0 else {}
+        return {("hand_guiding" if name == "hand_guided" else name): known.get(name) for name in names}
+
+    # ---- what changes rarely ----
+
+    def snapshot(self, now: float) -> List[Dict[str, Any]]:
+        """What a page is told when it begins to watch, besides ``state``."""
+        calls = {"t": "calls", "calls": list(self._calls)}
+        alarms = {"t": "alarms", "alarms": self.alarms.all()}
+        io = [] if self._io is None else [self._io_message(now)]
+        return [*self._said.values(), *io, alarms, calls]
+
+    def take_news(self, now: float) -> List[Dict[str, Any]]:
+        """What has changed since the last time, oldest first."""
+        news: List[Dict[str, Any]] = []
+        while self._events:
+            event = self._events.popleft()
+            try:
+                news += event()
+            except Exception:  # one message that cannot be read must not end the telling of all others
+                _LOG.exception("a message of %s", self.driver.node)
+        if self._io is not None and self._io_at > self._told_io_at and now - self._told_io_at >= _IO_PERIOD_S:
+            self._told_io_at = now
+            news.append(self._io_message(now))
+        news += self._status_event()
+        return news
+
+    def note(self, level: str, text: str) -> None:
+        """Put what this panel did among the alarms."""
+        self._events.append(lambda: self._alarm_news(self.alarms.note(time.time(), level, text, "panel")))
+
+    def _status_event(self) -> List[Dict[str, Any]]:
+        """The controller's event as ``~robot_status`` has it, earlier than /diagnostics."""
+        heard = self._heard.get("status")
+        if heard is None or time.monotonic() - heard.at > STALE_S:
+            return []
+        try:
+            _, values = raw_messages.robot_status(heard.raw)
+        except (struct.error, IndexError):
+            return []
+        number, text = self._condition.get("event", (0, ""))
+        if values[6] == 0:
+            return []  # notes and warnings are in /diagnostics alone
+        same = number & 0xFFFFFFFF == values[6] & 0xFFFFFFFF
+        return self._alarm_news(self.alarms.event(time.time(), values[6], text if same else "", True))
+
+    @staticmethod
+    def _alarm_news(alarms: List[Dict[str, Any]]) -> List[Dict[str, Any]]:
+        return [{"t": "alarm", "alarm": dict(alarm)} for alarm in alarms]
+
+    def _io_message(self, now: float) -> Dict[str, Any]:
+        io = self._io
+        assert io is not None
+        banks = {}
+        for name in _BANKS:
+            bank = getattr(io, name)
+            banks[name] = {"di": list(map(bool, bank.digital_inputs)), "do": list(map(bool, bank.digital_outputs)),
+                           "ai": _rounded(bank.analog_inputs), "ao": _rounded(bank.analog_outputs)}
+        return {"t": "io", "age": round(max(0.0, now - self._io_at), 3), "banks": banks,
+                "relays": list(map(bool, io.relays))}
+
+    # ---- rospy's threads ----
+
+    def _take_simulated(self, message: Any) -> None:
+        self.simulated = bool(message.data)
+
+    def _take_io(self, message: Any) -> None:
+        self._io, self._io_at = message, time.monotonic()
+
+    def _take_call(self, message: Any) -> None:
+        self._events.append(lambda: self._call_news(message))
+
+    def _call_news(self, message: Any) -> List[Dict[str, Any]]:
+        self._call_count += 1
+        call = {"n": self._call_count, "wall": round(message.header.stamp.to_sec(), 3), "service": message.service,
+                "name": message.service[len(self.driver.node) + 1:] if message.service.startswith(
+                    self.driver.node + "/") else message.service,
+                "type": message.service_type, "caller": message.caller,
+                "request": message.request_text[:_LONGEST_TEXT], "answer": message.response_text[:_LONGEST_TEXT],
+                "took": round(message.duration, 5), "ok": bool(message.success), "error": message.error[:_LONGEST_TEXT]}
+        self._calls.append(call)
+        return [{"t": "call", "call": call}]
+
+    def _take_program(self, message: Any) -> None:
+        self._events.append(lambda: self._changed("program", {
+            "state": _PROGRAM_STATES.get(message.state, "unknown"), "program": message.program,
+            "reason": message.reason}))
+
+    def _take_motion(self, message: Any) -> None:
+        self._events.append(lambda: [{"t": "motion", "id": message.id, "reason": message.reason,
+                                      "state": _MOTION_STATES.get(message.state, "stopped")}])
+
+    def _take_log(self, message: Any) -> None:
+        level = _DIAGNOSTIC_LEVELS.get(message.level)
+        if level is not None and message.name == self.driver.node:
+            wall = message.header.stamp.to_sec()
+            self._events.append(lambda: self._alarm_news(self.alarms.note(wall, level, message.msg, "driver")))
+
+    def _take_diagnostics(self, message: Any) -> None:
+        start = self.driver.node.lstrip("/") + ": "
+        mine = [status for status in message.status if status.name.startswith(start)]
+        if mine:
+            self._diagnostics_at = time.monotonic()
+            self._events.append(lambda: self._diagnostics_news(mine, len(start)))
+
+    def _diagnostics_news(self, statuses: List[Any], start: int) -> List[Dict[str, Any]]:
+        shown = [{"name": status.name[start:], "level": _level(status.level), "message": status.message,
+                  "values": [[value.key, value.value] for value in status.values]} for status in statuses]
+        values = {status["name"]: dict(status["values"]) for status in shown}
+        news: List[Dict[str, Any]] = []
+        state = values.get("controller state", {})
+        if state:
+            event = event_of(state.get("event", ""))
+            self._condition = {
+                "owner": state.get("motion owner"), "enabled": _true(state.get("enabled")),
+                "hand_guided": _true(state.get("hand guiding")), "tool_id": _whole(state.get("tool")),
+                "user_id": _whole(state.get("user frame")), "event": event,
+                "held_by": next((status["message"][len("held by "):] for status in shown
+                                 if status["name"] == "velocity jog" and status["message"].startswith("held by ")), "")}
+            is_alarm = any(status["name"] == "controller state" and status["level"] == 2 for status in shown)
+            news += self._alarm_news(self.alarms.event(time.time(), event[0], event[1], is_alarm))
+        return news + self._changed("diag", {"status": shown})
+
+    def _changed(self, name: str, content: Dict[str, Any]) -> List[Dict[str, Any]]:
+        before = self._said.get(name, {})
+        if all(before.get(key) == value for key, value in content.items()) and before:
+            return []
+        self._said[name] = {"t": name, "wall": round(time.time(), 3), **content}
+        return [self._said[name]]
+
+
+def _read_robot(heard: Heard) -> Dict[str, Any]:
+    return dict(zip(("motion", "power", "servo", "collision"), raw_messages.robot_states(heard.raw)))
+
+
+def _rounded(values: Sequence[float]) -> List[Optional[float]]:
+    """As JSON has them, which knows neither NaN nor infinity."""
+    return [round(value, 6) if math.isfinite(value) else None for value in values]
+
+
+def _level(level: Any) -> int:
+    return level[0] if isinstance(level, bytes) else int(level)
+
+
+def _true(text: Optional[str]) -> Optional[bool]:
+    return None if text is None else text == "True"
+
+
+def _whole(text: Optional[str]) -> Optional[int]:
+    return int(text) if text is not None and text.lstrip("-").isdigit() else None

@@ -1,0 +1,238 @@
+"""What a page may ask of a driver, as calls of its services: SI units in, whatever the interface of the driver has out.
+
+Poses of pages are x, y, z, m, and a rotation vector, rad.
+"""
+import math
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
+
+import rospy as untyped_rospy
+from roslib import message as untyped_roslib
+
+from .arms import Driver
+from .rotations import rpy_from_vector, vector_from_rpy
+
+rospy: Any = untyped_rospy
+roslib_message: Any = untyped_roslib
+
+BANKS = {"cabinet": 0, "tool": 1, "extension": 2}
+SHORT_S, LONG_S, MOTION_S = 10.0, 60.0, 86400.0
+_COLLISION_VALUES = {1: 25, 2: 50, 3: 75, 4: 100}
+_FAILURE = 9998.0
+_LONGEST_NAME = 100
+_READ_BACK = 1e-3
+_DEFAULT_JOINT_ACCELERATION = 2.0
+_DEFAULT_ACCELERATION = 0.5
+
+
+class WrongRequest(ValueError):
+    """A page asks for something that cannot be understood; the text says what is valid."""
+
+
+class Outcome(NamedTuple):
+    """How a call ended: as the driver tells it, and what the page gets besides."""
+
+    ok: bool
+    message: str
+    data: Optional[Dict[str, Any]] = None
+
+
+class Request(NamedTuple):
+    """What a page may ask for.
+
+    Attributes:
+        perform: Carries it out, in a thread that may wait; raises WrongRequest.
+        timeout: s.
+        needs_control: Else everybody may.
+        is_motion: It moves the arm, and is stopped where its page goes away.
+    """
+
+    perform: Callable[[Driver, Mapping[str, Any]], Outcome]
+    timeout: float = SHORT_S
+    needs_control: bool = True
+    is_motion: bool = False
+
+
+def _call(driver: Driver, name: str, kind: str, /, **fields: Any) -> Any:
+    service = roslib_message.get_service_class(kind)
+    if service is None:
+        raise WrongRequest("the service type %s is not installed" % kind)
+    try:
+        return rospy.ServiceProxy("%s/%s" % (driver.node, name), service)(**fields)
+    except rospy.ServiceException as error:
+        raise WrongRequest("%s/%s: %s" % (driver.node, name, error)) from error
+
+
+def _told(response: Any) -> Outcome:
+    """ret or success, and message."""
+    ok = response.ret == 1 if hasattr(response, "ret") else bool(response.success)
+    return Outcome(ok, str(response.message))
+
+
+# ---- fields of a page's request ----
+
+def number(args: Mapping[str, Any], name: str, default: Optional[float] = None) -> float:
+    """A finite number; raises WrongRequest."""
+    value = args.get(name, default)
+    if value is None or type(value) not in (int, float) or not math.isfinite(value):
+        raise WrongRequest("%s must be a number" % name)
+    return float(value)
+
+
+def whole(args: Mapping[str, Any], name: str, low: int = 0, high: int = 32767) -> int:
+    """A whole number within a range; raises WrongRequest."""
+    value = args.get(name)
+    if type(value) is not int or not low <= value <= high:
+        raise WrongRequest("%s must be a whole number within %d to %d" % (name, low, high))
+    return value
+
+
+def flag(args: Mapping[str, Any], name: str) -> bool:
+    """True or false; raises WrongRequest."""
+    value = args.get(name)
+    if type(value) is not bool:
+        raise WrongRequest("%s must be true or false" % name)
+    return value
+
+
+def text(args: Mapping[str, Any], name: str, choices: Optional[Sequence[str]] = None) -> str:
+    """A text, one of the choices where there are some; raises WrongRequest."""
+    value = args.get(name)
+    if not isinstance(value, str) or len(value) > _LONGEST_NAME or (choices is not None and value not in choices):
+        raise WrongRequest("%s must be %s" % (name, "one of " + ", ".join(choices) if choices is not None
+                                              else "a text of at most %d characters" % _LONGEST_NAME))
+    return value
+
+
+def numbers(args: Mapping[str, Any], name: str, count: int) -> List[float]:
+    """So many finite numbers; raises WrongRequest."""
+    values = args.get(name)
+    if not isinstance(values, list) or len(values) != count:
+        raise WrongRequest("%s must be %d numbers" % (name, count))
+    return [number({name: value}, name) for value in values]
+
+
+def _pose(args: Mapping[str, Any]) -> List[float]:
+    """x y z, mm, and a rotation vector, rad."""
+    return [1000.0 * value for value in numbers(args, "p", 3)] + numbers(args, "r", 3)
+
+
+# ---- what is asked for ----
+
+def _switch(name: str) -> Callable[[Driver, Mapping[str, Any]], Outcome]:
+    return lambda driver, args: _told(_call(driver, name, "std_srvs/SetBool", data=flag(args, "on")))
+
+
+def _trigger(name: str) -> Callable[[Driver, Mapping[str, Any]], Outcome]:
+    return lambda driver, args: _told(_call(driver, name, "std_srvs/Trigger"))
+
+
+def _clear_err(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    return _told(_call(driver, "clear_err", "jaka_msgs/ClearErr"))
+
+
+def _speed(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    return _told(_call(driver, "set_speed_slider", "jaka_msgs/SetSpeedSlider",
+                       speed_slider_fraction=number(args, "fraction")))
+
+
+def _set_output(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    signal, bank = text(args, "signal", ("digital", "analog")), BANKS[text(args, "bank", tuple(BANKS))]
+    value = args.get("value")
+    wanted = float(value) if type(value) is bool else number(args, "value")
+    index = whole(args, "index")
+    done = _told(_call(driver, "set_io", "jaka_msgs/SetIO", signal=signal, type=bank, index=index, value=wanted))
+    read = _call(driver, "get_io", "jaka_msgs/GetIO", signal=signal, path=1, type=bank, index=index)
+    if read.message.startswith("error:"):
+        return Outcome(False, done.message if not done.ok else read.message)
+    is_same = (read.value != 0.0) == (wanted != 0.0) if signal == "digital" else (
+        abs(read.value - wanted) <= _READ_BACK * max(1.0, abs(wanted)))
+    shown = bool(read.value) if signal == "digital" else round(read.value, 6)
+    return Outcome(done.ok and is_same, done.message if is_same else "read back %s" % shown, {"value": shown})
+
+
+def _get_io(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    signal = text(args, "signal", ("digital", "analog"))
+    read = _call(driver, "get_io", "jaka_msgs/GetIO", signal=signal,
+                 path=("input", "output").index(text(args, "direction", ("input", "output"))),
+                 type=BANKS[text(args, "bank", tuple(BANKS))], index=whole(args, "index"))
+    if read.message.startswith("error:"):
+        return Outcome(False, read.message)
+    return Outcome(True, read.message, {"value": bool(read.value) if signal == "digital" else round(read.value, 6)})
+
+
+def _tool_frame(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    return _told(_call(driver, "set_toolframe", "jaka_msgs/SetTcpFrame", pose=_pose(args),
+                       tool_num=whole(args, "number")))
+
+
+def _user_frame(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    return _told(_call(driver, "set_userframe", "jaka_msgs/SetUserFrame", pose=_pose(args),
+                       user_num=whole(args, "number")))
+
+
+def _payload(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    x, y, z = (1000.0 * value for value in numbers(args, "centre", 3))
+    return _told(_call(driver, "set_payload", "jaka_msgs/SetPayload", tool_num=whole(args, "tool"),
+                       mass=number(args, "mass"), xc=x, yc=y, zc=z))
+
+
+def _collision(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    level = whole(args, "level", 0, 4)
+    return _told(_call(driver, "set_collisionlevel", "jaka_msgs/SetCollision", is_enable=level > 0,
+                       value=_COLLISION_VALUES.get(level, _COLLISION_VALUES[1])))
+
+
+def _joint_move(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    return _told(_call(driver, "joint_move", "jaka_msgs/Move", pose=numbers(args, "q", 6),
+                       mvvelo=number(args, "speed"), mvacc=number(args, "acc", _DEFAULT_JOINT_ACCELERATION)))
+
+
+def _linear_move(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    pose = _pose(args)
+    if driver.interface == "vendor":  # of 2024: ends at the inverse of the vector's rotation
+        pose[3:] = [-value for value in pose[3:]]
+    elif driver.interface == "vendor_2025":
+        pose[3:] = rpy_from_vector(pose[3:])
+    return _told(_call(driver, "linear_move", "jaka_msgs/Move", pose=pose, mvvelo=1000.0 * number(args, "speed"),
+                       mvacc=1000.0 * number(args, "acc", _DEFAULT_ACCELERATION)))
+
+
+def _failed(values: Sequence[float]) -> bool:
+    return len(values) != 6 or not all(map(math.isfinite, values)) or all(value > _FAILURE for value in values)
+
+
+def _fk(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    response = _call(driver, "get_fk", "jaka_msgs/GetFK", joint=numbers(args, "q", 6))
+    pose = list(response.cartesian_pose)
+    if _failed(pose):
+        return Outcome(False, str(response.message))
+    return Outcome(True, str(response.message), {"p": [0.001 * value for value in pose[:3]],
+                                                 "r": vector_from_rpy(pose[3:])})
+
+
+def _ik(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    pose = _pose(args)
+    response = _call(driver, "get_ik", "jaka_msgs/GetIK", ref_joint=numbers(args, "near", 6),
+                     cartesian_pose=pose[:3] + rpy_from_vector(pose[3:]))
+    joints = list(response.joint)
+    return Outcome(False, str(response.message)) if _failed(joints) else Outcome(
+        True, str(response.message), {"q": joints})
+
+
+def _program_load(driver: Driver, args: Mapping[str, Any]) -> Outcome:
+    return _told(_call(driver, "program/load", "jaka_msgs/LoadProgram", name=text(args, "name")))
+
+
+REQUESTS: Dict[str, Request] = {
+    "power": Request(_switch("power"), LONG_S), "enable": Request(_switch("enable"), LONG_S),
+    "drag": Request(_switch("drag_mode")), "recover": Request(_trigger("recover"), LONG_S),
+    "clear_err": Request(_clear_err), "pause": Request(_trigger("pause")),
+    "resume": Request(_trigger("resume"), is_motion=True), "zero_force": Request(_trigger("zero_ftsensor")),
+    "speed": Request(_speed), "set_output": Request(_set_output), "get_io": Request(_get_io, needs_control=False),
+    "tool_frame": Request(_tool_frame), "user_frame": Request(_user_frame), "payload": Request(_payload),
+    "collision": Request(_collision), "joint_move": Request(_joint_move, MOTION_S, is_motion=True),
+    "linear_move": Request(_linear_move, MOTION_S, is_motion=True), "fk": Request(_fk, needs_control=False),
+    "ik": Request(_ik, needs_control=False), "program_load": Request(_program_load),
+    "program_play": Request(_trigger("program/play")), "program_pause": Request(_trigger("program/pause")),
+    "program_resume": Request(_trigger("program/resume")), "program_stop": Request(_trigger("program/stop"))}
+"""By the name that pages use."""

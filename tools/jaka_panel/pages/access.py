@@ -1,0 +1,85 @@
+"""Who may ask. A page of another site, which a browser opens beside ours, must neither read nor move anything.
+
+Such a page can have the browser call this address (its Origin tells), or call its own name and let that name lead here
+(its Host tells: DNS rebinding). There are no cookies; the token is in a message, which only our own page can send.
+"""
+import hmac
+import ipaddress
+from typing import Mapping, Optional, Sequence
+from urllib.parse import urlsplit
+
+from aiohttp import web
+
+from ..settings import Settings, is_loopback
+
+CONTENT_SECURITY_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; font-src 'self'; "
+    "connect-src 'self'; manifest-src 'self'; worker-src 'self' blob:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'")
+HEADERS = {
+    "Content-Security-Policy": CONTENT_SECURITY_POLICY, "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer", "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin", "Server": "jaka_panel",
+    "Permissions-Policy": "camera=(), microphone=(), geolocation=()"}
+_SAME = ("same-origin", "none")
+
+
+class Access:
+    """The rules of one server."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._is_loopback = settings.is_loopback
+        self._names = {name.lower() for name in settings.names}
+        self._scheme = settings.scheme
+        self._token = settings.token
+
+    def refusal(self, headers: Mapping[str, str], is_socket: bool, is_page: bool = False) -> Optional[str]:
+        """Why a request is refused, None where it is not.
+
+        Args:
+            headers: Of the request, one value a name, whatever the case of the name.
+            is_socket: It opens a WebSocket, or posts: then it must have an Origin.
+            is_page: It asks for the page itself, to which a link of another site may lead.
+        """
+        host = headers.get("Host", "")
+        name = _name_of("//" + host)
+        if name is None or not self._is_allowed(name):
+            return "Host %.100r is not a name of this panel" % host
+        origin = headers.get("Origin")
+        if origin is None and is_socket:
+            return "no Origin"
+        if origin is not None and origin.lower() != "%s://%s" % (self._scheme, host.lower()):
+            return "Origin %.100r is another site" % origin
+        site = headers.get("Sec-Fetch-Site", "none")
+        if site not in _SAME and not (is_page and headers.get("Sec-Fetch-Mode") == "navigate"):
+            return "a page of another site asks"
+        return None
+
+    def _is_allowed(self, name: str) -> bool:
+        if is_loopback(name) or name in self._names:
+            return True
+        if self._is_loopback:
+            return False
+        try:
+            ipaddress.ip_address(name)  # no name server can lead an address elsewhere
+        except ValueError:
+            return False
+        return True
+
+    def is_token(self, given: object) -> bool:
+        """Whether this is the token, in a time that tells nothing of it."""
+        return isinstance(given, str) and hmac.compare_digest(given.encode("utf-8", "replace"), self._token.encode())
+
+
+def _name_of(url: str) -> Optional[str]:
+    try:
+        parts = urlsplit(url)
+        is_plain = parts.username is None and not parts.path and (parts.port is None or parts.port > 0)
+        return parts.hostname if is_plain else None
+    except ValueError:
+        return None
+
+
+def sent_twice(request: web.Request, names: Sequence[str]) -> bool:
+    """Whether a header that decides stands there more than once."""
+    return any(len(request.headers.getall(name, [])) > 1 for name in names)

@@ -1,0 +1,130 @@
+"""What a page may ask for beside jog and stop: services of the driver, plans, the simulated controller's own panel."""
+import functools
+import threading
+import time
+from typing import Any, Awaitable, Callable, Dict, Mapping, NamedTuple, Optional
+
+from ..graph import trajectories
+from ..graph.calls import NoAnswer, TooManyCalls
+from ..graph.requests import MOTION_S, REQUESTS, Outcome, WrongRequest, number, text
+from ..plans.point_plan import WrongPlan, plan_of_points
+from ..plans.shelf import LOG_TIMEOUT_S
+from . import simulator_link
+from .arm_desk import ArmDesk
+from .hub import Hub
+from .session import Session
+
+_SLOWEST_LOG, _FASTEST_LOG = 0.05, 1.0
+_SLOWEST_JOG = 0.01
+Args = Mapping[str, Any]
+Perform = Callable[[Hub, Session, Any, Args], Awaitable[Outcome]]
+
+
+class Command(NamedTuple):
+    """A command of a page.
+
+    Attributes:
+        perform: Carries it out; raises WrongRequest, WrongPlan, NoAnswer, TooManyCalls, OSError.
+        needs_control: Else the token is enough.
+        needs_arm: It is for one arm.
+    """
+
+    perform: Perform
+    needs_control: bool = True
+    needs_arm: bool = True
+
+
+async def answer_to(hub: Hub, page: Session, message: Args) -> Outcome:
+    """Carry out a command that the page may ask for; whatever goes wrong is told in the outcome."""
+    command = COMMANDS[str(message.get("cmd"))]
+    args = message.get("args", {})
+    desk = hub.arms.get(str(message.get("arm")))
+    if not isinstance(args, dict):
+        return Outcome(False, "args must be an object")
+    if command.needs_arm and desk is None:
+        return Outcome(False, "no such arm")
+    try:
+        outcome: Outcome = await command.perform(hub, page, desk, args)
+        return outcome
+    except (WrongRequest, WrongPlan, NoAnswer, TooManyCalls, OSError) as error:
+        return Outcome(False, str(error))
+
+
+async def _service(name: str, hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Outcome:
+    request = REQUESTS[name]
+    if request.is_motion:
+        page.begins_motion(desk.driver.node, time.monotonic())
+    try:
+        outcome: Outcome = await hub.calls.run(lambda: request.perform(desk.driver, args), request.timeout)
+        return outcome
+    finally:
+        if request.is_motion:
+            page.ends_motion(desk.driver.node, time.monotonic())
+
+
+async def _jog_speed(hub: Hub, page: Session, desk: Optional[ArmDesk], args: Args) -> Outcome:
+    fraction = number(args, "fraction")
+    if not _SLOWEST_JOG <= fraction <= hub.settings.jog_fraction:
+        return Outcome(False, "fraction must be within %g to %g" % (_SLOWEST_JOG, hub.settings.jog_fraction))
+    hub.set_jog_fraction(fraction)
+    return Outcome(True, "", {"fraction": fraction})
+
+
+async def _plan_points(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Outcome:
+    plan = plan_of_points(args.get("points"), desk.joint_limits)
+    return Outcome(True, "", plan.shown(hub.shelf.put(desk.driver.node, plan)))
+
+
+async def _plan_log(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Outcome:
+    factor = number(args, "speed", 1.0)
+    if not _SLOWEST_LOG <= factor <= _FASTEST_LOG:
+        return Outcome(False, "speed must be within %g to %g" % (_SLOWEST_LOG, _FASTEST_LOG))
+    about, name = desk.description, text(args, "file")
+    if about is None:
+        return Outcome(False, "the arm's description is not known")
+    urdf = about.text
+    plan = await hub.calls.run(lambda: hub.logs.plan(name, factor, urdf), LOG_TIMEOUT_S + 1.0)
+    return Outcome(True, "", plan.shown(hub.shelf.put(desk.driver.node, plan)))
+
+
+async def _plan_run(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Outcome:
+    plan = hub.shelf.get(desk.driver.node, args.get("plan"))
+    action, joints = desk.driver.action, desk.feed.joints
+    if action is None:
+        return Outcome(False, "the driver takes no trajectories")
+    problem = trajectories.away_from_start(plan, None if desk.place(time.monotonic()) is None or joints is None
+                                           else joints.position)
+    if problem is not None:
+        return Outcome(False, problem)
+    cancelled = threading.Event()
+    desk.cancels.add(cancelled)
+    page.begins_motion(desk.driver.node, time.monotonic())
+    try:
+        outcome: Outcome = await hub.calls.run(lambda: trajectories.run(action, plan, cancelled), MOTION_S)
+        return outcome
+    finally:
+        page.ends_motion(desk.driver.node, time.monotonic())
+        desk.cancels.discard(cancelled)
+
+
+async def _logs(hub: Hub, page: Session, desk: Optional[ArmDesk], args: Args) -> Outcome:
+    return Outcome(True, "", {"logs": hub.logs.entries()})
+
+
+async def _simulator(hub: Hub, page: Session, desk: ArmDesk, args: Args) -> Outcome:
+    action = text(args, "action", simulator_link.ACTIONS)
+    if not desk.has_simulator or desk.feed.simulated is not True:
+        return Outcome(False, "this arm's controller is no simulated one whose panel can be reached")
+    if action not in simulator_link.READING and hub.control.holder != page.id:
+        return Outcome(False, "this needs control")
+    answer = await simulator_link.ask(desk.simulator_port, args)
+    ok = answer.pop("ok", False) is True
+    return Outcome(ok, str(answer.pop("error", "")), answer)
+
+
+COMMANDS: Dict[str, Command] = {
+    **{name: Command(functools.partial(_service, name), request.needs_control) for name, request in REQUESTS.items()},
+    "jog_speed": Command(_jog_speed, needs_arm=False), "plan_points": Command(_plan_points),
+    "plan_log": Command(_plan_log), "plan_run": Command(_plan_run),
+    "logs": Command(_logs, needs_control=False, needs_arm=False), "sim": Command(_simulator, needs_control=False)}
+"""By the name that pages use."""

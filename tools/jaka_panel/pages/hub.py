@@ -1,0 +1,345 @@
+"""Arms and pages: states to the pages, control, jog and stop."""
+import asyncio
+import json
+import logging
+import time
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Dict, List, Optional, Set
+
+from ..authority.control import Control
+from ..authority.jog_hold import (
+    FRACTION,
+    MISSED_S,
+    PERIOD_S,
+    SEEN_S,
+    Heartbeat,
+    JogHold,
+    Velocity,
+)
+from ..graph.arms import ArmFinder, Driver
+from ..graph.calls import Calls
+from ..plans.shelf import LogFolder, Shelf
+from ..settings import Settings
+from . import simulator_link
+from .arm_desk import ArmDesk
+from .session import Session
+
+_LOG = logging.getLogger(__name__)
+RATE = 30.0
+LOOK_S = 2.0
+SILENT_S = 3.0
+_JOG_LOOK_S = 0.02
+
+
+class Hub:
+    """What all pages share. Everything but ``_look`` runs in the event loop.
+
+    Attributes:
+        settings: What the user has set.
+        arms: By the names of their drivers.
+        pages: The pages that have said hello.
+        control: Who has control.
+        jog: The button that is held.
+        calls: Calls of services.
+        shelf: Plans.
+        logs: Folder of logs.
+        connections: Of pages, also of those that have not said hello yet.
+    """
+
+    def __init__(self, settings: Settings, finder: ArmFinder) -> None:
+        self.settings = settings
+        self.arms: Dict[str, ArmDesk] = {}
+        self.pages: Dict[str, Session] = {}
+        self.control = Control()
+        self.jog = JogHold(self._say, self.tell)
+        self.calls = Calls()
+        self.shelf = Shelf()
+        self.logs = LogFolder(settings.logs)
+        self._finder = finder
+        self._graph = ThreadPoolExecutor(1, "graph")
+        self._looks: Optional[asyncio.Event] = None
+        self._told_arms = ""
+        self.connections = 0
+        self._count = 0
+        self._tasks: Set[asyncio.Task[Any]] = set()
+        self._jog_timer: Optional[asyncio.TimerHandle] = None
+
+    # ---- begin and end ----
+
+    def start(self) -> None:
+        """Begin, in the loop."""
+        self._looks = asyncio.Event()
+        for work in (self._tick_for_ever(), self._look_for_ever(), self._ask_simulators_for_ever()):
+            self.spawn(work)
+
+    def spawn(self, work: Any) -> "asyncio.Task[Any]":
+        """Run a coroutine; what it raises is logged."""
+        task: asyncio.Task[Any] = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._ended)
+        return task
+
+    def _ended(self, task: "asyncio.Task[Any]") -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and task.exception() is not None:
+            _LOG.error("a task failed", exc_info=task.exception())
+
+    async def close(self) -> None:
+        """End every jog, stop what pages have set in motion, let go of the drivers."""
+        self.jog.end("the panel ends")
+        await asyncio.gather(*(self._stop_motions(page) for page in list(self.pages.values())), return_exceptions=True)
+        for page in list(self.pages.values()):
+            await page.end(1001, "the panel ends")
+        for task in list(self._tasks):
+            task.cancel()
+        for desk in self.arms.values():
+            desk.close()
+        self._graph.shutdown(wait=False)
+
+    # ---- pages ----
+
+    def next_page(self) -> str:
+        """An id that no page had before."""
+        self._count += 1
+        return "p%d" % self._count
+
+    def welcome(self, page: Session) -> Dict[str, Any]:
+        """A page has said hello; what it is told."""
+        self.pages[page.id] = page
+        now = time.monotonic()
+        return {"t": "welcome", "v": 1, "page": page.id, "may": "command" if page.may_command else "watch",
+                "why": page.why, "read_only": self.settings.read_only, "now": round(now, 4),
+                "wall": round(time.time(), 3), "version": page.version, "rate": int(RATE),
+                "jog": {"period": PERIOD_S, "valid": SEEN_S, "missed": MISSED_S, "fraction": self.jog.fraction,
+                        "max_fraction": self.settings.jog_fraction},
+                "control": self._control_for(page), "logs": self.logs.folder is not None, "arms": self._arms(now)}
+
+    def leave(self, page: Session) -> None:
+        """A page has gone: what it holds ends, what it has set in motion is stopped."""
+        if self.pages.pop(page.id, None) is None:
+            return
+        self._end_jog_of(page.id, "the page has gone")
+        self.jog.forget(page.id)
+        before = self.control.holder
+        if self.control.leave(page.id):
+            self._control_changed(before)
+        self.spawn(self._stop_motions(page))
+
+    async def _stop_motions(self, page: Session) -> None:
+        for arm in page.motions():
+            desk = self.arms.get(arm)
+            if desk is not None:
+                desk.feed.note("warning", "the page that moved the arm has gone: stopped")
+                await self.stop(arm)
+
+    def tell(self, page: str, message: Dict[str, Any]) -> None:
+        """A message to one page; one that has gone is told nothing."""
+        if page in self.pages:
+            self.pages[page].send(message)
+
+    def tell_all(self, message: Dict[str, Any]) -> None:
+        """A message to all pages."""
+        text = json.dumps(message)
+        for page in list(self.pages.values()):
+            page.send_text(text)
+
+    def watch(self, page: Session) -> None:
+        """A page has said which arms it watches: it is told all that is known of them."""
+        now = time.monotonic()
+        for arm in page.watched:
+            desk = self.arms.get(arm)
+            if desk is None:
+                continue
+            state = desk.next_state(now, True)
+            for message in [state, *desk.named(desk.feed.snapshot(now))]:
+                if message is not None:
+                    page.send(message)
+        if self._looks is not None:
+            self._looks.set()
+
+    # ---- control ----
+
+    def take_control(self, page: Session) -> bool:
+        """A page wants control; False where the holder is asked first."""
+        before = self.control.holder
+        taken = self.control.take(page.id, time.monotonic())
+        if not taken or before != page.id:
+            self._control_changed(before)
+        return taken
+
+    def answer_control(self, page: Session, give: bool) -> None:
+        """The holder answers who had asked."""
+        before, asker = self.control.holder, self.control.answer(page.id, give)
+        if asker is not None:
+            if not give:
+                self.tell(asker, {"t": "error", "code": "control_refused", "message": "%s keeps control" % page.name})
+            self._control_changed(before)
+
+    def release_control(self, page: Session) -> None:
+        """A page gives control back."""
+        before = self.control.holder
+        if self.control.leave(page.id):
+            self._control_changed(before)
+
+    def _control_changed(self, before: Optional[str] = None) -> None:
+        """Tell all; where control has changed hands, what the other hand held ends first."""
+        if before is None or self.control.holder != before:
+            self._end_jog_of(None, "control lost")
+            self.set_jog_fraction(min(FRACTION, self.settings.jog_fraction))
+            holder = self.pages.get(self.control.holder or "")
+            for desk in self.arms.values():
+                desk.feed.note("info", "nobody has control" if holder is None else "control: %s" % holder.name)
+        for page in list(self.pages.values()):
+            page.send({"t": "control", **self._control_for(page)})
+
+    def _control_for(self, page: Session) -> Dict[str, Any]:
+        holder, asked = self.pages.get(self.control.holder or ""), self.control.asked
+        asker = self.pages.get(asked.page) if asked is not None else None
+        return {"holder": None if holder is None else {"page": holder.id, "name": holder.name},
+                "you": self.control.holder == page.id,
+                "asked": None if asked is None or asker is None else {
+                    "page": asker.id, "name": asker.name, "until": round(asked.until, 3)}}
+
+    def set_jog_fraction(self, fraction: float) -> None:
+        """The share of the driver's jog limits from now on."""
+        self.jog.fraction = fraction
+        self.tell_all({"t": "jog_speed", "fraction": fraction})
+
+    # ---- jog and stop ----
+
+    def heartbeat(self, page: Session, beat: Heartbeat, lateness: float) -> None:
+        """A heartbeat of the page that has control."""
+        now = time.monotonic()
+        desk = self.arms[beat.arm]
+        self.jog.heartbeat(page.id, beat, lateness, desk.place(now), desk.limits, now)
+        if self.jog.arm is not None and self._jog_timer is None:
+            self._jog_timer = asyncio.get_event_loop().call_later(_JOG_LOOK_S, self._look_at_jog)
+
+    def _look_at_jog(self) -> None:
+        """Look whether heartbeats still come, as long as something is held."""
+        self._jog_timer = None
+        arm = self.jog.arm
+        if arm is None:
+            return
+        self.jog.tick(time.monotonic())
+        if self.jog.arm is None:
+            self.arms[arm].feed.note("warning", "the jog has ended: its heartbeats did not come")
+        else:
+            self._jog_timer = asyncio.get_event_loop().call_later(_JOG_LOOK_S, self._look_at_jog)
+
+    def _end_jog_of(self, page: Optional[str], why: str) -> None:
+        """End the hold, of this page or of any."""
+        if page is None or page == self.control.holder:
+            self.jog.end(why)
+
+    def _say(self, velocity: Velocity) -> None:
+        desk = self.arms.get(velocity.arm)
+        if desk is not None:
+            desk.jog.say(velocity.space, velocity.values)
+
+    async def stop(self, arm: Optional[str]) -> str:
+        """Stop one arm, or all; empty when all have stopped, else which did not say so."""
+        self.jog.end("stopped", arm)
+        desks = [self.arms[arm]] if arm is not None else list(self.arms.values())
+        for desk in desks:
+            desk.cancel()
+        errors = await asyncio.gather(*(desk.stopper.stop() for desk in desks))
+        return "; ".join("%s: %s" % (desk.driver.node, error) for desk, error in zip(desks, errors) if error)
+
+    # ---- over and over ----
+
+    async def _tick_for_ever(self) -> None:
+        due = time.monotonic()
+        while True:
+            due = max(due + 1.0 / RATE, time.monotonic())
+            await asyncio.sleep(due - time.monotonic())
+            try:
+                self._tick(time.monotonic())
+            except Exception:  # whatever it was, pages are told on, and who is silent is let go
+                _LOG.exception("a tick failed")
+
+    def _tick(self, now: float) -> None:
+        watched = {arm for page in self.pages.values() for arm in page.watched}
+        for arm, desk in self.arms.items():
+            readers = [page for page in self.pages.values() if arm in page.watched]
+            for message in desk.named(desk.feed.take_news(now)):
+                _send_all(readers, message)
+            plot = desk.next_plot(now)
+            if arm not in watched:
+                continue
+            if plot is not None:
+                _send_all([page for page in readers if page.plots], plot)
+            state = desk.next_state(now)
+            if state is not None:
+                text = json.dumps(state)
+                for page in readers:
+                    page.send_state(arm, text, now)
+        before = self.control.holder
+        if self.control.tick(now):
+            self._control_changed(before)
+        for page in list(self.pages.values()):
+            for arm in page.motions():
+                page.note_motion(arm, arm in self.arms and self.arms[arm].is_moving(now), now)
+            page.look_at_motions(now)
+            why = "silent" if now - page.heard_at > SILENT_S else "too slow" if page.is_too_slow else ""
+            if why:
+                self.leave(page)
+                self.spawn(page.end(1001 if why == "silent" else 1008, why))
+
+    async def _look_for_ever(self) -> None:
+        assert self._looks is not None
+        loop = asyncio.get_event_loop()
+        while True:
+            self._looks.clear()
+            watched = {arm for page in self.pages.values() for arm in page.watched}
+            try:
+                self.arms.update(await loop.run_in_executor(self._graph, self._look, dict(self.arms), watched))
+                self._tell_arms()
+            except Exception:  # such as a master that has gone in the middle of it; the next look may be better
+                _LOG.exception("a look at the ROS graph failed")
+            try:
+                await asyncio.wait_for(self._looks.wait(), LOOK_S)
+            except asyncio.TimeoutError:
+                pass
+
+    def _look(self, arms: Dict[str, ArmDesk], watched: Set[str]) -> Dict[str, ArmDesk]:
+        """Ask the master, subscribe and advertise, in a thread that may wait; the arms that are there from now on."""
+        found: Optional[Dict[str, Driver]] = self._finder.find()
+        now = time.monotonic()
+        for node, driver in (found or {}).items():
+            if node not in arms:
+                arms[node] = ArmDesk(driver, self.settings.simulator_port)
+        for node, desk in arms.items():
+            desk.is_listed = found is None or node in found
+            desk.look((found or {}).get(node, desk.driver), node in watched, now)
+        return arms
+
+    async def _ask_simulators_for_ever(self) -> None:
+        while True:
+            for desk in list(self.arms.values()):
+                desk.simulator_port = self.settings.simulator_port or desk.driver.simulator_port
+                desk.has_simulator = bool(desk.feed.simulated and desk.simulator_port) and bool(
+                    (await simulator_link.ask(desk.simulator_port, {"action": "state"})).get("ok"))
+            await asyncio.sleep(LOOK_S)
+
+    def _arms(self, now: float) -> List[Dict[str, Any]]:
+        return [desk.shown(now) for _, desk in sorted(self.arms.items())]
+
+    def arms_now(self) -> List[Dict[str, Any]]:
+        """As the message ``arms`` has them."""
+        return self._arms(time.monotonic())
+
+    def _tell_arms(self) -> None:
+        """Tell all pages of the arms, where something has changed."""
+        text = json.dumps({"t": "arms", "arms": self.arms_now()})
+        if text != self._told_arms:
+            self._told_arms = text
+            for page in list(self.pages.values()):
+                page.send_text(text)
+
+
+def _send_all(pages: List[Session], message: Dict[str, Any]) -> None:
+    if pages:
+        text = json.dumps(message)
+        for page in pages:
+            page.send_text(text)

@@ -1,0 +1,146 @@
+"""One page: its messages in and out, what it watches, what it has set in motion."""
+import asyncio
+import json
+from collections import deque
+from typing import Any, Deque, Dict, List, Optional, Set
+
+from aiohttp import web
+
+from ..authority.budget import Budget
+from ..authority.jog_hold import Lateness
+
+MESSAGE_RATE, MESSAGE_BURST = 200.0, 100.0
+COSTLY_RATE, COSTLY_BURST = 3.0, 15.0
+"""Messages whose answers take milliseconds to make: curves, all that is known of an arm."""
+LONGEST_MESSAGE = 64 * 1024
+_MOST_WAITING = 2000
+_EARLY_S = 0.005
+_REST_S = 0.5
+_LONGEST_NAME = 60
+_CLOSE_S = 1.0
+
+
+class Session:
+    """A page that is connected.
+
+    Attributes:
+        id: No other page ever has it.
+        name: As it calls itself.
+        may_command: It has the token, and this is no read-only panel.
+        has_token: It has the token.
+        why: Why it may not command.
+        version: Of this package.
+        watched: Arms that it is told of.
+        plots: It wants curves.
+        heard_at: When it said something last, monotonic time, s.
+        lateness: Of its messages.
+        budget: Of its messages.
+        costly: Of those whose answers are costly.
+        waiting: Commands that are under way.
+        is_too_slow: It does not take what it is told.
+    """
+
+    def __init__(self, page: str, socket: web.WebSocketResponse, transport: Optional[asyncio.BaseTransport],
+                 version: str, now: float) -> None:
+        self.id, self.version, self.name = page, version, page
+        self.may_command = self.has_token = False
+        self.why = ""
+        self.watched: Set[str] = set()
+        self.plots = False
+        self.heard_at = now
+        self.lateness = Lateness()
+        self.budget = Budget(MESSAGE_RATE, MESSAGE_BURST, now)
+        self.costly = Budget(COSTLY_RATE, COSTLY_BURST, now)
+        self.waiting = 0
+        self.is_too_slow = False
+        self._socket, self._transport = socket, transport
+        self._period = 1.0 / 30.0
+        self._texts: Deque[str] = deque()
+        self._states: Dict[str, str] = {}
+        self._state_at: Dict[str, float] = {}
+        self._has_more = asyncio.Event()
+        self._under_way: Dict[str, int] = {}
+        self._moved: Dict[str, float] = {}
+
+    def call_it(self, name: object) -> None:
+        """Its name, as it says it: text of one line."""
+        if isinstance(name, str) and name.strip():
+            self.name = "".join(letter if letter.isprintable() else " " for letter in name.strip())[:_LONGEST_NAME]
+
+    def watch(self, arms: Set[str], plots: bool, rate: float) -> None:
+        """What it wants to be told of; rate: states a second of each arm."""
+        self.watched, self.plots, self._period = arms, plots, 1.0 / rate
+        self._states.clear()
+        self._state_at.clear()
+
+    # ---- out ----
+
+    def send(self, message: Dict[str, Any]) -> None:
+        """Tell it something; in order, when it can take it."""
+        self.send_text(json.dumps(message))
+
+    def send_text(self, text: str) -> None:
+        """The same, as JSON already."""
+        if len(self._texts) >= _MOST_WAITING:
+            self.is_too_slow = True
+            return
+        self._texts.append(text)
+        self._has_more.set()
+
+    def send_state(self, arm: str, text: str, now: float) -> None:
+        """A state; one that was not sent yet is replaced, so that a slow page is told the newest."""
+        if now - self._state_at.get(arm, -1e9) < self._period - _EARLY_S:
+            return
+        self._state_at[arm] = now
+        self._states[arm] = text
+        self._has_more.set()
+
+    async def write_for_ever(self) -> None:
+        """Send what there is; returns when the page is gone."""
+        try:
+            while True:
+                await self._has_more.wait()
+                self._has_more.clear()
+                while self._texts:
+                    await self._socket.send_str(self._texts.popleft())
+                states, self._states = self._states, {}
+                for text in states.values():
+                    await self._socket.send_str(text)
+        except (ConnectionError, RuntimeError):
+            return  # it is closed; who reads it sees that, too
+
+    async def end(self, code: int, why: str) -> None:
+        """Close it; one that does not answer is cut."""
+        try:
+            await asyncio.wait_for(self._socket.close(code=code, message=why.encode()), _CLOSE_S)
+        except (asyncio.TimeoutError, ConnectionError, RuntimeError):
+            pass
+        if isinstance(self._transport, asyncio.WriteTransport) and not self._transport.is_closing():
+            self._transport.abort()
+
+    # ---- what it has set in motion ----
+
+    def begins_motion(self, arm: str, now: float) -> None:
+        """It has asked for a motion."""
+        self._under_way[arm] = self._under_way.get(arm, 0) + 1
+        self._moved[arm] = now
+
+    def ends_motion(self, arm: str, now: float) -> None:
+        """The answer to that has come; the arm may still move."""
+        self._under_way[arm] = self._under_way.get(arm, 1) - 1
+        self._moved[arm] = now
+
+    def note_motion(self, arm: str, is_moving: bool, now: float) -> None:
+        """Whether an arm moves now."""
+        if arm in self._moved and is_moving:
+            self._moved[arm] = now
+
+    def motions(self) -> List[str]:
+        """Arms that move because of it, as far as is known."""
+        return list(self._moved)
+
+    def look_at_motions(self, now: float) -> None:
+        """Forget those that have come to rest."""
+        for arm, at in list(self._moved.items()):
+            if not self._under_way.get(arm) and now - at > _REST_S:
+                del self._moved[arm]

@@ -1,0 +1,6 @@
+"""Motions that are drawn before they are run: what was drawn is what is run.
+
+point_plan   from points of joints
+log_plan     from a log; a program of its own, because it computes for seconds
+shelf        the plans that pages may run, and the folder of logs
+"""

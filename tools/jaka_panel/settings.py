@@ -1,0 +1,180 @@
+"""What a user can set, from the command line; the token."""
+import argparse
+import ipaddress
+import os
+import secrets
+import stat
+from dataclasses import dataclass
+from typing import List, Optional, Tuple
+
+PORT = 8080
+PORTS_TRIED = 20
+LOOPBACK = "127.0.0.1"
+_TOKEN_BYTES = 24
+_SHORTEST_TOKEN = 16
+
+EPILOG = """\
+It prints the address of the page, with a token behind '#'. Without the token a page can only watch. Whoever has it can
+move the arm: it is a key.
+
+--host with anything but loopback lets other computers in. Then give --tls-cert and --tls-key, or --insecure-http: with
+that, everybody on the way reads the token, and can move the arm.
+
+A stop of this page is no emergency stop: it passes a browser, a network, this program and the driver.
+"""
+
+
+class WrongSettings(ValueError):
+    """The options cannot be what is meant; the text says why."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a user can set.
+
+    Attributes:
+        host: Address to listen on.
+        port: The first one to try.
+        names: Host names by which the page may be called, besides loopback and addresses.
+        tls: Certificate and key.
+        token: Of the commands.
+        read_only: Nothing but a stop is passed on.
+        logs: Folder whose logs can be replayed.
+        jog_fraction: Largest share of the driver's jog limits that a page can ask for.
+        pages: So many at once.
+        simulator_port: Of the simulated controller's own panel, for the only arm; 0: as the launch file says.
+    """
+
+    host: str = LOOPBACK
+    port: int = PORT
+    names: Tuple[str, ...] = ()
+    tls: Optional[Tuple[str, str]] = None
+    token: str = ""
+    read_only: bool = False
+    logs: Optional[str] = None
+    jog_fraction: float = 1.0
+    pages: int = 8
+    simulator_port: int = 0
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether only this computer can reach it."""
+        return is_loopback(self.host)
+
+    @property
+    def scheme(self) -> str:
+        """Of its address."""
+        return "http" if self.tls is None else "https"
+
+    def address(self, port: int, token: Optional[str] = None) -> str:
+        """Of the page, with the token where one is given."""
+        host = "[%s]" % self.host if ":" in self.host else LOOPBACK if self.host == "0.0.0.0" else self.host
+        return "%s://%s:%d/%s" % (self.scheme, host, port, "" if token is None else "#token=" + token)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address or name is this computer's own."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def settings_from(arguments: List[str]) -> Settings:
+    """The settings of a command line; argparse ends the program where it is wrong.
+
+    Raises:
+        WrongSettings: Options contradict each other, or a file cannot be used.
+    """
+    options = _parser().parse_args(arguments)
+    if bool(options.tls_cert) != bool(options.tls_key):
+        raise WrongSettings("--tls-cert and --tls-key belong together")
+    if not is_loopback(options.host) and not options.tls_cert and not options.insecure_http:
+        raise WrongSettings("--host %s lets other computers in: give --tls-cert and --tls-key, or --insecure-http, "
+                            "with which everybody on the way can read the token and move the arm" % options.host)
+    if options.logs is not None and not os.path.isdir(options.logs):
+        raise WrongSettings("--logs %s is no folder" % options.logs)
+    token = token_from_file(options.token_file) if options.token_file else new_token()
+    return Settings(
+        options.host, options.port, tuple(options.allow_name),
+        (options.tls_cert, options.tls_key) if options.tls_cert else None, token,
+        options.read_only, options.logs or None, options.max_jog_speed / 100.0, options.pages, options.simulator_panel)
+
+
+def new_token() -> str:
+    """A token that nobody guesses."""
+    return secrets.token_urlsafe(_TOKEN_BYTES)
+
+
+def token_from_file(path: str) -> str:
+    """The token in a file, which only its owner can read; made where there is none.
+
+    Raises:
+        WrongSettings: Others can read it, it is too short, or cannot be read or made.
+    """
+    try:
+        if not os.path.exists(path):
+            with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+                file.write(new_token() + "\n")
+        if stat.S_IMODE(os.stat(path).st_mode) & 0o077:
+            raise WrongSettings("--token-file %s can be read by others: chmod 600 %s" % (path, path))
+        with open(path, encoding="ascii") as file:
+            token = file.read().strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise WrongSettings("--token-file %s: %s" % (path, error)) from error
+    if len(token) < _SHORTEST_TOKEN or not all(letter.isalnum() or letter in "-_" for letter in token):
+        raise WrongSettings("--token-file %s: a token has at least %d letters, digits, - or _" % (
+            path, _SHORTEST_TOKEN))
+    return token
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="jaka_panel", epilog=EPILOG,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter,
+                                     description="An operator's page in the browser, for all drivers of a ROS graph.")
+    parser.add_argument("--port", type=_port, default=PORT, metavar="N",
+                        help="port of the page, or the next free one (default %d); 0 picks a free one" % PORT)
+    parser.add_argument("--host", default=LOOPBACK, metavar="ADDRESS",
+                        help="address to listen on (default %s: this computer only)" % LOOPBACK)
+    parser.add_argument("--tls-cert", metavar="FILE", help="certificate, PEM")
+    parser.add_argument("--tls-key", metavar="FILE", help="its key, PEM")
+    parser.add_argument("--insecure-http", action="store_true", help="let other computers in without TLS, see below")
+    parser.add_argument("--allow-name", action="append", default=[], metavar="NAME",
+                        help="a host name by which browsers call this computer; addresses are allowed anyway")
+    parser.add_argument("--token-file", metavar="FILE", help="file with the token, made where it is not there "
+                                                             "(default: a new token with each start)")
+    parser.add_argument("--read-only", action="store_true", help="pages can watch, and stop, and nothing else")
+    parser.add_argument("--logs", metavar="FOLDER", help="folder whose logs can be replayed")
+    parser.add_argument("--max-jog-speed", type=_percent, default=100.0, metavar="PERCENT",
+                        help="of the driver's jog limits, the most that a page can set (default 100; each page begins "
+                             "with 10)")
+    parser.add_argument("--pages", type=_count, default=8, metavar="N", help="pages at once (default 8)")
+    parser.add_argument("--simulator-panel", type=_port, default=0, metavar="PORT",
+                        help="port of the simulated controller's own panel (default: as the launch file set it)")
+    return parser
+
+
+def _port(text: str) -> int:
+    return _within(text, 0, 65535)
+
+
+def _count(text: str) -> int:
+    return _within(text, 1, 64)
+
+
+def _within(text: str, low: int, high: int) -> int:
+    if not text.isdigit() or not low <= int(text) <= high:
+        raise argparse.ArgumentTypeError("%r is no whole number within %d to %d" % (text, low, high))
+    return int(text)
+
+
+def _percent(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 1.0 <= value <= 100.0:
+        raise argparse.ArgumentTypeError("%r is not within 1 to 100" % text)
+    return value

@@ -1,0 +1,214 @@
+/** Live plots of joints, speeds and following error. They stand still on request, and when somebody zooms into one. */
+import uPlot from '../../vendor/uplot/uPlot.esm.js';
+import { h, setAttribute, setText } from '../ui/dom.js';
+import { DEGREES } from '../ui/format.js';
+import { onThemeChange, themeColour } from '../ui/theme.js';
+import { pictureOfHistory, Samples } from './samples.js';
+import { timeTicks } from './ticks.js';
+
+/** @typedef {import('../app.js').App} App */
+
+const KINDS = ['q', 'dq', 'e'];
+const UNITS = /** @type {Record<string, string>} */ ({ q: '°', dq: '°/s', e: '°' });
+const SPANS_S = [10, 30, 120, 600];
+/** Longer spans come from the server's history. */
+const OWN_S = 110;
+const PERIOD_MS = 100;
+const HISTORY_MS = 2000;
+const PIECES = 300;
+const HEIGHT = 132;
+
+/**
+ * @param {HTMLElement} root
+ * @param {App} app
+ */
+export function mountPlots(root, app) {
+  const { store, connection } = app;
+  const samples = /** @type {Record<string, Samples>} */ (Object.fromEntries(KINDS.map((kind) => [kind, new Samples()])));
+  let span = 30;
+  let isPaused = false;
+  /** Server's clock at the right edge while paused, s. */
+  let pausedAt = 0;
+  /** What is looked at while zoomed in, s. @type {[number, number]|null} */
+  let zoomed = null;
+  /** Server's clock less that of the page, s; the smallest delay counts. */
+  let offset = -Infinity;
+  let isSeen = true;
+  let historyAt = 0;
+  const shown = /** @type {Set<number>} */ (new Set([0, 1, 2, 3, 4, 5]));
+
+  const pause = h('button', { type: 'button', t: 'plots.pause', 'aria-pressed': 'false', on: { click: () => setPaused(!isPaused) } });
+  const spans = SPANS_S.map((seconds) => h('button', { type: 'button', 'data-span': seconds,
+    'aria-pressed': String(seconds === span), on: { click: () => setSpan(seconds) } }, seconds < 120 ? `${seconds} s` : `${seconds / 60} min`));
+  const joints = [0, 1, 2, 3, 4, 5].map((n) => h('button', { type: 'button', class: `joint-key joint-${n + 1}`,
+    'aria-pressed': 'true', on: { click: () => toggle(n) } }, `J${n + 1}`));
+  const charts = KINDS.map((kind) => {
+    const place = h('div', { class: 'plot', role: 'img', tLabel: `plots.${kind}` });
+    const element = h('figure', {}, h('figcaption', {}, h('span', { t: `plots.${kind}` }), ` ${UNITS[kind]}`), place);
+    return { kind, place, element, plot: /** @type {any} */ (null) };
+  });
+  root.append(
+    h('div', { class: 'plot-bar' }, pause, h('div', { class: 'choice', role: 'group', tLabel: 'plots.span' }, ...spans),
+      h('div', { class: 'choice', role: 'group', tLabel: 'plots.joints' }, ...joints)),
+    ...charts.map((chart) => chart.element), h('p', { class: 'hint', t: 'plots.hint' }));
+
+  /** @returns {number} Server's clock as far as the page knows, s. */
+  const now = () => (Number.isFinite(offset) ? performance.now() / 1000 + offset : connection.serverNow);
+
+  /** @param {boolean} paused */
+  function setPaused(paused) {
+    isPaused = paused;
+    if (paused) pausedAt = now();
+    else zoomed = null;
+    setAttribute(pause, 'aria-pressed', String(paused));
+    setText(pause, paused ? 'plots.go_on' : 'plots.pause');
+    historyAt = 0;
+    draw();
+  }
+
+  /** @param {number} seconds */
+  function setSpan(seconds) {
+    span = seconds;
+    zoomed = null;
+    for (const button of spans) setAttribute(button, 'aria-pressed', String(Number(button.dataset.span) === span));
+    historyAt = 0;
+    draw();
+  }
+
+  /** @param {number} n */
+  function toggle(n) {
+    if (shown.has(n)) shown.delete(n);
+    else shown.add(n);
+    setAttribute(joints[n], 'aria-pressed', String(shown.has(n)));
+    for (const { plot } of charts) plot?.setSeries(n + 1, { show: shown.has(n) });
+  }
+
+  /** @param {typeof charts[0]} chart */
+  function make(chart) {
+    chart.plot?.destroy();
+    const axis = { stroke: themeColour('--muted'), grid: { stroke: themeColour('--grid'), width: 1 },
+      ticks: { stroke: themeColour('--grid'), width: 1 }, font: '11px system-ui, sans-serif' };
+    const newest = () => (isPaused ? pausedAt : now());
+    let origin = 0;
+    chart.plot = new uPlot({
+      width: Math.max(200, chart.place.clientWidth), height: HEIGHT, legend: { show: false },
+      cursor: { drag: { x: true, y: false }, sync: { key: 'panel' }, points: { show: false } },
+      scales: { x: { time: false }, y: { range: (/** @type {any} */ _, /** @type {number} */ low, /** @type {number} */ high) => widened(low, high) } },
+      series: [{}, ...[1, 2, 3, 4, 5, 6].map((n) => ({ stroke: themeColour(`--joint-${n}`), width: 1.5, points: { show: false },
+        show: shown.has(n - 1), spanGaps: false }))],
+      axes: [{ ...axis, size: 26,
+        splits: (/** @type {any} */ _, /** @type {number} */ __, /** @type {number} */ low, /** @type {number} */ high,
+          /** @type {number} */ step) => timeTicks(low, high, step, origin = newest()),
+        values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => (
+          ticks.map((tick) => `${Number((tick - origin).toFixed(2))}`)) }, { ...axis, size: 48 }],
+      hooks: { setSelect: [(/** @type {any} */ plot) => zoom(plot)] },
+    }, [[], [], [], [], [], [], []], chart.place);
+    chart.plot.over.addEventListener('dblclick', () => {
+      zoomed = null;
+      historyAt = 0;
+      draw();
+    });
+  }
+
+  /** @param {any} plot */
+  function zoom(plot) {
+    if (plot.select.width < 4) return;
+    const from = plot.posToVal(plot.select.left, 'x');
+    const to = plot.posToVal(plot.select.left + plot.select.width, 'x');
+    plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+    if (!isPaused) setPaused(true);
+    zoomed = [from, to];
+    historyAt = 0;
+    draw();
+  }
+
+  function draw() {
+    if (!isSeen || document.visibilityState !== 'visible') return;
+    const end = isPaused ? pausedAt : now();
+    const [from, to] = zoomed ?? [end - span, end];
+    const isOwn = now() - from < OWN_S;
+    if (!isOwn) {
+      void fetchHistory(from, to);
+      return;
+    }
+    for (const { kind, plot } of charts) paint(plot, samples[kind].picture(from, to, PIECES), from, to);
+  }
+
+  /**
+   * @param {any} plot
+   * @param {(number|null)[][]} rows
+   * @param {number} from s
+   * @param {number} to s
+   */
+  function paint(plot, rows, from, to) {
+    plot.batch(() => {
+      plot.setData(rows, false);
+      plot.setScale('x', { min: from, max: to });
+    });
+  }
+
+  /**
+   * @param {number} from s
+   * @param {number} to s
+   */
+  async function fetchHistory(from, to) {
+    if (performance.now() - historyAt < HISTORY_MS || (isPaused && historyAt)) return;
+    historyAt = performance.now();
+    const seconds = connection.serverNow;
+    for (const { kind, plot } of charts) {
+      const answer = await connection.request({ t: 'history', arm: store.chosen, from: from - seconds, to: Math.min(0, to - seconds),
+        buckets: PIECES, what: kind }, 5);
+      if (answer.ok && answer.data?.s) paint(plot, pictureOfHistory(answer.data, DEGREES), from, to);
+    }
+  }
+
+  function rebuild() {
+    for (const chart of charts) make(chart);
+    draw();
+  }
+
+  store.on('plot', (message) => {
+    if (message.arm !== store.chosen) return;
+    offset = Math.max(offset, message.now - performance.now() / 1000);
+    for (const kind of KINDS) {
+      const rows = message[kind];
+      if (!rows) continue;
+      message.s.forEach((/** @type {number} */ time, /** @type {number} */ index) => {
+        samples[kind].add(time, rows.map((/** @type {number[]|null} */ row) => (
+          row?.[index] === null || row?.[index] === undefined ? null : row[index] * DEGREES)));
+      });
+    }
+  });
+  store.on('chosen welcome', () => {
+    offset = -Infinity;
+    for (const kind of KINDS) samples[kind].clear();
+    if (isPaused) setPaused(false);
+  });
+  rebuild();
+  onThemeChange(rebuild);
+  new ResizeObserver(() => {
+    for (const { plot, place } of charts) {
+      if (place.clientWidth && Math.abs(plot.width - place.clientWidth) > 1) plot.setSize({ width: place.clientWidth, height: HEIGHT });
+    }
+  }).observe(root);
+  new IntersectionObserver(([entry]) => {
+    isSeen = entry.isIntersecting;
+  }).observe(root);
+  setInterval(() => {
+    if (!isPaused) draw();
+  }, PERIOD_MS);
+}
+
+/**
+ * The range of a plot's values: a little more than they take, and never nothing.
+ *
+ * @param {number|null} low
+ * @param {number|null} high
+ * @returns {[number, number]}
+ */
+export function widened(low, high) {
+  if (low === null || high === null || !Number.isFinite(low) || !Number.isFinite(high)) return [-1, 1];
+  const least = Math.max(0.02, 0.02 * Math.max(Math.abs(low), Math.abs(high)));
+  const margin = Math.max(0.08 * (high - low), (least - (high - low)) / 2);
+  return [low - margin, high + margin];
+}

@@ -1,0 +1,96 @@
+/** The room in 3D: camera, light, floor; drawn only when something in it has changed, and never for long. */
+import * as THREE from '../../vendor/three/three.module.js';
+import { OrbitControls } from '../../vendor/three/controls/OrbitControls.js';
+import { onThemeChange, themeColour } from '../ui/theme.js';
+
+const FASTEST_MS = 33;
+/** Drawing may take this share of the time of the page's thread; slow machines see fewer pictures. */
+const SHARE = 0.35;
+const VIEWS = /** @type {Record<string, [number, number, number]>} */ ({
+  home: [0.82, -0.92, 0.42], front: [1.35, 0.001, 0.1], side: [0.001, -1.35, 0.1], top: [0.001, -0.001, 1.4],
+});
+
+export class View {
+  /** @param {HTMLElement} root Throws where the browser has no WebGL. */
+  constructor(root) {
+    THREE.Object3D.DEFAULT_UP.set(0, 0, 1);
+    this.root = root;
+    this.canvas = document.createElement('canvas');
+    const context = this.canvas.getContext('webgl2', { antialias: true, alpha: true, powerPreference: 'high-performance' });
+    if (!context) throw new Error('no WebGL');
+    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, context });
+    root.append(this.canvas);
+    this.scene = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(38, 1, 0.01, 50);
+    this.controls = new OrbitControls(this.camera, this.canvas);
+    this.controls.addEventListener('change', () => this.invalidate());
+    this.controls.maxDistance = 12;
+    this.controls.minDistance = 0.15;
+    /** Reach of the arm, m: views are chosen by it. */
+    this.reach = 1;
+    this.isDirty = true;
+    this.drawnAt = 0;
+    this.cost = 0;
+    this.addLight();
+    this.floor = new THREE.Group();
+    this.scene.add(this.floor);
+    this.paintFloor();
+    this.look('home');
+    onThemeChange(() => this.paintFloor());
+    new ResizeObserver(() => this.resize()).observe(root);
+    this.resize();
+    this.loop = this.loop.bind(this);
+    requestAnimationFrame(this.loop);
+  }
+
+  addLight() {
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x5a6470, 2.1));
+    const sun = new THREE.DirectionalLight(0xffffff, 1.8);
+    sun.position.set(2, -3, 4);
+    this.scene.add(sun);
+  }
+
+  paintFloor() {
+    this.floor.clear();
+    const grid = new THREE.GridHelper(3, 30, new THREE.Color(themeColour('--grid-strong')), new THREE.Color(themeColour('--grid')));
+    grid.rotation.x = Math.PI / 2;
+    this.floor.add(grid);
+    this.invalidate();
+  }
+
+  /** @param {string} name Of one of the views. */
+  look(name) {
+    const [x, y, z] = VIEWS[name];
+    const scale = 1.25 * this.reach;
+    const height = 0.42 * this.reach;
+    this.camera.position.set(x * scale, y * scale, height + z * scale);
+    this.controls.target.set(0, 0, height);
+    this.controls.update();
+    this.invalidate();
+  }
+
+  resize() {
+    const { clientWidth, clientHeight } = this.root;
+    if (!clientWidth || !clientHeight) return;
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.setSize(clientWidth, clientHeight, false);
+    this.camera.aspect = clientWidth / clientHeight;
+    this.camera.updateProjectionMatrix();
+    this.invalidate();
+  }
+
+  invalidate() {
+    this.isDirty = true;
+  }
+
+  /** @param {number} now ms */
+  loop(now) {
+    requestAnimationFrame(this.loop);
+    if (!this.isDirty || now - this.drawnAt < Math.max(FASTEST_MS, this.cost / SHARE)) return;
+    this.isDirty = false;
+    const started = performance.now();
+    this.renderer.render(this.scene, this.camera);
+    this.cost = 0.8 * this.cost + 0.2 * (performance.now() - started);
+    this.drawnAt = now;
+  }
+}
