@@ -3,6 +3,7 @@ import asyncio
 import contextlib
 import math
 from collections import deque
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Callable, Coroutine, Deque, Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Set, Tuple
 
 from ..errors import BagError, JakaBagError
@@ -86,6 +87,7 @@ class LogPlayback(Source):
         self._turn = 0
         self._is_closing = False
         self._tasks: Set[asyncio.Task[None]] = set()
+        self._readers = ThreadPoolExecutor(4)
 
     # What the server calls
 
@@ -102,7 +104,8 @@ class LogPlayback(Source):
             task.cancel()
         await asyncio.gather(self._player, *self._tasks, return_exceptions=True)
         if self._ahead is not None:
-            await self._loop.run_in_executor(None, self._ahead.close)
+            await self._loop.run_in_executor(self._readers, self._ahead.close)
+        await self._loop.run_in_executor(None, self._readers.shutdown)  # what was cancelled may still be reading
         await self._loop.run_in_executor(None, self._source.close)
 
     def greeting(self) -> List[Frame]:
@@ -169,7 +172,7 @@ class LogPlayback(Source):
         wanted = frozenset(channels)
         numbers = [i for i, channel in enumerate(self._numbers) if channel in wanted]
         try:
-            return await self._loop.run_in_executor(None, self._source.newest, time, numbers)
+            return await self._loop.run_in_executor(self._readers, self._source.newest, time, numbers)
         except BagError as error:
             self._damaged(error)
             return []
@@ -258,7 +261,7 @@ class LogPlayback(Source):
         """Begin to read at a log time, ns, the topics that are wanted now."""
         self._is_stale = False
         if self._ahead is not None:
-            self._loop.run_in_executor(None, self._ahead.close)
+            self._loop.run_in_executor(self._readers, self._ahead.close)
         self._ahead = self._source.play(time, None, self._topics)
         self._pending.clear()
         self._is_over = False
