@@ -234,7 +234,7 @@ def test_what_was_computed_ahead_changes_no_frame_whatever_happens_meanwhile():
     plain, ahead = PathClock(first, MODEL), PathClock(first, MODEL)
     for cycle in range(400):
         guess, wanted = (chance.choice((0.0, 0.3, 1.0, 1.05)) for _ in range(2))
-        ahead.look_ahead(guess)
+        ahead.look_ahead(wanted if cycle in (3, 100) else guess)
         for clock in (plain, ahead):
             if cycle == 3:
                 clock.pass_rest(0.05)

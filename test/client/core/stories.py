@@ -104,6 +104,7 @@ class Story:
             if self.feed:
                 self.frame(**fields)
             self.core.tick(self.now)
+            self.core.prepare()
             self.perform()
         return self
 
