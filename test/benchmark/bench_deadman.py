@@ -11,9 +11,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/jogging")]
 
-from jog_pad import KILLED, WAYS, last_frame_of_motion, let_go  # noqa: E402
+from jog_pad import KILLED, WAYS, let_go, print_rests  # noqa: E402
 from live_driver import LiveDriver  # noqa: E402
-from soak_bench import master, percentile  # noqa: E402
+from soak_bench import master  # noqa: E402
 
 TOPICS = ("jog_joints", "jog_twist")
 
@@ -28,12 +28,7 @@ def main(repeats, priority):
                 live.arm.go_home()
                 moments.setdefault(way, []).append(let_go(live.arm, way, TOPICS[repeat % 2]))
         verdict = live.verdict()
-    print("way               repeats   frames at rest: p50    max      arm at rest: p50    max   (ms)")
-    for way, ends in moments.items():
-        wire = [1e3 * (last_frame_of_motion(verdict, since, until) - since) for since, until in ends]
-        arm = [1e3 * (verdict.rest_after(since, until) - since) for since, until in ends]
-        print("%-18s %6d   %19.0f %6.0f   %16.0f %6.0f" % (
-            way, len(ends), percentile(wire, 0.5), max(wire), percentile(arm, 0.5), max(arm)))
+    print_rests(moments, verdict)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (
     ".", "tools", "test/support", "test/support/jogging", "test/support/panel")]
 
-from jog_pad import last_frame_of_motion  # noqa: E402
+from jog_pad import print_rests  # noqa: E402
 from live_driver import LiveDriver  # noqa: E402
 from panel_jog import WAYS, JogBench, let_go  # noqa: E402
 from panel_page import Loop  # noqa: E402
@@ -92,12 +92,7 @@ def main(repeats, watched_s=WATCHED_S):
                 moments.setdefault(way, []).append(let_go(bench, way, ("joint", "base")[repeat % 2]))
         bench.close()
         verdict = live.verdict()
-    print("way               repeats   frames at rest: p50    max      arm at rest: p50    max   (ms)")
-    for way, ends in moments.items():
-        wire = [1e3 * (last_frame_of_motion(verdict, since, until) - since) for since, until in ends]
-        arm = [1e3 * (verdict.rest_after(since, until) - since) for since, until in ends]
-        print("%-18s %6d   %19.0f %6.0f   %16.0f %6.0f" % (
-            way, len(ends), percentile(wire, 0.5), max(wire), percentile(arm, 0.5), max(arm)))
+    print_rests(moments, verdict)
 
 
 if __name__ == "__main__":

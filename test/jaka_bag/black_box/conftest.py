@@ -1,5 +1,4 @@
 """A master for each test, as the tests of recorder and player have it."""
-import threading
 
 import live_samples
 import pytest
@@ -20,6 +19,5 @@ def graph(tmp_path, monkeypatch):
 @pytest.fixture(autouse=True)
 def no_thread_stays():
     """Fails a test that leaves a thread behind."""
-    before = set(threading.enumerate())
-    yield
-    live_samples.wait_until(lambda: all(t.daemon for t in set(threading.enumerate()) - before), "threads end", 10.0)
+    with live_samples.no_thread_stays():
+        yield

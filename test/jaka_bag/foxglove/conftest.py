@@ -31,6 +31,5 @@ def running():
 @pytest.fixture(autouse=True)
 def no_thread_stays():
     """Fails a test that leaves a thread behind."""
-    before = set(threading.enumerate())
-    yield
-    live_samples.wait_until(lambda: all(t.daemon for t in set(threading.enumerate()) - before), "threads end", 10.0)
+    with live_samples.no_thread_stays():
+        yield

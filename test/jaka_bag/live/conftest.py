@@ -1,5 +1,4 @@
 """Each test gets a master of its own, so that no test sees another's nodes."""
-import threading
 
 import live_samples
 import pytest
@@ -30,6 +29,5 @@ def mortal_graph(tmp_path, monkeypatch):
 @pytest.fixture(autouse=True)
 def no_thread_stays():
     """Fails a test that leaves a thread behind."""
-    before = set(threading.enumerate())
-    yield
-    live_samples.wait_until(lambda: all(t.daemon for t in set(threading.enumerate()) - before), "threads end", 10.0)
+    with live_samples.no_thread_stays():
+        yield

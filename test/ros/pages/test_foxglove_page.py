@@ -1,27 +1,18 @@
 """docs/foxglove.md: its commands as they stand there, and its layout against what the driver really publishes."""
 import json
-import os
 import re
 
 import pytest
 from foxglove_clients import PATIENCE_S, RawViewer, data_of
 from import_graph import ROOT
 from live_samples import wait_until
-from page_commands import Shell, blocks, until
+from page_commands import blocks, until
 
 from jaka_bag.messages.definitions import parse_definition
 
 PAGE = ROOT / "docs" / "foxglove.md"
 LAYOUT = ROOT / "docs" / "foxglove-layout.json"
 OPEN = re.compile(r"open ws://localhost:(\d+) in Foxglove")
-
-
-@pytest.fixture
-def shell(ros_master, root, tmp_path):
-    (tmp_path / "build").symlink_to(root / "build")
-    one = Shell(tmp_path, dict(os.environ), ". build/devel/setup.bash")
-    yield one
-    one.close()
 
 
 def port_of(shell, name):

@@ -1,12 +1,11 @@
 """docs/ros-interface.md: its commands as they stand there, against a driver on a simulated controller."""
 import contextlib
 import math
-import os
 import re
 
 import import_graph
 import pytest
-from page_commands import Shell, blocks, until
+from page_commands import blocks, until
 from ros_bench import HOME, SimulatorProcess, eventually
 
 from jaka_ros_driver.client.core.procedures.recovery import RecoveryStep
@@ -41,14 +40,6 @@ def simulator():
     """With a force sensor, which a section of the page is about."""
     with contextlib.closing(SimulatorProcess("--start", "enabled", "--force-sensor")) as process:
         yield process
-
-
-@pytest.fixture
-def shell(ros_master, root, tmp_path):
-    (tmp_path / "build").symlink_to(root / "build")
-    one = Shell(tmp_path, dict(os.environ), ". build/devel/setup.bash")
-    yield one
-    one.close()
 
 
 def has_moved(arm):

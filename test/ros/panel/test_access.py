@@ -3,16 +3,10 @@ import contextlib
 import json
 
 import pytest
-from panel_page import Loop, Page, PanelProcess, get, refused
+from panel_page import Page, PanelProcess, get, refused
 from ros_bench import eventually
 
 SCRIPT = "<script>alert(1)</script>"
-
-
-@pytest.fixture(scope="module")
-def loop():
-    with contextlib.closing(Loop()) as loop:
-        yield loop
 
 
 @pytest.fixture(scope="module")

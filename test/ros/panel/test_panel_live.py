@@ -1,5 +1,4 @@
 """A panel on a running driver: what a page is told, and what each of its commands does, with one page and with two."""
-import contextlib
 import math
 import signal
 import time
@@ -7,17 +6,11 @@ import time
 import pytest
 from live_driver import LiveDriver
 from motion_logs import log_of, session
-from panel_page import Loop, Page, PanelProcess, get
+from panel_page import Page, PanelProcess, get
 from ros_bench import HOME, WAIT, eventually
 
 STAGE = [0.2, 1.4, -1.4, 1.5, 1.4, 0.1]
 SCRIPT = "<script>alert(1)</script>"
-
-
-@pytest.fixture(scope="module")
-def loop():
-    with contextlib.closing(Loop()) as loop:
-        yield loop
 
 
 @pytest.fixture(scope="module")

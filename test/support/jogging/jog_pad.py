@@ -14,6 +14,7 @@ import rospy
 from arm_bench import eventually
 from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState
+from soak_bench import percentile
 
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.publisher import Publisher, frame_of
@@ -247,3 +248,13 @@ def main():
 
 if __name__ == "__main__":
     main()
+
+
+def print_rests(moments, verdict):
+    """A table of how soon frames and arm rest: by way of letting go, when that was and until when to look."""
+    print("way               repeats   frames at rest: p50    max      arm at rest: p50    max   (ms)")
+    for way, ends in moments.items():
+        wire = [1e3 * (last_frame_of_motion(verdict, since, until) - since) for since, until in ends]
+        arm = [1e3 * (verdict.rest_after(since, until) - since) for since, until in ends]
+        print("%-18s %6d   %19.0f %6.0f   %16.0f %6.0f" % (
+            way, len(ends), percentile(wire, 0.5), max(wire), percentile(arm, 0.5), max(arm)))

@@ -1,4 +1,5 @@
 """Messages whose content tells their number, what is in a log, and waiting; without ROS."""
+import contextlib
 import struct
 import threading
 import time
@@ -61,3 +62,11 @@ def times(path: Path) -> List[Tuple[str, int]]:
     """Topic and log time, ns, of all messages of a log, in the order of time."""
     with open_log(path) as reader:
         return [(message.connection.topic, message.log_time) for message in messages_of(reader)]
+
+
+@contextlib.contextmanager
+def no_thread_stays():
+    """Fails where its block leaves a thread behind."""
+    before = set(threading.enumerate())
+    yield
+    wait_until(lambda: all(t.daemon for t in set(threading.enumerate()) - before), "threads end", 10.0)

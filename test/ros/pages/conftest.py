@@ -1,0 +1,13 @@
+"""A shell in an empty folder, as somebody has it who types what a page says."""
+import os
+
+import pytest
+from page_commands import Shell
+
+
+@pytest.fixture
+def shell(ros_master, root, tmp_path):
+    (tmp_path / "build").symlink_to(root / "build")
+    one = Shell(tmp_path, dict(os.environ), ". build/devel/setup.bash")
+    yield one
+    one.close()
