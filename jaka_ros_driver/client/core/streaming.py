@@ -14,6 +14,9 @@ MAX_JOINT_DEVIATION = 0.04
 """rad; more than the step of one cycle at 180 deg/s, behind which a controller ignores frames."""
 _CONFIRM_TIMEOUT_S = 2.0
 _POLL_PERIOD_S = 0.02
+_BEHIND_STATUS_S = 0.006
+"""From a status frame to the frames of a stream. Both come every 8 ms and are served by one thread, so that a stream
+whose frames fell due just after a status frame would stay behind the work for it, with all its hold-ups."""
 _NEVER = float("inf")
 
 Frame = Union[ServoJoint, ServoPose]
@@ -40,6 +43,7 @@ class Streaming(Motion):
         self._custody = custody
         self._watch = InterruptionWatch(state)
         self._state = state
+        self._observed_at = 0.0
         self._on_mode = on_mode
         self._trace = ServoTrace()
         self._next_frame = _NEVER
@@ -52,7 +56,7 @@ class Streaming(Motion):
     # ---- what a child says ----
 
     def _entered(self, now: float) -> None:
-        """Servo mode is on: the frames begin with the next tick."""
+        """Servo mode is on: the frames begin within one cycle, at ``_next_frame``."""
         raise NotImplementedError
 
     def _not_entered(self, error: JakaError) -> None:
@@ -93,7 +97,7 @@ class Streaming(Motion):
         return min(self._next_frame, self._confirming.deadline if self._confirming else _NEVER)
 
     def observe(self, state: RobotState, now: float) -> None:
-        self._state = state
+        self._state, self._observed_at = state, now
         cause = self._watch.cause(state)
         if cause is None and self.is_streaming:
             cause = self._contradiction(state)
@@ -127,7 +131,7 @@ class Streaming(Motion):
         self._confirming = None
         if error is None:
             self._is_entered = True
-            self._next_frame = now
+            self._next_frame = now + (self._observed_at + _BEHIND_STATUS_S - now) % SERVO_PERIOD_S
             self._on_mode(True, "")
             self._entered(now)
             return

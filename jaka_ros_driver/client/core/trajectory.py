@@ -186,7 +186,7 @@ class Trajectory(Streaming):
         if not _is_at(clock.position, self._state):
             self._custody.stop(MotionInterrupted(StopCause.FAULT, "the arm moved before its trajectory began"), now)
         else:  # entering servo mode has taken some of the time until a trajectory that starts later
-            clock.pass_rest(now - self._built_at)
+            clock.pass_rest(self._next_frame - self._built_at)
 
     def _not_entered(self, error: JakaError) -> None:
         self._answer(error)

@@ -46,6 +46,25 @@ def test_the_stream_begins_at_the_commanded_joints_where_the_arm_is_near_them(aw
     assert frames(story)[0] == pytest.approx([math.degrees(q + begins_at) for q in HOME], abs=1e-9)
 
 
+@pytest.mark.parametrize("ms", [0, 1, 3, 5.5, 7, 8])
+def test_frames_begin_within_a_cycle_and_fall_between_two_status_frames_whenever_servo_mode_is_confirmed(ms):
+    story = Story()
+    story.replies["is_in_servomove"] = None
+    story.core.servo_mode("servo", True, story.now)
+    story.perform()
+    story.run(PERIOD)
+    status_at = story.now
+    story.now += ms / 1000.0
+    story.reply("is_in_servomove")
+    confirmed_at = story.now
+    while not frames(story):
+        story.core.tick(story.now)
+        story.perform()
+        story.now += 0.00025
+    assert story.sent[-1][0] - confirmed_at <= PERIOD
+    assert (story.sent[-1][0] - status_at) % PERIOD == pytest.approx(0.006, abs=0.0003)
+
+
 def test_servo_mode_that_the_controller_does_not_confirm_is_not_entered_and_the_arm_stopped():
     story = Story()
     story.replies["servo_move"] = None
@@ -79,11 +98,12 @@ def test_targets_are_followed_and_the_last_one_is_held():
 
 def test_late_cycles_are_left_out_and_never_caught_up():
     story = streaming()
+    first_due = story.core.next_deadline()
     story.now += 0.06
     story.frame()
     story.core.tick(story.now)
     story.perform()
-    assert len(frames(story)) == 1 and story.core.late_servo_cycles == 7
+    assert len(frames(story)) == 1 and story.core.late_servo_cycles == int((story.now - first_due) / PERIOD) == 6
     assert story.now < story.core.next_deadline() <= story.now + PERIOD
 
 
