@@ -1,7 +1,7 @@
 """A golden log happens again: simulated controllers, driver, recorder and calls together; then the comparison."""
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Dict, Optional, Sequence, Tuple
 
 from jaka_bag.cli.compare import write_reports
 from jaka_bag.compare.comparison import compare_runs
@@ -22,6 +22,8 @@ from .stage import Script, Stage, script_of
 MAX_TIME_SCALE = 10.0
 DRIVER_TIMED_SERVICES = ("jog", "servo_j", "servo_p", "servo_move_enable")
 """Services whose course depends on the driver's own clock (jog watchdog, servo cycle): it runs at speed 1 only."""
+LINK_EVENTS = ("boot", "close", "fault", "half_open", "reboot", "refuse", "reset", "stall")
+"""Events of a scenario that cut or hold up the link: how long the driver takes to connect again is its own clock's."""
 
 
 @dataclass(frozen=True)
@@ -43,26 +45,31 @@ class Replay:
     report: Path
 
 
-def _driver_timed(calls: Sequence[Call]) -> List[str]:
-    return sorted({call.short_name for call in calls if call.short_name in DRIVER_TIMED_SERVICES})
+def _driver_timed(calls: Sequence[Call], scenario: Scenario) -> str:
+    """What of it depends on the driver's own clock, in words; empty where nothing does."""
+    services = sorted({call.short_name for call in calls if call.short_name in DRIVER_TIMED_SERVICES})
+    events = sorted({str(event.request["action"]) for event in scenario.events} & set(LINK_EVENTS))
+    found = [words % ", ".join(names) for words, names in (
+        ("calls %s", services), ("has the link disturbed (%s)", events)) if names]
+    return " and ".join(found)
 
 
 def takes_time_scale(golden: PathLike) -> bool:
     """Whether a log can be replayed at another speed: nothing in it depends on the driver's own clock.
 
     Raises:
-        BagError: It cannot be read.
+        BagError: It, or the scenario beside it, cannot be read.
     """
-    return not _driver_timed(load_run(golden).calls)
+    return not _driver_timed(load_run(golden).calls, scenario_of(golden))
 
 
-def _check_time_scale(script: Script, time_scale: float) -> None:
+def _check_time_scale(script: Script, scenario: Scenario, time_scale: float) -> None:
     if not 0.1 <= time_scale <= MAX_TIME_SCALE:
         raise BagError("time scale is %g; it must be 0.1 to %g" % (time_scale, MAX_TIME_SCALE))
-    timed = _driver_timed(script.calls)
+    timed = _driver_timed(script.calls, scenario)
     if timed and time_scale != 1.0:
-        raise BagError("%s calls %s, whose course depends on the driver's own clock: its time scale is 1"
-                       % (script.log, ", ".join(timed)))
+        raise BagError("%s %s, whose course depends on the driver's own clock: its time scale is 1"
+                       % (script.log, timed))
 
 
 def record_script(script: Script, folder: Path, scenario: Scenario, time_scale: float = 1.0,
@@ -80,7 +87,7 @@ def record_script(script: Script, folder: Path, scenario: Scenario, time_scale: 
         BagError: The script's course depends on the driver's own clock and time_scale is not 1.
         ProgramFailed: One of the programs failed.
     """
-    _check_time_scale(script, time_scale)
+    _check_time_scale(script, scenario, time_scale)
     candidate = folder / "candidate.mcap"
     with Programs() as programs:
         Stage(programs, folder, script, scenario, time_scale).run(candidate, driver)
@@ -106,7 +113,7 @@ def record_wire(wire_log: PathLike, script: Script, folder: Path, scenario: Scen
         BagError: The script's course depends on the driver's own clock and speed is not 1.
         ProgramFailed: One of the programs failed.
     """
-    _check_time_scale(script, speed)
+    _check_time_scale(script, scenario, speed)
     candidate = folder / "candidate.mcap"
     with Programs() as programs:
         told = Stage(programs, folder, script, scenario, speed).run_wire(str(wire_log), candidate, driver)

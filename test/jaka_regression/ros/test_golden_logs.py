@@ -42,9 +42,13 @@ def test_it_happens_again_in_less_time(name, time_scale, jaka_replay):  # noqa: 
 
 def test_what_depends_on_the_drivers_own_clock_keeps_its_speed(tmp_path):
     jog = FOLDER / "jog_watchdog.mcap"
-    assert not takes_time_scale(jog) and takes_time_scale(FOLDER / "joint_moves.mcap")
+    cut = FOLDER / "reconnect.mcap"
+    assert not takes_time_scale(jog) and not takes_time_scale(cut) and takes_time_scale(FOLDER / "joint_moves.mcap")
+    assert takes_time_scale(FOLDER / "emergency_stop.mcap")
     with pytest.raises(JakaBagError, match="jog, whose course depends on the driver's own clock"):
         replay(jog, tmp_path, time_scale=2.0)
+    with pytest.raises(JakaBagError, match=r"the link disturbed \(close, refuse\), whose course depends"):
+        replay(cut, tmp_path, time_scale=2.0)
     with pytest.raises(JakaBagError, match="it must be 0.1 to 10"):
         replay(FOLDER / "joint_moves.mcap", tmp_path, time_scale=11.0)
 

@@ -34,6 +34,10 @@ _TRIES = 5
 _CALM = {"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s",
          "distributed.admin.system-monitor.interval": "2s", "distributed.worker.memory.monitor-interval": "1s"}
 """Dask's watching of itself takes 5 % of a processor here and 3 % of each worker's as it is set, and 1 % so."""
+_KEEPS_MEMORY = {"distributed.nanny.pre-spawn-environ.MALLOC_" + name: size for name, size in (
+    ("TRIM_THRESHOLD_", 128 << 20), ("MMAP_THRESHOLD_", 32 << 20), ("TOP_PAD_", 16 << 20))}
+"""Dask has its workers give memory back at once. The next log needs the same again, and while the system clears it, two
+workers hold each other up. See mallopt(3)."""
 
 
 @contextlib.contextmanager
@@ -87,7 +91,7 @@ class Dask(Engine):
                                     "with --jobs 1") from None
         with _quiet(), contextlib.ExitStack() as stack:
             if self._address is None:
-                stack.enter_context(importlib.import_module("dask.config").set(_CALM))
+                stack.enter_context(importlib.import_module("dask.config").set({**_CALM, **_KEEPS_MEMORY}))
                 with _interrupts_come_here_alone():
                     cluster = stack.enter_context(distributed.LocalCluster(
                         n_workers=self._workers, threads_per_worker=1, processes=True, host="127.0.0.1",
@@ -111,6 +115,7 @@ class _Run:
         self._on_result = on_result
         self._lost: Deque[LogTask] = deque()
         self._result_count = 0
+        self._name = "log-" + uuid.uuid4().hex
 
     def run(self) -> None:
         """Do them, with as many schedulers one after the other as it takes."""
@@ -163,7 +168,7 @@ class _Run:
                         is_lost = True
                         self._lost.extend(more)
                         break
-                    keys = ["log-" + uuid.uuid4().hex for _ in more]
+                    keys = [(self._name, uuid.uuid4().hex) for _ in more]
                     for future, task in zip(client.map(self._function, more, key=keys, pure=False), more):
                         running[future.key] = (future, task)
                         future.add_done_callback(ended.put)

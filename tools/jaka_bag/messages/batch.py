@@ -175,12 +175,14 @@ class Rows:
         self._rows = []
 
     def batch(self, data: Array) -> MessageBatch:
-        """The messages, which lie in ``data``."""
+        """The messages, which lie in ``data``; the collection is empty afterwards."""
         self._pack()
-        return _batch_of_table(data, np.concatenate(self._tables), self._width == 6)
-
-
-def _batch_of_table(data: Array, table: Array, has_publish: bool) -> MessageBatch:
-    signed = np.ascontiguousarray(table.T).view(np.int64)
-    optional = (signed[4], signed[5].astype(np.uint32)) if has_publish else ()
-    return MessageBatch(data, signed[0], signed[1], signed[2], signed[3], *optional)
+        fields = np.empty((self._width, sum(map(len, self._tables))), np.int64)
+        self._tables.reverse()
+        begin = 0
+        while self._tables:  # each is let go as soon as it has been copied
+            table = self._tables.pop()
+            fields[:, begin:begin + len(table)] = table.view(np.int64).T
+            begin += len(table)
+        optional = (fields[4], fields[5].astype(np.uint32)) if self._width == 6 else ()
+        return MessageBatch(data, *fields[:4], *optional)
