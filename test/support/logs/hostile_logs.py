@@ -113,6 +113,25 @@ def _empty_payloads(path: Path) -> None:
     path.write_bytes(_mcap_with_chunks("zstd", [zstd(raw)] * 12, len(raw)))
 
 
+def _extras_elsewhere(position: int, size: int) -> Callable[[Path], None]:
+    """An attachment and metadata whose indexes say that they lie there, and are so large."""
+    def make(path: Path) -> None:
+        with McapWriter(path) as writer:
+            writer.add_message(writer.add_channel(STATES), START_NS, bytes(8))
+            writer.flush()
+            begin = writer.position
+            writer.add_attachment("notes.txt", b"notes")
+            middle = writer.position
+            writer.add_metadata("facts", {"a": "b"})
+            end = writer.position
+        raw = path.read_bytes()
+        for at, until in ((begin, middle), (middle, end)):
+            assert raw.count(struct.pack("<QQ", at, until - at)) == 1
+            raw = raw.replace(struct.pack("<QQ", at, until - at), struct.pack("<QQ", position, size))
+        path.write_bytes(raw[:-12] + bytes(4) + raw[-8:])  # without the summary's CRC
+    return make
+
+
 def _two_names_of_one_chunk(path: Path) -> None:
     raw = write(path, [states(START_NS + i, 1, 1, 0, 0) for i in range(20)], chunk_size=10**6).read_bytes()
     at = struct.unpack_from("<Q", raw, raw.index(b"index_pos=") + 10)[0]
@@ -145,6 +164,9 @@ HOSTILE: Dict[str, Callable[[Path], object]] = {
     "overlapping.mcap": _overlapping,
     "escapes.bag": _escapes,
     "two_names.bag": _two_names_of_one_chunk,
+    "extras_of_4_eb.mcap": _extras_elsewhere(50, 1 << 62),
+    "extras_of_60_gb.mcap": _extras_elsewhere(50, 60 << 30),
+    "extras_behind_all.mcap": _extras_elsewhere((1 << 64) - 1, 100),
 }
 
 

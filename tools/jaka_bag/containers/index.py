@@ -138,7 +138,9 @@ def read_at(descriptor: int, position: int, size: int) -> bytes:
         BagError: The system refused.
     """
     try:
-        data = os.pread(descriptor, size, position)
+        # a damaged record may claim more than the memory, or a position, holds
+        size = max(min(size, os.fstat(descriptor).st_size - position), 0)
+        data = os.pread(descriptor, size, position) if size else b""
         while len(data) < size:
             more = os.pread(descriptor, size - len(data), position + len(data))
             if not more:

@@ -128,4 +128,7 @@ class McapReader(LogReader):
 
     def read_metadata(self, entry: MetadataIndex) -> Dict[str, str]:
         """See ``LogReader``."""
-        return fmt.read_metadata(self._file.fileno(), entry)
+        try:
+            return fmt.read_metadata(self._file.fileno(), entry)
+        except BagFormatError as error:
+            raise BagFormatError("%s: %s" % (self.path, error)) from error
