@@ -94,7 +94,7 @@ def test_a_stream_is_ended_and_servo_mode_left_when_the_status_port_goes_down(be
     one = bench()
     arm = one.connect()
     arm.set_servo_mode(True)
-    assert eventually(lambda: one.times_of("servo_j"))
+    assert eventually(lambda: one.requests("servo_j"))
     one.panel("refuse", port="status", duration_ms=1500)
     one.panel("close", port="status")
     assert eventually(lambda: not one.controller.state()["is_servo_active"])

@@ -2,6 +2,7 @@
 import json
 import shutil
 import sys
+import time
 
 import mcap.reader
 import pytest
@@ -42,6 +43,47 @@ def test_every_byte_with_its_time_and_the_joints(make_arm, tmp_path):
     assert len(joints) > 5
     times = [entry.time_ns for entry in entries]
     assert times == sorted(times)
+
+
+class HeldUp:
+    """A socket whose owner does not get on for a while after each sending."""
+
+    def __init__(self, link):
+        self._link = link
+
+    def __getattr__(self, name):
+        return getattr(self._link, name)
+
+    def send(self, data):
+        taken = self._link.send(data)
+        time.sleep(0.1)
+        return taken
+
+
+def test_an_answer_never_stands_before_what_it_answers_however_busy_the_host_is(make_arm, tmp_path):
+    path = str(tmp_path / "wire.mcap")
+    arm = make_arm(log=path)
+    ends = []
+    with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
+        size = len(feed.raw_frame())
+        links = arm.server._sockets
+        status = next(one for one in links if one.port == "status")
+        links[status] = HeldUp(links[status])
+        for _ in range(3):
+            size += len(feed.raw_frame())
+            ends.append(size)
+            client.code("get_version")  # what a driver does that sees the arm stop
+    arm.close()
+    events = [event for event in read_log(path) if isinstance(event, WireEvent)]
+    answered = [event.time_ns for event in events if event.port == "command" and event.what == "in"]
+    assert len(answered) == len(ends) == 3
+    for end, answer in zip(ends, answered):
+        frames = iter([event for event in events if event.port == "status" and event.what == "out"])
+        size = 0
+        while size < end:
+            frame = next(frames)
+            size += len(frame.data)
+        assert frame.time_ns <= answer
 
 
 def test_a_working_day_is_told_by_its_log(make_arm, tmp_path, root):

@@ -387,12 +387,13 @@ class Server:
         sockets.watch(self._selector, client, 0)
 
     def _send(self, connection: Connection, data: bytes) -> int:
+        begun_ns = time.monotonic_ns()  # before it is sent: an answer to it must not seem to have come first
         try:
             taken = self._sockets[connection].send(data)
         except BlockingIOError:
             return 0
         if self._log and connection.port != PANEL:
-            self._log.bytes_out(time.monotonic_ns(), connection.port, connection.number, data[:taken])
+            self._log.bytes_out(begun_ns, connection.port, connection.number, data[:taken])
         return taken
 
     # --- faults that concern whole ports ----------------------------------------------------------------------------

@@ -1,4 +1,5 @@
 """The server and unkind viewers: pages that are not trusted, garbage, silence, slow readers; others do not notice."""
+import contextlib
 import json
 import signal
 import socket
@@ -157,8 +158,9 @@ def test_a_viewer_that_sends_nothing_but_garbage_is_let_go_and_others_stay(runni
     server = running(toy)
     with RawViewer(server.port) as other, RawViewer(server.port) as viewer:
         other.subscribe(1)
-        for _ in range(100):
-            viewer.send(b"\x09")
+        with contextlib.suppress(OSError):  # it may be let go before it has said all of it
+            for _ in range(100):
+                viewer.send(b"\x09")
         assert ends_with(viewer, 1008)
         wait_until(lambda: toy.wanted == {1}, "it is subscribed")
         toy.publish(1, 5, b"x")
