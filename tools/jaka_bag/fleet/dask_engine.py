@@ -115,7 +115,6 @@ class _Run:
         self._on_result = on_result
         self._lost: Deque[LogTask] = deque()
         self._result_count = 0
-        self._name = "log-" + uuid.uuid4().hex
 
     def run(self) -> None:
         """Do them, with as many schedulers one after the other as it takes."""
@@ -168,7 +167,7 @@ class _Run:
                         is_lost = True
                         self._lost.extend(more)
                         break
-                    keys = [(self._name, uuid.uuid4().hex) for _ in more]
+                    keys = ["log-" + uuid.uuid4().hex for _ in more]
                     for future, task in zip(client.map(self._function, more, key=keys, pure=False), more):
                         running[future.key] = (future, task)
                         future.add_done_callback(ended.put)
