@@ -156,7 +156,7 @@ def be_stopped(bench):
     other = bench.new_page(control=False)
     try:
         since = time.monotonic()
-        answer = other.ask("stop", arm=None)
+        answer = other.ask("stop", arm=bench.arm)
         assert answer["ok"], answer
     finally:
         other.close()
