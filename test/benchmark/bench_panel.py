@@ -7,10 +7,12 @@ controller's log. Run it in the devel space, on a quiet host; the arguments are 
 seconds of each row (20).
 """
 import contextlib
+import multiprocessing
 import sys
 import tempfile
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (
@@ -19,7 +21,7 @@ sys.path[:0] = [str(ROOT / folder) for folder in (
 from jog_pad import print_rests  # noqa: E402
 from live_driver import LiveDriver  # noqa: E402
 from panel_jog import WAYS, JogBench, let_go  # noqa: E402
-from panel_page import Loop  # noqa: E402
+from panel_page import Loop, Page  # noqa: E402
 from ros_bench import collecting  # noqa: E402
 from soak_bench import master, percentile  # noqa: E402
 
@@ -27,7 +29,41 @@ WATCHED_S = 20.0
 SETTLE_S = 3.0
 LET_GO_S = 15.0
 """Without pages the panel lets go of the topics after 10 s."""
-STOPS = 100
+STOPS = 300
+
+
+def watch(pipe, port, token, arm, count):
+    """Open pages, and tell how much they were told by kind of message, each time that it is asked for."""
+    with contextlib.closing(Loop()) as loop, contextlib.ExitStack() as stack:
+        pages = [stack.enter_context(Page(loop, SimpleNamespace(port=port, token=token))) for _ in range(count)]
+        for page in pages:
+            page.watch(arm, plots=True)
+        pipe.send([])
+        while pipe.recv():
+            pipe.send([dict(page.counts) for page in pages])
+
+
+class Watchers:
+    """Pages in a process of their own, as browsers are: in this one they would hold up the calls that are timed."""
+
+    def __init__(self, bench, count):
+        self._pipe, theirs = multiprocessing.Pipe()
+        self._process = multiprocessing.get_context("spawn").Process(
+            target=watch, args=(theirs, bench.panel.port, bench.panel.token, bench.arm, count), daemon=True)
+        self._process.start()
+        self._pipe.recv()
+
+    def told(self):
+        """How many messages each page was told so far, by kind."""
+        self._pipe.send(True)
+        return self._pipe.recv()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self._pipe.send(False)
+        self._process.join()
 
 
 def of_driver(live, watched_s):
@@ -53,19 +89,17 @@ def cost(bench, live, watched_s):
           "driver: Hz   jitter p99 ms   stop p50 ms   p95 ms")
     rows = {}
     for count in (0, 1, 3, 0, 3):
-        with contextlib.ExitStack() as stack:
-            pages = [stack.enter_context(bench.new_page(control=False)) for _ in range(count)]
-            for page in pages:
-                page.watch(bench.arm, plots=True)
-            time.sleep(SETTLE_S if pages else LET_GO_S)
+        with Watchers(bench, count) as pages:
+            time.sleep(SETTLE_S if count else LET_GO_S)
             begin, used = time.monotonic(), bench.panel.cpu()
-            told = [dict(page.counts) for page in pages]
+            before = pages.told()
             measured = of_driver(live, watched_s)
             took = time.monotonic() - begin
             share = 100.0 * (bench.panel.cpu() - used) / took
-            states, messages = (max([0.0, *(sum(page.counts[kind] - before.get(kind, 0) for kind in kinds(page)) / took
-                                            for page, before in zip(pages, told))])
-                                for kinds in (lambda page: ["state"], lambda page: list(page.counts)))
+            told = [{kind: (after[kind] - first.get(kind, 0)) / took for kind in after}
+                    for first, after in zip(before, pages.told())]
+            states = max([page["state"] for page in told], default=0.0)
+            messages = max([sum(page.values()) for page in told], default=0.0)
             print("%5d   %18.1f %8.1f %4.0f %10.1f %12.1f   %10.2f %15.2f %13.2f %8.2f" % (
                 count, share, share / max(1, count), bench.panel.resident(), states, messages, *measured), flush=True)
             rows.setdefault(count, []).append(measured)
