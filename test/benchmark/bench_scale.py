@@ -102,10 +102,10 @@ def main() -> int:
                 count = reader.message_count
             some = [case for case in cases(*logs, folder) if options.only in case.name]
             results.append((some, measured(some, options.rounds), count))
+        free_gb = shutil.disk_usage(str(place)).free / 1e9
     (_, short, short_count), (some, long, count) = results
     print("%g min, %d messages, and %g h, %d messages; %d cores, load %.1f, %.0f GB free" % (
-        SHORT_MINUTES, short_count, options.hours, count, os.cpu_count() or 0, os.getloadavg()[0],
-        shutil.disk_usage(str(place)).free / 1e9))
+        SHORT_MINUTES, short_count, options.hours, count, os.cpu_count() or 0, os.getloadavg()[0], free_gb))
     print("%-20s %9s %9s %9s %9s %7s %7s %9s %9s %10s  %s" % (
         "", "wall s", "wall s", "CPU s", "CPU s", "x wall", "x CPU", "MB", "MB", "msg/s", "goals"))
     for case in some:
