@@ -103,15 +103,25 @@ def streamed_as_poses(live, told):
 
 
 def stalled(live, told):
-    """The driver gets no time for a while in the middle of a fast stream."""
-    enter(live)
-    streaming = InBackground(stream, live.arm, FAST)
-    assert eventually(lambda: live.simulator.state()["joint_position"][0] > 10.0)
-    told.frozen = live.send(signal.SIGSTOP)
-    time.sleep(STALL)
-    told.thawed = live.send(signal.SIGCONT)
-    told.end_of_stalled_stream = streaming.join()
-    assert eventually(lambda: not live.simulator.is_moving())
+    """The driver gets no time for a while in the middle of a fast stream.
+
+    Tried again where a busy host kept the next target from the driver just before: it holds the arm then, and a
+    controller that repeats the last step repeats none.
+    """
+    for _ in range(5):
+        enter(live)
+        streaming = InBackground(stream, live.arm, FAST)
+        assert eventually(lambda: live.simulator.state()["joint_position"][0] > 10.0)
+        told.frozen = live.send(signal.SIGSTOP)
+        joint = live.simulator.state()["joint_position"][0]
+        time.sleep(STALL)
+        ran_away = math.radians(live.simulator.state()["joint_position"][0] - joint) > 0.05
+        told.thawed = live.send(signal.SIGCONT)
+        told.end_of_stalled_stream = streaming.join()
+        assert eventually(lambda: not live.simulator.is_moving())
+        if ran_away:
+            return
+        live.arm.call("servo_move_enable", enable=False)
 
 
 def first_joint(session, since, until):
