@@ -13,6 +13,7 @@ from jaka_panel.graph import raw_messages, rotations
 from jaka_panel.graph.description import Description
 from jaka_panel.graph.requests import WrongRequest, flag, number, numbers, text, whole
 from jaka_panel.pages.files import page_file
+from jaka_panel.pages.hub import behind_a_sample
 from jaka_panel.plans.point_plan import WrongPlan, plan_of_points
 from jaka_ros_driver.ros.other_messages import message_type
 
@@ -55,6 +56,13 @@ def test_types_of_packages_that_are_not_installed_are_read():
     for point, values in ((state.desired, SIX), (state.actual, SIX[::-1]), (state.error, [0.0] * 6)):
         point.positions, point.velocities = values, values
     assert raw_messages.controller_state(raw(state)) == (12000000345, tuple(SIX), (0.0,) * 6)
+
+
+def test_pages_are_told_between_two_samples():
+    for due in (100.0, 100.001, 100.0049, 100.0077, 100.25):
+        told = behind_a_sample(due, 99.9996)
+        assert due <= told < due + 0.008 and (told - 99.9996) % 0.008 == pytest.approx(0.0025, abs=1e-9)
+    assert behind_a_sample(100.0, -1e9) == 100.0 and behind_a_sample(100.0, 99.0) == 100.0, "no sample to go by"
 
 
 def test_rotations_there_and_back():

@@ -65,6 +65,7 @@ class ArmFeed:
         alarms: Alarms and notes.
         history: Curves of the joints, while somebody watches.
         simulated: True, False, or None while it is not known.
+        joints_heard_at: When the newest sample of the joints came, monotonic time, s; -1e9 before the first.
     """
 
     def __init__(self, driver: Driver) -> None:
@@ -73,6 +74,7 @@ class ArmFeed:
         self.alarms = AlarmBook()
         self.history = History()
         self.simulated: Optional[bool] = None
+        self.joints_heard_at = -1e9
         self._heard: Dict[str, Heard] = {}
         self._samples: Deque[Heard] = deque(maxlen=_PENDING)
         self._errors: Deque[Heard] = deque(maxlen=_PENDING)
@@ -117,10 +119,10 @@ class ArmFeed:
             self._let_go(self._watched)
 
     def _watch(self) -> None:
-        for topic, kept in ((self.driver.node + "/joint_position", self._samples),
-                            (self.driver.state_topic, self._errors)):
+        for topic, take in ((self.driver.node + "/joint_position", self._take_joints),
+                            (self.driver.state_topic, self._take_errors)):
             if topic is not None and topic not in self._watched:
-                self._watched[topic] = rospy.Subscriber(topic, rospy.AnyMsg, self._keep(kept), tcp_nodelay=True)
+                self._watched[topic] = rospy.Subscriber(topic, rospy.AnyMsg, take, tcp_nodelay=True)
         for name, key in _RAW.items():
             self._add_raw(self._watched, name, key)
 
@@ -143,9 +145,12 @@ class ArmFeed:
                 self._heard[key] = Heard(time.monotonic(), message._buff)
             subscribers[topic] = rospy.Subscriber(topic, rospy.AnyMsg, take, queue_size=1, tcp_nodelay=True)
 
-    @staticmethod
-    def _keep(kept: Deque[Heard]) -> Callable[[Any], None]:
-        return lambda message: kept.append(Heard(time.monotonic(), message._buff))
+    def _take_joints(self, message: Any) -> None:
+        self.joints_heard_at = time.monotonic()
+        self._samples.append(Heard(self.joints_heard_at, message._buff))
+
+    def _take_errors(self, message: Any) -> None:
+        self._errors.append(Heard(time.monotonic(), message._buff))
 
     # ---- what changes all the time: called by one thread ----
 

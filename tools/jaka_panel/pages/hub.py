@@ -16,6 +16,7 @@ from ..authority.jog_hold import (
     JogHold,
     Velocity,
 )
+from ..graph.arm_feed import STALE_S
 from ..graph.arms import ArmFinder, Driver
 from ..graph.calls import Calls
 from ..plans.shelf import LogFolder, Shelf
@@ -29,6 +30,21 @@ RATE = 30.0
 LOOK_S = 2.0
 SILENT_S = 3.0
 _JOG_LOOK_S = 0.02
+_SAMPLE_S = 0.008
+"""The driver's own period: two samples of the joints are so far apart unless the controller is slow."""
+_BEHIND_S = 0.0025
+"""Pages are told so long behind a sample, so that the work for them is over when the next one comes: the driver, and a
+simulated controller on the same computer, would wait for it."""
+
+
+def behind_a_sample(due: float, heard_at: float) -> float:
+    """The first moment from ``due`` on that lies behind a sample, by when the newest was heard; monotonic time, s.
+
+    ``due`` itself where the newest is too old to tell when the next ones come.
+    """
+    if due - heard_at > STALE_S:
+        return due
+    return due + (heard_at + _BEHIND_S - due) % _SAMPLE_S
 
 
 class Hub:
@@ -252,7 +268,8 @@ class Hub:
         due = time.monotonic()
         while True:
             due = max(due + 1.0 / RATE, time.monotonic())
-            await asyncio.sleep(due - time.monotonic())
+            heard = max((desk.feed.joints_heard_at for desk in self.arms.values()), default=-1e9)
+            await asyncio.sleep(behind_a_sample(due, heard) - time.monotonic())
             try:
                 self._tick(time.monotonic())
             except Exception:  # whatever it was, pages are told on, and who is silent is let go
