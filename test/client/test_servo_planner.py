@@ -190,6 +190,7 @@ def test_a_target_that_float32_puts_beyond_a_limit_is_driven_to_the_limit(joint,
         reached = servo.next_frame().joint_position[joint]
         assert ZU3.joint_limits[joint][0] <= reached <= ZU3.joint_limits[joint][1]
     assert reached == pytest.approx(limit, abs=1e-9)
+    assert servo.is_at_rest, "a target that cannot be reached would keep the arm in servo mode"
 
 
 def test_increments_do_not_pass_a_joint_limit():
