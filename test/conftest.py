@@ -26,7 +26,13 @@ def pytest_configure(config):
     """A shell starts what it puts in the background with SIGINT ignored, which programs inherit; ours are sent it.
 
     Programs that tests start find the packages of this checkout, as the tests do.
+
+    Each worker of a parallel run is a session of its own: Linux shares the processors among sessions first
+    (autogroups). In one session with all other workers, and with what else the shell runs, drivers and simulated
+    controllers wait for up to 2 s while a browser, which has a session, draws.
     """
+    if hasattr(config, "workerinput") and os.getsid(0) != os.getpid():
+        os.setsid()
     folders = [str(import_graph.ROOT), str(import_graph.ROOT / "tools"), os.environ.get("PYTHONPATH", "")]
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, folders))
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
