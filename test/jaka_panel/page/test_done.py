@@ -166,6 +166,8 @@ def test_taking_over_asks_the_other_page_and_is_shown_to_both(panel, open_page):
         first.click("#take-over button:%s-child" % ("first" if give else "last"))
         if not give:
             second.until_text("#toasts", "keeps control")
+            for page in (first, second):
+                page.until("document.querySelector('#take-over').hidden")
     second.until("document.body.dataset.may === 'control'")
     first.until("document.body.dataset.may === 'take'")
     first.until("document.querySelector('#take-over').hidden")

@@ -241,17 +241,15 @@ class Page:
                    "%r in %r, now %r" % (part, selector, self.text(selector)), timeout)
 
     def place(self, selector: str) -> List[float]:
-        """The middle of an element that is seen and stands still, px; it is brought into view first."""
+        """The middle of an element as soon as it is seen and stands still, px; it is brought into view first."""
         box = self.evaluate("""(async () => {
-            let last = [0, 0];
+            let last = null;
             for (let look = 0; look < 100; look += 1) {
                 const element = document.querySelector(%s);
-                if (!element) return null;
-                element.scrollIntoView({block: 'center'});
-                const box = element.getBoundingClientRect();
-                if (!box.width || !box.height) return null;
-                const middle = [box.x + box.width / 2, box.y + box.height / 2];
-                if (Math.hypot(middle[0] - last[0], middle[1] - last[1]) < 0.5) return middle;
+                element?.scrollIntoView({block: 'center'});
+                const box = element?.getBoundingClientRect();
+                const middle = box?.width && box.height ? [box.x + box.width / 2, box.y + box.height / 2] : null;
+                if (middle && last && Math.hypot(middle[0] - last[0], middle[1] - last[1]) < 0.5) return middle;
                 last = middle;
                 await new Promise((resolve) => setTimeout(resolve, 20));
             }
