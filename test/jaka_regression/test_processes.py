@@ -6,6 +6,7 @@ import time
 import pytest
 
 from jaka_regression.processes import Program, ProgramFailed, Programs
+from jaka_regression.programs import MASTER, PANEL_SESSION, SIMULATION
 
 WAIT = 30.0
 SLEEPER = "import time\nprint('{\"up\": 1}', flush=True)\ntime.sleep(600)"
@@ -62,6 +63,18 @@ def test_silence_and_nonsense_are_errors(tmp_path):
         with pytest.raises(ProgramFailed, match="did not print"):
             program.wait_for_words("something", 0.1)
         program.end(signal.SIGKILL)
+
+
+@pytest.mark.parametrize("arguments", [
+    MASTER, [*SIMULATION, "--command-port", "0", "--status-port", "0"], [*PANEL_SESSION, "10001"]])
+def test_what_inherits_an_ignored_interrupt_is_ended_by_one_all_the_same(tmp_path, arguments):
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        program = Program("background", arguments, tmp_path)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    program.first_line(WAIT)
+    assert program.end() in (0, -signal.SIGINT)
 
 
 def test_impatience_ends_the_rest_at_once(tmp_path, monkeypatch):

@@ -10,9 +10,11 @@ _DRIVER_MODULE = "jaka_ros_driver.ros.node"
 DRIVER = ("-c", "import sys; from %s import main; sys.exit(main())" % _DRIVER_MODULE)
 STAGE = ("-m", "jaka_regression.many.stage_program")
 
-MASTER = ("-c", "from rosmaster.master import Master\nimport time\nmaster = Master(0)\nmaster.start()\n"
+MASTER = ("-c", "from rosmaster.master import Master\nimport signal\nimport time\n"
+                "signal.signal(signal.SIGINT, signal.SIG_DFL)\nmaster = Master(0)\nmaster.start()\n"
                 "print(master.uri, flush=True)\nwhile master.ok():\n    time.sleep(0.1)\n")
-"""A ROS master on a free port; prints its URI."""
+"""A ROS master on a free port; prints its URI. What a shell starts in the background inherits a SIGINT that is ignored:
+each program here that is ended by SIGINT sets what it does then."""
 
 
 def driver_in(folder: str) -> Tuple[str, str]:

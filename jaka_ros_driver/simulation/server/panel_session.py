@@ -1,5 +1,6 @@
 """A session at the operator's panel: each line of stdin is a JSON request, each line of stdout the answer."""
 import json
+import signal
 import sys
 from typing import List, Optional
 
@@ -16,6 +17,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     if len(arguments) != 1 or not arguments[0].isdigit():
         print("usage: panel_session PORT", file=sys.stderr)
         return 2
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # it may be inherited as ignored
     print(json.dumps({"ok": True, "port": int(arguments[0])}), flush=True)
     for line in sys.stdin:
         try:

@@ -21,6 +21,17 @@ from ..replay import replay
 RESULT = "result.json"
 
 
+def _take_signals() -> None:
+    """Obey SIGINT and SIGTERM, and have the stage's programs obey them.
+
+    Workers block or ignore SIGINT: the Ctrl-C of a terminal is for whoever waits for them. Programs inherit that, and
+    each would run on until something stronger ends it.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
+
+
 def _end_with_the_parent() -> None:
     sys.stdin.buffer.read()
     os.kill(os.getpid(), signal.SIGINT)
@@ -39,8 +50,8 @@ def main(argv: Optional[List[str]] = None) -> int:
     """Replay; what came of it is in ``RESULT`` beside the job file, the only argument."""
     job_file = Path((sys.argv[1:] if argv is None else argv)[0])
     job = json.loads(job_file.read_text(encoding="utf-8"))
+    _take_signals()
     threading.Thread(target=_end_with_the_parent, name="parent", daemon=True).start()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         result = _replay(job)
     except JakaBagError as error:
