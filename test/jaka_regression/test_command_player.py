@@ -15,17 +15,20 @@ def call(start, duration, service, success=True):
 
 
 class Driver:
-    """Answers calls; ``move`` ends when ``stop_move`` comes."""
+    """Answers calls; ``move`` ends when ``stop_move`` comes, ``late`` when ``move`` is under way."""
 
     def __init__(self, refuse=()):
         self.log = []
         self.refuse = refuse
-        self.stopped = threading.Event()
+        self.moving, self.stopped = threading.Event(), threading.Event()
 
     def perform(self, one):
         name = one.short_name
         self.log.append((name, "begin"))
+        if name == "late":
+            assert self.moving.wait(20)
         if name == "move":
+            self.moving.set()
             assert self.stopped.wait(20)
         if name == "stop_move":
             self.stopped.set()
@@ -66,6 +69,21 @@ def test_it_can_be_interrupted_while_it_waits():
     threading.Timer(0.05, cancelled.set).start()
     with pytest.raises(ReplayStopped, match="interrupted"):
         player.run()
+
+
+@pytest.mark.parametrize("why", ["interrupted", r"late\(\) was refused"])
+def test_it_ends_at_once_while_a_call_is_not_answered_and_makes_no_other(why):
+    driver, cancelled = Driver(refuse=("late",)), threading.Event()
+    calls = [call(0.0, 1.0, "late"), call(0.05, 2.0, "move"), call(2.1, 0.1, "next")]
+    if why == "interrupted":
+        calls.pop(0)
+        threading.Timer(0.2, cancelled.set).start()
+    with pytest.raises(ReplayStopped, match=why):
+        CommandPlayer(plan(calls), driver.perform, ignore, cancelled=cancelled).run()
+    assert ("move", "begin") in driver.log and ("move", "end") not in driver.log
+    driver.stopped.set()
+    time.sleep(0.2)
+    assert ("move", "end") in driver.log and ("next", "begin") not in driver.log
 
 
 def test_every_start_and_end_is_told():

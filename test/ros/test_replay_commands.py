@@ -1,14 +1,20 @@
 """jaka_bag replay-commands against a live driver: start pose, speed limit, refusal, interruption."""
+import contextlib
 import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
+import rosgraph
 from arm_bench import eventually
 from import_graph import ROOT
 from ros_bench import HOME, evidence_of
 
+from jaka_bag.live.graph import RemoteNode
+
+TWO_ARMS = str(ROOT / "test" / "data" / "golden" / "two_arms.mcap")
 GOLDEN = str(ROOT / "test" / "data" / "golden" / "joint_moves.mcap")
 WAIT = 200
 AWAY = [0.3, *HOME[1:]]
@@ -80,12 +86,62 @@ def test_it_ends_at_the_first_refusal_that_the_log_does_not_have(arm):
         assert arm.call("enable", data=True).success
 
 
-def test_an_interrupted_replay_stops_the_arm(arm):
-    stand_at(arm, START)
-    process = subprocess.Popen(command(GOLDEN), stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment())
-    assert eventually(arm.simulator.is_moving)
+@contextlib.contextmanager
+def begun(*arguments):
+    with subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                          env=environment()) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def interrupted(process, seconds=10.0):
+    """What a program prints that gets Ctrl-C; it must end soon."""
     process.send_signal(signal.SIGINT)
-    errors = process.communicate(timeout=WAIT)[1].decode()
-    assert process.returncode == 1 and "interrupted" in errors or "was refused" in errors
-    assert eventually(lambda: not arm.simulator.is_moving())
-    assert max(abs(a - b) for a, b in zip(joints_of(arm), START)) > 0.001
+    errors = process.communicate(timeout=seconds)[1].decode()
+    assert process.returncode == 1 and "interrupted" in errors, errors
+    return errors
+
+
+def names_of(calls):
+    return sorted(call.service.rsplit("/")[-1] for call in calls)
+
+
+@pytest.mark.parametrize("stands, arguments",
+                         [(START, ["--speed-limit", "10", "--after-previous"]), (AWAY, ["--go-to-start"])],
+                         ids=["a call", "the way to the start"])
+def test_ctrl_c_stops_the_arm_in_the_middle_of_a_move(arm, stands, arguments):
+    stand_at(arm, stands)
+    with evidence_of(arm) as call_publisher, begun(GOLDEN, *arguments) as process:
+        assert eventually(arm.simulator.is_moving)
+        interrupted(process)
+        assert eventually(lambda: not arm.simulator.is_moving())
+        # the second stop is for a move that would reach the driver after the first
+        assert eventually(lambda: names_of(call_publisher()) == ["joint_move", "stop_move", "stop_move"])
+        assert [call.success for call in call_publisher()] == [call.service.endswith("stop_move")
+                                                               for call in call_publisher()]
+
+
+def test_ctrl_c_ends_the_wait_for_a_driver(ros_master):
+    with begun(TWO_ARMS, "--wait", "120") as process:
+        assert eventually(lambda: "/jaka_bag_replay" in str(rosgraph.Master("/jaka_tests").getSystemState()))
+        time.sleep(0.5)  # until it waits; sooner it ends as well, with other words
+        interrupted(process)
+
+
+def test_a_driver_that_answers_nothing_does_not_hold_up_the_end(arm):
+    stand_at(arm, START)
+    with RemoteNode(rosgraph.get_master_uri(), "/jaka_tests") as master:
+        uri = master.call("lookupNode", arm.name)
+    with RemoteNode(uri, "/jaka_tests") as driver:
+        frozen = driver.call("getPid")
+    with begun(GOLDEN, "--speed-limit", "10", "--after-previous") as process:
+        assert eventually(arm.simulator.is_moving)
+        os.kill(frozen, signal.SIGSTOP)
+        try:
+            errors = interrupted(process, 20.0)
+        finally:
+            os.kill(frozen, signal.SIGCONT)
+    assert "%s could not be stopped: no answer for 5 s" % arm.name in errors
+    assert eventually(lambda: arm.call("stop_move") is not None) and eventually(lambda: not arm.simulator.is_moving())

@@ -3,6 +3,7 @@
 The shelf, from the ground up; a module imports only from those above it in this list:
 
 programs           the modules that a replay starts as programs; all of them are declared there
+attended           work done in a thread, so that somebody can end the wait for it
 command_schedule   when each recorded call is made again: times and causes
 command_player     makes the calls, in threads where they overlap
 driver_client      the live driver through rospy: raw services, joints, states

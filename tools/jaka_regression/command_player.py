@@ -4,17 +4,13 @@ import time
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence
 
 from jaka_bag.compare.run import Call
-from jaka_bag.errors import BagError
 
+from .attended import ReplayStopped, attended
 from .command_schedule import Planned, due
 
 _POLL_S = 0.02
 _PATIENCE = 5.0
 _PATIENCE_S = 60.0
-
-
-class ReplayStopped(BagError):
-    """The replay ended before the last call; the text says why."""
 
 
 class Reply(NamedTuple):
@@ -65,14 +61,16 @@ class CommandPlayer:
             begin: When the plan begins, monotonic s; None: now.
 
         Raises:
-            ReplayStopped: A call was refused that succeeded in the log, or the replay was cancelled.
+            ReplayStopped: A call was refused that succeeded in the log, or the replay was cancelled. This is raised at
+                once, also while other calls wait for their answers; none is begun afterwards.
         """
-        begin = time.monotonic() if begin is None else begin
+        attended(lambda: self._make_calls(time.monotonic() if begin is None else begin), self._why_end)
+
+    def _make_calls(self, begin: float) -> None:
         threads: Dict[int, threading.Thread] = {}
         for entry in self._planned:
             moment = self._wait_until_due(entry, begin)
             self.lateness.append(max(0.0, time.monotonic() - moment))
-            self._check()
             self._begin(entry)  # before the thread runs, so that what overlaps this call can be planned
             if entry.is_overlapped:
                 threads[entry.number] = threading.Thread(target=self._finish, args=(entry,), daemon=True,
@@ -100,6 +98,7 @@ class CommandPlayer:
     def _begin(self, entry: Planned) -> None:
         now = time.monotonic()
         with self._changed:
+            self._check()
             self._started[entry.number] = now
         self._notice(entry, now, None)
 
@@ -113,8 +112,10 @@ class CommandPlayer:
                 self._failure = "%s was refused, unlike in the log: %s" % (entry.call.words, reply.text)
             self._changed.notify_all()
 
+    def _why_end(self) -> Optional[str]:
+        return self._failure or ("interrupted" if self._cancelled.is_set() else None)
+
     def _check(self) -> None:
-        if self._failure is not None:
-            raise ReplayStopped(self._failure)
-        if self._cancelled.is_set():
-            raise ReplayStopped("interrupted")
+        reason = self._why_end()
+        if reason is not None:
+            raise ReplayStopped(reason)

@@ -1,8 +1,10 @@
 """The live driver, through rospy: any recorded call as its raw bytes, where the arm stands, a move to the start."""
+import contextlib
+import functools
 import io
 import threading
 import time
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Tuple, TypeVar
 
 import roslib.message as untyped_roslib
 import rospy as untyped_rospy
@@ -10,12 +12,17 @@ import rospy as untyped_rospy
 from jaka_bag.compare.run import Call
 from jaka_bag.errors import BagError
 
+from .attended import ReplayStopped, attended
 from .command_player import Reply
 from .command_schedule import STREAM_SERVICES
 
 rospy: Any = untyped_rospy
 roslib_message: Any = untyped_roslib
+_STOP_S = 5.0
+"""A driver answers stop_move in some ms; one that hangs never does."""
 _SCALED_FIELDS = {"joint_move": ("mvvelo",), "linear_move": ("mvvelo",), "jog": ("mvvelo", "mvacc")}
+
+T = TypeVar("T")
 
 
 class RawMessage(untyped_rospy.AnyMsg):
@@ -86,33 +93,58 @@ class DriverClient:
 
     Args:
         name: Of the node; a number is added.
+        cancelled: Set to have what waits raise ``ReplayStopped`` at once.
         speed_share: Moves are asked for at this share of their recorded speeds.
     """
 
-    def __init__(self, name: str, speed_share: float = 1.0) -> None:
+    def __init__(self, name: str, cancelled: threading.Event, speed_share: float = 1.0) -> None:
         rospy.init_node(name, anonymous=True, disable_signals=True)
+        self._cancelled = cancelled
         self._speed_share = speed_share
         self._streams: Dict[str, Any] = {}
-        self._lock = threading.Lock()
+        self._changed = threading.Condition()
+        self._under_way = 0
+        self._is_over = False
+
+    def unless_cancelled(self, work: Callable[[], T]) -> T:
+        """What ``work`` gives; ``ReplayStopped`` as soon as somebody cancels."""
+        return attended(work, lambda: "interrupted" if self._cancelled.is_set() else None)
 
     def wait_for(self, services: List[str], timeout_s: float) -> None:
         """Wait until all services are offered.
 
         Raises:
             DriverNotThere: One was not in time.
+            ReplayStopped: Cancelled meanwhile.
         """
         end = time.monotonic() + timeout_s
         for service in services:
             try:
-                rospy.wait_for_service(service, max(end - time.monotonic(), 0.1))
+                self.unless_cancelled(functools.partial(rospy.wait_for_service, service,
+                                                        max(end - time.monotonic(), 0.1)))
             except rospy.ROSException as error:
                 raise DriverNotThere("%s is not offered" % service) from error
+
+    @contextlib.contextmanager
+    def _call(self) -> Iterator[None]:
+        """A call that may move the arm; raises ``ReplayStopped`` where the drivers have been told to stop."""
+        with self._changed:
+            if self._is_over:
+                raise ReplayStopped("interrupted")
+            self._under_way += 1
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._under_way -= 1
+                self._changed.notify_all()
 
     def perform(self, call: Call) -> Reply:
         """Make one recorded call and wait for its answer."""
         try:
             request = RawMessage(slowed(call, self._speed_share))
-            response = self._proxy(call).call(request)
+            with self._call():
+                response = self._proxy(call).call(request)
             return outcome_of(call.service_type, response._buff)
         except (rospy.ServiceException, rospy.ROSException, BagError) as error:
             return Reply(False, str(error))
@@ -121,7 +153,7 @@ class DriverClient:
         service = raw_service(call.service_type, call.md5sum)
         if call.short_name not in STREAM_SERVICES:
             return rospy.ServiceProxy(call.service, service)
-        with self._lock:
+        with self._changed:
             proxy = self._streams.get(call.service + call.md5sum)
             if proxy is None:
                 proxy = self._streams[call.service + call.md5sum] = rospy.ServiceProxy(call.service, service,
@@ -133,9 +165,11 @@ class DriverClient:
 
         Raises:
             DriverNotThere: Nothing is published.
+            ReplayStopped: Cancelled meanwhile.
         """
+        kind = _installed("message", "sensor_msgs/JointState")
         try:
-            message = rospy.wait_for_message(topic, _installed("message", "sensor_msgs/JointState"), timeout_s)
+            message = self.unless_cancelled(lambda: rospy.wait_for_message(topic, kind, timeout_s))
         except rospy.ROSException as error:
             raise DriverNotThere("nothing is published on %s" % topic) from error
         return tuple(message.position)
@@ -145,23 +179,50 @@ class DriverClient:
 
         Raises:
             BagError: The driver refused, or the move was not completed.
+            ReplayStopped: Cancelled meanwhile, or the call broke off: the arm may be under way.
         """
         move = _installed("service", "jaka_msgs/Move")
         request = move._request_class(pose=joint_position, mvvelo=speed, mvacc=acceleration)
+
+        def ask() -> Any:
+            with self._call():
+                return rospy.ServiceProxy(node + "/joint_move", move)(request)
+
         try:
-            response = rospy.ServiceProxy(node + "/joint_move", move)(request)
+            response = self.unless_cancelled(ask)
         except (rospy.ServiceException, rospy.ROSException) as error:
-            raise BagError("the move to the start failed: %s" % error) from error
+            raise ReplayStopped("the move to the start failed: %s" % error) from error
         if response.ret != 1:
             raise BagError("the move to the start was refused: %s" % response.message)
 
     def stop(self, node: str) -> Optional[str]:
         """Stop what a driver moves; None, or why it could not be asked to."""
+        end = time.monotonic() + _STOP_S
+        stop = rospy.ServiceProxy(node + "/stop_move", _installed("service", "std_srvs/Empty"))
         try:
-            rospy.ServiceProxy(node + "/stop_move", _installed("service", "std_srvs/Empty"))()
-        except (rospy.ServiceException, rospy.ROSException) as error:
+            attended(stop, lambda: "no answer for %g s" % _STOP_S if time.monotonic() > end else None)
+        except (rospy.ServiceException, rospy.ROSException, ReplayStopped) as error:
             return str(error)
         return None
+
+    def stop_all(self, nodes: Sequence[str]) -> List[str]:
+        """Stop what drivers move, and let this client make no further call; which could not be asked to, and why.
+
+        A call under way may reach its driver after the stop. So all are stopped a second time when it has ended.
+        """
+        with self._changed:
+            self._is_over = True
+            again = self._under_way > 0
+        problems = self._stop_each(nodes)
+        if again and not problems:
+            with self._changed:
+                self._changed.wait_for(lambda: self._under_way == 0, _STOP_S)
+            problems = self._stop_each(nodes)
+        return problems
+
+    def _stop_each(self, nodes: Sequence[str]) -> List[str]:
+        found = [(node, self.stop(node)) for node in nodes]
+        return ["%s could not be stopped: %s" % (node, why) for node, why in found if why is not None]
 
     def close(self) -> None:
         """Close the connections that are kept open, and end the node."""

@@ -2,6 +2,7 @@
 import argparse
 import functools
 import json
+import select
 import signal
 import sys
 import threading
@@ -13,12 +14,14 @@ from jaka_bag.compare.loading import load_run
 from jaka_bag.compare.run import Run
 from jaka_bag.errors import BagError, JakaBagError, UsageError
 
-from .command_player import CommandPlayer, ReplayStopped, Reply
+from .attended import ReplayStopped
+from .command_player import CommandPlayer, Reply
 from .command_schedule import Planned, as_text, plan
 
 _START_SPEED = 0.2
 _START_ACCELERATION = 0.5
 _REACH_RAD = 0.01
+_LOOK_S = 0.1
 
 EPILOG = """\
 Makes the calls that the log's service_calls topics tell of again, against a live driver, with the same bytes. Each
@@ -102,38 +105,50 @@ def _play(args: argparse.Namespace, log: Run, planned: List[Planned]) -> int:
     except (JakaBagError, OSError) as error:
         raise BagError("no ROS master: %s" % error) from error
     cancelled = threading.Event()
-    client = DriverClient("jaka_bag_replay", args.speed_limit / 100.0)
+    client = DriverClient("jaka_bag_replay", cancelled, args.speed_limit / 100.0)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: cancelled.set())
-    starts = {topic: track.around(track.facts.first, track.facts.first).value
-              for topic, track in log.joints.items() if topic.endswith("/joint_position")}
+    nodes: List[str] = []
     try:
         client.wait_for(sorted({call.service for call in log.calls}), args.wait)
-        for topic, positions in starts.items():
-            if len(positions) and not args.begin_at_stdin:  # then a recorded controller says where the arm stands
-                _check_start(args, client, topic, positions[0].tolist())
-        begin = time.monotonic()
-        if args.begin_at_stdin:
-            print(json.dumps({"event": "ready"}), flush=True)
-            begin = float(sys.stdin.readline() or begin)
-        if args.progress:
-            print(json.dumps({"event": "begin", "monotonic_s": begin}), flush=True)
-        player = CommandPlayer(planned, client.perform, functools.partial(_tell, args, len(planned)),
-                               args.after_previous, cancelled)
-        try:
-            player.run(begin)
-        except ReplayStopped as error:
-            print("jaka_bag replay-commands: error: %s" % error, file=sys.stderr)
-            for node in sorted({call.service.rsplit("/", 1)[0] for call in log.calls}):
-                why = client.stop(node)
-                if why:
-                    print("jaka_bag replay-commands: error: %s could not be stopped: %s" % (node, why), file=sys.stderr)
-            return 1
-        if not args.quiet and not args.progress:
-            print("%d calls made, at most %.1f ms late" % (len(planned), 1e3 * max(player.lateness)))
+        nodes = sorted({call.service.rsplit("/", 1)[0] for call in log.calls})
+        _make_calls(args, log, planned, client, cancelled)
         return 0
+    except ReplayStopped as error:
+        for problem in [str(error), *client.stop_all(nodes)]:
+            print("jaka_bag replay-commands: error: %s" % problem, file=sys.stderr)
+        return 1
     finally:
         client.close()
+
+
+def _make_calls(args: argparse.Namespace, log: Run, planned: List[Planned], client: Any,
+                cancelled: threading.Event) -> None:
+    """Move to the start where that is wanted, and make all calls."""
+    if not args.begin_at_stdin:  # then a recorded controller says where the arm stands
+        for topic, track in log.joints.items():
+            start = track.around(track.facts.first, track.facts.first).value
+            if topic.endswith("/joint_position") and len(start):
+                _check_start(args, client, topic, start[0].tolist())
+    begin = time.monotonic()
+    if args.begin_at_stdin:
+        print(json.dumps({"event": "ready"}), flush=True)
+        begin = float(_line_of_stdin(cancelled) or begin)
+    if args.progress:
+        print(json.dumps({"event": "begin", "monotonic_s": begin}), flush=True)
+    player = CommandPlayer(planned, client.perform, functools.partial(_tell, args, len(planned)),
+                           args.after_previous, cancelled)
+    player.run(begin)
+    if not args.quiet and not args.progress:
+        print("%d calls made, at most %.1f ms late" % (len(planned), 1e3 * max(player.lateness)))
+
+
+def _line_of_stdin(cancelled: threading.Event) -> str:
+    """The next line; raises ReplayStopped when somebody cancels. A thread that reads would block the program's end."""
+    while not select.select([sys.stdin], [], [], _LOOK_S)[0]:
+        if cancelled.is_set():
+            raise ReplayStopped("interrupted")
+    return sys.stdin.readline()
 
 
 def _check_start(args: argparse.Namespace, client: Any, topic: str, start: List[float]) -> None:

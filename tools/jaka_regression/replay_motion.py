@@ -183,11 +183,11 @@ def _perform(args: argparse.Namespace, plan: MotionPlan, node: str, report: Repo
     cancelled = threading.Event()
     with RemoteNode(master_uri(), "/jaka_bag_replay") as master:
         action = action_of(master, node)
-    driver = DriverClient("jaka_bag_replay")
+    driver = DriverClient("jaka_bag_replay", cancelled)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: cancelled.set())
     try:
-        arm = TrajectoryClient(action, args.wait)
+        arm = driver.unless_cancelled(lambda: TrajectoryClient(action, args.wait))
         try:
             end = _go_to_start(args, plan, driver, arm, node, cancelled)
             if end is None:

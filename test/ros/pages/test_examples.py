@@ -46,6 +46,22 @@ def test_a_client_that_moves_and_stops(arm, tmp_path):
     assert 0.0 < arm.simulator.state()["joint_position"][0] < 90.0
 
 
+@pytest.mark.parametrize("part", ["to the start", "to the target"])
+def test_a_client_that_moves_and_gets_ctrl_c_stops_the_arm(arm, tmp_path, part):
+    arm.go_home()
+    away = [-1.0 if part == "to the start" else 0.0, *HOME[1:]]
+    assert arm.call("joint_move", pose=away, mvvelo=3.0, mvacc=12.0).ret == 1
+    process = started(tmp_path, str(EXAMPLES / "move_and_stop.py"))
+    if part == "to the target":
+        assert process.stdout.readline().startswith("to the start: completed")
+    assert eventually(arm.simulator.is_moving)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=PATIENCE_S)[0]
+    assert process.returncode == 1 and "interrupted" in said, said
+    assert eventually(lambda: not arm.simulator.is_moving())
+    assert -60.0 < arm.simulator.state()["joint_position"][0] < 90.0
+
+
 def test_a_client_that_streams_servo_targets(arm, tmp_path):
     arm.go_home()
     code, said = run(tmp_path, str(EXAMPLES / "stream_servo_targets.py"))
