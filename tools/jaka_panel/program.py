@@ -37,6 +37,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         print(_INSTALL % error, file=sys.stderr)
         return 1
     _LOG.debug("aiohttp %s", aiohttp.__version__)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # while it waits for a master there is nothing to end in order
     rospy.init_node(_NAME, disable_signals=True)
     try:
         asyncio.new_event_loop().run_until_complete(_serve(settings))

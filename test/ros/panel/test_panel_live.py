@@ -1,12 +1,14 @@
 """A panel on a running driver: what a page is told, and what each of its commands does, with one page and with two."""
 import math
+import os
 import signal
+import subprocess
 import time
 
 import pytest
 from live_driver import LiveDriver
 from motion_logs import log_of, session
-from panel_page import Page, PanelProcess, get
+from panel_page import PROGRAM, Page, PanelProcess, get
 from ros_bench import HOME, WAIT, eventually
 
 STAGE = [0.2, 1.4, -1.4, 1.5, 1.4, 0.1]
@@ -315,3 +317,12 @@ def test_names_of_the_graph_and_the_controller_come_as_text(page, live, arm):
     answer = page.command("program_load", arm, name=SCRIPT)
     call = page.wait("call", lambda m: m["call"]["name"] == "program/load", since=since)["call"]
     assert SCRIPT in call["request"] and isinstance(answer["message"], str)
+
+
+def test_ctrl_c_ends_the_wait_for_a_master_without_a_traceback():
+    environment = dict(os.environ, ROS_MASTER_URI="http://127.0.0.1:1", PYTHONUNBUFFERED="1")
+    with subprocess.Popen([*PROGRAM, "--port", "0"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                          env=environment) as process:
+        assert "master may not be running yet" in process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=WAIT)[0] == "" and process.returncode == -signal.SIGINT
