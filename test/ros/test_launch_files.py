@@ -51,6 +51,13 @@ def test_every_argument_is_documented(path):
                              argument.get("default") is not None for argument in arguments)
 
 
+@pytest.mark.parametrize("path", ["", "/tmp/my arm.yaml"])
+def test_the_simulated_arm_and_the_driver_have_the_same_model_file(path):
+    started, params = nodes(["dh_file:=" + path])
+    words = shlex.split(started["jaka_sim"].args)
+    assert words[words.index("--dh-file") + 1] == params["/jaka_driver/dh_file"] == path
+
+
 def test_ip_alone_drives_a_real_arm():
     started, params = nodes(["ip:=10.5.5.100"])
     assert set(started) == {"jaka_driver"}

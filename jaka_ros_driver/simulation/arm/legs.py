@@ -12,6 +12,8 @@ from jaka_ros_driver.simulation.arm.arm_frames import rotation_between, turned
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 
 _TINY = 1e-9
+_MOST_TURNS = 100
+"""Of an arc: all of its way is looked at before it is taken, about 1 ms a turn, while nobody else is served."""
 
 
 class Pace(NamedTuple):
@@ -165,7 +167,7 @@ def arc_through(start: Transform, via: Transform, end: Transform, turns: int, ci
         start: ``base_t_tool``, as via and end.
         via: Its position lies on the arc.
         end: Where the arc ends.
-        turns: ``circle_cnt``: number of full circles before the arc; the motion still ends at ``end``.
+        turns: ``circle_cnt``: number of full circles before the arc, at most 100; the motion still ends at ``end``.
         circle_mode: How the tool turns: 0 by the shortest rotation from start to end; 1 the other way round the same
             axis; 2 by whichever of the two passes nearer to the orientation at via; 3 with the circle, whatever the
             orientation at end. The numbers are the SDK's, their meaning is inferred.
@@ -173,7 +175,8 @@ def arc_through(start: Transform, via: Transform, end: Transform, turns: int, ci
         line_id: ``executing_line_id``.
 
     Raises:
-        TargetRejected: The three points lie on a line, two of them coincide, or the mode is unknown.
+        TargetRejected: The three points lie on a line, two of them coincide, or there are too many turns,
+            or the mode is unknown.
     """
     a, b, c = start[9:], via[9:], end[9:]
     ab, ac = difference(b, a), difference(c, a)
@@ -181,7 +184,7 @@ def arc_through(start: Transform, via: Transform, end: Transform, turns: int, ci
     area = norm(plane)
     if area < 1e-6 * norm(ab) * norm(ac) or min(norm(ab), norm(ac), norm(difference(c, b))) < 1e-6:
         raise TargetRejected(events.TARGET_UNREACHABLE, "no circle through these three points")
-    if turns < 0 or circle_mode not in (0, 1, 2, 3):
+    if not 0 <= turns <= _MOST_TURNS or circle_mode not in (0, 1, 2, 3):
         raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "circle_cnt %d, circle_mode %d" % (turns, circle_mode))
     normal = scaled(plane, 1.0 / area)
     to_centre = cross(difference(scaled(ac, dot(ab, ab)), scaled(ab, dot(ac, ac))), plane)

@@ -119,6 +119,7 @@ class ControllerState:
         self._disable_at: Optional[float] = None
         self._link_loss_at: Optional[float] = None
         self._jogged: Optional[Tuple[JogFrame, int]] = None
+        self._push_numbers = [0] * 6
         self._lines_are_stale = False
         self._timers: List[Tuple[float, int, Callable[[], object]]] = []
         self._timer_ids = itertools.count()
@@ -341,7 +342,13 @@ class ControllerState:
         """Push joint 0..5 by hand, rad/s, for ``duration`` s of simulated time; False without hand guiding."""
         pushed = self.plant.push_joint(joint, velocity)
         if pushed:
-            self.after(duration, lambda: self.plant.push_joint(joint, 0.0))
+            number = self._push_numbers[joint] = self._push_numbers[joint] + 1
+
+            def let_go() -> None:
+                if self._push_numbers[joint] == number:  # else a later push of this joint lasts on
+                    self.plant.push_joint(joint, 0.0)
+
+            self.after(duration, let_go)
         return pushed
 
     def zero_force_sensor(self) -> None:

@@ -181,6 +181,6 @@ class StatusFrame:
         known = self._texts.get(name)
         if known is not None and (known[0] is value or (type(value) is type(known[0]) and known[0] == value)):
             return known[1]
-        text = '"%s": %s' % (name, json.dumps(value))
+        text = "%s: %s" % (json.dumps(name), json.dumps(value))
         self._texts[name] = (value, text)
         return text

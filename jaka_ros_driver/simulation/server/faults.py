@@ -91,7 +91,7 @@ def _split(rule: FaultRule, _chance: random.Random, messages: List[Delivery], _n
     size, gap = max(1, int(rule.params["bytes"])), ms_to_s(rule.params["gap_ms"])
     pieces: List[Delivery] = []
     for message in messages:
-        starts = range(0, len(message.data), size)
+        starts = range(0, len(message.data), size) or range(1)  # an end of the connection may come without bytes
         pieces += [Delivery(message.data[start:start + size], message.at + n * gap, None, False, True)
                    for n, start in enumerate(starts)]
         pieces[-1] = pieces[-1]._replace(effect=message.effect)
@@ -160,7 +160,7 @@ class FaultScript:
         self._chance = random.Random(seed)
         self._rules: List[FaultRule] = []
 
-    def add(self, kind: str, port: str, count: Optional[int] = 0, probability: float = 1.0,
+    def add(self, /, kind: str, port: str, count: Optional[int] = 0, probability: float = 1.0,
             command: Optional[str] = None, **params: float) -> FaultRule:
         """Add a rule.
 
@@ -175,7 +175,7 @@ class FaultScript:
         Raises:
             InvalidCommand: Unknown kind, port or parameter, or a value out of range.
         """
-        if kind not in KINDS:
+        if not isinstance(kind, str) or kind not in KINDS:
             raise InvalidCommand("unknown fault %r; known: %s" % (kind, ", ".join(KINDS)))
         if port not in PORTS:
             raise InvalidCommand("unknown port %r; known: %s" % (port, ", ".join(PORTS)))

@@ -3,6 +3,8 @@
 One request is ``{"action": NAME, ...}``; the answer ``{"ok": true, ...}`` or ``{"ok": false, "error": TEXT}``.
 Angles are deg and lengths mm here, as on the wire of the controller. ``ACTIONS`` is the whole protocol.
 """
+import sys
+import traceback
 from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.errors import InvalidCommand
@@ -46,6 +48,10 @@ def handle(server: Server, request: Dict[str, Any]) -> Answer:
         return {"ok": False, "error": str(error)}
     except Refused:
         return {"ok": False, "error": "a parameter has the wrong length or is out of range"}
+    except Exception as error:  # a bug of this program must not take the controller down with a motion under way
+        server.controller.failures += 1
+        traceback.print_exc(file=sys.stderr)
+        return {"ok": False, "error": "a bug of the simulated controller: %r" % error}
     return {"ok": True, **(answer or {})}
 
 

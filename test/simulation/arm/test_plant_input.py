@@ -59,7 +59,8 @@ def test_any_pace_of_a_good_line(speed, acceleration, rotation_speed, rotation_a
 
 
 @MANY
-@given(via=SIX, target=SIX, speed=ANY, relative=st.booleans(), turns=st.integers(-1, 3), mode=st.integers(-1, 4))
+@given(via=SIX, target=SIX, speed=ANY, relative=st.booleans(), turns=st.integers(-1, 3) | st.just(10**9),
+       mode=st.integers(-1, 4))
 def test_arc_moves(via, target, speed, relative, turns, mode):
     watch = PlantWatch()
     attempt(watch, watch.plant.add_arc_move, pose(via), pose(target), speed, None, relative, turns, mode)

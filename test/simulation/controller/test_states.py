@@ -262,6 +262,11 @@ def test_hand_guiding(arm, client, feed):
     feed.until(lambda frame: frame["joint_actual_position"][0] > 5.0)
     wait_for(lambda: not arm.state()["is_moving"], "the end of the push")
     assert 5.0 < arm.state()["joint_position"][0] < 30.0
+    before = arm.state()["joint_position"][1]
+    assert arm.panel("push", joint=2, velocity=1.0, duration=0.1)["pushed"] is True
+    assert arm.panel("push", joint=2, velocity=10.0, duration=2.0)["pushed"] is True
+    wait_for(lambda: abs(arm.state()["joint_position"][1] - before) > 10.0, "a push that lasts on after the one before")
+    wait_for(lambda: not arm.state()["is_moving"], "the end of the push")
     assert client.code("torque_control_enable", enable_flag=0) == "0"
     assert feed.until(lambda frame: not frame["drag_status"])[-1]["task_mode"] == 1
     start_moving(client, feed)

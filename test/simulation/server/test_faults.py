@@ -1,8 +1,11 @@
+import itertools
+
 import pytest
 
 from jaka_ros_driver.errors import InvalidCommand
+from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.simulation.server.connection import Connection
-from jaka_ros_driver.simulation.server.faults import Delivery, Effect, FaultScript
+from jaka_ros_driver.simulation.server.faults import KINDS, Delivery, Effect, FaultScript
 
 
 def sent_over(script, port, messages, times):
@@ -37,6 +40,21 @@ def test_count_port_and_command_choose_what_is_struck():
     assert script.deliveries("command", b"x", "moveL", 0.0)
     assert [bool(script.deliveries("command", b"x", "jog", 0.0)) for _ in range(3)] == [False, False, True]
     assert script.active() == ()
+
+
+@pytest.mark.parametrize("port", PORTS)
+def test_any_two_rules_in_any_order_with_parameters_of_zero_do_no_harm(port):
+    for first, second in itertools.product(KINDS, KINDS):
+        script = FaultScript()
+        for kind in (first, second):
+            script.add(kind, port, None, **dict.fromkeys(KINDS[kind].defaults, 0))
+        sent_over(script, port, [b"a", b"", b"bc"] * 2, [0.0, 1.0, 1000.0])
+
+
+@pytest.mark.parametrize("kind, params", [(["drop"], {}), ({}, {}), (None, {}), ("drop", {"self": 1})])
+def test_a_rule_that_is_none_is_refused(kind, params):
+    with pytest.raises(InvalidCommand):
+        FaultScript().add(kind, "status", **params)
 
 
 def test_rule_without_count_stays_until_cleared():

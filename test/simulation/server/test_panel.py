@@ -256,9 +256,9 @@ def test_slow_feed_whatever_the_client_asked_for(make_arm, rate):
 
 
 def test_fields_missing_and_extra(arm, feed):
-    arm.panel("fields", drop=["inpos", "din"], add={"new": [1, "x"]})
+    arm.panel("fields", drop=["inpos", "din"], add={"new": [1, "x"], 'a"b': 1, "\u00e9": 1})
     frame = feed.until(lambda frame: "inpos" not in frame)[-1]
-    assert "din" not in frame and frame["new"] == [1, "x"]
+    assert "din" not in frame and frame["new"] == [1, "x"] and frame['a"b'] == frame["\u00e9"] == 1
     arm.panel("clear_faults")
     assert "new" not in feed.until(lambda frame: "inpos" in frame)[-1]
 
@@ -357,6 +357,8 @@ def test_panel_that_is_not_there(make_arm):
     {"action": "set_input", "index": 1, "value": 1, "bank": "attic"}, {"action": "fault"},
     {"action": "fault", "kind": "drop"}, {"action": "fault", "kind": "explode", "port": "command"},
     {"action": "fault", "kind": "drop", "port": "panel"}, {"action": "fault", "kind": "drop", "port": "status", "x": 1},
+    {"action": "fault", "kind": ["drop"], "port": "status"},
+    {"action": "fault", "kind": "drop", "port": "status", "self": 1},
     {"action": "fault", "kind": "delay", "port": "status", "delay_ms": "long"},
     {"action": "fault", "kind": "delay", "port": "status", "delay_ms": -1},
     {"action": "fault", "kind": "drop", "port": "status", "count": -1},
