@@ -5,11 +5,13 @@ is a wire log as the simulated controller writes it; ``jaka_bag replay-wire`` pl
 the other side's is ended, too.
 """
 import argparse
+import errno
+import os
 import selectors
 import socket
 import sys
 import time
-from typing import Dict, List, Optional
+from typing import Dict, List, Optional, Union
 
 from jaka_ros_driver.background_log import StandardErrorLog
 from jaka_ros_driver.errors import JakaError
@@ -38,6 +40,21 @@ class _Side:
         self.peer: _Side
 
 
+class _Connecting:
+    """A client that waits until the controller has answered; nothing of it is read before that."""
+
+    def __init__(self, client: socket.socket, controller: socket.socket, peer: str, port: str) -> None:
+        self.client = client
+        self.controller = controller
+        self.peer = peer
+        self.port = port
+        self.deadline = time.monotonic() + _CONNECT_S
+
+    def close(self) -> None:
+        self.client.close()
+        self.controller.close()
+
+
 class Proxy(PortServer):
     """Forwards between clients and one controller.
 
@@ -52,20 +69,24 @@ class Proxy(PortServer):
         port_numbers: TCP port by name.
 
     Raises:
-        OSError: A port cannot be had.
+        OSError: A port cannot be had, or the controller's name is not known.
     """
 
     def __init__(self, controller: str, controller_ports: Dict[str, int], host: str, ports: Dict[str, int],
                  log: WireLog) -> None:
-        self._controller = controller
+        self._family, _, _, _, self._controller = socket.getaddrinfo(controller, None, type=socket.SOCK_STREAM)[0]
         self._controller_ports = controller_ports
         self._log = log
         super().__init__(host, {port: ports[port] for port in PORTS})
         self._errors = StandardErrorLog("jaka_sim proxy")
         self._sides: List[_Side] = []
+        self._connecting: List[_Connecting] = []
         self._count = 0
 
-    def _serve(self, data: _Side, events: int) -> None:
+    def _serve(self, data: Union[_Side, _Connecting], events: int) -> None:
+        if isinstance(data, _Connecting):
+            self._connected(data, data.controller.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR))
+            return
         if events & selectors.EVENT_WRITE:
             self._send(data)
         if events & selectors.EVENT_READ:
@@ -75,24 +96,45 @@ class Proxy(PortServer):
         for side in list(self._sides):
             if side.is_client:
                 self._end(side)
+        for waiting in self._connecting:
+            waiting.close()
         self._errors.close(_LOG_TIMEOUT_S)
 
     def _accept(self, link: socket.socket, peer: str, port: str) -> None:
-        try:
-            controller = socket.create_connection((self._controller, self._controller_ports[port]), _CONNECT_S)
-        except OSError as error:
-            link.close()
-            self._errors.write("the controller's %s port: %s" % (port, error))
-            return
+        """Connect to the controller, without waiting: a port that does not answer must not hold up the others."""
+        controller = socket.socket(self._family, socket.SOCK_STREAM)
         sockets.prepare(controller)
+        code = controller.connect_ex((self._controller[0], self._controller_ports[port], *self._controller[2:]))
+        waiting = _Connecting(link, controller, peer, port)
+        self._connecting.append(waiting)
+        sockets.watch(self._selector, controller, selectors.EVENT_WRITE, waiting)
+        if code not in (0, errno.EINPROGRESS):
+            self._connected(waiting, code)
+
+    def _turn(self) -> None:
+        now = time.monotonic()
+        for waiting in [one for one in self._connecting if one.deadline <= now]:
+            self._connected(waiting, errno.ETIMEDOUT)
+
+    def _connected(self, waiting: _Connecting, code: int) -> None:
+        """The controller has answered, with an error where ``code`` is not 0."""
+        if waiting not in self._connecting:
+            return
+        self._connecting.remove(waiting)
+        sockets.watch(self._selector, waiting.controller, 0)
+        if code:
+            waiting.close()
+            self._errors.write("the controller's %s port: %s" % (waiting.port, os.strerror(code)))
+            return
         self._count += 1
-        sides = [_Side(link, port, self._count, True), _Side(controller, port, self._count, False)]
+        sides = [_Side(waiting.client, waiting.port, self._count, True),
+                 _Side(waiting.controller, waiting.port, self._count, False)]
         sides[0].peer, sides[1].peer = sides[1], sides[0]
         for side in sides:
             sockets.stamp_arrivals(side.link)
             self._selector.register(side.link, selectors.EVENT_READ, side)
         self._sides += sides
-        self._log.event(time.monotonic_ns(), port, self._count, "open", peer)
+        self._log.event(time.monotonic_ns(), waiting.port, self._count, "open", waiting.peer)
 
     def _read(self, side: _Side) -> None:
         if side not in self._sides:

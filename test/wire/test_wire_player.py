@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import pytest
 from arm_bench import fill
@@ -186,6 +187,32 @@ def test_without_a_controller_a_client_is_turned_away(tmp_path):
             socket.create_connection(("127.0.0.1", ports["command_port"]), WAIT) as link:
         link.settimeout(WAIT)
         assert link.recv(10) == b""
+
+
+@contextlib.contextmanager
+def unanswered_port():
+    """A port whose backlog is full: the system answers no further client."""
+    with contextlib.ExitStack() as links:
+        listener = links.enter_context(socket.create_server(("127.0.0.1", 0), backlog=0))
+        for _ in range(4):
+            link = links.enter_context(socket.socket())
+            link.setblocking(False)
+            link.connect_ex(listener.getsockname())
+        yield listener.getsockname()[1]
+
+
+def test_a_port_of_the_controller_that_does_not_answer_holds_up_no_other(tmp_path):
+    with SimulatedController(start="enabled") as arm, unanswered_port() as silent:
+        ports_of_arm = SimpleNamespace(command_port=arm.command_port, status_port=arm.status_port, poll_port=silent)
+        with proxy(tmp_path / "proxy.mcap", ports_of_arm) as ports, \
+                socket.create_connection(("127.0.0.1", ports["poll_port"]), WAIT) as link:
+            for _ in range(3):
+                assert len(talk(ports["command_port"], REQUESTS)) == len(REQUESTS)
+            link.setblocking(False)
+            with pytest.raises(BlockingIOError):  # that one still waits for the controller
+                link.recv(10)
+            link.settimeout(WAIT)
+            assert link.recv(10) == b""
 
 
 def test_nobody_reads_what_the_proxy_says_and_it_forwards_all_the_same(tmp_path):
