@@ -1,5 +1,6 @@
 """Evidence that the arm rests: its measured joints, over fresh frames."""
-from typing import Optional
+from collections import deque
+from typing import Deque, Optional, Tuple
 
 from jaka_ros_driver.state import RobotState, Vector
 
@@ -9,6 +10,10 @@ MOVEMENT = 2e-4
 """rad (0.011 deg); a joint that is farther than this from where it was first seen has moved."""
 _LONGEST_GAP_S = 0.6
 """s; across a longer gap between two frames nothing is known."""
+_COUNTED_GAP_S = 0.04
+"""s; so much of a longer gap counts as rest: a frame that came late may tell of the moment after the one before it."""
+_KEPT_GAPS = 256
+"""What is older lies more than 10 s of rest back, longer than anyone asks for."""
 
 
 class Stillness:
@@ -19,6 +24,7 @@ class Stillness:
         self._since = 0.0
         self._seen_since = 0.0
         self._last = 0.0
+        self._long_gaps: Deque[Tuple[float, float]] = deque(maxlen=_KEPT_GAPS)  # begin and end, within the rest
 
     def observe(self, state: RobotState) -> None:
         """Take one fresh frame into account."""
@@ -26,8 +32,12 @@ class Stillness:
         anchor = self._anchor
         if anchor is None or now - self._last > _LONGEST_GAP_S:
             self._anchor, self._since, self._seen_since = joints, now, now
+            self._long_gaps.clear()
         elif max([abs(a - b) for a, b in zip(anchor, joints)]) > MOVEMENT:
             self._anchor, self._since = joints, now
+            self._long_gaps.clear()
+        elif now - self._last > _COUNTED_GAP_S:
+            self._long_gaps.append((self._last, now))
         self._last = now
 
     def lose_sight(self) -> None:
@@ -38,7 +48,9 @@ class Stillness:
         """For how long the arm has been seen at rest, s, counted from ``after`` at the earliest."""
         if self._anchor is None:
             return 0.0
-        return max(0.0, self._last - max(self._since, after))
+        since = max(self._since, after)
+        uncounted = sum([max(0.0, end - max(begin, since) - _COUNTED_GAP_S) for begin, end in self._long_gaps])
+        return max(0.0, self._last - since - uncounted)
 
     def has_moved_since(self, moment: float) -> bool:
         """Fresh frames after this moment (monotonic, s) show the arm somewhere else than before."""
