@@ -1,9 +1,11 @@
 """Logs become tables and rows of ``runs``: what is in them, what is skipped, what of damaged ones is kept."""
 import hashlib
+import io
 import json
 import os
 import shutil
 import sys
+import threading
 
 import pyarrow.parquet as parquet
 import pytest
@@ -15,7 +17,7 @@ from jaka_bag.cli.main import main
 from jaka_bag.errors import MissingDependency
 from jaka_bag.fleet.adding import AddSettings, add_log, cell_of
 from jaka_bag.fleet.runs import RECOVERED, UNREADABLE, WHOLE, compact, find_status, read_runs
-from jaka_bag.fleet.store import open_store
+from jaka_bag.fleet.store import FolderStore, open_store
 from jaka_bag.fleet.tasks import LogTask
 from jaka_bag.operations.export import export
 
@@ -213,6 +215,49 @@ def test_urls_of_fsspec_hold_the_same_tables(tmp_path):
     assert stored == ours
     store = open_store("memory://plant/fleet")
     assert compact(store) == 2 and find_status(store, rows(tmp_path / "fleet")[0].hash) == WHOLE
+
+
+def test_the_threads_of_pyarrow_get_no_python_file(tmp_path, monkeypatch):
+    """One that let go of a file's object while the program ended aborted the program."""
+    write_plant(tmp_path / "logs", 1, 2)
+    assert add(tmp_path / "logs", "--to", tmp_path / "fleet") == 0
+    readers = set()
+
+    class Watched(io.FileIO):
+        def readinto(self, buffer):
+            readers.add(threading.current_thread())
+            return super().readinto(buffer)
+
+        def readall(self):
+            readers.add(threading.current_thread())
+            return super().readall()
+
+        def read(self, size=-1):
+            readers.add(threading.current_thread())
+            return super().read(size)
+
+    monkeypatch.setattr(FolderStore, "open", lambda store, name: Watched(store.address(name)))
+    for _ in range(2):
+        store = open_store(str(tmp_path / "fleet"))
+        assert all(find_status(store, row.hash) == WHOLE for row in read_runs(store)) and not find_status(store, "x")
+        assert compact(store) == 2
+    assert readers == {threading.current_thread()}
+
+
+def test_a_row_that_is_compacted_while_it_is_looked_for_is_found(tmp_path, monkeypatch):
+    write_plant(tmp_path / "logs", 1, 1)
+    assert add(tmp_path / "logs", "--to", tmp_path / "fleet") == 0
+    store = open_store(str(tmp_path / "fleet"))
+    row, = read_runs(store)
+    real = FolderStore.open
+
+    def compacted_first(store, name):
+        monkeypatch.setattr(FolderStore, "open", real)
+        compact(open_store(store.location))
+        return real(store, name)
+
+    monkeypatch.setattr(FolderStore, "open", compacted_first)
+    assert find_status(store, row.hash) == WHOLE
 
 
 @pytest.mark.parametrize("content, said", [

@@ -24,6 +24,7 @@ _VERSION_FILE = "_jaka_bag.json"
 _VERSION_KEY = "jaka_bag.schema_version"
 _ROW_GROUP_ROWS = 10000
 _LONGEST_NAME = 240
+_SUFFIX = ".parquet"
 
 
 class TopicCount(NamedTuple):
@@ -119,7 +120,7 @@ def folder_of(topic: str) -> str:
 
 def name_of(digest: str) -> str:
     """Name of the file of a row."""
-    return "%s/%s.parquet" % (FOLDER, digest)
+    return "%s/%s%s" % (FOLDER, digest, _SUFFIX)
 
 
 def write_row(row: RunRow, path: Path) -> None:
@@ -166,29 +167,41 @@ def is_dataset(store: Store) -> bool:
     return store.exists(_VERSION_FILE)
 
 
+def _read(store: Store, name: str, **options: Any) -> Any:
+    """The table of a file, as ``pyarrow.parquet.read_table`` reads it with these options.
+
+    The file is copied to memory of pyarrow's own: its threads may let go of a Python object while the program ends, and
+    the program is aborted then (apache/arrow 34314).
+    """
+    pa, parquet = load_pyarrow()
+    with store.open("%s/%s" % (FOLDER, name)) as file:
+        content = file.read()
+    memory = pa.allocate_buffer(len(content))
+    memoryview(memory).cast("B")[:] = content
+    return parquet.read_table(pa.BufferReader(memory), **options)
+
+
 def _tables(store: Store, columns: Optional[Sequence[str]] = None) -> Iterator[Any]:
     """The rows in files of their own, then the compacted ones; a row may come twice."""
-    _, parquet = load_pyarrow()
     # One that is compacted meanwhile is in the compacted file, which is read last.
     for name in [name for name in store.names(FOLDER) if name != COMPACTED] + [COMPACTED]:
         try:
-            with store.open("%s/%s" % (FOLDER, name)) as file:
-                yield parquet.read_table(file, columns=columns)
+            yield _read(store, name, columns=columns)
         except FileNotFoundError:
             continue
 
 
 def find_status(store: Store, digest: str) -> Optional[str]:
     """The status of a log that is in; None where it is not."""
-    try:
-        if not store.exists(name_of(digest)):
-            with store.open("%s/%s" % (FOLDER, COMPACTED)) as file:
-                found = load_pyarrow()[1].read_table(file, columns=["status"], filters=[("hash", "=", digest)])
-                return str(found["status"][0]) if len(found) else None
-        with store.open(name_of(digest)) as file:
-            return str(load_pyarrow()[1].read_table(file, columns=["status"])["status"][0])
-    except FileNotFoundError:
-        return None
+    # One that is compacted meanwhile is in the compacted file, which is read last.
+    for name in (digest + _SUFFIX, COMPACTED):
+        try:
+            found = _read(store, name, columns=["status"], filters=[("hash", "=", digest)])
+        except FileNotFoundError:
+            continue
+        if len(found):
+            return str(found["status"][0])
+    return None
 
 
 def is_in(store: Store, name: str) -> bool:
