@@ -136,6 +136,7 @@ class ControllerState:
         if self._link_loss_at is not None and self.now >= self._link_loss_at:
             self._link_loss_at = None
             if self.link_loss is LinkLoss.PAUSE:
+                self.stop_jog()  # a jog cannot be continued later: it ends
                 self.pause()
             elif self.link_loss is LinkLoss.ABORT:
                 self.stop()
@@ -403,7 +404,7 @@ class ControllerState:
 
     def client_connected(self) -> None:
         """A new client has the command port; settings of the one before, and the reaction to its loss, end."""
-        self._lines_are_stale = not self.plant.queue.length
+        self._lines_are_stale = True
         self.link_loss, self.link_loss_delay = LinkLoss.KEEP, 0.0
         self._link_loss_at = None
 

@@ -231,9 +231,13 @@ class RequestParser:
     def _in_object(self, byte: int, items: List[Item]) -> None:
         depth, in_string = self._grammar.depth, self._grammar.in_string
         if not self._grammar.accepts(byte):
+            begins_next = not in_string and self._text.endswith(b'{"') and byte not in _AFTER_STRING
             self._fail("not JSON: byte %r after %r" % (chr(byte), bytes(self._text[-24:])), items)
-            self._skip_depth, self._skip_in_string = depth, in_string
-            self._skip(byte)
+            self._skip_depth, self._skip_in_string, self._may_begin = depth, in_string, begins_next
+            if byte == _BRACE_OPEN and not in_string and depth < MAX_DEPTH:
+                self._begin()
+            else:
+                self._skip(byte)
             return
         self._text.append(byte)
         if not self._grammar.depth:

@@ -67,6 +67,21 @@ def test_lost_client_pauses_where_it_asked_for_that(controller):
     assert controller.state.plant.queue.length == 1
 
 
+@pytest.mark.parametrize("reaction", [PAUSE, ABORT])
+def test_lost_client_ends_its_jog_where_it_asked_for_a_pause_or_an_abort(controller, reaction):
+    protect(controller, 0.1, reaction)
+    ask(controller, "jog", jog_mode=1, coord_map=1, jnum=0, jogvel=10.0)
+    pass_time(controller, 0.5)
+    assert controller.state.plant.is_moving
+    controller.state.client_lost()
+    pass_time(controller, 1.0)
+    assert not controller.state.plant.is_moving
+    controller.state.client_connected()
+    controller.execute({"cmdName": "resume_program"})
+    pass_time(controller, 1.0)
+    assert not controller.state.plant.is_moving
+
+
 def test_without_a_wish_motion_survives_its_client(controller):
     move(controller)
     controller.state.client_lost()

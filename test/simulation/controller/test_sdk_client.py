@@ -6,7 +6,7 @@ import zlib
 from pathlib import Path
 
 import pytest
-from raw_client import RawClient, RawFeed, poll
+from raw_client import RawClient, RawFeed, poll, wait_for
 
 from jaka_ros_driver.simulation.controller.io_banks import IoBanks
 
@@ -179,6 +179,18 @@ def test_lines_of_an_earlier_client_are_forgotten(make_arm):
             assert client.ask("get_version")["errorCode"] == "0"
             frame = json.loads(poll(status))
             assert frame["inpos"] is True and frame["motion_line"] == 0 and frame["err_add_line"] == 0
+
+
+def test_lines_of_an_earlier_client_are_forgotten_though_its_move_goes_on(make_arm):
+    arm = make_arm()
+    with RawClient(arm.poll_port) as status:
+        with RawClient(arm.command_port) as client:
+            assert move(client, 2, 100.0) == "0"
+            wait_for(lambda: json.loads(poll(status))["motion_line"] == 2, "the move to begin")
+        with RawClient(arm.command_port) as client:
+            assert client.ask("get_version")["errorCode"] == "0"
+            assert arm.state()["is_moving"] and json.loads(poll(status))["motion_line"] == 0
+            assert client.code("stop_program") == "0"
 
 
 def test_robot_state_of_the_sdk_reads_servo_mode(client):

@@ -65,6 +65,7 @@ CASES = [
     (b'{"x": [nan, {"cmdName": "power_on"}, "}"]}{"a": 1}', [BAD, {"a": 1}]),
     (b'{"a": ' + b"[" * MAX_DEPTH + b"]" * MAX_DEPTH + b'}{"a": 1}', [BAD, {"a": 1}]),
     (b'{"a": ' + b"[" * 100000, [BAD]),
+    (b'{"a": ' * MAX_DEPTH + b'{"cmdName": "power_on"}' + b"}" * MAX_DEPTH + b'{"a": 1}', [BAD, {"a": 1}]),
     (b'{"a": "' + b"x" * MAX_REQUEST_BYTES + b'"}{"a": 1}', [BAD, {"a": 1}]),
     (b'{"a": ' + b"1" * MAX_REQUEST_BYTES + b'}{"a": 1}', [BAD, {"a": 1}]),
 ]
@@ -95,6 +96,19 @@ def test_what_may_become_json_is_waited_for_and_then_given_up(beginning):
     items = parser.expire(100.0 + INCOMPLETE_REQUEST_LIMIT_S)
     assert [type(item) for item in items] == [BAD] and parser.pending == 0 and parser.next_deadline() is None
     assert parser.feed(b'{"a": 1}', 200.0) == [{"a": 1}]
+
+
+@pytest.mark.parametrize("request_, where_a_value_may_come", [
+    (b'{"cmdName": "joint_move", "s": "\\u00e9\\\\x", "jointPosition": [0,-1.5e-3], "relFlag": 0}',
+     (b":", b": ", b"[", b"[0,")),
+    (b'{"a": {"b": ["c","d"]}}', (b":", b": ", b"[", b'["c",'))])
+def test_a_request_that_is_cut_does_not_hide_the_next_one(request_, where_a_value_may_come):
+    following = b'{"cmdName": "stop_program", "id": 7}'
+    for cut in range(1, len(request_)):
+        if not request_[:cut].endswith(where_a_value_may_come):
+            items, pending = parse(request_[:cut] + following)
+            assert items == [BAD, json.loads(following)] and not pending, request_[:cut]
+            assert one_by_one(request_[:cut] + following) == (items, pending)
 
 
 def test_rest_of_a_bad_document_is_expected_for_a_moment_only():
