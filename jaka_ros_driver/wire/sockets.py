@@ -43,7 +43,11 @@ def receive(link: socket.socket, most: int = _RECEIVE_BYTES) -> Optional[bytes]:
 
 
 def stamp_arrivals(link: socket.socket) -> None:
-    """Have ``receive_stamped`` tell when bytes came in; without this, or where the system cannot, when it ran."""
+    """Have ``receive_stamped`` tell when bytes came in; without this, or where the system cannot, when it ran.
+
+    Linux switches its stamps on in the background where no other socket of the computer has them: what comes in within
+    the next moments may have the time of its reading.
+    """
     with contextlib.suppress(OSError):
         link.setsockopt(socket.SOL_SOCKET, _STAMP_ARRIVALS, 1)
 

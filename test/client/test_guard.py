@@ -31,14 +31,17 @@ def driver(bench):
 
 @pytest.fixture
 def answer_stops(monkeypatch):
-    """Have the controller do something else with some stops: ``reactions`` are called one after the other."""
+    """Have the controller do something else with some stops: ``reactions`` are called one after the other.
+
+    It does not stop the arm itself when its client is lost: on a busy computer it would do so before the guard comes.
+    """
+    def replace(name, handle):
+        monkeypatch.setitem(COMMANDS, name, CommandSpec(name, COMMANDS[name].section, handle))
+
     def install(*reactions):
         real, left = COMMANDS["stop_program"], list(reactions)
-
-        def handle(state, arguments):
-            return left.pop(0)(state) if left else real.handler(state, arguments)
-
-        monkeypatch.setitem(COMMANDS, "stop_program", CommandSpec(real.name, real.section, handle))
+        replace("set_network_exception_handle", lambda state, arguments: None)
+        replace("stop_program", lambda state, arguments: left.pop(0)(state) if left else real.handler(state, arguments))
 
     return install
 
