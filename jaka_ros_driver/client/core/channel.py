@@ -1,11 +1,11 @@
 """The command port's requests and replies, without its socket."""
 import dataclasses
 import logging
-from typing import Any, Callable, Optional, Sequence, Tuple
+from typing import Any, Callable, Optional, Protocol, Sequence, Tuple
 
 from jaka_ros_driver.client.core.actions import Actions, Send
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.commands import TERMINAL_COMMANDS, Command, SetEnabled, SetPower
+from jaka_ros_driver.commands import TERMINAL_COMMANDS, Command, Query, SetEnabled, SetPower
 from jaka_ros_driver.errors import ConnectionLost, FramingError, JakaError, ReplyTimeout
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.exchange import Exchange
@@ -16,10 +16,34 @@ OnReply = Callable[[Any, Optional[JakaError], float], None]
 ConnectionLost."""
 
 
+class Requests(Protocol):
+    """A place to send requests to: the channel, or an introduction."""
+
+    def request(self, command: Command, now: float, on_reply: OnReply) -> None:
+        """Send one command; errors as ``Channel.request``."""
+
+
 class _Pending:
     def __init__(self, command: Command, on_reply: OnReply) -> None:
         self.command = command
         self.on_reply = on_reply
+
+
+class Introduction:
+    """A new connection, whose controller may be another one than was meant: all it can be asked is its identity."""
+
+    def __init__(self, channel: "Channel") -> None:
+        self._channel = channel
+
+    def request(self, command: Command, now: float, on_reply: OnReply) -> None:
+        """Ask for the identity; errors as ``Channel.request``.
+
+        Raises:
+            ConnectionLost: The connection has ended; or it is not the identity that is asked for.
+        """
+        if command is not Query.SIMULATOR_IDENTITY or self._channel.introduction is not self:
+            raise ConnectionLost("no link to the controller: it has not said yet who it is")
+        self._channel.send_all([command], now, on_reply)
 
 
 class Channel:
@@ -29,8 +53,8 @@ class Channel:
     apart. Nothing is ever sent twice.
 
     Attributes:
-        is_open: The port is connected.
-        is_confirmed: The controller is the one that was meant.
+        is_open: The port is connected to the controller that was meant: requests can be sent.
+        introduction: The connection while its controller is not known to be that one; None otherwise.
         damaged_replies: Pieces of the stream that are no replies, since start.
         io_index_base: Index on the wire of the first terminal, 0 or 1.
     """
@@ -43,22 +67,24 @@ class Channel:
         self._down_reason = "not connected yet"
         self._prepared: Optional[Tuple[Command, bytes]] = None
         self.is_open = False
-        self.is_confirmed = False
+        self.introduction: Optional[Introduction] = None
         self.damaged_replies = 0
         self.io_index_base = settings.io_index_base or 0
 
-    def open(self, is_confirmed: bool) -> None:
-        """A new connection: nothing is outstanding on it.
-
-        Only what asks who the controller is, is sent before ``is_confirmed``: it may be another one than was meant.
-        """
+    def open(self) -> Introduction:
+        """Begin with a new connection, on which nothing is outstanding; ``trust`` makes it usable."""
         self._stream = ObjectStream()
-        self.is_open = True
-        self.is_confirmed = is_confirmed
+        self.introduction = Introduction(self)
+        return self.introduction
+
+    def trust(self, introduction: Introduction) -> None:
+        """Use this connection from now on: its controller is the one that was meant. No effect where it has ended."""
+        if introduction is self.introduction:
+            self.is_open, self.introduction = True, None
 
     def close(self, reason: str, now: float, late: Optional[Any] = None) -> None:
         """The connection has ended; who waits for a reply is told."""
-        self.is_open = self.is_confirmed = False
+        self.is_open, self.introduction = False, None
         self._down_reason = reason
         for request in self._exchange.abandon():
             if request.waiter is not None:
@@ -73,21 +99,25 @@ class Channel:
         if self._prepared is None or self._prepared[0] != on_wire:
             self._prepared = on_wire, encode_object(codec.encode(on_wire))
 
-    def request(self, command: Command, now: float, on_reply: OnReply, asks_who: bool = False) -> None:
-        """Send one command; ``asks_who``: it belongs to asking who the controller is.
+    def request(self, command: Command, now: float, on_reply: OnReply) -> None:
+        """Send one command.
 
         Raises:
             InvalidCommand: A number in it is not finite; nothing was sent.
-            ConnectionLost: There is no connection.
+            ConnectionLost: There is no connection, or it is not known yet whose it is.
         """
-        self.request_all([command], now, on_reply, asks_who)
+        self.request_all([command], now, on_reply)
 
-    def request_all(self, commands: Sequence[Command], now: float, on_last: OnReply, asks_who: bool = False) -> None:
+    def request_all(self, commands: Sequence[Command], now: float, on_last: OnReply) -> None:
         """Send the commands in one piece, of which only the last one's reply matters; errors as ``request``."""
-        texts = [self._encoded(command) for command in commands]
-        if not self.is_open or not (self.is_confirmed or asks_who):
+        if not self.is_open:
             raise ConnectionLost("no link to the controller: " + (
-                "it has not said yet who it is" if self.is_open else self._down_reason))
+                self._down_reason if self.introduction is None else "it has not said yet who it is"))
+        self.send_all(commands, now, on_last)
+
+    def send_all(self, commands: Sequence[Command], now: float, on_last: OnReply) -> None:
+        """Put the commands on the connection; for ``request_all`` and an introduction, which know that there is one."""
+        texts = [self._encoded(command) for command in commands]
         for place, command in enumerate(commands, 1):
             patience, is_slow = self._patience(command)
             self._exchange.sent(codec.command_name(command), now, patience,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Callable, Optional, Tuple
 
 from jaka_ros_driver.client.core.actions import Actions, Port, Show
-from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.channel import Channel, Introduction
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.feed import SILENCE_S, Feed, FeedHealth
 from jaka_ros_driver.client.core.link import Link
@@ -143,11 +143,13 @@ class Links:
             self._feed.open(now)
             return
         self._command.opened(now)
-        self._channel.open(is_confirmed=not self._settings.simulator)
-        if self._channel.is_confirmed:
-            self._custody.link_up(now)
-        self._handshake = Running(session.handshake(self._settings, self._actions, self._confirmed), self._channel,
-                                  self._handshake_ended, asks_who=True)
+        introduction = self._channel.open()
+        if not self._settings.simulator:
+            self._trust(introduction, now)
+            return
+        self._handshake = Running(
+            session.introduction(self._settings, self._actions), introduction,
+            lambda _, error, at: self._handshake_failed(error, at) if error else self._trust(introduction, at))
         self._handshake.begin(now)
 
     def failed(self, port: Port, reason: str, now: float) -> None:
@@ -175,7 +177,7 @@ class Links:
             self._actions.add(Show(state, is_new))
 
     def tick(self, now: float) -> None:
-        late = self._channel.overdue(now) if self._channel.is_open else None
+        late = self._channel.overdue(now)
         if late is not None:
             self._drop_command(str(ReplyTimeout(late.name, late.patience)), now, late)
         self._watch_feed(now)
@@ -200,21 +202,30 @@ class Links:
 
     # ---- inside ----
 
-    def _confirmed(self, now: float) -> None:
-        if not self._channel.is_confirmed:
-            self._channel.is_confirmed = True
-            self._custody.link_up(now)
+    def _trust(self, introduction: Introduction, now: float) -> None:
+        """The controller is the one that was meant: what is owed to it goes out first."""
+        self._channel.trust(introduction)
+        self._custody.link_up(now)
+        if self._settings.simulator:
             self._status.start(now)
+        self._handshake = Running(session.handshake(self._settings, self._actions), self._channel,
+                                  self._handshake_ended)
+        self._handshake.begin(now)
 
     def _handshake_ended(self, about: Any, error: Optional[JakaError], now: float) -> None:
+        if error is not None:
+            self._handshake_failed(error, now)
+            return
         self._handshake = None
-        if error is None:
-            self.about = about
-            self.is_servo_active = about.is_servo_active
-            self._channel.io_index_base = session.io_index_base(self._settings, about.version)
-            self.is_ready = True
-            self._next_beat = now + _BEAT_PERIOD_S
-        elif self._command.is_up:
+        self.about = about
+        self.is_servo_active = about.is_servo_active
+        self._channel.io_index_base = session.io_index_base(self._settings, about.version)
+        self.is_ready = True
+        self._next_beat = now + _BEAT_PERIOD_S
+
+    def _handshake_failed(self, error: JakaError, now: float) -> None:
+        self._handshake = None
+        if self._command.is_up:
             self._drop_command(str(error), now)
 
     def _beat_replied(self, result: Any, error: Optional[JakaError], now: float) -> None:

@@ -127,3 +127,32 @@ def test_damage_between_replies_costs_neither_of_them():
     story.core.received(Port.COMMAND, good + b"#damage#" + good, story.now)
     story.run(0.008)
     assert story.error("first") is None and story.error("second") is None
+
+
+def test_nothing_but_the_question_who_it_is_leaves_on_a_link_that_is_not_confirmed():
+    """A stop is owed, rest is seen, and the reply with the identity is missing: the open link is not usable yet."""
+    story = Story(ready=False, simulator="twin")
+    story.extra["get_simulator_identity"] = {"identity": "twin"}
+    story.core.opened(Port.COMMAND, story.now)
+    story.perform()
+    story.core.opened(Port.STATUS, story.now)
+    story.run(0.2)
+    story.core.move("move", MOVE, True, story.now)
+    story.run(0.3, move=1.0, inpos=False)
+    story.core.stop("stop", story.now)
+    story.perform()
+    story.core.closed(Port.STATUS, "closed by the controller", story.now)
+    story.core.closed(Port.COMMAND, "closed by the controller", story.now)
+    story.replies["get_simulator_identity"] = None
+    story.core.opened(Port.COMMAND, story.now)
+    story.perform()
+    del story.sent[:]
+    story.core.opened(Port.STATUS, story.now)  # an attempt of before comes about late
+    story.run(0.5)
+    story.core.stop("again", story.now)
+    story.run(0.1)
+    assert not story.sent and isinstance(story.error("again"), ConnectionLost)
+    story.replies["get_simulator_identity"] = "0"
+    story.reply("get_simulator_identity")
+    story.run(0.3)
+    assert story.names()[0] in ("stop_program", "get_version") and story.core.is_ready(story.now)

@@ -11,7 +11,7 @@ return value is its result::
 from functools import partial
 from typing import Any, Callable, Generator, NamedTuple, Optional, Union
 
-from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.channel import Requests
 from jaka_ros_driver.commands import Command
 from jaka_ros_driver.errors import JakaError
 
@@ -52,16 +52,14 @@ OnEnd = Callable[[Any, Optional[JakaError], float], None]
 class Running:
     """One procedure under way."""
 
-    def __init__(self, procedure: Procedure, channel: Channel, on_end: OnEnd, asks_who: bool = False) -> None:
+    def __init__(self, procedure: Procedure, channel: Requests, on_end: OnEnd) -> None:
         """Prepare; ``begin`` begins.
 
         Args:
             procedure: What is to be done.
             channel: Where its requests go.
             on_end: Gets result, error and time, once.
-            asks_who: It asks who the controller is.
         """
-        self._asks_who = asks_who
         self._procedure = procedure
         self._channel = channel
         self._on_end = on_end
@@ -103,8 +101,7 @@ class Running:
     def _ask(self, command: Command, now: float) -> None:
         self._asked += 1
         number = self._asked
-        self._channel.request(command, now, lambda result, error, at: self._replied(number, result, error, at),
-                              self._asks_who)
+        self._channel.request(command, now, lambda result, error, at: self._replied(number, result, error, at))
 
     def _replied(self, number: int, result: Any, error: Optional[JakaError], now: float) -> None:
         if self.has_ended or number != self._asked:
@@ -133,7 +130,7 @@ class Running:
                     if isinstance(wanted, Ask):
                         self._ask(wanted.command, now)
                         return
-                    self._channel.request(wanted.command, now, self._told, self._asks_who)
+                    self._channel.request(wanted.command, now, self._told)
                     step = partial(self._procedure.send, None)
                 except JakaError as error:
                     step = partial(self._procedure.throw, error)

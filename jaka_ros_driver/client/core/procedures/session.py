@@ -3,10 +3,10 @@ import ipaddress
 import logging
 import re
 from dataclasses import dataclass
-from typing import Callable, Optional
+from typing import Optional
 
 from jaka_ros_driver.client.core.actions import Actions
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Command, Query, SetFeedPeriod
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
@@ -26,24 +26,27 @@ class About:
     is_simulated: Optional[bool] = None
 
 
-def handshake(settings: ClientSettings, actions: Actions, on_confirmed: Callable[[float], None]) -> Procedure:
-    """Ask who it is, set the period of the feed, and learn whether servo mode is on; returns an About.
-
-    ``on_confirmed`` is called when it is known to be the controller that was meant.
+def introduction(settings: ClientSettings, actions: Actions) -> Procedure:
+    """Ask for the identity, which must be that of the simulated controller that was launched with this driver.
 
     Raises:
         ForeignController: It is not.
         JakaError: As ``Ask``.
     """
-    is_simulated = False
-    if settings.simulator or is_loopback(settings.host):
-        identity = yield from _ask(Query.SIMULATOR_IDENTITY, actions)
-        if settings.simulator and identity != settings.simulator:
-            raise ForeignController(
-                "the controller at %s:%d is not the simulated one that was launched with this driver; it is left alone"
-                % (settings.host, settings.command_port))
-        is_simulated = identity is not None
-    on_confirmed((yield Now()))
+    if (yield from _ask(Query.SIMULATOR_IDENTITY, actions)) != settings.simulator:
+        raise ForeignController(
+            "the controller at %s:%d is not the simulated one that was launched with this driver; it is left alone"
+            % (settings.host, settings.command_port))
+
+
+def handshake(settings: ClientSettings, actions: Actions) -> Procedure:
+    """Set the period of the feed, and learn version and servo mode; returns an About.
+
+    Raises:
+        JakaError: As ``Ask``.
+    """
+    is_simulated = bool(settings.simulator) or (
+        is_loopback(settings.host) and (yield from _ask(Query.SIMULATOR_IDENTITY, actions)) is not None)
     version = (yield from _ask(Query.VERSION, actions)) or ""
     wanted = settings.feed_period
     yield from _ask(SetFeedPeriod(wanted), actions)
