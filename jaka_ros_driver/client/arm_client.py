@@ -1,11 +1,14 @@
 """One arm for any number of threads: a lock around ``core``, and one thread for its sockets and timers."""
+import contextlib
 import logging
 import threading
 import time
+import weakref
 from concurrent.futures import Future
-from typing import Any, Callable, List, Optional, Sequence, Union
+from typing import Any, Callable, Iterator, List, Optional, Sequence, Union
 
 from jaka_ros_driver import commands as c
+from jaka_ros_driver.client import fail_stop
 from jaka_ros_driver.client.core.actions import Answer, Close, Log, Open, Port, Send, Show, Tell
 from jaka_ros_driver.client.core.arm_core import AT_REST_ONLY, ArmCore
 from jaka_ros_driver.client.core.feed import FeedHealth
@@ -19,7 +22,7 @@ from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
-from jaka_ros_driver.errors import ConnectionLost
+from jaka_ros_driver.errors import ConnectionLost, JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.trajectory.build import build_path
@@ -33,6 +36,10 @@ longer pauses that it was held up.
 """
 _REST_TIMEOUT_S = 1.0
 """s; how long ``close`` waits for the arm to come to rest."""
+
+_LAST_STOPS = 3
+_LAST_STOP_PERIOD_S = 0.1
+"""s; a driver whose core has failed sends the stop so often, so far apart, before it gives the connection up."""
 
 _JOIN_LEAD_S = 0.016
 _BUILD_TIME_S = 5e-6
@@ -79,6 +86,9 @@ class ArmClient:
         self._shows: List[Show] = []
         self._is_closing = False
         self._is_closed = False
+        self._has_failed = False
+        self._defect: Optional[Exception] = None
+        self._calls: weakref.WeakSet[Future[Any]] = weakref.WeakSet()
         self._thread = threading.Thread(target=self._run, name="arm loop", daemon=True)
 
     # ---- life ----
@@ -92,29 +102,31 @@ class ArmClient:
 
     def auto_enable(self) -> None:
         """Power and enable the arm once, as soon as the first state shows it without fault."""
-        with self._lock:
+        with self._in_core():
             self._core.run(None, power.auto_enable(self._core), time.monotonic())
             self._perform()
 
     def close(self) -> None:
         """Stop what this driver moves, end every pending call, disconnect. Waits for the arm to rest, 1 s at most."""
-        if self._is_closed:
+        if self._is_closing:
             return
-        with self._lock:
-            self._core.close(time.monotonic())
-            self._perform()
+        with contextlib.suppress(Exception), self._in_core():  # a defect there ends the loop, which tells of it
+            if not self._is_closed:
+                self._core.close(time.monotonic())
+                self._perform()
         deadline = time.monotonic() + _REST_TIMEOUT_S
         while self._thread.is_alive() and not self._core.is_free and time.monotonic() < deadline:
             time.sleep(0.002)
         if not self._core.is_free:
             _LOG.error("the arm was not seen at rest at shut-down")
-        self._is_closing = True
+        has_failed, self._is_closing = self.has_failed, True
         self._transport.wake()
         if self._thread.is_alive():
             self._thread.join()
         with self._lock:
-            self._core.disconnect(time.monotonic())
-            self._perform()
+            if not has_failed:
+                self._core.disconnect(time.monotonic())
+                self._perform()
             self._is_closed = True
             self._transport.shut()
 
@@ -188,7 +200,7 @@ class ArmClient:
     @property
     def has_failed(self) -> bool:
         """True where the thread has ended by a defect; nothing works any more."""
-        return self._is_closed and not self._is_closing
+        return self._has_failed
 
     @property
     def guard(self) -> Optional[Guard]:
@@ -247,7 +259,7 @@ class ArmClient:
         Raises:
             As ``move``.
         """
-        end: Future[None] = Future()
+        end = self._future()
         self._call(lambda call, now: self._core.move(call, command, False, now, end))
         return end
 
@@ -268,7 +280,7 @@ class ArmClient:
 
     def cancel_path(self, path: "Future[PathProgress]") -> bool:
         """Stop the path of this future; False where it is not under way (yet, or any more)."""
-        with self._lock:
+        with self._in_core():
             is_cancelled = self._core.cancel_path(path, time.monotonic())
             self._perform()
         return is_cancelled
@@ -288,13 +300,13 @@ class ArmClient:
         Raises:
             As ``move``.
         """
-        end: Future[None] = Future()
+        end = self._future()
         self._call(lambda call, now: self._core.play(call, end, now))
         return end
 
     def resume_program(self) -> "Future[None]":
         """Go on with the paused program. As ``play_program``; of one that this driver plays, the first future ends."""
-        end: Future[None] = Future()
+        end = self._future()
         self._call(lambda call, now: self._core.resume_program(call, end, now))
         return end
 
@@ -314,7 +326,7 @@ class ArmClient:
 
         Raises InvalidCommand, and nothing moves, outside servo mode, outside the limits, too far from the last one.
         """
-        with self._lock:
+        with self._in_core():
             self._core.set_servo_target(command, time.monotonic())
 
     def jog_velocity(self, message: JogMessage) -> None:
@@ -322,7 +334,7 @@ class ArmClient:
 
         Raises InvalidCommand or ConnectionLost where it moves nothing; see ``ArmCore.jog_velocity``.
         """
-        with self._lock:
+        with self._in_core():
             if self._is_closed:
                 raise ConnectionLost("driver shut down")
             try:
@@ -391,7 +403,7 @@ class ArmClient:
 
     def cancel_trajectory(self, goal: "Optional[Future[None]]" = None) -> bool:
         """Brake a trajectory on its path, that of ``follow``'s future or any; False where it is not under way."""
-        with self._lock:
+        with self._in_core():
             return self._core.cancel_trajectory(goal, time.monotonic())
 
     @property
@@ -415,8 +427,8 @@ class ArmClient:
         return self._begin(enter).result()
 
     def _begin(self, enter: Callable[["Future[Any]", float], None]) -> "Future[Any]":
-        call: Future[Any] = Future()
-        with self._lock:
+        call = self._future()
+        with self._in_core():
             if self._is_closed:
                 raise ConnectionLost("driver shut down")
             enter(call, time.monotonic())
@@ -424,6 +436,25 @@ class ArmClient:
             if self._core.next_deadline() < self._wakes_at:
                 self._transport.wake()
         return call
+
+    def _future(self) -> "Future[Any]":
+        """Make what a caller waits for; it ends at the latest when this client ends."""
+        call: Future[Any] = Future()
+        self._calls.add(call)
+        return call
+
+    @contextlib.contextmanager
+    def _in_core(self) -> Iterator[None]:
+        """Hold the lock for a caller's event of the core; a defect that comes out of it ends the client, too."""
+        with self._lock:
+            try:
+                yield
+            except JakaError:
+                raise
+            except Exception as defect:
+                self._defect = self._defect or defect
+                self._transport.wake()
+                raise
 
     def _perform(self) -> None:
         """Carry out the core's actions; the caller holds the lock. Listeners get states later, without the lock."""
@@ -457,13 +488,32 @@ class ArmClient:
         try:
             while not self._is_closing:
                 self._turn()
-        except Exception:
-            # A defect. Without this thread only the guard would stop the arm, which it does when it hears no more.
-            _LOG.critical("the arm's loop failed", exc_info=True)
+        except Exception as defect:
+            self._fail_stop(defect)
+
+    def _fail_stop(self, defect: Exception) -> None:
+        """Stop the arm without the core, keep the evidence, and end every call.
+
+        The guard is told nothing more: where the arm is in custody it takes the silence for what it is, and stops the
+        arm until it is seen at rest.
+        """
+        with self._lock:
+            self._has_failed = self._is_closed = True
+            stop = fail_stop.last_stop(self._core)
+            self._transport.send(stop)
+        _LOG.critical("the driver's core has failed, the arm is stopped", exc_info=defect)
+        path = fail_stop.write_evidence(self._core, defect)
+        _LOG.critical("its state is in %s", path or "no file: none could be written")
+        for _ in range(_LAST_STOPS - 1):
+            time.sleep(_LAST_STOP_PERIOD_S)
             with self._lock:
-                self._is_closed = True
-                self._core.disconnect(time.monotonic())
-                self._perform()
+                self._transport.send(stop)
+        with self._lock:
+            for port in Port:
+                self._transport.close(port)
+            waiting = [call for call in self._calls if not call.done()]
+        for call in waiting:
+            call.set_exception(ConnectionLost("the driver has failed: %s" % defect))
 
     def _turn(self) -> None:
         now = time.monotonic()
@@ -472,6 +522,8 @@ class ArmClient:
             self._wakes_at = due = min(due, self._core.next_deadline())
         self._transport.wait(due - now)
         with self._lock:
+            if self._defect is not None:
+                raise self._defect
             now = time.monotonic()
             for event in self._transport.read():
                 if isinstance(event, Received):

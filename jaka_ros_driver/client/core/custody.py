@@ -102,6 +102,12 @@ class Custody:
         """Why the motion is being stopped, in words; "" where it is not."""
         return str(self._outcome) if self.is_ending and self._outcome is not None else ""
 
+    def describe(self) -> str:
+        """Return phase, motion and outcome in words, as evidence."""
+        return "%s; %s; outcome: %s; stop accepted at %s" % (
+            self._phase.value, "no motion" if self.motion is None else self.motion.owner.value, self._outcome,
+            self._accepted_at)
+
     @property
     def must_stop(self) -> bool:
         """A stop is still to be accepted."""

@@ -1,0 +1,64 @@
+"""Fail-stop: the last words of a driver whose core has failed by a defect.
+
+The stop goes out first, made without the core's help; then the evidence goes to a file. Nothing here raises.
+"""
+import contextlib
+import os
+import tempfile
+import time
+import traceback
+from typing import Callable, List, Optional, Tuple
+
+from jaka_ros_driver.client.core.arm_core import ArmCore
+from jaka_ros_driver.commands import Command, SetServoMode, Stop
+from jaka_ros_driver.protocol import codec
+from jaka_ros_driver.protocol.framing import encode_object
+
+
+def last_stop(core: ArmCore) -> bytes:
+    """Encode the stop that ends whatever the core had in motion; empty where no confirmed link can carry it."""
+    if not core.channel.is_open:
+        return b""
+    commands: List[Command] = []
+    with contextlib.suppress(Exception):
+        motion = core.custody.motion
+        commands = [] if motion is None else motion.halts()
+    return b"".join([encode_object(codec.encode(command)) for command in [*commands, SetServoMode(False), Stop()]])
+
+
+def write_evidence(core: ArmCore, error: BaseException, folder: str = "") -> Optional[str]:
+    """Write what is known of a failed core into a new file; return its path, None where it could not be written.
+
+    Args:
+        core: The core that has failed; attributes that cannot be read any more are left out.
+        error: The exception that came out of it.
+        folder: Where the file goes; by default the folder of ROS logs, or that of temporary files.
+    """
+    lines = ["jaka_driver: the core has failed, the arm was stopped",
+             time.strftime("%Y-%m-%d %H:%M:%S %z"), "",
+             "".join(traceback.format_exception(type(error), error, error.__traceback__)), ""]
+    known: Tuple[Tuple[str, Callable[[], object]], ...] = (
+        ("custody", lambda: core.custody.describe()),
+        ("owner", lambda: core.motion_owner),
+        ("links", lambda: core.links.health()),
+        ("feed", lambda: core.links.feed_health(time.monotonic())),
+        ("newest state", lambda: core.state),
+        ("monotonic time", time.monotonic))
+    for name, read in known:
+        try:
+            lines.append("%s: %s" % (name, read()))
+        except Exception as defect:
+            lines.append("%s: cannot be read: %r" % (name, defect))
+    for place in (folder,) if folder else (*_log_folders(), tempfile.gettempdir()):
+        path = os.path.join(place, "jaka_driver_failure_%d_%d.txt" % (os.getpid(), time.time_ns()))
+        with contextlib.suppress(OSError, ValueError), open(path, "x", encoding="utf-8", errors="replace") as file:
+            file.write("\n".join(lines) + "\n")
+            return path
+    return None
+
+
+def _log_folders() -> List[str]:
+    """Return the folders in which ROS would keep its logs, the wanted one first; they need not be there."""
+    environment = os.environ
+    return [environment.get("ROS_LOG_DIR") or os.path.join(
+        environment.get("ROS_HOME") or os.path.join(os.path.expanduser("~"), ".ros"), "log")]
