@@ -8,7 +8,7 @@ import pytest
 from arm_bench import eventually
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core.motion import standing_cause
+from jaka_ros_driver.client.core.contradictions import standing_cause
 from jaka_ros_driver.client.core.procedures import power, recovery, settings
 from jaka_ros_driver.client.core.procedures.recovery import RecoveryCancelled, RecoveryInterrupted
 from jaka_ros_driver.errors import CommandRejected, ConnectionLost, InvalidCommand, MotionInterrupted, StopCause

@@ -7,6 +7,7 @@ links           both links to one controller, and whose they are
 feed            status frames: which of them are fresh
 stillness       evidence that the arm rests
 motion          what all motions have in common
+contradictions  what forbids a motion to begin and what ends one, as one table
 custody         from before a motion's first byte until evidence that the arm rests; who may take it next
 move            a planned move, or several that are queued
 jog             goes on as long as it is called for

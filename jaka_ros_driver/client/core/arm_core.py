@@ -10,6 +10,7 @@ from typing import Any, Callable, List, Optional, Sequence, Union
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.actions import Action, Actions, Port
 from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.contradictions import require_no_wait
 from jaka_ros_driver.client.core.custody import Admission, Custody, Enter
 from jaka_ros_driver.client.core.jog import Jog
 from jaka_ros_driver.client.core.links import Links
@@ -44,7 +45,7 @@ from jaka_ros_driver.errors import (
 )
 from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
-from jaka_ros_driver.state import PROGRAM_UNDER_WAY, ProgramState, RobotState
+from jaka_ros_driver.state import ProgramState, RobotState
 from jaka_ros_driver.trajectory.path import Path
 from jaka_ros_driver.trajectory.points import Tolerances
 from jaka_ros_driver.trajectory.segments import SegmentPath
@@ -72,7 +73,8 @@ class ArmCore:
         self.model = model
         self.actions = Actions()
         self.channel = Channel(self.actions, settings)
-        self.custody = Custody(self.actions, self.channel, settings, lambda now: self._admission.retry(now))
+        self.custody = Custody(self.actions, self.channel, settings, model.joint_max_speed,
+                               lambda now: self._admission.retry(now))
         self.links = Links(settings, self.actions, self.channel, self.custody, self.note_disturbance)
         self._admission = Admission(self.actions, self.custody, self.links)
         self._stops = Stops(self.actions, self.channel, self.custody, self.links, self._admission, settings,
@@ -145,10 +147,12 @@ class ArmCore:
     def is_motion_possible(self, now: float) -> bool:
         """This driver can move the arm, or moves it: links, drives and stops allow it, and nobody else has the arm."""
         try:
-            state = self._admission.require_ready_to_move(now)
+            state = self._admission.require_ready_to_move(MotionOwner.MOVE, now)
+            if self.motion_owner is None:
+                require_no_wait(MotionOwner.MOVE, self._admission.evidence(MotionOwner.MOVE, state))
         except JakaError:
             return False
-        return self.motion_owner is not None or state.program_state not in PROGRAM_UNDER_WAY
+        return True
 
     def take_actions(self) -> List[Action]:
         """What the shell is to do, in order, since it last asked."""
@@ -215,11 +219,11 @@ class ArmCore:
         MotionInterrupted (accepted, and not completed), ReplyTimeout, ConnectionLost.
         """
         def enter(at: float) -> None:
-            state = self._admission.require_ready_to_move(at)
+            state = self._admission.require_ready_to_move(MotionOwner.MOVE, at)
             running = self.custody.motion
             if not wait and isinstance(running, Move) and not self.custody.is_ending:
                 running.add(command, call, at, end)
-            elif self._admission.may_begin(call, enter, now, at):
+            elif self._admission.may_begin(call, enter, now, at, MotionOwner.MOVE):
                 self.custody.begin(Move(self.custody, command, call, wait, state, end), at)
         self._enter(call, enter, now, command)
 
@@ -241,8 +245,8 @@ class ArmCore:
 
         def enter(at: float) -> None:
             check()
-            state = self._admission.require_ready_to_move(at)
-            if not self._admission.may_begin(call, enter, now, at):
+            state = self._admission.require_ready_to_move(MotionOwner.PATH, at)
+            if not self._admission.may_begin(call, enter, now, at, MotionOwner.PATH):
                 return
 
             def audited(path: SegmentPath, error: Optional[JakaError], end: float) -> None:
@@ -284,22 +288,23 @@ class ArmCore:
         """
         running = self.custody.motion
         if isinstance(running, Program) and not self.custody.is_ending:
-            self.run(call, running.resumed(self._admission.require_ready_to_move, self.seen), now)
+            self.run(call, running.resumed(
+                lambda at: self._admission.require_ready_to_move(MotionOwner.PROGRAM, at), self.seen), now)
         else:
             self._run_program(call, end, c.ResumeMotion(), ProgramState.PAUSED, now)
 
     def jog(self, call: Any, command: c.Jog, now: float) -> None:
         """Begin a jog, or keep the same one going; answered on acceptance. Errors as ``move``."""
         def enter(at: float) -> None:
-            state = self._admission.require_ready_to_move(at)
+            self._admission.require_ready_to_move(MotionOwner.JOG, at)
             running = self.custody.motion
             if isinstance(running, Jog) and not self.custody.is_ending:
                 if running.command == command:
                     running.again(call, at)
                     return
                 self.custody.stop(MotionInterrupted(StopCause.STOPPED, "another jog replaces it"), at)
-            if self._admission.may_begin(call, enter, now, at):
-                self.custody.begin(Jog(self.custody, command, call, state), at)
+            if self._admission.may_begin(call, enter, now, at, MotionOwner.JOG):
+                self.custody.begin(Jog(self.custody, command, call), at)
         self._enter(call, enter, now, command)
 
     def servo_mode(self, call: Any, active: bool, now: float) -> None:
@@ -312,10 +317,10 @@ class ArmCore:
             if isinstance(running, Servo) and not self.custody.is_ending:
                 running.join(call) if active else running.leave(call, "its client left")
             elif active:
-                state = self._admission.require_ready_to_move(at)
-                if self._admission.may_begin(call, enter, now, at):
+                state = self._admission.require_ready_to_move(MotionOwner.SERVO, at)
+                if self._admission.may_begin(call, enter, now, at, MotionOwner.SERVO):
                     self.custody.begin(Servo(self.custody, self.model, call, state, self._servo_mode_is), at)
-            elif self._admission.may_begin(call, enter, now, at):
+            elif self._admission.may_begin(call, enter, now, at, MotionOwner.SERVO):
                 self._carry_out(self._leave_servo_mode(), self._answerer(call), at)
         self._enter(call, enter, now)
 
@@ -363,10 +368,11 @@ class ArmCore:
         """Where the arm still comes to rest from what was before, a later message tries again."""
         if self._is_closing:
             raise ConnectionLost("the driver is shutting down")
-        state = self._admission.require_ready_to_move(now)
-        if self.motion_owner is None and state.program_state in PROGRAM_UNDER_WAY:
-            raise InvalidCommand("refused: a program of the controller's own runs; stop it first")
-        if self._admission.is_free_at_rest(now):
+        owner = MotionOwner.VELOCITY_JOG
+        state = self._admission.require_ready_to_move(owner, now)
+        if self.motion_owner is None:
+            require_no_wait(owner, self._admission.evidence(owner, state))
+        if self._admission.is_free_at_rest(owner, now):
             self.custody.begin(VelocityJog(self.custody, self.model, self.dead_man, state, self._servo_mode_is), now)
 
     def trajectory_start(self, call: Any, lead: float, stops: int, now: float) -> None:
@@ -378,11 +384,11 @@ class ArmCore:
         """
         def enter(at: float) -> None:
             self._stops.require_none_since(stops)
-            state = self._admission.require_ready_to_move(at)
+            state = self._admission.require_ready_to_move(MotionOwner.TRAJECTORY, at)
             running = self.custody.motion
             if isinstance(running, Trajectory) and not self.custody.is_ending and running.can_be_joined:
                 self.actions.answer(call, running.start_after(lead))
-            elif self._admission.may_begin(call, enter, now, at):
+            elif self._admission.may_begin(call, enter, now, at, MotionOwner.TRAJECTORY):
                 self.actions.answer(call, start_at_rest(state))
         self._enter(call, enter, now)
 
@@ -395,11 +401,11 @@ class ArmCore:
         """
         def enter(at: float) -> None:
             self._stops.require_none_since(stops)
-            state = self._admission.require_ready_to_move(at)
+            state = self._admission.require_ready_to_move(MotionOwner.TRAJECTORY, at)
             goal, running = Goal(call, tolerances), self.custody.motion
             if start.running is not None and running is start.running and not self.custody.is_ending:
                 start.running.replace(goal, path, start)
-            elif self._admission.may_begin(call, enter, now, at):
+            elif self._admission.may_begin(call, enter, now, at, MotionOwner.TRAJECTORY):
                 require_start(path, state)
                 self.custody.begin(Trajectory(self.custody, self.model, goal, path, state, self._servo_mode_is), at)
         self._enter(call, enter, now)
@@ -512,7 +518,7 @@ class ArmCore:
             self.actions.answer(call, None, error)
 
     def _begin_path(self, call: Any, path: SegmentPath, on_begun: Callable[[], None], now: float) -> None:
-        state = self._admission.require_ready_to_move(now)
+        state = self._admission.require_ready_to_move(MotionOwner.PATH, now)
         if self.custody.stillness.duration() < REST_TIME_S or max([abs(a - b) for a, b in zip(
                 state.joint_position, path.start.joints)]) > MOVEMENT:
             raise InvalidCommand("refused: the arm has moved since its path was audited")
@@ -523,11 +529,11 @@ class ArmCore:
 
     def _run_program(self, call: Any, end: Any, command: c.Command, wanted: ProgramState, now: float) -> None:
         def enter(at: float) -> None:
-            state = self._admission.require_ready_to_move(at)
+            state = self._admission.require_ready_to_move(MotionOwner.PROGRAM, at)
             if self.motion_owner is None:
                 require_program_state(state, wanted)
-            if self._admission.may_begin(call, enter, now, at):
-                self.custody.begin(Program(self.custody, command, call, end, state), at)
+            if self._admission.may_begin(call, enter, now, at, MotionOwner.PROGRAM):
+                self.custody.begin(Program(self.custody, command, call, end), at)
         self._enter(call, enter, now)
 
     def _answerer(self, call: Any) -> OnEnd:

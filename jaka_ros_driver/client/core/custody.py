@@ -9,11 +9,21 @@ A stop is repeated until it is accepted, through refusals and new connections, a
 """
 import enum
 import logging
-from typing import Any, Callable, List, NamedTuple, Optional, Protocol
+from typing import Any, Callable, List, NamedTuple, Optional, Protocol, Sequence
 
 from jaka_ros_driver.client.core.actions import Actions, Tell
 from jaka_ros_driver.client.core.channel import Channel
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner, require_drives, standing_cause
+from jaka_ros_driver.client.core.contradictions import (
+    STREAMS,
+    Evidence,
+    JumpWatch,
+    Watch,
+    cause_of_stop,
+    require_no_wait,
+    require_start,
+    standing_cause,
+)
+from jaka_ros_driver.client.core.motion import Motion, MotionOwner
 from jaka_ros_driver.client.core.stillness import REST_TIME_S, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import SetLinkLoss, Stop
@@ -26,7 +36,7 @@ from jaka_ros_driver.errors import (
     ReplyTimeout,
     StopCause,
 )
-from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState
+from jaka_ros_driver.state import RobotState
 
 _RETRY_PERIOD_S = 0.05
 """s; from the refusal of a stop to the next one."""
@@ -64,19 +74,26 @@ class Custody:
     """
 
     def __init__(self, actions: Actions, channel: Channel, settings: ClientSettings,
-                 on_free: Callable[[float], None]) -> None:
-        """Nobody moves the arm; ``on_free`` is called when that is so again."""
+                 joint_max_speed: Sequence[float], on_free: Callable[[float], None]) -> None:
+        """Nobody moves the arm; ``on_free`` is called when that is so again.
+
+        joint_max_speed: rad/s, base first.
+        """
         self.actions = actions
         self.channel = channel
         self.settings = settings
         self.stillness = Stillness()
         self.motion: Optional[Motion] = None
         self._on_free = on_free
+        self._jumps = JumpWatch(joint_max_speed)
+        self._state: Optional[RobotState] = None
+        self._watch = Watch(MotionOwner.MOVE, 0)
         self._phase = _Phase.FREE
         self._number = 0
         self._outcome: Optional[MotionInterrupted] = None
         self._is_told = False
         self._is_guess = False
+        self._held_since = 0.0
         self._began_at = 0.0
         self._sent_at = 0.0
         self._outstanding = 0
@@ -135,6 +152,8 @@ class Custody:
         self.motion, self._phase = motion, _Phase.HELD
         self._outcome, self._is_told, self._is_guess = None, False, False
         self._accepted_at, self._retry_at, self._outstanding = None, _NEVER, 0
+        self._watch = Watch(motion.owner, 0 if self._state is None else self._state.error_code)
+        self._held_since = now
         self.actions.add(Tell(True))
         self._set_link_loss(self.settings.link_loss_stop, now)
         try:
@@ -186,11 +205,17 @@ class Custody:
     def observe(self, state: RobotState, now: float) -> None:
         """Take a fresh state into account."""
         self.stillness.observe(state)
+        jump = self._jumps.jump(state)
+        self._state = state
         motion = self.motion
         if motion is None:
             return
         if self._phase is _Phase.HELD:
-            motion.observe(state, now)
+            cause = self._watch.cause(state, jump)
+            if cause is None:
+                motion.observe(state, now)
+            else:
+                self.stop(cause, now)
         elif self._phase is _Phase.SETTLING:
             if self.stillness.has_moved_since(self._began_at):
                 self.stop(MotionInterrupted(StopCause.FAULT, "the arm moves though the motion was refused"), now)
@@ -213,6 +238,15 @@ class Custody:
                 self._say(logging.ERROR, "the arm moves on after an accepted stop; stopping it again", now)
                 self._accepted_at = None
                 self._send_stop(now)
+
+    def heard_servo_mode(self, is_active: bool, asked_at: float, now: float) -> None:
+        """Take the controller's answer to a question of ``asked_at``, s: whether it is in servo mode."""
+        if self._phase is _Phase.HELD and self.motion is not None and self._state is not None and (
+                asked_at > self._held_since):
+            cause = cause_of_stop(self.motion.owner, Evidence(
+                self._state, False, is_active, self.motion.wants_servo_mode(asked_at)))
+            if cause is not None:
+                self.stop(cause, now)
 
     def tick(self, now: float) -> None:
         motion = self.motion
@@ -237,6 +271,7 @@ class Custody:
     def sight_lost(self, reason: str, now: float) -> None:
         """The status feed is gone or unreadable: a motion would go on unseen."""
         self.stillness.lose_sight()
+        self._jumps.lose_sight()
         if self._phase in (_Phase.HELD, _Phase.SETTLING):
             self.stop(MotionInterrupted(StopCause.LINK_LOST, reason), now)
 
@@ -348,6 +383,10 @@ class Sight(Protocol):
     def last_error(self) -> str:
         """Why one is down; empty when both are up."""
 
+    @property
+    def is_servo_active(self) -> bool:
+        """The controller is in servo mode; False while that is not known."""
+
     def fresh_state(self, now: float) -> RobotState:
         """The newest state; ConnectionLost where it is stale."""
 
@@ -388,17 +427,15 @@ class Admission:
         """When ``retry`` is due, s."""
         return min([waiting.deadline for waiting in self._waiting], default=float("inf"))
 
-    def require_ready_to_move(self, now: float) -> RobotState:
-        """See that the arm can be moved now; returns its state.
+    def require_ready_to_move(self, owner: MotionOwner, now: float) -> RobotState:
+        """See that nothing forbids a motion of this kind now; returns the arm's state.
 
         Raises:
-            InvalidCommand: Its drives are not ready, or a hand guides it.
+            InvalidCommand: Something does (``contradictions``).
             ConnectionLost: There is no fresh state, or no link.
         """
         state = self._sight.fresh_state(now)
-        require_drives(state)
-        if self.is_guided_in(state):
-            raise InvalidCommand("refused: hand guiding owns the arm's motion; switch it off first")
+        require_start(owner, self.evidence(owner, state))
         if not self._sight.is_up:
             raise ConnectionLost("no link to the controller: " + self._sight.last_error)
         return state
@@ -407,27 +444,33 @@ class Admission:
         """Somebody guides the arm by hand; where the feed does not tell, what this driver switched on counts."""
         return self.is_guided if state.is_hand_guided is None else state.is_hand_guided
 
-    def may_begin(self, call: Any, enter: Enter, asked_at: float, now: float) -> bool:
+    def evidence(self, owner: MotionOwner, state: RobotState) -> Evidence:
+        """Return what is known before a motion of this kind."""
+        is_free = self.owner is None  # else servo mode is this driver's own
+        return Evidence(state, self.is_guided_in(state), self._sight.is_servo_active if is_free else None,
+                        None if owner in STREAMS else False)
+
+    def may_begin(self, call: Any, enter: Enter, asked_at: float, now: float,
+                  owner: MotionOwner = MotionOwner.SETTING) -> bool:
         """Whether something new may begin; else the call waits for the end of what comes to rest.
 
         Raises:
             InvalidCommand: Somebody else has the arm, and keeps it.
             ConnectionLost: Whether the arm rests is not known.
         """
-        if self.is_free_at_rest(now):
+        if self.is_free_at_rest(owner, now):
             return True
         if now - asked_at >= _WAIT_FOR_REST_S:
-            state = self._sight.fresh_state(now)
-            owner = self.owner
-            if owner is None and state.program_state in PROGRAM_UNDER_WAY:
-                raise InvalidCommand("refused: a program of the controller's own runs; stop it first")
+            holder = self.owner
+            if holder is None:
+                require_no_wait(owner, self.evidence(owner, self._sight.fresh_state(now)))
             raise InvalidCommand("refused: the arm has not come to rest within %.1f s; %s" % (
-                _WAIT_FOR_REST_S, "it moves, and not by this driver" if owner is None
-                else "%s is still being ended" % owner.value))
+                _WAIT_FOR_REST_S, "it moves, and not by this driver" if holder is None
+                else "%s is still being ended" % holder.value))
         self._waiting.append(_Waiting(call, enter, asked_at + _WAIT_FOR_REST_S))
         return False
 
-    def is_free_at_rest(self, now: float) -> bool:
+    def is_free_at_rest(self, owner: MotionOwner, now: float) -> bool:
         """Whether something new may begin now; False while the arm comes to rest from what was before.
 
         Raises:
@@ -441,7 +484,11 @@ class Admission:
         if not self._custody.is_free or self.is_setting or self.stops_under_way:
             return False
         state = self._sight.fresh_state(now)
-        return self._custody.stillness.duration() >= REST_TIME_S and state.program_state not in PROGRAM_UNDER_WAY
+        try:
+            require_no_wait(owner, self.evidence(owner, state))
+        except InvalidCommand:
+            return False
+        return self._custody.stillness.duration() >= REST_TIME_S
 
     def retry(self, now: float) -> None:
         """Try again to begin what waits."""

@@ -3,7 +3,7 @@ import logging
 from typing import Any, List, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner, rest_time_at
+from jaka_ros_driver.client.core.motion import Motion, MotionOwner, rest_time_at
 from jaka_ros_driver.client.core.move import START_WINDOW_S
 from jaka_ros_driver.commands import Command, JogStop
 from jaka_ros_driver.commands import Jog as JogCommand
@@ -11,7 +11,7 @@ from jaka_ros_driver.errors import JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
 
 _OVER_TIME_S = 0.5
-"""s; a jog whose arm rests for so long, and is said to be in position, has been ended by somebody else."""
+"""s; a jog whose arm rests for so long has ended, or has not begun in time, whatever ``inpos`` says."""
 
 
 class Jog(Motion):
@@ -23,11 +23,10 @@ class Jog(Motion):
 
     owner = MotionOwner.JOG
 
-    def __init__(self, custody: Custody, command: JogCommand, call: Any, state: RobotState) -> None:
-        """Prepare; ``call`` is answered with the controller's acceptance. ``state``: before the motion."""
+    def __init__(self, custody: Custody, command: JogCommand, call: Any) -> None:
+        """Prepare; ``call`` is answered with the controller's acceptance."""
         self.command = command
         self._custody = custody
-        self._watch = InterruptionWatch(state)
         self._calls: List[Any] = [call]
         self._accepted_at: Optional[float] = None
         self.rest_time = rest_time_at(abs(command.velocity), command.is_linear)
@@ -47,10 +46,7 @@ class Jog(Motion):
     def observe(self, state: RobotState, now: float) -> None:
         if self._accepted_at is None or state.received_at <= self._accepted_at:
             return
-        cause = self._watch.cause(state)
-        if cause is not None:
-            self._custody.stop(cause, now)
-        elif (state.is_in_position and now - self._accepted_at > START_WINDOW_S
+        if (now - self._accepted_at > START_WINDOW_S
                 and self._custody.stillness.duration(self._accepted_at) >= max(_OVER_TIME_S, self.rest_time)):
             self._custody.stop(MotionInterrupted(StopCause.STOPPED, "the jog has ended by itself"), now)
 

@@ -187,7 +187,8 @@ class Links:
         self._status.tick(now)
         if now >= self._next_beat and self._channel.is_open:
             self._next_beat = _NEVER
-            self._channel.request(Query.SERVO_MODE, now, self._beat_replied)
+            self._channel.request(Query.SERVO_MODE, now, lambda result, error, at: self._beat_replied(
+                result, error, now, at))
 
     def close(self) -> None:
         """The driver is about to end."""
@@ -228,11 +229,12 @@ class Links:
         if self._command.is_up:
             self._drop_command(str(error), now)
 
-    def _beat_replied(self, result: Any, error: Optional[JakaError], now: float) -> None:
+    def _beat_replied(self, result: Any, error: Optional[JakaError], asked_at: float, now: float) -> None:
         """Asking now and then shows a port that has fallen silent, and whether servo mode is on."""
         self._next_beat = now + _BEAT_PERIOD_S if self.is_ready else _NEVER
         if error is None:
             self.is_servo_active = bool(result)
+            self._custody.heard_servo_mode(self.is_servo_active, asked_at, now)
 
     def _drop_command(self, reason: str, now: float, late: Any = None) -> None:
         self._command.drop(reason, now)

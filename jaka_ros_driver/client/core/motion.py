@@ -4,7 +4,7 @@ from typing import List, Optional
 
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.commands import Command
-from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
+from jaka_ros_driver.errors import MotionInterrupted
 from jaka_ros_driver.state import RobotState
 
 _NEVER = float("inf")
@@ -55,6 +55,10 @@ class Motion:
         """When ``tick`` is due, s."""
         return self.deadline
 
+    def wants_servo_mode(self, since: float) -> Optional[bool]:
+        """Return whether it has needed servo mode all the time since then, s; None while it enters or leaves it."""
+        return False
+
     def observe(self, state: RobotState, now: float) -> None:
         """Take a fresh state into account; not called any more while it is being stopped."""
 
@@ -79,47 +83,9 @@ class Motion:
         """Answer whoever waits for it: it is completed (None), or was interrupted. Only the first word counts."""
 
 
-class InterruptionWatch:
-    """Tells what in a state contradicts a motion. Events that stood before the motion are none of its business."""
-
-    def __init__(self, state: RobotState) -> None:
-        """``state``: before the motion."""
-        self._known_event = state.error_code
-
-    def cause(self, state: RobotState) -> Optional[MotionInterrupted]:
-        """Why this motion must be stopped; None where nothing contradicts it."""
-        cause = standing_cause(state)
-        if cause is not None:
-            return cause
-        if state.error_code != self._known_event:
-            self._known_event = 0
-            if state.has_fault and not state.has_warning:
-                return MotionInterrupted(StopCause.FAULT, event_text(state))
-        return None
-
-
-def standing_cause(state: RobotState) -> Optional[MotionInterrupted]:
-    """Why the arm cannot move in this state, None when nothing stands against it."""
-    if state.emergency_stop:
-        return MotionInterrupted(StopCause.EMERGENCY_STOP)
-    if state.protective_stop:
-        return MotionInterrupted(StopCause.PROTECTIVE_STOP, event_text(state))
-    if not state.is_powered:
-        return MotionInterrupted(StopCause.NOT_ENABLED, "the drives have no power")
-    if not state.is_enabled:
-        return MotionInterrupted(StopCause.NOT_ENABLED, event_text(state))
-    return None
-
-
-def require_drives(state: RobotState) -> None:
-    """See that the drives are ready.
-
-    Raises:
-        InvalidCommand: Something stands against motion.
-    """
-    cause = standing_cause(state)
-    if cause is not None:
-        raise InvalidCommand("refused, the arm cannot move: %s" % cause)
+def is_held(state: RobotState) -> bool:
+    """Return whether the feed gives a reason why an arm rests within its motion: a pause, or a speed override of 0."""
+    return bool(state.is_paused) or state.rapid_rate == 0.0
 
 
 def event_text(state: RobotState) -> str:

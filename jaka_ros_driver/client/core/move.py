@@ -3,7 +3,7 @@ import math
 from typing import Any, List, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner, rest_time_at
+from jaka_ros_driver.client.core.motion import Motion, MotionOwner, is_held, rest_time_at
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.commands import JointMove, PathCommand
 from jaka_ros_driver.commands import Motion as MoveCommand
@@ -59,11 +59,12 @@ class Move(Motion):
             end: Answered at the end, and not before ``call``; None for nobody.
         """
         self._custody = custody
-        self._watch = InterruptionWatch(state)
         self._start = state
         self._parts = [_Part(command, call, waits, end)]
         self._target: Optional[MoveCommand] = None
         self._accepted_at = 0.0
+        self._waits_since: Optional[float] = None
+        self._held_at = 0.0
         self._has_moved = False
         self._must_move = False
 
@@ -85,11 +86,9 @@ class Move(Motion):
             return
         if not self._has_moved:
             self._has_moved = _joint_distance(state, self._start) > MOVEMENT
-        cause = self._watch.cause(state)
-        if cause is not None:
-            self._custody.stop(cause, now)
-        else:
-            self._look_for_the_end(self._target, state, now)
+        if self.is_paused or (self._has_moved and is_held(state)):
+            self._held_at = now
+        self._look_for_the_end(self._target, state, now)
 
     def tick(self, now: float) -> None:
         if self.is_paused:
@@ -127,6 +126,7 @@ class Move(Motion):
     def _accepted(self, part: _Part, now: float) -> None:
         self._target = part.command
         self._accepted_at = now
+        self._waits_since = now if self._waits_since is None else self._waits_since
         self.deadline = now + self._custody.settings.motion_timeout
         self.rest_time = rest_time_at(part.command.speed, not isinstance(part.command, JointMove))
         distance = relative_distance(part.command, self._start)
@@ -144,25 +144,30 @@ class Move(Motion):
         self._custody.actions.answer(end, None, error)
 
     def _look_for_the_end(self, target: MoveCommand, state: RobotState, now: float) -> None:
-        """Measured positions decide. ``inpos`` only delays: while it is false, more may come."""
+        """Measured positions decide. ``inpos`` delays the end by 1 s at most: what begins later is too late."""
         self._note_reached(state)
-        still = self._custody.stillness.duration(self._accepted_at)
+        still = self._custody.stillness.duration(max(self._accepted_at, self._held_at))
         if still < self.rest_time or not all(part.is_accepted for part in self._parts):
             return
         distance = relative_distance(target, state)
         has_run = self._has_moved or not self._must_move
+        is_late = still >= max(START_WINDOW_S, self.rest_time)
         if has_run and distance is not None and distance <= 1.0:
-            if not self._was_run_through(distance):
-                if still >= START_WINDOW_S:
-                    self._custody.stop(None, now)
-            elif state.is_in_position or (distance <= NO_DISTANCE and still >= self.rest_time + SETTLE_TIME_S):
+            is_sure = self._was_run_through(distance)
+            if is_sure and (state.is_in_position or (
+                    distance <= NO_DISTANCE and still >= self.rest_time + SETTLE_TIME_S)):
                 self._custody.finish(now)
-        elif not state.is_in_position:
-            return
+            elif is_late:
+                self._custody.stop(None, now)
         elif not self._has_moved:
             self._look_for_the_start(target, state, distance, now)
-        elif distance is None:
+        elif not state.is_in_position and not is_late:
+            return
+        elif distance is None and state.is_in_position:
             self._custody.finish(now)
+        elif distance is None:
+            self._custody.stop(MotionInterrupted(
+                StopCause.STOPPED, "the arm came to rest, and is not said to be in position"), now)
         elif still >= max(SETTLE_TIME_S, self.rest_time):
             self._custody.stop(MotionInterrupted(
                 StopCause.STOPPED, "the arm came to rest %s from the target" % distance_text(target, state)), now)
@@ -186,7 +191,7 @@ class Move(Motion):
 
     def _look_for_the_start(self, target: MoveCommand, state: RobotState, distance: Optional[float],
                             now: float) -> None:
-        if now - self._accepted_at < START_WINDOW_S:
+        if self._waits_since is None or now - max(self._waits_since, self._held_at) < START_WINDOW_S:
             return
         if distance is not None and distance <= 1.0:
             self._custody.stop(None, now)

@@ -2,7 +2,7 @@
 from typing import Any, Callable, List, Optional, Union
 
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion
+from jaka_ros_driver.client.core.motion import Motion
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Running, pause
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
 from jaka_ros_driver.commands import Command, Query, ServoJoint, ServoPose, SetServoMode
@@ -41,7 +41,6 @@ class Streaming(Motion):
             on_mode: Told whether servo mode is on and, when it has ended, why.
         """
         self._custody = custody
-        self._watch = InterruptionWatch(state)
         self._state = state
         self._observed_at = 0.0
         self._on_mode = on_mode
@@ -50,6 +49,7 @@ class Streaming(Motion):
         self._leave_reason: Optional[str] = None
         self._confirming: Optional[Running] = None
         self._is_entered = False
+        self._entered_at = _NEVER
         self._left_at: Optional[float] = None
         self.late_cycles = 0
 
@@ -93,14 +93,15 @@ class Streaming(Motion):
         self._confirming = Running(_entered(), self._custody.channel, self._enter_ended)
         self._confirming.begin(now)
 
+    def wants_servo_mode(self, since: float) -> Optional[bool]:
+        return True if self.is_streaming and since > self._entered_at else None
+
     def due(self) -> float:
         return min(self._next_frame, self._confirming.deadline if self._confirming else _NEVER)
 
     def observe(self, state: RobotState, now: float) -> None:
         self._state, self._observed_at = state, now
-        cause = self._watch.cause(state)
-        if cause is None and self.is_streaming:
-            cause = self._contradiction(state)
+        cause = self._contradiction(state) if self.is_streaming else None
         if cause is not None:
             self._custody.stop(cause, now)
         elif self._left_at is not None and self._custody.stillness.duration(self._left_at) >= self.rest_time:
@@ -130,7 +131,7 @@ class Streaming(Motion):
             return
         self._confirming = None
         if error is None:
-            self._is_entered = True
+            self._is_entered, self._entered_at = True, now
             self._next_frame = now + (self._observed_at + _BEHIND_STATUS_S - now) % SERVO_PERIOD_S
             self._on_mode(True, "")
             self._entered(now)

@@ -6,7 +6,7 @@ from stories import HOME, Story
 
 from jaka_ros_driver.client.core.move import START_WINDOW_S
 from jaka_ros_driver.client.core.procedures.pausing import pause
-from jaka_ros_driver.commands import JointMove, LinearMove, Pose
+from jaka_ros_driver.commands import Jog, JogFrame, JointMove, LinearMove, Pose
 from jaka_ros_driver.errors import CommandRejected, ConnectionLost, InvalidCommand, ReplyTimeout, StopCause
 
 TARGET = (0.5,) + HOME[1:]
@@ -84,9 +84,41 @@ def test_a_move_that_is_accepted_and_never_begins_is_stopped_before_it_is_called
     assert story.cause("move") is StopCause.FAULT and story.count("stop_program") == 1
 
 
-def test_while_the_controller_says_that_more_comes_a_start_is_waited_for():
-    story = begun().run(5.0, **MOVING)
-    assert story.error("move") == "pending" and story.count("stop_program") == 0
+@pytest.mark.parametrize("flags", [
+    {"inpos": False}, {"inpos": False, "paused": True}, {"inpos": False, "rapidrate": 0.0}], ids=str)
+def test_a_start_that_is_late_is_stopped_whatever_a_flag_says(flags):
+    story = begun().run(START_WINDOW_S - 0.05, **flags)
+    assert story.error("move") == "pending"
+    story.run(0.1, **flags)
+    assert story.cause("move") is StopCause.FAULT and story.count("stop_program") == 1
+
+
+@pytest.mark.parametrize("inpos", [True, False])
+def test_a_jog_that_begins_late_is_stopped_whatever_inpos_says(inpos):
+    story = Story()
+    story.core.jog("jog", Jog(JogFrame.JOINT, 0, 0.3), story.now)
+    story.run(START_WINDOW_S - 0.05, inpos=inpos)
+    assert story.error("jog") is None and story.count("stop_program") == 0
+    assert story.run(0.1, inpos=inpos).count("stop_program") == 1
+
+
+def test_queueing_more_moves_gives_the_first_no_more_time_to_begin():
+    story = begun(wait=False)
+    for count in range(3):
+        story.run(0.4, **MOVING)
+        story.core.move("more %d" % count, JointMove(HOME, 1.0, 1.0), False, story.now)
+        story.perform()
+    assert story.count("stop_program") == 1
+
+
+def test_rest_within_a_move_is_waited_out_for_1_s_at_most_unless_the_feed_gives_a_reason():
+    for held in ({"paused": True}, {"rapidrate": 0.0}):
+        story = begun().run(0.2, move=0.1, **MOVING).run(5.0, inpos=False, **held)
+        assert story.error("move") == "pending" and story.count("stop_program") == 0
+        story.run(1.0, move=0.5, **MOVING)
+        assert story.run(0.2).error("move") is None
+    story = begun().run(0.2, move=0.1, **MOVING).run(1.2, **MOVING)
+    assert story.cause("move") is StopCause.STOPPED and story.count("stop_program") == 1
 
 
 def test_rest_elsewhere_than_at_the_target_was_a_stop_and_is_made_sure_of():

@@ -260,8 +260,14 @@ def test_pause_and_resume():
 
 
 def test_a_segment_that_takes_too_long_ends_it():
-    story = on_square(1, motion_timeout=3.0).glide(500.0, 150.0).run(3.0, inpos=False)
+    story = on_square(1, motion_timeout=3.0).glide(500.0, 150.0).run(3.0, inpos=False, paused=True)
     assert story.cause("path") is StopCause.TIMEOUT
+
+
+def test_rest_on_the_path_ends_it_after_1_s_whatever_inpos_says():
+    story = on_square(1).glide(500.0, 150.0).run(0.9, inpos=False)
+    assert story.error("path") == "pending"
+    assert story.run(0.3, inpos=False).cause("path") is StopCause.STOPPED
 
 
 def test_the_rounded_corner_counts_as_passed():

@@ -6,7 +6,7 @@ at the wrong place.
 from typing import Any, Callable, NamedTuple, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner, rest_time_at
+from jaka_ros_driver.client.core.motion import Motion, MotionOwner, is_held, rest_time_at
 from jaka_ros_driver.client.core.move import (
     NO_DISTANCE,
     SETTLE_TIME_S,
@@ -63,7 +63,6 @@ class PathMove(Motion):
         self._path = path
         self._call = call
         self._on_begun = on_begun
-        self._watch = InterruptionWatch(state)
         self._start = state
         self._tracker = Tracker(path, now)
         self._waiting = [segment.command for segment in path.segments if not segment.is_nowhere]
@@ -71,6 +70,7 @@ class PathMove(Motion):
         self._target = self._waiting[-1]
         self._has_begun = False
         self._accepted_at: Optional[float] = None
+        self._held_at = 0.0
         self._has_moved = False
         self._completed = 0
         self._is_done = False
@@ -99,10 +99,8 @@ class PathMove(Motion):
         if not self._has_moved:
             self._has_moved = max([abs(a - b) for a, b in zip(
                 state.joint_position, self._start.joint_position)]) > MOVEMENT
-        cause = self._watch.cause(state)
-        if cause is not None:
-            self._custody.stop(cause, now)
-            return
+        if self.is_paused or (self._has_moved and is_held(state)):
+            self._held_at = now
         if self._tracker.completed > self._completed:
             self._completed = self._tracker.completed
             self._set_deadline(now)
@@ -165,19 +163,19 @@ class PathMove(Motion):
 
     def _look_for_the_end(self, accepted_at: float, state: RobotState, now: float) -> None:
         """Measured positions decide, as for a single move; and the arm must have come along the path."""
-        still = self._custody.stillness.duration(accepted_at)
-        if still < self.rest_time or self.is_paused:
+        still = self._custody.stillness.duration(max(accepted_at, self._held_at))
+        if still < self.rest_time:
             return
         distance = relative_distance(self._target, state)
         is_there = distance is not None and distance <= 1.0 and self._was_followed
+        is_late = still >= max(START_WINDOW_S, self.rest_time)
         if is_there and self._is_sure(distance or 0.0):
             if state.is_in_position or still >= self.rest_time + SETTLE_TIME_S:
                 self._custody.finish(now)
         elif is_there:
-            if still >= START_WINDOW_S:
+            if is_late:
                 self._custody.stop(None, now)
-        elif state.is_in_position and still >= max(self.rest_time, SETTLE_TIME_S if self._has_moved
-                                                   else START_WINDOW_S):
+        elif is_late or (state.is_in_position and self._has_moved and still >= SETTLE_TIME_S):
             cause = StopCause.STOPPED if self._has_moved else StopCause.FAULT
             what = "the arm came to rest %s from the end" if self._has_moved else (
                 "accepted, but the arm did not move; it is %s from the end")

@@ -6,7 +6,7 @@ docs/controller-protocol.md section 6.2) decides that it is over, together with 
 from typing import Any, Callable, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import InterruptionWatch, Motion, MotionOwner
+from jaka_ros_driver.client.core.motion import Motion, MotionOwner
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import Command, ResumeMotion
@@ -26,7 +26,7 @@ class Program(Motion):
 
     owner = MotionOwner.PROGRAM
 
-    def __init__(self, custody: Custody, command: Command, call: Any, end: Any, state: RobotState) -> None:
+    def __init__(self, custody: Custody, command: Command, call: Any, end: Any) -> None:
         """Prepare.
 
         Args:
@@ -34,13 +34,11 @@ class Program(Motion):
             command: PlayProgram, or ResumeMotion for one that is paused.
             call: Answered when the program runs.
             end: Answered when custody ends, and not before ``call``; None for nobody.
-            state: Before the motion.
         """
         self._custody = custody
         self._command = command
         self._call = call
         self._end = end
-        self._watch = InterruptionWatch(state)
         self._accepted_at: Optional[float] = None
         self._is_seen = False
         self._over_since: Optional[float] = None
@@ -51,12 +49,7 @@ class Program(Motion):
     def observe(self, state: RobotState, now: float) -> None:
         if self._accepted_at is None or state.received_at <= self._accepted_at:
             return
-        cause = self._watch.cause(state)
-        if cause is None and state.program_state is None:
-            cause = MotionInterrupted(StopCause.FAULT, "the controller does not tell any more whether its program runs")
-        if cause is not None:
-            self._custody.stop(cause, now)
-        elif state.program_state in PROGRAM_UNDER_WAY:
+        if state.program_state in PROGRAM_UNDER_WAY:
             if not self._is_seen:
                 self._is_seen, self.deadline = True, _NEVER
                 self._answer(None)

@@ -3,7 +3,8 @@ import enum
 from typing import Callable, List
 
 from jaka_ros_driver.client.core.arm_core import ArmCore
-from jaka_ros_driver.client.core.motion import event_text, standing_cause
+from jaka_ros_driver.client.core.contradictions import standing_cause
+from jaka_ros_driver.client.core.motion import event_text
 from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.client.core.procedures.procedure import Now, Procedure, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S

@@ -1,0 +1,228 @@
+"""The table of contradictions: what forbids a motion to begin, and what ends one, for each kind of motion.
+
+Start checks and the watch over a motion in custody read the same rows, so that nothing that forbids a motion goes
+unnoticed once it moves. A cell that is no refusal and no stop has its reason beside it.
+"""
+import enum
+from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+
+from jaka_ros_driver.client.core.motion import MotionOwner, event_text
+from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
+from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState
+
+_JUMP_SLACK = 0.05
+"""rad"""
+_JUMP_FACTOR = 1.2
+_LATE_FRAME_S = 0.15
+"""s; a frame may be late by so much before the feed counts as silent (feed.SILENCE_S): the arm moved on meanwhile."""
+
+STREAMS = (MotionOwner.SERVO, MotionOwner.TRAJECTORY, MotionOwner.VELOCITY_JOG)
+"""Motions in servo mode."""
+PLANNED = (MotionOwner.MOVE, MotionOwner.PATH, MotionOwner.JOG)
+"""Motions that the controller plans, each from one command."""
+MOTIONS = (*PLANNED, MotionOwner.PROGRAM, *STREAMS)
+
+
+class Evidence(NamedTuple):
+    """What is known of the arm at one moment.
+
+    Attributes:
+        state: The newest fresh state.
+        is_guided: Somebody guides the arm by hand.
+        servo_mode: What the controller answered lately to the question whether it is in servo mode; None for nothing.
+        wants_servo_mode: Whether the motion needs servo mode; None while it enters or leaves it.
+        jump: Which joint has jumped, in words; "" for none.
+        is_new_event: The event in the state was not there when the motion began.
+    """
+
+    state: RobotState
+    is_guided: bool
+    servo_mode: Optional[bool] = None
+    wants_servo_mode: Optional[bool] = None
+    jump: str = ""
+    is_new_event: bool = False
+
+
+class AtStart(enum.Enum):
+    """What a condition does to a motion that is to begin."""
+
+    REFUSES = "is refused at once"
+    WAITS = "waits for its end, 1.5 s at most"
+    ALLOWS = "may begin"
+
+
+class Row(NamedTuple):
+    """One condition that contradicts motion.
+
+    Attributes:
+        name: The condition, in words.
+        cause: Why a motion is stopped; None where the condition does not hold.
+        at_start: What it does to a motion that is to begin.
+        refusal: The text of that refusal; "%s" stands for the cause.
+        except_for: Motions that it does not stop or refuse, and why.
+        why_at_start: The reason where a motion may begin all the same.
+    """
+
+    name: str
+    cause: Callable[[Evidence], Optional[MotionInterrupted]]
+    at_start: AtStart = AtStart.REFUSES
+    refusal: str = "refused, the arm cannot move: %s"
+    except_for: Mapping[MotionOwner, str] = {}
+    why_at_start: str = ""
+
+
+def _if(holds: Callable[[RobotState], bool], cause: StopCause,
+        text: Callable[[RobotState], str] = lambda state: "") -> Callable[[Evidence], Optional[MotionInterrupted]]:
+    return lambda seen: MotionInterrupted(cause, text(seen.state)) if holds(seen.state) else None
+
+
+def _new_fault(seen: Evidence) -> Optional[MotionInterrupted]:
+    state = seen.state
+    is_fault = seen.is_new_event and state.has_fault and not state.has_warning
+    return MotionInterrupted(StopCause.FAULT, event_text(state)) if is_fault else None
+
+
+def _hand_guiding(seen: Evidence) -> Optional[MotionInterrupted]:
+    return MotionInterrupted(StopCause.FAULT, "hand guiding is on") if seen.is_guided else None
+
+
+def _foreign_program(seen: Evidence) -> Optional[MotionInterrupted]:
+    runs = seen.state.program_state in PROGRAM_UNDER_WAY
+    return MotionInterrupted(StopCause.FAULT, "a program of the controller's own runs") if runs else None
+
+
+def _servo_mode(seen: Evidence) -> Optional[MotionInterrupted]:
+    if seen.servo_mode is None or seen.wants_servo_mode is None or seen.servo_mode is seen.wants_servo_mode:
+        return None
+    return MotionInterrupted(StopCause.FAULT, "the controller is in servo mode, for another client" if seen.servo_mode
+                             else "the controller has left servo mode")
+
+
+def _jump(seen: Evidence) -> Optional[MotionInterrupted]:
+    return MotionInterrupted(StopCause.FAULT, seen.jump) if seen.jump else None
+
+
+_STANDING: Tuple[Row, ...] = (
+    Row("emergency stop", _if(lambda s: s.emergency_stop, StopCause.EMERGENCY_STOP)),
+    Row("protective stop", _if(lambda s: s.protective_stop, StopCause.PROTECTIVE_STOP, event_text)),
+    Row("no power", _if(lambda s: not s.is_powered, StopCause.NOT_ENABLED, lambda s: "the drives have no power")),
+    Row("drives disabled", _if(lambda s: not s.is_enabled, StopCause.NOT_ENABLED, event_text)))
+
+TABLE: Tuple[Row, ...] = (
+    *_STANDING,
+    Row("new fault", _new_fault, AtStart.ALLOWS,
+        why_at_start="an event that stood before the motion, without a stop, is history: controllers go on to show it"),
+    Row("hand guiding", _hand_guiding, refusal="refused: hand guiding owns the arm's motion; switch it off first",
+        except_for={MotionOwner.PROGRAM: "a program may ask for hand guiding itself"}),
+    Row("another's program", _foreign_program, AtStart.WAITS,
+        "refused: a program of the controller's own runs; stop it first",
+        except_for={MotionOwner.PROGRAM: "it is this motion"}),
+    Row("program not told", _if(lambda s: s.program_state is None, StopCause.FAULT,
+                                lambda s: "the controller does not tell any more whether its program runs"),
+        refusal="refused: this controller does not tell whether a program runs (interp_state)",
+        except_for=dict.fromkeys((*PLANNED, *STREAMS), "its end is seen in the joints")),
+    Row("servo mode", _servo_mode, AtStart.WAITS,
+        "refused: the controller is in servo mode, for another client; stop_move leaves it"),
+    Row("joints jump", _jump, AtStart.ALLOWS, why_at_start="the arm must have been seen at rest before it begins"))
+
+
+def standing_cause(state: RobotState) -> Optional[MotionInterrupted]:
+    """Return why the arm cannot move in this state; None where nothing stands against it."""
+    return _first(_STANDING, Evidence(state, False))
+
+
+def require_drives(state: RobotState) -> None:
+    """See that the drives are ready.
+
+    Raises:
+        InvalidCommand: Something stands against motion.
+    """
+    cause = standing_cause(state)
+    if cause is not None:
+        raise InvalidCommand("refused, the arm cannot move: %s" % cause)
+
+
+def cause_of_stop(owner: MotionOwner, seen: Evidence) -> Optional[MotionInterrupted]:
+    """Return why a motion of this kind must be stopped; None where nothing contradicts it."""
+    return _first([row for row in TABLE if owner not in row.except_for], seen)
+
+
+def _first(rows: Sequence[Row], seen: Evidence) -> Optional[MotionInterrupted]:
+    for row in rows:
+        cause = row.cause(seen)
+        if cause is not None:
+            return cause
+    return None
+
+
+def require_start(owner: MotionOwner, seen: Evidence) -> None:
+    """See that nothing forbids a motion of this kind to begin at once or after a wait.
+
+    Raises:
+        InvalidCommand: Something does.
+    """
+    _refuse(owner, seen, AtStart.REFUSES)
+
+
+def require_no_wait(owner: MotionOwner, seen: Evidence) -> None:
+    """See that nothing is there whose end a motion of this kind would have to wait for; errors as ``require_start``."""
+    _refuse(owner, seen, AtStart.WAITS)
+
+
+def _refuse(owner: MotionOwner, seen: Evidence, kind: AtStart) -> None:
+    for row in TABLE:
+        cause = row.cause(seen) if row.at_start is kind and owner not in row.except_for else None
+        if cause is not None:
+            raise InvalidCommand(row.refusal % cause if "%s" in row.refusal else row.refusal)
+
+
+class JumpWatch:
+    """Notices joints that change faster than the arm can move, between one fresh state and the next."""
+
+    def __init__(self, joint_max_speed: Sequence[float]) -> None:
+        """joint_max_speed: rad/s, base first."""
+        self._speeds = tuple(joint_max_speed)
+        self._last: Optional[RobotState] = None
+
+    def jump(self, state: RobotState) -> str:
+        """Take a fresh state; return which joint has jumped since the one before, in words, "" for none."""
+        last, self._last = self._last, state
+        if last is None:
+            return ""
+        elapsed = state.received_at - last.received_at
+        reach = _JUMP_FACTOR * (elapsed + _LATE_FRAME_S)
+        for joint, (before, now, speed) in enumerate(zip(last.joint_position, state.joint_position, self._speeds), 1):
+            if abs(now - before) > _JUMP_SLACK + reach * speed:
+                return "joint %d jumps by %.3f rad within %.3f s" % (joint, now - before, elapsed)
+        return ""
+
+    def lose_sight(self) -> None:
+        """Forget the last state: what comes may be anything."""
+        self._last = None
+
+
+class Watch:
+    """Looks at every fresh state of one motion, from before its first byte."""
+
+    def __init__(self, owner: MotionOwner, known_event: int) -> None:
+        """known_event: The event's number that stood before the motion, 0 for none."""
+        self._owner = owner
+        self._known_event = known_event
+
+    def cause(self, state: RobotState, jump: str) -> Optional[MotionInterrupted]:
+        """Return why the motion must be stopped; None where this state does not contradict it."""
+        is_new = state.error_code != self._known_event
+        if is_new:
+            self._known_event = 0
+        return cause_of_stop(self._owner, Evidence(state, bool(state.is_hand_guided), jump=jump, is_new_event=is_new))
+
+
+def described() -> List[Dict[str, str]]:
+    """Return the table as rows of text: condition, start, under way by kind of motion; for pages and tests."""
+    rows = []
+    for row in TABLE:
+        start = row.at_start.value + (": " + row.why_at_start if row.why_at_start else "")
+        cells = {"condition": row.name, "start": start}
+        cells.update((owner.value, row.except_for.get(owner, "stops")) for owner in MOTIONS)
+        rows.append(cells)
+    return rows
