@@ -44,6 +44,19 @@ def test_a_defect_in_the_core_stops_the_arm_and_keeps_the_evidence(bench, eviden
     assert one.requests("stop_program") >= 1
 
 
+def test_the_stop_goes_out_before_the_evidence_is_written(bench, evidence, monkeypatch):
+    one = bench()
+    arm = one.connect(link_loss_stop=0.0)
+    move = InBackground(arm.move, FAR)
+    assert eventually(one.is_moving)
+    stopped_before = []
+    monkeypatch.setattr(fail_stop, "write_evidence", lambda core, error: stopped_before.append(
+        eventually(lambda: one.requests("stop_program"), 5.0)))
+    monkeypatch.setattr(Move, "observe", raising(KeyError("planted")))
+    assert eventually(lambda: stopped_before) == [1]
+    assert isinstance(move.failure(), ConnectionLost)
+
+
 def test_a_defect_in_a_call_ends_the_driver_too(bench, evidence, monkeypatch):
     """The core may be half-way through the call: nothing that it says afterwards can be relied upon."""
     one = bench()
