@@ -5,6 +5,7 @@ from typing import Any, Callable, Dict, Mapping, Tuple, Type, Union
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, ProtocolError
 from jaka_ros_driver.protocol.framing import JsonObject
+from jaka_ros_driver.protocol.status import MAX_JOINT_DEG
 from jaka_ros_driver.protocol.texts import printable, shown, text_of
 from jaka_ros_driver.units import (
     all_deg_to_rad,
@@ -29,6 +30,8 @@ _MAX_CODE = 1 << 31
 _LONGEST_CODE = 40
 
 _TRUTHS = {"0": False, "false": False, "0.0": False, "1": True, "true": True, "1.0": True}
+_DRIVES = {**_TRUTHS, "powered_on": True, "powered_off": False, "robot_enabled": True, "robot_disabled": False}
+"""The texts are those of firmware up to 1.5 (docs/controller-protocol.md section 5.1)."""
 
 ERROR_MEANINGS: Dict[int, str] = {
     1: "unknown command or wrong parameter",
@@ -134,6 +137,13 @@ def _pose_from_wire(values: Any) -> c.Pose:
     return c.Pose(all_mm_to_m(numbers[:3]), all_deg_to_rad(numbers[3:]))
 
 
+def _joints(values: Any) -> Tuple[float, ...]:
+    joints = _finite(values, 6)
+    if max(map(abs, joints)) > MAX_JOINT_DEG:
+        raise ValueError("expected joints within %g deg" % MAX_JOINT_DEG)
+    return all_deg_to_rad(joints)
+
+
 def _finite(values: Any, count: int) -> Tuple[float, ...]:
     """The first ``count`` numbers of an array; some firmware writes numbers as text."""
     if not isinstance(values, list) or len(values) < count:
@@ -232,10 +242,10 @@ def _collision_level(reply: Mapping[str, Any]) -> int:
     return int(level)
 
 
-def _truth(value: Any) -> bool:
+def _truth(value: Any, truths: Mapping[str, bool] = _TRUTHS) -> bool:
     """Read a boolean; how it is written depends on the firmware (docs/controller-protocol.md section 5.1)."""
-    if isinstance(value, (str, int, float)) and str(value).lower() in _TRUTHS:
-        return _TRUTHS[str(value).lower()]
+    if isinstance(value, (str, int, float)) and str(value).lower() in truths:
+        return truths[str(value).lower()]
     raise ValueError("expected true or false")
 
 
@@ -258,7 +268,7 @@ def _hand_guiding(reply: Mapping[str, Any]) -> bool:
 
 _DECODERS: Dict[Type[Any], Callable[[Mapping[str, Any]], Any]] = {
     c.ForwardKinematics: lambda r: _pose_from_wire(r["cartPosition"]),
-    c.InverseKinematics: lambda r: all_deg_to_rad(_finite(r["jointPosition"], 6)),
+    c.InverseKinematics: lambda r: _joints(r["jointPosition"]),
     c.GetDigitalOutput: lambda r: _truth(r["value"]),
     c.GetAnalogOutput: lambda r: _number(r["value"]),
 }
@@ -267,6 +277,9 @@ _QUERIES: Dict[c.Query, Tuple[str, Params, Callable[[Mapping[str, Any]], Any]]] 
     c.Query.VERSION: ("get_version", {}, lambda r: _text(r["version"])),
     c.Query.SERVO_MODE: ("is_in_servomove", {}, lambda r: _truth(r["in_servomove"])),
     c.Query.FEED_PERIOD: ("get_port10000_delay_ms", {}, lambda r: ms_to_s(_number(r["port10000_delay_ms"]))),
+    c.Query.JOINTS: ("get_joint_pos", {}, lambda r: _joints(r["joint_pos"])),
+    c.Query.DRIVES_READY: ("get_robot_state", {}, lambda r: (
+        _truth(r["power"], _DRIVES) and _truth(r["enable"], _DRIVES))),
     c.Query.TOOL_FRAMES: ("get_tool_offsets", {}, lambda r: _frames(r["tool_offsets"])),
     c.Query.USER_FRAMES: ("get_user_offsets", {}, lambda r: _frames(r["user_offsets"])),
     c.Query.PAYLOAD: ("get_payload", {}, _payload),

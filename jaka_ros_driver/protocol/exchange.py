@@ -16,6 +16,7 @@ class Request(Generic[T]):
         deadline: Monotonic time by which the reply is due, s.
         waiter: An object that the caller gets back with the reply; None where nobody waits for it.
         is_slow: True where the replies to later requests may have to wait for this one's.
+        sent_at: Monotonic time at which it was sent, s.
     """
 
     name: str
@@ -23,6 +24,7 @@ class Request(Generic[T]):
     deadline: float
     waiter: Optional[T]
     is_slow: bool
+    sent_at: float
 
 
 class Exchange(Generic[T]):
@@ -41,7 +43,7 @@ class Exchange(Generic[T]):
     def sent(self, name: str, now: float, patience: float, waiter: Optional[T] = None,
              is_slow: bool = False) -> Request[T]:
         """Note a request that is sent now, whose reply is due within ``patience`` s; ``is_slow`` as in ``Request``."""
-        request = Request(name, patience, now + patience, waiter, is_slow)
+        request = Request(name, patience, now + patience, waiter, is_slow, now)
         self._outstanding.append(request)
         return request
 
@@ -60,9 +62,14 @@ class Exchange(Generic[T]):
         return None
 
     @property
+    def slow(self) -> Optional[Request[T]]:
+        """The oldest request for which the reply to one that is sent now may have to wait."""
+        return next((request for request in self._outstanding if request.is_slow), None)
+
+    @property
     def is_held_up(self) -> bool:
         """True where the reply to a request that is sent now may have to wait for another."""
-        return any(request.is_slow for request in self._outstanding)
+        return self.slow is not None
 
     def done(self, name: str, now: float, patience: float) -> None:
         """What a slow request asked for is done: its reply, and those behind it, are due in the usual time, s."""

@@ -8,9 +8,11 @@ Two other places cut objects, because they promise something else. ``simulation/
 byte that cannot belong to an object as soon as it comes, where ``ObjectStream`` waits for the closing brace.
 ``wire/script.py`` has the whole stream at hand and must keep every byte of it, those of damaged objects included.
 """
+import heapq
 import json
 import re
-from typing import Any, Dict, List, NoReturn, Union
+from collections import deque
+from typing import Any, Deque, Dict, List, NamedTuple, NoReturn, Tuple, Union
 
 from jaka_ros_driver.errors import FramingError
 
@@ -27,6 +29,10 @@ _STRING_END = re.compile(rb'["\\]')
 _NOT_BLANK = re.compile(rb"[^\s\x00]")
 _FRAME_HEAD = re.compile(rb'\{\s*"len"\s*:\s*(\d{1,9})\s*[,}]')
 _HEAD_BYTES = 64
+_CLOSING = ord("}")
+_PARSED_IN_VAIN = 4
+MAX_DAMAGE_BYTES = 1 << 18
+"""A feed of which so much in a row is no frame is none: 28 of the longest frames known."""
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -142,80 +148,124 @@ class ObjectStream:
                     return position
 
 
+class _Head(NamedTuple):
+    """The places where a frame may begin and end, and its ``len`` ends; counted from the begin of the stream."""
+
+    start: int
+    end: int
+    text: int
+
+
 class FrameStream:
     """Cuts status frames that follow each other, each of which begins with ``len``, its exact size in bytes
     (docs/controller-protocol.md section 3.3).
 
     ``len`` also serves as a check: a frame whose text has another length, or is not JSON, is damaged. Reading continues
     at the next whole frame; each run of damaged bytes gives one FramingError.
+
+    The work for damage is bounded: each byte is searched once, a head is looked at once when its frame could be whole,
+    and what is parsed in vain is a few times what has come. A stream that is nothing but damage is not read any more.
+
+    Attributes:
+        is_flooded: ``MAX_DAMAGE_BYTES`` have come since the last frame; nothing is read any more.
     """
 
     def __init__(self, max_bytes: int = MAX_FRAME_BYTES) -> None:
         self._max_bytes = max_bytes
         self._buffer = bytearray()
+        self._begin = 0  # of the buffer, counted from the begin of the stream
+        self._searched = 0
+        self._heads: Deque[_Head] = deque()
+        self._by_end: List[Tuple[int, int]] = []  # end and start of the heads that were not looked at
+        self._whole: Dict[int, JsonObject] = {}  # by start: frames that were found whole behind one that is not
         self._in_damage = False
-        self._unsearched = 0
+        self._damage = 0
+        self._credit = _PARSED_IN_VAIN * max_bytes
+        self.is_flooded = False
 
     def feed(self, data: bytes) -> List[Item]:
         """Take the next bytes of the stream, and return what they complete, in order."""
-        self._buffer += data
         items: List[Item] = []
-        while self._take(items):
-            pass
+        for start in range(0, len(data), self._max_bytes):
+            if self.is_flooded:
+                break
+            piece = data[start:start + self._max_bytes] if len(data) > self._max_bytes else data
+            self._buffer += piece
+            self._credit = min(self._credit + _PARSED_IN_VAIN * len(piece), _PARSED_IN_VAIN * self._max_bytes)
+            self._find_heads()
+            while self._take(items):
+                pass
+            self.is_flooded = self._damage > MAX_DAMAGE_BYTES
+        if self.is_flooded:
+            self._skip(len(self._buffer), "nothing but damage", items)
         return items
+
+    def _find_heads(self) -> None:
+        begin = self._begin
+        last = self._searched - begin
+        for match in _FRAME_HEAD.finditer(self._buffer, last):
+            start, length, last = begin + match.start(), int(match.group(1)), match.end()
+            head = _Head(start, start + length, begin + last)
+            self._heads.append(head)
+            if head.text <= head.end <= start + self._max_bytes:
+                heapq.heappush(self._by_end, (head.end, start))
+        self._searched = begin + max(last, len(self._buffer) - _HEAD_BYTES)
 
     def _take(self, items: List[Item]) -> bool:
         """Consume some of the buffer; False when more bytes are needed."""
-        head = _FRAME_HEAD.search(self._buffer)
-        if head is None:
+        if not self._heads:
             self._skip(max(0, len(self._buffer) - _HEAD_BYTES), "bytes outside any status frame", items)
             return False
-        start, length, head_end = head.start(), int(head.group(1)), head.end() - head.start()
-        self._skip(start, "bytes outside any status frame", items)
-        if not head_end <= length <= self._max_bytes:
-            self._skip(head_end, "a status frame cannot have len %d" % length, items)
+        head = self._heads[0]
+        self._skip(head.start - self._begin, "bytes outside any status frame", items)
+        length = head.end - head.start
+        if not head.text - head.start <= length <= self._max_bytes:
+            self._leave(head, "a status frame cannot have len %d", length, items)
             return True
-        if len(self._buffer) >= length:
-            try:
-                items.append(parse_object(bytes(self._buffer[:length])))
-            except FramingError as error:
-                self._skip(head_end, "status frame of len %d: %s" % (length, error), items)
+        self._look_at_whole_frames()
+        if head.end <= self._begin + len(self._buffer):
+            frame = self._whole.get(head.start)
+            if frame is None:
+                self._leave(head, "a status frame of len %d is damaged", length, items)
             else:
+                items.append(frame)
                 self._drop(length)
-                self._in_damage = False
+                self._in_damage, self._damage = False, 0
             return True
-        following = self._whole_frame_after(head_end)
-        self._skip(following, "status frame cut off after %d bytes" % following, items)
-        return following > 0
+        following = min(self._whole, default=None)
+        if following is None:
+            return False
+        count = following - self._begin
+        self._skip(count, "status frame cut off after %d bytes" % count, items)
+        return True
 
-    def _whole_frame_after(self, position: int) -> int:
-        """Where a whole frame begins after this position, which means that the frame before it is cut off; 0 for
-        nowhere.
-
-        Bytes that were searched are not searched again, except heads whose frames were not complete.
-        """
-        unfinished = len(self._buffer)
-        for head in _FRAME_HEAD.finditer(self._buffer, max(position, self._unsearched)):
-            end = head.start() + int(head.group(1))
-            if end > len(self._buffer):
-                unfinished = min(unfinished, head.start())
+    def _look_at_whole_frames(self) -> None:
+        """Parse what begins with a head and has come to its end; each once."""
+        available = self._begin + len(self._buffer)
+        while self._by_end and self._by_end[0][0] <= available:
+            end, start = heapq.heappop(self._by_end)
+            place = start - self._begin
+            if place < 0 or self._buffer[end - self._begin - 1] != _CLOSING or self._credit < end - start:
                 continue
             try:
-                parse_object(bytes(self._buffer[head.start():end]))
+                self._whole[start] = parse_object(bytes(self._buffer[place:end - self._begin]))
             except FramingError:
-                continue
-            return head.start()
-        self._unsearched = max(self._unsearched, min(unfinished, len(self._buffer) - _HEAD_BYTES))
-        return 0
+                self._credit -= end - start
+
+    def _leave(self, head: _Head, why: str, length: int, items: List[Item]) -> None:
+        self._skip(head.text - head.start, why % length, items)
 
     def _drop(self, count: int) -> None:
+        if not count:
+            return
         del self._buffer[:count]
-        if count:
-            self._unsearched = 0
+        self._begin += count
+        while self._heads and self._heads[0].start < self._begin:
+            self._whole.pop(self._heads.popleft().start, None)
 
     def _skip(self, count: int, why: str, items: List[Item]) -> None:
-        skipped = bytes(self._buffer[:count])
-        self._drop(count)
-        if not self._in_damage and _NOT_BLANK.search(skipped):
+        if not self._in_damage and _NOT_BLANK.search(self._buffer, 0, count):
             self._in_damage = True
-            items.append(FramingError("%s: %r" % (why, skipped.lstrip()[:40])))
+            items.append(FramingError("%s: %r" % (why, bytes(self._buffer[:count]).lstrip()[:40])))
+        self._damage += count
+        self._drop(count)

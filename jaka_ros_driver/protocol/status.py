@@ -8,8 +8,17 @@ from jaka_ros_driver.protocol.texts import shown, text_of
 from jaka_ros_driver.state import BusTerminals, FieldBus, IoBank, IoState, RobotState, Vector
 from jaka_ros_driver.units import all_deg_to_rad, all_mm_to_m, mm_to_m
 
-_MAX_ANGLE_DEG = 1e4
-_MAX_LENGTH_MM = 1e6
+MAX_JOINT_DEG = 1080.0
+"""deg; three turns. The joints of these arms have one to either side."""
+_MAX_LENGTH_MM = 1e5
+"""mm; the pose is told in a user frame, which may be at the other end of a hall."""
+_MAX_JOINT_SPEED_DEG = 3600.0
+"""deg/s; ten times what any of these joints can do, for a speed that is told is a difference of noisy positions."""
+_MAX_SPEED_MM = 1e5
+_MAX_RATE = 100.0
+"""A rate is 1 at most; firmware that counts in per cent is not excluded by any source."""
+_MAX_READING = 1e4
+"""deg C, A, N and N m; what is more is no reading."""
 _MAX_NUMBER = 1e9
 """No quantity is larger, and a float32 or int32 can hold it."""
 _MAX_EVENT_CODE = 0xFFFFFFFF
@@ -58,13 +67,15 @@ def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
         StatusFrameError: An essential field is missing (joint_actual_position, powered_on, enabled, inpos,
             emergency_stop, protective_stop), or a field has the wrong type, too few numbers or an impossible value.
     """
-    joints = _numbers(fields, "joint_actual_position", 6, _MAX_ANGLE_DEG)
+    joints = _numbers(fields, "joint_actual_position", 6, MAX_JOINT_DEG)
     if joints is None:
         raise StatusFrameError("status frame without joint_actual_position")
-    commanded = _numbers(fields, "joint_position", 6, _MAX_ANGLE_DEG)
+    commanded = _numbers(fields, "joint_position", 6, MAX_JOINT_DEG)
     pose = _numbers(fields, "actual_position", 6, _MAX_LENGTH_MM)
-    velocity = _numbers(fields, "instVel", 6, _MAX_ANGLE_DEG)
-    speed = _number(fields, "curr_tcp_trans_vel")
+    if pose is not None and max(map(abs, pose[3:])) > MAX_JOINT_DEG:
+        raise _fail("actual_position", pose, "angles within %g deg" % MAX_JOINT_DEG)
+    velocity = _numbers(fields, "instVel", 6, _MAX_JOINT_SPEED_DEG)
+    speed = _number(fields, "curr_tcp_trans_vel", _MAX_SPEED_MM)
     cabinet_temperature, joint_temperature, joint_current = _monitored(fields.get("monitor_data"))
     wrench, sensor_error = _wrench(fields.get("torqsensor"))
     return RobotState(
@@ -84,7 +95,7 @@ def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
         is_paused=_flag(fields, "paused"),
         on_soft_limit=_flag(fields, "on_soft_limit"),
         program_state=_integer(fields, "interp_state"),
-        rapid_rate=_number(fields, "rapidrate"),
+        rapid_rate=_number(fields, "rapidrate", _MAX_RATE),
         tool_id=_integer(fields, "current_tool_id"),
         user_frame_id=_integer(fields, "current_user_id"),
         error_code=_event_code(fields.get("errcode", "0x0")),
@@ -103,14 +114,14 @@ def _fail(key: str, value: Any, expected: str) -> StatusFrameError:
     return StatusFrameError("status frame: %s is %s, expected %s" % (key, shown(value, 60), expected))
 
 
-def _is_finite_number(value: Any) -> bool:
-    return type(value) in _NUMBERS and abs(value) <= _MAX_NUMBER
+def _is_number_within(value: Any, limit: float) -> bool:
+    return type(value) in _NUMBERS and abs(value) <= limit
 
 
-def _are_numbers(values: List[Any]) -> bool:
-    """True where all are numbers whose root sum square is within ``_MAX_NUMBER``; fast: 2 us for a hundred."""
+def _are_numbers(values: List[Any], limit: float = _MAX_NUMBER) -> bool:
+    """True where all are numbers whose root sum square is within the limit; fast: 2 us for a hundred."""
     try:
-        return math.hypot(*values) <= _MAX_NUMBER
+        return math.hypot(*values) <= limit
     except (TypeError, OverflowError):
         return False
 
@@ -129,12 +140,12 @@ def _numbers(fields: Mapping[str, Any], key: str, count: int, limit: float) -> O
     return values
 
 
-def _number(fields: Mapping[str, Any], key: str) -> Optional[float]:
+def _number(fields: Mapping[str, Any], key: str, limit: float = _MAX_NUMBER) -> Optional[float]:
     value = fields.get(key)
     if value is None:
         return None
-    if not _is_finite_number(value):
-        raise _fail(key, value, "a finite number within %g" % _MAX_NUMBER)
+    if not _is_number_within(value, limit):
+        raise _fail(key, value, "a finite number within %g" % limit)
     return float(value)
 
 
@@ -232,7 +243,7 @@ def _monitored(monitor: Any) -> Tuple[Optional[float], Optional[Vector], Optiona
     """
     if not isinstance(monitor, list) or len(monitor) < 6:
         return None, None, None
-    cabinet = float(monitor[2]) if _is_finite_number(monitor[2]) else None
+    cabinet = float(monitor[2]) if _is_number_within(monitor[2], _MAX_READING) else None
     try:
         rows = monitor[5][:6]
         temperatures, currents = [row[2] for row in rows], [row[0] for row in rows]
@@ -242,7 +253,7 @@ def _monitored(monitor: Any) -> Tuple[Optional[float], Optional[Vector], Optiona
 
 
 def _floats(values: List[Any]) -> Optional[Vector]:
-    return tuple(map(float, values)) if _are_numbers(values) else None
+    return tuple(map(float, values)) if _are_numbers(values, _MAX_READING) else None
 
 
 def _wrench(sensor: Any) -> Tuple[Optional[Vector], int]:
@@ -257,9 +268,9 @@ def _wrench(sensor: Any) -> Tuple[Optional[Vector], int]:
         return None, 0
     readings = told[_READINGS]
     for reading in readings:
-        if not isinstance(reading, list) or len(reading) != 6 or not _are_numbers(reading):
+        if not isinstance(reading, list) or len(reading) != 6 or not _are_numbers(reading, _MAX_READING):
             return None, 0
-    error = int(told[1]) if _is_finite_number(told[1]) else 0
+    error = int(told[1]) if _is_number_within(told[1], _MAX_NUMBER) else 0
     if error or not any(map(any, readings)):
         return None, error
     return tuple(map(float, readings[0])), 0

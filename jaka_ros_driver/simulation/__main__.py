@@ -7,10 +7,12 @@ from typing import Any, Dict, List, Optional
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import model_names
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
+from jaka_ros_driver.simulation.arm.servo import Starvation
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.dialect.dialect import Dialect
 from jaka_ros_driver.simulation.server.panel import ACTIONS
 from jaka_ros_driver.simulation.server.server import ask_panel
-from jaka_ros_driver.simulation.simulated_controller import SimulatedController
+from jaka_ros_driver.simulation.simulated_controller import SINGLE_CLIENT, SimulatedController
 from jaka_ros_driver.wire import proxy
 from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
 from jaka_ros_driver.wire.sockets import LOOPBACK
@@ -37,6 +39,7 @@ def _serve(arguments: List[str]) -> int:
         print("jaka_sim: warning: listening on %s: everybody who reaches this address can drive the simulated arm"
               % options.host, file=sys.stderr)
     try:
+        settings["dialect"] = _dialect(options.dialect, settings.pop("dialect_seed"), options.firmware)
         arm = SimulatedController(**settings)
         stop_on_signals(arm.stop)
         print_ports({**arm.server.port_numbers, "panel": arm.panel_port})
@@ -45,6 +48,18 @@ def _serve(arguments: List[str]) -> int:
         print("jaka_sim: error: %s" % error, file=sys.stderr)
         return 1
     return 0
+
+
+def _dialect(path: Optional[str], seed: Optional[int], firmware: str) -> Dialect:
+    """Return the dialect that was asked for; print it on stderr where it is not the firmware's default."""
+    if path is not None:
+        dialect = Dialect.from_file(path, firmware)
+    elif seed is not None:
+        dialect = Dialect.from_seed(seed, firmware)
+    else:
+        return Dialect.default(firmware)
+    print("jaka_sim: dialect %s" % json.dumps(dialect.as_dict()), file=sys.stderr)
+    return dialect
 
 
 def _serving_parser() -> argparse.ArgumentParser:
@@ -63,17 +78,21 @@ def _serving_parser() -> argparse.ArgumentParser:
     parser.add_argument("--time-scale", type=float, default=1.0, metavar="FACTOR",
                         help="simulated seconds a wall second, default 1")
     parser.add_argument("--firmware", default="1.5.14", choices=list(FIRMWARES), help="generation, default 1.5.14")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--dialect", metavar="FILE", help="YAML or JSON: what it does on points that are open; see "
+                       "docs/simulation.md. Default: the likeliest of the firmware")
+    which.add_argument("--dialect-seed", type=int, metavar="N", help="draw every one of these points, and print them")
     parser.add_argument("--io-index-base", type=int, choices=[0, 1], help="index of the first terminal in commands "
-                        "about inputs and outputs; default 0 for 1.5.14 and 1 for 1.7, a guess")
+                        "about inputs and outputs, instead of the dialect's")
     parser.add_argument("--force-sensor", action="store_true", help="a force and torque sensor at the flange, which "
                         "the panel loads with a wrench; default none")
-    parser.add_argument("--single-client", default="replace", choices=["replace", "refuse"],
-                        help="a second command client replaces the first (default) or is refused")
-    parser.add_argument("--starvation", default="hold", choices=["hold", "repeat"],
-                        help="a servo stream that runs dry: hold (default) or repeat the last increment")
+    parser.add_argument("--single-client", choices=list(SINGLE_CLIENT), help="a second command client replaces the "
+                        "first, is refused, or is served beside it, instead of the dialect's")
+    parser.add_argument("--starvation", choices=[s.value for s in Starvation], help="a servo stream that runs dry: "
+                        "hold, repeat the last increment, coast to rest, fail; instead of the dialect's")
     parser.add_argument("--start", default="off", choices=["off", "powered", "enabled"], help="default off")
-    parser.add_argument("--power-delay", type=float, default=8.0, metavar="S", help="simulated s, default 8")
-    parser.add_argument("--enable-delay", type=float, default=4.0, metavar="S", help="simulated s, default 4")
+    parser.add_argument("--power-delay", type=float, metavar="S", help="simulated s, instead of the dialect's")
+    parser.add_argument("--enable-delay", type=float, metavar="S", help="simulated s, instead of the dialect's")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the wire faults, default 0")
     parser.add_argument("--identity", metavar="TOKEN",
                         help="what it answers to get_simulator_identity, default one that no other has")

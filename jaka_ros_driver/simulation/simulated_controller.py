@@ -6,6 +6,8 @@
         connect(arm.command_port, arm.status_port)
         arm.panel("hit", force=150.0)
 """
+import dataclasses
+import math
 import re
 import threading
 import uuid
@@ -14,16 +16,18 @@ from typing import Any, Dict, Optional, Type
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
 from jaka_ros_driver.protocol.ports import PORTS
-from jaka_ros_driver.simulation.arm.plant import Starvation
 from jaka_ros_driver.simulation.controller.controller import Controller
 from jaka_ros_driver.simulation.controller.controller_state import Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.dialect.dialect import COEXISTS, REFUSED, REPLACES, Dialect
 from jaka_ros_driver.simulation.server import panel
 from jaka_ros_driver.simulation.server.cycle_clock import MIN_FEED_PERIOD_S
 from jaka_ros_driver.simulation.server.server import PANEL, Server
 from jaka_ros_driver.wire.log import WireLog
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
+SINGLE_CLIENT = {"replace": REPLACES, "refuse": REFUSED, "coexist": COEXISTS}
+"""The dimension ``second_client`` in the words of the command line."""
 MAX_TIME_SCALE = 100.0
 _IDENTITY = re.compile(r"[!-~]{1,256}\Z")
 
@@ -34,15 +38,17 @@ class SimulatedController:
     Attributes:
         server: Its sockets; ``server.controller`` is what it serves. While it runs, use both only through ``panel`` or
             ``server.call``.
+        dialect: What it does on the points that are open.
         command_port: Number of its TCP port, as status_port and poll_port.
         panel_port: Number of the panel's port; None where it has none.
     """
 
     def __init__(self, model: str = "zu7", dh_file: Optional[str] = None, *, time_scale: float = 1.0,
-                 firmware: str = "1.5.14", start: str = "off", power_delay: float = 8.0, enable_delay: float = 4.0,
-                 starvation: str = "hold", single_client: str = "replace", seed: int = 0, log: Optional[str] = None,
-                 host: str = LOOPBACK, command_port: int = 0, status_port: int = 0, poll_port: int = 0,
-                 panel_port: Optional[int] = 0, identity: Optional[str] = None,
+                 firmware: str = "1.5.14", start: str = "off", dialect: Optional[Dialect] = None,
+                 power_delay: Optional[float] = None, enable_delay: Optional[float] = None,
+                 starvation: Optional[str] = None, single_client: Optional[str] = None, seed: int = 0,
+                 log: Optional[str] = None, host: str = LOOPBACK, command_port: int = 0, status_port: int = 0,
+                 poll_port: int = 0, panel_port: Optional[int] = 0, identity: Optional[str] = None,
                  io_index_base: Optional[int] = None, force_sensor: bool = False) -> None:
         """Listen.
 
@@ -52,10 +58,11 @@ class SimulatedController:
             time_scale: Simulated seconds a wall second.
             firmware: "1.5.14", "1.7.1" or "1.7.2"; "1.7" is the latter.
             start: "off", "powered" or "enabled".
-            power_delay: From power_on to energised drives, s of simulated time.
-            enable_delay: From enable_robot to released brakes, s of simulated time.
-            starvation: What the arm does when a servo stream has no more points: "hold" or "repeat".
-            single_client: "replace": a new command client replaces the old; "refuse": it is closed.
+            dialect: What it does on the points that are open; None for the firmware's default.
+            power_delay: Instead of the dialect's: from power_on to energised drives, s of simulated time.
+            enable_delay: Instead of the dialect's: from enable_robot to released brakes, s of simulated time.
+            starvation: Instead of the dialect's: what the arm does when a servo stream has no more points.
+            single_client: Instead of the dialect's second_client: "replace", "refuse" or "coexist".
             seed: Of the random generator of the wire faults.
             log: File for the wire log; None for none.
             host: Address for the three ports.
@@ -64,7 +71,7 @@ class SimulatedController:
             poll_port: As command_port.
             panel_port: As command_port, on loopback; None for none.
             identity: What it answers to ``get_simulator_identity``; None for a unique text.
-            io_index_base: Index of the first terminal in commands, 0 or 1; None for the firmware's.
+            io_index_base: Instead of the dialect's: index of the first terminal in commands, 0 or 1.
             force_sensor: True for a force and torque sensor at the flange.
 
         Raises:
@@ -75,18 +82,19 @@ class SimulatedController:
         arm = load_model_file(dh_file) if dh_file else load_model(model)
         if not 0.0 < time_scale <= MAX_TIME_SCALE:
             raise InvalidCommand("time scale is %r; it must be above 0 and at most %g" % (time_scale, MAX_TIME_SCALE))
-        if power_delay < 0.0 or enable_delay < 0.0:
-            raise InvalidCommand("delays must not be negative")
-        if io_index_base not in (None, 0, 1):
-            raise InvalidCommand("the index base of I/O is %r; it must be 0 or 1" % io_index_base)
         if identity is None:
             identity = uuid.uuid4().hex
         if not _IDENTITY.match(identity):
             raise InvalidCommand("identity is %r; it must be 1 to 256 characters of ASCII without blanks" % identity)
-        options = Options(power_delay, enable_delay, _one_of("start", start, {s.value: s for s in Start}),
-                          _one_of("starvation", starvation, {s.value: s for s in Starvation}),
-                          MIN_FEED_PERIOD_S * time_scale, identity, io_index_base, force_sensor)
-        refuse = _one_of("single client", single_client, {"replace": False, "refuse": True})
+        second = single_client and _one_of("single client", single_client, SINGLE_CLIENT)
+        instead = {"starvation": starvation, "io_index_base": io_index_base, "second_client": second}
+        delays = {"power_delay": power_delay, "enable_delay": enable_delay}
+        if any(delay is not None and not 0.0 <= delay < math.inf for delay in delays.values()):
+            raise InvalidCommand("delays must be finite and not negative")
+        self.dialect = dataclasses.replace(
+            (dialect or Dialect.default(firmware)).replaced(_given(instead)), **_given(delays))
+        options = Options(self.dialect, _one_of("start", start, {s.value: s for s in Start}),
+                          MIN_FEED_PERIOD_S * time_scale, identity, force_sensor)
         controller = Controller(arm, _one_of("firmware", firmware, FIRMWARES), options)
         self._log = WireLog(log) if log else None
         ports = {"command": command_port, "status": status_port, "poll": poll_port}
@@ -94,8 +102,8 @@ class SimulatedController:
             ports[PANEL] = panel_port
         self._thread: Optional[threading.Thread] = None
         try:
-            self.server = Server(controller, host, ports, time_scale=time_scale, refuse_second_client=refuse, seed=seed,
-                                 log=self._log, panel_handler=lambda request: panel.handle(self.server, request))
+            self.server = Server(controller, host, ports, time_scale=time_scale, seed=seed, log=self._log,
+                                 panel_handler=lambda request: panel.handle(self.server, request))
         except OSError:
             self._close_log()
             raise
@@ -152,6 +160,10 @@ class SimulatedController:
 
     def __exit__(self, kind: Optional[Type[BaseException]], error: object, trace: object) -> None:
         self.close()
+
+
+def _given(values: Dict[str, Any]) -> Dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _one_of(what: str, value: str, known: Dict[str, Any]) -> Any:

@@ -149,7 +149,7 @@ class WirePlayer(PortServer):
         cause = next((cause for cause in self._causes if cause.name == name), None)
         if cause is not None:
             self._causes.remove(cause)  # time goes on where it waited for this request
-        reply = self._script.replies.next(name)
+        reply = self._script.replies.next(name, self._now())
         if reply is not None:
             at = self._now() + reply.after
             if client.due:

@@ -11,6 +11,7 @@ from collections import deque
 from typing import Any, Deque, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.units import NS_PER_S
 from jaka_ros_driver.wire.log import TrueJoints, WireEvent
@@ -21,6 +22,11 @@ _CAUSES = frozenset((
     "power_on", "power_off", "enable_robot", "disable_robot", "clear_error", "joint_move", "moveL", "movc", "end_move",
     "jog", "servo_move", "stop_program", "torque_control_enable"))
 """Requests whose effect shows in the status feed."""
+
+
+OF_THE_PRESENT = "get_joint_pos"
+"""A recorded answer to this question is not true of the moment at which a replay asks it: it is refused."""
+_OF_STATE = "get_robot_state"
 
 
 class WireScriptError(JakaError):
@@ -100,16 +106,29 @@ class Replies:
     def __init__(self) -> None:
         self._waiting: Dict[str, Deque[Reply]] = {}
         self._last: Dict[str, Reply] = {}
+        self._states: List[Tuple[float, Reply]] = []
         self.answered = 0
         self.repeated = 0
         self.unanswered: List[str] = []
 
-    def add(self, name: str, reply: Reply) -> None:
-        """Add a recorded reply behind those of its name."""
+    def add(self, name: str, reply: Reply, at: float = 0.0) -> None:
+        """Add a recorded reply behind those of its name; ``at``: time of its request, s."""
+        if name == _OF_STATE:
+            self._states.append((at, reply))
         self._waiting.setdefault(name, deque()).append(reply)
 
-    def next(self, name: str) -> Optional[Reply]:
-        """The reply to the next request of a name; None where the log has none at all."""
+    def next(self, name: str, at: float = 0.0) -> Optional[Reply]:
+        """Return the reply to the next request of a name, that comes at this time, s; None where the log has none.
+
+        Where the arm is now only the feed tells, and of the drives' state the reply of that time does.
+        """
+        if name == OF_THE_PRESENT:
+            self.answered += 1
+            return Reply(0.0, encode_object({"errorCode": "1", "errorMsg": "not played", "cmdName": name}))
+        if name == _OF_STATE and self._states:
+            self.answered += 1
+            place = max(1, bisect.bisect_right([asked for asked, _ in self._states], at))
+            return self._states[place - 1][1]
         waiting = self._waiting.get(name)
         if waiting:
             self._last[name] = waiting.popleft()
@@ -171,8 +190,8 @@ def wire_script(log: Sequence[Union[WireEvent, TrueJoints]]) -> WireScript:
             None if end is None else (end.time_ns - start_ns) / NS_PER_S, "close" if end is None else end.what,
             len(paired)))
     found.sort(key=lambda entry: entry[0])
-    for _, name, reply in found:
-        replies.add(name, reply)
+    for at, name, reply in found:
+        replies.add(name, reply, at)
     causes = tuple(Cause(at, name) for at, name, _ in found if name in _CAUSES)
     duration = max((event.time_ns - start_ns) / NS_PER_S for event in events)
     return WireScript(connections, replies, causes, duration, start_ns)

@@ -1,12 +1,19 @@
 """Cutting JSON objects and status frames out of byte streams, whole, split, glued and damaged."""
 import json
+import time
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from jaka_ros_driver.errors import FramingError
-from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream, encode_object, parse_object
+from jaka_ros_driver.protocol.framing import (
+    MAX_DAMAGE_BYTES,
+    FrameStream,
+    ObjectStream,
+    encode_object,
+    parse_object,
+)
 from jaka_ros_driver.protocol.status import encode_frame
 
 JSON_VALUES = st.recursive(
@@ -113,3 +120,29 @@ def test_objects_are_written_as_the_controller_writes_them():
 def test_a_number_that_is_not_finite_is_not_written(value):
     with pytest.raises(FramingError):
         encode_object({"a": value})
+
+
+FLOODS = [b'{"len": 60017, "}": ', b'{"len": 60000, ', b'{"len": 60000, "a', b'{"len": 60000, "a": 1}',
+          b'{"len": 100, "', b'{"len": 3, ', b"{", b"\xff", b'{"len": 60000, "a": ' + b"[1, 2, 3], " * 500]
+
+
+@pytest.mark.parametrize("piece", [1448, 1 << 16, 1 << 19])
+@pytest.mark.parametrize("unit", FLOODS, ids=lambda unit: str(unit[:24]))
+def test_a_megabyte_that_is_no_frame_costs_little_and_is_not_read_to_its_end(unit, piece):
+    data = (unit * ((1 << 20) // len(unit) + 1))[:1 << 20]
+    costs = []
+    for _ in range(3):  # on a busy host a process is charged for time that it did not get: the best of three counts
+        stream, items, before = FrameStream(), [], time.process_time()
+        for start in range(0, len(data), piece):
+            items += stream.feed(data[start:start + piece])
+        costs.append(time.process_time() - before)
+    assert min(costs) < 0.4
+    assert stream.is_flooded and shape(items) == ["damage"] and len(stream._buffer) < 1 << 17
+    assert not stream.feed(FRAME)
+
+
+def test_damage_that_a_frame_interrupts_is_no_flood():
+    stream, items = FrameStream(), []
+    for _ in range(20):
+        items += stream.feed(b"#" * (MAX_DAMAGE_BYTES // 2) + FRAME)
+    assert shape(items) == ["damage", json.loads(FRAME)] * 20 and not stream.is_flooded

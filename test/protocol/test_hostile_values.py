@@ -122,6 +122,33 @@ def test_any_value_at_any_place_of_a_frame_does_no_harm(path, value):
     read_frame(with_value_at(FRAME, path, value))
 
 
+IMPOSSIBLE = [
+    ("joint_actual_position", [9999.0] + [0.0] * 5), ("joint_actual_position", [0.0] * 5 + [-1081.0]),
+    ("joint_position", [0.0] * 5 + [9999.0]), ("actual_position", [2e5, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    ("actual_position", [0.0, 0.0, 0.0, 0.0, 0.0, 9999.0]), ("instVel", [9999.0] + [0.0] * 5),
+    ("curr_tcp_trans_vel", 1e6), ("rapidrate", -500.0)]
+
+
+@pytest.mark.parametrize("key, value", IMPOSSIBLE, ids=str)
+def test_a_frame_with_a_value_that_no_arm_can_have_is_damaged(key, value):
+    parse_status(FRAME, 0.0)
+    with pytest.raises(StatusFrameError, match=key):
+        parse_status(dict(FRAME, **{key: value}), 0.0)
+
+
+def test_readings_that_no_sensor_can_have_are_unknown():
+    hot = copy.deepcopy(FRAME["monitor_data"])
+    hot[2], hot[5][3][2], hot[5][3][0] = 1e6, 1e6, -1e6
+    state = parse_status(dict(FRAME, monitor_data=hot, torqsensor=[[], [0, 0, [1e6] * 6, [1.0] * 6, [1.0] * 6]]), 0.0)
+    assert state.cabinet_temperature is state.joint_temperature is state.joint_current is state.wrench is None
+
+
+def test_joints_of_a_reply_that_no_arm_can_have_are_no_result():
+    for command, key in ((c.Query.JOINTS, "joint_pos"), (c.InverseKinematics(POSE, JOINTS), "jointPosition")):
+        with pytest.raises(ProtocolError):
+            codec.decode(command, {"errorCode": "0", key: [9999.0] + [0.0] * 5})
+
+
 REPLIES = [
     (c.Stop(), {}),
     (c.ForwardKinematics(JOINTS), {"cartPosition": WIRE_POSE}),
@@ -131,6 +158,9 @@ REPLIES = [
     (c.Query.VERSION, {"version": "1.5.14"}),
     (c.Query.SERVO_MODE, {"in_servomove": True}),
     (c.Query.FEED_PERIOD, {"port10000_delay_ms": "8"}),
+    (c.Query.JOINTS, {"joint_pos": WIRE_JOINTS}),
+    (c.Query.DRIVES_READY, {"power": "powered_on", "enable": "robot_enabled"}),
+    (c.Query.DRIVES_READY, {"power": 1, "enable": True}),
     (c.Query.TOOL_FRAMES, {"tool_offsets": [WIRE_POSE] * 2}),
     (c.Query.USER_FRAMES, {"user_offsets": [WIRE_POSE] * 2}),
     (c.Query.PAYLOAD, {"mass": 1.5, "centroid": [10, 20, 30]}),

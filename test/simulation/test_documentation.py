@@ -2,6 +2,7 @@
 
 ``PYTHONPATH=.:test/support python FILE`` writes them anew.
 """
+import json
 import re
 from pathlib import Path
 
@@ -9,12 +10,16 @@ import pytest
 from sdk_2_1_14 import table_rows
 
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
+from jaka_ros_driver.simulation.dialect.dialect import DIMENSIONS
+from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES
 from jaka_ros_driver.simulation.server.faults import KINDS
 from jaka_ros_driver.simulation.server.panel import ACTIONS
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parents[1] / "docs" / "simulation.md"
-DEEPER = ("controller/test_states", "controller/test_sdk_client", "server/test_panel", "server/test_server",
+PROTOCOL = PAGE.with_name("controller-protocol.md")
+DEEPER = ("controller/test_states", "controller/test_content",
+          "controller/test_sdk_client", "server/test_panel", "server/test_server",
           "controller/test_link_loss", "test_identity")
 BLOCK = "<!-- %s -->\n(.*?)<!-- end -->"
 
@@ -31,7 +36,18 @@ def where_tested(command):
     return ", ".join(["test_commands", *deeper])
 
 
+def default_of(dimension):
+    """The default, or those of the firmwares where they differ; nothing for none of many names."""
+    shown = [json.dumps(value) if not isinstance(value, (str, tuple)) else value or "none"
+             for value in map(dimension.default, FIRMWARE_NAMES)]
+    return shown[0] if len(set(shown)) == 1 else ", ".join(
+        "%s: %s" % one for one in zip(FIRMWARE_NAMES, shown))
+
+
 TABLES = {
+    "dimensions": lambda: table(["dimension", "what it says", "values", "default", "evidence"], [
+        ["`%s`" % name, dimension.meaning, dimension.described(), default_of(dimension), dimension.evidence]
+        for name, dimension in DIMENSIONS.items()]),
     "actions": lambda: table(["action", "parameters", ""], [
         ["`%s`" % name, action.parameters, action.meaning] for name, action in ACTIONS.items()]),
     "faults": lambda: table(["kind", "parameters", "a struck message is"], [
@@ -48,6 +64,33 @@ TABLES = {
 def test_table_is_what_the_code_says(name):
     written = re.search(BLOCK % name, PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert written and written.group(1) == TABLES[name](), "run PYTHONPATH=.:test/support python %s" % __file__
+
+
+def open_points():
+    """The numbered points of section 13 of the protocol page: number and text."""
+    section = PROTOCOL.read_text(encoding="utf-8").split("## 13. Open uncertainties")[1].split("\n## ")[0]
+    return re.findall(r"^(\d+)\. (.*?)(?=^\d+\. |\Z)", section, re.DOTALL | re.MULTILINE)
+
+
+def test_each_open_point_names_its_dimensions_or_says_why_it_has_none():
+    points = open_points()
+    assert [int(number) for number, _ in points] == list(range(1, len(points) + 1)) and len(points) >= 30
+    named = set()
+    for number, text in points:
+        text = " ".join(text.split())
+        lists = re.findall(r"Dimensions?: (.*?)[.;](?= |$)", text)
+        names = [name for one in lists for name in re.findall(r"`(\w+)`", one)]
+        assert names or re.search(r"No dimension[^:.]*: \w+ \w+ \w+", text), "point %s says neither" % number
+        assert set(names) <= set(DIMENSIONS), "point %s: %s" % (number, set(names) - set(DIMENSIONS))
+        named |= set(names)
+    assert named == set(DIMENSIONS), "no open point stands behind %s" % sorted(set(DIMENSIONS) - named)
+
+
+def test_the_evidence_of_a_dimension_is_in_sections_that_exist():
+    headings = set(re.findall(r"^#+ (\d+(?:\.\d+)*)", PROTOCOL.read_text(encoding="utf-8"), re.MULTILINE))
+    for name, dimension in DIMENSIONS.items():
+        sections = re.findall(r"\d+(?:\.\d+)*", dimension.evidence.rpartition(": ")[2])
+        assert sections and set(sections) <= headings, "%s: %s" % (name, dimension.evidence)
 
 
 def write():

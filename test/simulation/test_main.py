@@ -9,6 +9,7 @@ import pytest
 from raw_client import RawClient, RawFeed
 
 from jaka_ros_driver.simulation.__main__ import main
+from jaka_ros_driver.simulation.dialect.dialect import Dialect
 from jaka_ros_driver.wire.log import read_log
 
 PROGRAM = [sys.executable, "-m", "jaka_ros_driver.simulation"]
@@ -62,6 +63,30 @@ def test_panel_on_the_command_line(start):
     program.communicate(timeout=20)
     gone = panel("state")
     assert gone.returncode == 1 and gone.stderr.startswith("jaka_sim: error: no panel answers")
+
+
+@pytest.mark.parametrize("source", ["--dialect", "--dialect-seed", None])
+def test_a_dialect_is_an_option_and_is_printed(start, tmp_path, source):
+    drawn = Dialect.from_seed(7, "1.7")
+    (tmp_path / "dialect.yaml").write_text(json.dumps(drawn.as_dict()), encoding="utf-8")
+    value = {"--dialect": [str(tmp_path / "dialect.yaml")], "--dialect-seed": ["7"]}.get(source, [])
+    program, ports = start("--firmware", "1.7", *filter(None, [source, *value]))
+    expected = drawn if source else Dialect.default("1.7")
+    with RawClient(ports["command_port"]) as client:
+        assert ("vendorTrace" in client.ask("get_version")) is expected.unknown_reply_fields is bool(source)
+    program.send_signal(signal.SIGINT)
+    _, error = program.communicate(timeout=20)
+    assert error == ("jaka_sim: dialect %s\n" % json.dumps(drawn.as_dict()) if source else "")
+
+
+def test_a_wrong_dialect_is_an_error_with_its_reason(tmp_path):
+    (tmp_path / "dialect.yaml").write_text("inpos: sometimes", encoding="utf-8")
+    failed = subprocess.run([*PROGRAM, *FREE, "--dialect", str(tmp_path / "dialect.yaml")], capture_output=True,
+                            text=True, timeout=60)
+    assert failed.returncode == 1 and "inpos is 'sometimes'; it must be one of exact, early, late" in failed.stderr
+    both = subprocess.run([*PROGRAM, *FREE, "--dialect", "a", "--dialect-seed", "1"], capture_output=True, text=True,
+                          timeout=60)
+    assert both.returncode == 2
 
 
 def test_a_force_sensor_is_an_option(start):

@@ -4,7 +4,7 @@ import json
 import pytest
 
 from jaka_ros_driver.wire.log import TrueJoints, WireEvent
-from jaka_ros_driver.wire.script import Piece, WireScriptError, cut_objects, wire_script
+from jaka_ros_driver.wire.script import Piece, Replies, Reply, WireScriptError, cut_objects, wire_script
 
 
 def event(seconds, port, connection, what, data=b""):
@@ -71,3 +71,14 @@ def test_objects_are_cut_at_any_piece_boundary_with_all_bytes_kept():
 def test_a_log_without_connections_is_refused():
     with pytest.raises(WireScriptError, match="no connection"):
         wire_script([TrueJoints(0, 0.0, (0.0,) * 6)])
+
+
+def test_questions_about_the_present_are_not_answered_from_another_moment():
+    """The driver would take the feed for old: it shows other joints than the answer."""
+    replies = Replies()
+    for at, text in ((1.0, b"off"), (5.0, b"on")):
+        replies.add("get_joint_pos", Reply(0.0, b"then"), at)
+        replies.add("get_robot_state", Reply(0.0, text), at)
+    assert b'"errorCode": "1"' in replies.next("get_joint_pos", 1.0).data
+    assert [replies.next("get_robot_state", at).data for at in (0.0, 4.9, 5.1, 5.2)] == [b"off", b"off", b"on", b"on"]
+    assert not replies.unanswered

@@ -30,6 +30,8 @@ JOINT_MOVE_NOT_ADDED = PlantEvent(0x0F0038, "joint move not added")
 HAND_GUIDING_ON_SOFT_LIMIT = PlantEvent(0x0F0040, "drag refused, on soft limit")
 HAND_GUIDING_HIT_SOFT_LIMIT = PlantEvent(0x0F0041, "drag hit the soft limit, drag left")
 HAND_GUIDING_REFUSED_MOVING = PlantEvent(0x0F0044, "drag refused, moving")
+SERVO_STARVED = PlantEvent(0x0F0003, "servo stream ran dry")
+"""A guess: no entry for it was found in the maker's list."""
 
 
 class TargetRejected(JakaError):

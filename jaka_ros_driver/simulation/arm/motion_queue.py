@@ -13,6 +13,7 @@ from jaka_ros_driver.simulation.arm.routes import CartesianRoute, JointRoute, Ro
 from jaka_ros_driver.state import Vector
 
 MAX_QUEUE = 500
+_SAME_MOMENT_S = 1e-6
 
 JogAxis = Tuple[JogFrame, int, bool]
 """Frame, axis 0..5, and True for the positive direction."""
@@ -30,12 +31,15 @@ class MotionQueue:
         jerk_limited: True where moves and jogs that are added from now on have a limited jerk, given ruckig.
         is_paused: True from ``pause`` until ``resume`` or the end of the queue.
         motion_line: ``executing_line_id`` of the move running or last run.
+        start_delay: From the acceptance of a motion by an arm at rest to its beginning, s.
         fault: Set where the arm cannot go on along the running path; the owner then brings it to rest and calls
             ``clear``.
     """
 
     def __init__(self, frames: ArmFrames) -> None:
         self.jerk_limited = True
+        self.start_delay = 0.0
+        self._start_in = 0.0
         self.is_paused = False
         self.motion_line = 0
         self.fault: Optional[PlantEvent] = None
@@ -144,7 +148,8 @@ class MotionQueue:
     def step(self, dt: float, rate: float) -> Tuple[Optional[Vector], List[PlantEvent]]:
         """Run one cycle of ``dt`` s at ``rate`` (0 to 1): the joints, rad (6,), None at rest, and the events."""
         if self._running is None:
-            if not self._waiting:
+            self._start_in -= dt
+            if not self._waiting or self._start_in > _SAME_MOMENT_S:
                 return None, []
             self._start(self._waiting.popleft())
         running = self._running
@@ -180,7 +185,11 @@ class MotionQueue:
 
     def _enter(self, entry: _Entry) -> None:
         if self._running is None and not self._waiting:
-            self._start(entry)
+            if self.start_delay > 0.0:
+                self._start_in = self.start_delay
+                self._waiting.append(entry)
+            else:
+                self._start(entry)
         else:
             self._waiting.append(entry)
 

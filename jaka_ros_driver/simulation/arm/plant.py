@@ -27,6 +27,7 @@ HOME = (0.0, math.pi / 2, -math.pi / 2, math.pi / 2, math.pi / 2, 0.0)
 """rad (6,); a position away from the singularities of the main family."""
 
 _STILL: Vector = (0.0,) * 6
+_SAME_MOMENT_S = 1e-6
 
 
 class Plant:
@@ -39,6 +40,7 @@ class Plant:
         queue: The accepted moves and the jog; pauses, resumes and ends them along their paths.
         joint_position: Measured joint angles, rad (6,); the commanded ones, too, because the drives are ideal.
         joint_velocity: Mean over the last cycle, rad/s (6,).
+        servo_leave_delay: How long servo mode lasts after it was left, s; the arm takes no more points then.
         rapid_rate: Speed override in force, 0 to 1.
         settle_time: How long is_in_position stays False at least after a move was accepted, s. With the period of the
             status feed, the first frame after the acceptance shows it.
@@ -58,7 +60,9 @@ class Plant:
         self._dt = CYCLE_TIME_S
         self.joint_velocity = _STILL
         self.queue = MotionQueue(self._frames)
+        self.servo_leave_delay = 0.0
         self._servo: Optional[ServoStream] = None
+        self._leaves_servo_in: Optional[float] = None
         self._guiding: Optional[HandGuiding] = None
         self._coast: Optional[Coast] = None
         self._filter_kind = ServoFilter.NONE
@@ -89,7 +93,7 @@ class Plant:
     @property
     def is_in_position(self) -> bool:
         """True when nothing is queued, running or coasting and settle_time has passed since the last acceptance."""
-        if self._unsettled > 0.0 or self._coast is not None or not self.queue.is_empty:
+        if not self.is_settled or self._coast is not None or not self.queue.is_empty:
             return False
         if self._guiding is None and self.joint_velocity is not _STILL:
             return False
@@ -104,6 +108,16 @@ class Plant:
     def is_servo_active(self) -> bool:
         """True in servo (streaming) mode."""
         return self._servo is not None
+
+    @property
+    def takes_servo_points(self) -> bool:
+        """True in servo mode until ``leave_servo``."""
+        return self._servo is not None and self._leaves_servo_in is None
+
+    @property
+    def is_settled(self) -> bool:
+        """True when ``settle_time`` has passed since the last acceptance."""
+        return self._unsettled <= 0.0
 
     @property
     def is_hand_guided(self) -> bool:
@@ -211,24 +225,28 @@ class Plant:
         self.queue.add_leg(arc, joints)
         return self._accepted()
 
-    def stop(self) -> None:
-        """Slow down along the path, empty the queue and end a jog; in servo mode drop the points and stop."""
-        self.queue.stop()
-        if self._servo is not None:
+    def stop(self, jog: bool = True, stream: bool = True) -> None:
+        """Slow down along the path, empty the queue and end a jog; in servo mode drop the points and stop.
+
+        ``jog``, ``stream``: False where a jog, and a servo stream, are not ended.
+        """
+        if jog or not self.queue.is_jogging:
+            self.queue.stop()
+        if self._servo is not None and stream:
             self._come_to_rest()
             self._servo = self._new_stream()
 
     def halt_protective(self) -> None:
         """Stop everything: queue and jog slow down along their path, servo mode and hand guiding end."""
         self.queue.stop()
-        self.leave_servo()
+        self._leave_servo_now()
         self.stop_hand_guiding()
 
     def halt_emergency(self) -> None:
         """Stop everything with the highest deceleration of the joints; the path is left."""
         self._come_to_rest()
         self.queue.clear()
-        self._servo = self._guiding = None
+        self._servo = self._guiding = self._leaves_servo_in = None
 
     def set_rapid_rate(self, rate: float) -> None:
         """Set the speed override, 0 to 1, also during a motion; raises TargetRejected for other values."""
@@ -276,10 +294,17 @@ class Plant:
         return True
 
     def leave_servo(self) -> None:
-        """Leave servo mode; the arm comes to rest smoothly."""
+        """Leave servo mode after ``servo_leave_delay``; the arm comes to rest smoothly from now on."""
+        if self.servo_leave_delay <= 0.0:
+            self._leave_servo_now()
+        elif self.takes_servo_points:
+            self._come_to_rest()
+            self._servo, self._leaves_servo_in = self._new_stream(), self.servo_leave_delay
+
+    def _leave_servo_now(self) -> None:
         if self._servo is not None:
             self._come_to_rest()
-            self._servo = None
+            self._servo = self._leaves_servo_in = None
 
     def servo_joint(self, target: Sequence[float], relative: bool = False, cycles: int = 1) -> bool:
         """Append a joint point, rad (6,), to be reached in ``cycles`` times 8 ms.
@@ -306,14 +331,17 @@ class Plant:
     # --- hand guiding -----------------------------------------------------------------------------------------------
 
     def start_hand_guiding(self) -> None:
-        """Let the arm be pushed; raises TargetRejected in motion, in servo mode and on a soft limit."""
-        if self._guiding is not None:
-            return
+        """Let the arm be pushed; raises as ``check_hand_guiding``."""
+        if self._guiding is None:
+            self.check_hand_guiding()
+            self._guiding = HandGuiding(self._frames.model, self.joint_position)
+
+    def check_hand_guiding(self) -> None:
+        """Raise TargetRejected where hand guiding cannot begin: in motion, in servo mode and on a soft limit."""
         if self._servo is not None or self._coast is not None or not self.queue.is_empty:
             raise TargetRejected(events.HAND_GUIDING_REFUSED_MOVING, "the arm moves or is in servo mode")
         if self.on_soft_limit:
             raise TargetRejected(events.HAND_GUIDING_ON_SOFT_LIMIT, "a joint is on its soft limit")
-        self._guiding = HandGuiding(self._frames.model, self.joint_position)
 
     def stop_hand_guiding(self) -> None:
         """End hand guiding; joints that move come to rest."""
@@ -333,6 +361,10 @@ class Plant:
     def step(self, dt: float = CYCLE_TIME_S) -> None:
         """Run one cycle of ``dt`` s."""
         self._unsettled -= dt
+        if self._leaves_servo_in is not None:
+            self._leaves_servo_in -= dt
+            if self._leaves_servo_in < _SAME_MOMENT_S:
+                self._leave_servo_now()
         joints = self._next_joints(dt)
         if joints is None or joints == self.joint_position:
             if self.joint_velocity is not _STILL:
@@ -376,9 +408,15 @@ class Plant:
                 zip(self.joint_position, stream.joints, self._frames.model.joint_max_speed)):
             if abs(after - before) > limit * dt * 1.001:
                 self._events.append(events.overspeed(joint))
-                self.leave_servo()
-                return self.joint_position if self._coast is None else self._coast.step(dt)
+                return self._servo_failed(dt)
+        if stream.has_failed:
+            self._events.append(events.SERVO_STARVED)
+            return self._servo_failed(dt)
         return stream.joints
+
+    def _servo_failed(self, dt: float) -> Vector:
+        self._leave_servo_now()
+        return self.joint_position if self._coast is None else self._coast.step(dt)
 
     def _come_to_rest(self, joints: Optional[Vector] = None, velocity: Optional[Vector] = None) -> None:
         """Let the joints slow down from their present positions and speeds, unless they do so already."""
@@ -396,7 +434,7 @@ class Plant:
         return ServoStream(self._frames, joints, servo_filter, self._starvation)
 
     def _streaming(self) -> ServoStream:
-        if self._servo is None:
+        if self._servo is None or not self.takes_servo_points:
             raise TargetRejected(events.NOT_ALLOWED_IN_MODE, "not in servo mode")
         return self._servo
 

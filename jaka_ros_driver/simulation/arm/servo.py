@@ -7,6 +7,7 @@ from typing import Deque, List, NamedTuple, Optional, Tuple
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, finite_six
+from jaka_ros_driver.simulation.arm.coasting import Coast
 from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
 from jaka_ros_driver.simulation.arm.legs import Line, Pace
 from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S
@@ -17,6 +18,8 @@ MAX_STEP_SPEED = math.pi
 """rad/s (180 deg/s): a point that needs more of a joint is ignored, docs/controller-protocol.md section 5.6.5."""
 MAX_POINTS = 50
 """Largest number of waiting points; further ones are ignored. No vendor value exists."""
+STARVED_S = 0.1
+"""s without a point after which a stream fails, with ``Starvation.FAULT``. No vendor value exists."""
 MAX_CYCLES = 1000
 """``stepNum`` at most. No vendor value exists."""
 
@@ -24,10 +27,14 @@ _UNIT_PACE = Pace(1.0, 1.0, 1.0, 1.0, 1.0)
 
 
 class Starvation(enum.Enum):
-    """What the arm does when a servo stream has no more points: hold the last target, or repeat the last increment."""
+    """Reactions of the arm to a servo stream without more points: hold the last target, repeat the last increment, slow
+    down from its last speed, or fail after ``STARVED_S``.
+    """
 
     HOLD = "hold"
     REPEAT = "repeat"
+    COAST = "coast"
+    FAULT = "fault"
 
 
 class _Point(NamedTuple):
@@ -42,6 +49,7 @@ class ServoStream:
 
     Attributes:
         joints: Commanded, rad (6,).
+        has_failed: True where it ran dry and that is a fault.
     """
 
     def __init__(self, frames: ArmFrames, joints: Vector, servo_filter: Filter, starvation: Starvation) -> None:
@@ -53,6 +61,9 @@ class ServoStream:
         self._end = joints  # of the last point taken
         self._elapsed = 0.0
         self._increment: Vector = (0.0,) * 6
+        self._coast: Optional[Coast] = None
+        self._dry_for: Optional[float] = None
+        self.has_failed = False
         self._clamped: Optional[Tuple[int, bool]] = None
 
     @property
@@ -99,8 +110,9 @@ class ServoStream:
             before = self._target
             self._interpolate(dt)
             self._increment = tuple(b - a for a, b in zip(before, self._target))
-        elif self._starvation is Starvation.REPEAT:
-            self._repeat()
+            self._dry_for, self._coast = 0.0, None
+        elif self._dry_for is not None:
+            self._starve(dt)
         filtered = self._filter.step(self._target, dt)
         self.joints = self._within_limits(filtered)
         return self._limit_events()
@@ -118,6 +130,18 @@ class ServoStream:
         if point.line is not None:
             joints = self._frames.nearest_joints(point.line.at(share * point.line.length), self._target)
         self._target = joints or tuple(a + share * (b - a) for a, b in zip(point.start, point.end))
+
+    def _starve(self, dt: float) -> None:
+        """Run one cycle for which there is no point; the first points of a stream have come before."""
+        self._dry_for = (self._dry_for or 0.0) + dt
+        if self._starvation is Starvation.REPEAT:
+            self._repeat()
+        elif self._starvation is Starvation.COAST:
+            if self._coast is None:
+                self._coast = Coast(self._frames.model, self._target, [q / dt for q in self._increment])
+            self._end = self._target = self._coast.step(dt)
+        elif self._starvation is Starvation.FAULT:
+            self.has_failed = self._dry_for > STARVED_S
 
     def _repeat(self) -> None:
         target = tuple(a + b for a, b in zip(self._target, self._increment))

@@ -36,6 +36,7 @@ class Alarms:
         self._error: Optional[PlantEvent] = None
         self._limit: Optional[PlantEvent] = None
         self._note: Optional[PlantEvent] = None
+        self._refused: Optional[PlantEvent] = None
 
     def raise_event(self, event: PlantEvent, now: float) -> None:
         """Note an event of the arm. An error that is shown already stays the one shown."""
@@ -52,7 +53,7 @@ class Alarms:
 
     def clear(self, emergency_stop_pressed: bool) -> None:
         """Clear what ``clear_error`` clears; the emergency stop only if its button is released."""
-        self._error = self._note = None
+        self._error = self._note = self._refused = None
         if not emergency_stop_pressed:
             self._emergency_stop = None
 
@@ -60,11 +61,20 @@ class Alarms:
         """The drives are enabled: remove the note that they were disabled."""
         self._note = None
 
+    def move_refused(self, event: PlantEvent, now: float) -> None:
+        """A move was refused; it latches nothing (docs/controller-protocol.md section 4.3)."""
+        self.past.append((now, event))
+        self._refused = event
+
+    def move_accepted(self) -> None:
+        """A move was accepted: remove the event of an earlier one that was refused."""
+        self._refused = None
+
     def left_soft_limit(self) -> None:
         """No joint stands on a soft limit any more."""
         self._limit = None
 
     def shown(self) -> Tuple[int, str]:
         """Code and text for the feed; (0, "") for none."""
-        event = self._emergency_stop or self._error or self._limit or self._note
+        event = self._emergency_stop or self._error or self._limit or self._refused or self._note
         return (event.code, event.text) if event else (0, "")

@@ -1,12 +1,13 @@
 """Tools, user frames, payload, collision sensitivity (docs/controller-protocol.md sections 5.7, 5.9)."""
-from typing import Callable, List, Tuple
+from typing import Callable, List, Optional, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
+from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain, slow_reply
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, FrameTable, Memory, Payload
 from jaka_ros_driver.simulation.controller.replies import Refused, Reply
 from jaka_ros_driver.simulation.controller.wire_units import pose_from_wire, pose_to_wire, rounded
+from jaka_ros_driver.simulation.dialect.dialect import EITHER
 from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m
 
 MAX_COLLISION_LEVEL = 5
@@ -14,7 +15,8 @@ MAX_MASS_KG = 100.0
 """More than the heaviest arm of the line carries (models data)."""
 
 
-def _set_offsets(table_of: Callable[[Memory], FrameTable], *keys: str) -> Handler:
+def _set_offsets(table_of: Callable[[Memory], FrameTable], key_of: Callable[[ControllerState, Arguments], str]
+                 ) -> Handler:
     """Make the handler that stores a frame; the values of the active one hold at once, and are refused during a motion.
 
     Id 0, which is fixed, and ids beyond the table are refused.
@@ -23,7 +25,7 @@ def _set_offsets(table_of: Callable[[Memory], FrameTable], *keys: str) -> Handle
         table, frame_id = table_of(state.memory), arguments.integer("id")
         if frame_id == table.active:
             state.require_standstill()
-        pose = pose_from_wire(arguments.vector(arguments.first_of(*keys), 6))
+        pose = pose_from_wire(arguments.vector(key_of(state, arguments), 6))
         arguments.text("name", "")  # checked only: no query returns it
         if not 1 <= frame_id < FRAME_COUNT:
             raise Refused()
@@ -31,6 +33,18 @@ def _set_offsets(table_of: Callable[[Memory], FrameTable], *keys: str) -> Handle
         if frame_id == table.active:
             state.apply_frames()
     return handle
+
+
+def _user_key(state: ControllerState, arguments: Arguments) -> str:
+    """The maker's key is misspelt userffset; some clients send useroffset (docs/controller-protocol.md section 5.7)."""
+    key = state.dialect.user_frame_key
+    return arguments.first_of("userffset", "useroffset") if key == EITHER else key
+
+
+def _select(state: ControllerState, table: FrameTable, frame_id: int) -> Optional[Held]:
+    done_at, dialect = state.now + state.dialect.frame_delay, state.dialect
+    state.select_frame(table, frame_id)
+    return slow_reply(state, dialect.frame_reply, dialect.frame_reply_delay, lambda: state.now >= done_at)
 
 
 def _offsets(table: FrameTable) -> List[List[float]]:
@@ -59,25 +73,24 @@ def _set_sensitivity(state: ControllerState, arguments: Arguments) -> None:
 
 
 def _sensitivity(state: ControllerState) -> Reply:
-    """The collision sensitivity, under both keys that clients read (docs/controller-protocol.md section 5.9)."""
-    level = state.memory.collision_level
-    return {"sensitivityLevel": level, "sensitivityVal": level}
+    """The collision sensitivity, under one or both keys that clients read (docs/controller-protocol.md 5.9)."""
+    key, level = state.dialect.sensitivity_key, state.memory.collision_level
+    return {name: level for name in ("sensitivityLevel", "sensitivityVal") if key in (name, "both")}
 
 
 FRAME_COMMANDS: Tuple[CommandSpec, ...] = (
-    CommandSpec("set_tool_offsets", "5.7", _set_offsets(lambda memory: memory.tools, "tooloffset")),
+    CommandSpec("set_tool_offsets", "5.7", _set_offsets(
+        lambda memory: memory.tools, lambda state, arguments: "tooloffset")),
     CommandSpec("get_tool_offsets", "sdk-client.md 6", plain(
         lambda state: {"tool_offsets": _offsets(state.memory.tools)})),
-    CommandSpec("set_tool_id", "5.7", lambda state, arguments: state.select_frame(
-        state.memory.tools, arguments.integer("tool_id"))),
+    CommandSpec("set_tool_id", "5.7", lambda state, arguments: _select(
+        state, state.memory.tools, arguments.integer("tool_id"))),
     CommandSpec("get_curr_tool_id", "5.7", plain(lambda state: {"id": state.memory.tools.active})),
-    # The maker's key is misspelt userffset; some clients send useroffset (docs/controller-protocol.md section 5.7).
-    CommandSpec("set_user_offsets", "5.7", _set_offsets(
-        lambda memory: memory.user_frames, "userffset", "useroffset")),
+    CommandSpec("set_user_offsets", "5.7", _set_offsets(lambda memory: memory.user_frames, _user_key)),
     CommandSpec("get_user_offsets", "sdk-client.md 6", plain(
         lambda state: {"user_offsets": _offsets(state.memory.user_frames)})),
-    CommandSpec("set_user_id", "5.7", lambda state, arguments: state.select_frame(
-        state.memory.user_frames, arguments.integer("user_frame_id"))),
+    CommandSpec("set_user_id", "5.7", lambda state, arguments: _select(
+        state, state.memory.user_frames, arguments.integer("user_frame_id"))),
     CommandSpec("get_curr_user_id", "5.7", plain(lambda state: {"id": state.memory.user_frames.active})),
     CommandSpec("set_payload", "5.7", _set_load("payload")),
     CommandSpec("get_payload", "5.7", plain(lambda state: _load(state.memory.payload))),

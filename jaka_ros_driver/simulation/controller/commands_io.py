@@ -11,9 +11,8 @@ _MAX_COUNT = 256
 
 
 def _first(state: ControllerState, arguments: Arguments) -> int:
-    """The terminal that ``index`` names, from 0; where terminals count from 1, index 0 is taken for the first, too."""
-    index = arguments.integer("index")
-    return max(0, index - state.io_index_base) if index >= 0 else index
+    """The terminal that ``index`` names, from 0; below 0, which is refused, where the index is below the first."""
+    return arguments.integer("index") - state.dialect.io_index_base
 
 
 def _get(signal: str, output: bool) -> Handler:

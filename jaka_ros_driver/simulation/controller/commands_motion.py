@@ -2,10 +2,11 @@
 from typing import Callable, Optional, Tuple
 
 from jaka_ros_driver.commands import JogFrame
+from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
 from jaka_ros_driver.simulation.arm.plant import JogMode, ServoFilter
 from jaka_ros_driver.simulation.arm.servo_filters import PARAMETERS
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain
+from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain, slow_reply
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import SERVO_ONLY, Refused, Reply
 from jaka_ros_driver.simulation.controller.wire_units import pose_from_wire
@@ -22,7 +23,11 @@ def _move(command: str, queue: Callable[[ControllerState, Arguments], bool]) -> 
     """Make the handler of a queued move; one that is refused latches no error."""
     def handle(state: ControllerState, arguments: Arguments) -> None:
         state.require_motion(command)
-        queue(state, arguments)
+        try:
+            queue(state, arguments)
+        except TargetRejected as error:
+            state.move_refused(PlantEvent(error.event_code, error.reason))
+            raise
         state.moved()
     return handle
 
@@ -77,7 +82,7 @@ def _jog(state: ControllerState, arguments: Arguments) -> None:
     mode = arguments.integer("jog_mode")
     coord_map, axis = arguments.integer("coord_map", 1), arguments.integer("jnum", 0)
     if mode == _JOG_STOP:
-        state.stop_jog()
+        state.stop_jog(_JOG_FRAMES.get(coord_map), axis)
         return
     velocity = _rate(arguments, "jogvel")
     position = arguments.number("poscmd") if mode in (JogMode.STEP, JogMode.ABSOLUTE) else None
@@ -103,7 +108,7 @@ def _servo_point(vendor_name: str, append: Callable[[ControllerState, Arguments,
     """Make the handler of a servo point, refused outside servo mode; one over 180 deg/s is ignored."""
     def handle(state: ControllerState, arguments: Arguments) -> None:
         relative, cycles = arguments.flag("relFlag", False), arguments.integer("stepNum", 1)
-        if not state.plant.is_servo_active:
+        if not state.plant.takes_servo_points:
             raise Refused("-1", SERVO_ONLY % vendor_name)
         state.require_drives()
         append(state, arguments, relative, cycles)
@@ -137,6 +142,14 @@ def _set_servo_filter(state: ControllerState, arguments: Arguments) -> None:
     state.plant.set_servo_filter(kind, **parameters)
 
 
+def _hand_guiding(state: ControllerState, arguments: Arguments) -> Optional[Held]:
+    active, dialect = arguments.flag("enable_flag"), state.dialect
+    done_at = state.now + dialect.drag_delay
+    state.command_hand_guiding(active)
+    return slow_reply(state, dialect.drag_reply, dialect.drag_reply_delay, lambda: state.now >= done_at,
+                      lambda: state.plant.is_hand_guided is not active)
+
+
 def _motion_planner(state: ControllerState, arguments: Arguments) -> None:
     """The profile of later moves and jogs: 0 trapezoid; -1 (off) and 1 S-curve, where ruckig is installed."""
     kind = arguments.integer("type")
@@ -149,7 +162,7 @@ def _motion_planner(state: ControllerState, arguments: Arguments) -> None:
 def _motion_state(state: ControllerState) -> Reply:
     plant = state.plant
     motion_line, add_error_line = state.executing_lines()
-    return {"inpos": plant.is_in_position, "paused": state.is_paused, "queue": plant.queue.length,
+    return {"inpos": state.in_position, "paused": state.is_paused, "queue": plant.queue.length,
             "active_queue": min(1, plant.queue.length), "motion_line": motion_line, "err_add_line": add_error_line,
             "queue_full": False, "isOnLimit": plant.on_soft_limit, "isInEstop": state.emergency_stop,
             "isInCollision": state.protective_stop}
@@ -167,8 +180,8 @@ MOTION_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("moveL", "5.4.1", _move("moveL", _linear_move)),
     CommandSpec("movc", "5.4.2", _move("movc", _arc_move)),
     CommandSpec("set_motion_planner", "5.4.3", _motion_planner),
-    CommandSpec("stop_program", "5.4.4", plain(ControllerState.stop)),
-    CommandSpec("pause_program", "5.4.5", plain(ControllerState.pause)),
+    CommandSpec("stop_program", "5.4.4", plain(ControllerState.stop_program)),
+    CommandSpec("pause_program", "5.4.5", plain(ControllerState.pause_program)),
     CommandSpec("resume_program", "5.4.5", plain(ControllerState.resume)),
     CommandSpec("wait_complete", "5.4.6", lambda state, arguments: Held(
         lambda: state.plant.is_in_position, blocks=True)),
@@ -179,8 +192,7 @@ MOTION_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("servo_j", "5.6.3", _servo_point("servoj", _servo_joint)),
     CommandSpec("servo_p", "5.6.4", _servo_point("servop", _servo_pose)),
     CommandSpec("set_servo_move_filter", "5.6.6", _set_servo_filter),
-    CommandSpec("torque_control_enable", "5.8", lambda state, arguments: state.set_hand_guiding(
-        arguments.flag("enable_flag"))),
+    CommandSpec("torque_control_enable", "5.8", _hand_guiding),
     CommandSpec("torque_feedforward", "5.8", _torque_feedforward),
     CommandSpec("drag_status", "5.8", plain(lambda state: {"drag_status": state.plant.is_hand_guided})),
     CommandSpec("get_drag_status", "5.8", plain(lambda state: {"status": state.plant.is_hand_guided})),

@@ -4,7 +4,7 @@ from typing import Tuple
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused, Reply
+from jaka_ros_driver.simulation.controller.replies import WHOLE_FRAME, BadParameter, Refused, Reply
 from jaka_ros_driver.simulation.controller.status_frame import StatusFrame, all_field_names
 from jaka_ros_driver.state import ProgramState
 from jaka_ros_driver.units import ms_to_s, s_to_ms
@@ -45,6 +45,13 @@ def _variables(state: ControllerState) -> Reply:
                          for number, (alias, value) in sorted(state.memory.variables.items())]}
 
 
+def _set_volatile_delay(state: ControllerState, arguments: Arguments) -> None:
+    milliseconds = arguments.integer(_DELAY)
+    _set_delay(state, milliseconds)
+    if state.dialect.feed_period_persists:
+        state.memory.feed_period_ms = milliseconds
+
+
 def _set_delay(state: ControllerState, milliseconds: int) -> None:
     if not 1 <= milliseconds <= MAX_FEED_PERIOD_MS:
         raise Refused()
@@ -76,7 +83,7 @@ def _set_optional_info(state: ControllerState, arguments: Arguments) -> None:
 def _get_optional_info(state: ControllerState, arguments: Arguments) -> Reply:
     section, key = arguments.text("section"), arguments.text("key")
     if (section, key) == (_PORTS, _DELAY):
-        return {"value": str(state.memory.feed_period_ms)}
+        return {"value": str(int(round(s_to_ms(state.feed_period_after_start))))}
     if section == _FIELDS and key in all_field_names(state.firmware):
         return {"value": str(int(state.memory.field_switches.get(key, True)))}
     raise Refused()
@@ -84,7 +91,7 @@ def _get_optional_info(state: ControllerState, arguments: Arguments) -> Reply:
 
 PROGRAM_COMMANDS: Tuple[CommandSpec, ...] = (
     # The whole status frame; len becomes the size of the reply.
-    CommandSpec("get_data", "5.13", plain(lambda state: {"len": 0, **StatusFrame(state).fields()})),
+    CommandSpec(WHOLE_FRAME, "5.13", plain(lambda state: {"len": 0, **StatusFrame(state).fields()})),
     CommandSpec("load_program", "5.14", _load),
     CommandSpec("get_loaded_program", "5.14", plain(lambda state: {"programName": state.memory.program_name})),
     CommandSpec("play_program", "5.14", _play),
@@ -94,7 +101,7 @@ PROGRAM_COMMANDS: Tuple[CommandSpec, ...] = (
         lambda state: {"current_line": int(state.program_state is not ProgramState.IDLE)})),
     CommandSpec("query_user_defined_variable", "5.14", plain(_variables)),
     CommandSpec("modify_user_defined_variable", "5.14", _modify_variable),
-    CommandSpec("set_port10000_delay_ms", "6.1", lambda state, arguments: _set_delay(state, arguments.integer(_DELAY))),
+    CommandSpec("set_port10000_delay_ms", "6.1", _set_volatile_delay),
     CommandSpec("get_port10000_delay_ms", "6.1", plain(
         lambda state: {_DELAY: int(round(s_to_ms(state.asked_feed_period)))})),
     CommandSpec("setOptionalInfoConfig", "6.1", _set_optional_info),

@@ -11,6 +11,7 @@ from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused, Reply
+from jaka_ros_driver.simulation.controller.status_frame import SIGNAL_VALUE, signal_rows
 
 _MAX_SIGNALS = 8
 _MAX_TRAJECTORIES = 64
@@ -210,8 +211,10 @@ def _delete_signal(state: ControllerState, arguments: Arguments) -> None:
         raise Refused()
 
 
-def _signals(state: ControllerState) -> Reply:
-    return {"signals": [dict(values, tio_signal_name=name) for name, values in state.memory.signals.items()]}
+def _signal_list(state: ControllerState) -> Reply:
+    """An object under the name of each signal, and their number (docs/controller-protocol.md section 5.11)."""
+    return {**{name: dict(values, value=SIGNAL_VALUE) for name, values in state.memory.signals.items()},
+            "num": len(state.memory.signals)}
 
 
 def _sample_mode(state: ControllerState, arguments: Arguments) -> None:
@@ -259,8 +262,8 @@ SETTING_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("zero_end_sensor", "5.15", plain(ControllerState.zero_force_sensor)),
     CommandSpec("add_tio_rs_signal", "5.11", _add_signal),
     CommandSpec("del_tio_rs_signal", "5.11", _delete_signal),
-    CommandSpec("get_rs485_signal_list", "5.11", plain(_signals)),
-    CommandSpec("get_tio_signals", "5.11", plain(_signals)),
+    CommandSpec("get_rs485_signal_list", "5.11", plain(_signal_list)),
+    CommandSpec("get_tio_signals", "5.11", plain(lambda state: {"signals": signal_rows(state)})),
     CommandSpec("set_traj_sample_mode", "sdk-client.md 8", _sample_mode),
     CommandSpec("get_traj_sample_status", "sdk-client.md 8", plain(
         lambda state: {"sampleStatus": state.memory.settings.get(("set_traj_sample_mode", 0), {}).get("mode", 0)})),

@@ -4,32 +4,46 @@ from typing import Optional, Tuple
 
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.command_spec import SIMULATED_ONLY, CommandSpec, Handler, Held, Then, plain
+from jaka_ros_driver.simulation.controller.command_spec import (
+    LINK_LOSS_COMMAND,
+    SIMULATED_ONLY,
+    CommandSpec,
+    Handler,
+    Held,
+    Then,
+    plain,
+    slow_reply,
+)
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState, LinkLoss
 from jaka_ros_driver.simulation.controller.replies import Refused, Reply
 from jaka_ros_driver.simulation.controller.wire_units import joints_to_wire, pose_from_wire, pose_to_wire, rounded
 from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, m_to_mm, ms_to_s, rad_to_deg
 
+_ROBOT_ID = "0"
+"""A guess: the reply has this key, what a controller puts there is not known."""
+
 
 def _robot_state(state: ControllerState) -> Reply:
-    if not state.firmware.is_modern:
+    if state.dialect.robot_state == "texts":
         return {"enable": "robot_enabled" if state.is_enabled else "robot_disabled",
                 "power": "powered_on" if state.is_powered else "powered_off"}
     code, text = state.alarms.shown()
     return {"enable": state.is_enabled, "power": int(state.is_powered), "errcode": code, "msg": text}
 
 
-def _power_on(state: ControllerState, _arguments: Arguments) -> Held:
-    """The reply tells that the drives have power (docs/controller-protocol.md section 5.1)."""
+def _power_on(state: ControllerState, _arguments: Arguments) -> Optional[Held]:
+    """Begin to power; a held reply tells that the drives have power (docs/controller-protocol.md section 5.1)."""
     state.power_on()
-    return Held(lambda: not state.is_powering, refused=lambda: not state.is_powered)
+    return slow_reply(state, state.dialect.power_reply, state.dialect.power_reply_delay,
+                      lambda: not state.is_powering, lambda: not state.is_powered)
 
 
 def _enable(state: ControllerState, _arguments: Arguments) -> Optional[Held]:
-    """The reply tells that the brakes are open; without power it comes at once, and nothing happens."""
+    """Begin to enable; a reply that is held tells that the brakes are open. Without power nothing happens, code 0."""
     if not state.enable():
         return None
-    return Held(lambda: not state.is_enabling, refused=lambda: not state.is_enabled)
+    return slow_reply(state, state.dialect.enable_reply, state.dialect.enable_reply_delay,
+                      lambda: not state.is_enabling, lambda: not state.is_enabled)
 
 
 def _shutdown(state: ControllerState, _arguments: Arguments) -> None:
@@ -100,10 +114,11 @@ SYSTEM_COMMANDS: Tuple[CommandSpec, ...] = (
     CommandSpec("shutdown", "5.1", _shutdown, then=Then.SHUT_DOWN),
     CommandSpec("quit", "5.1", plain(lambda state: None), then=Then.CLOSE),
     CommandSpec("get_robot_state", "5.1", plain(_robot_state)),
-    CommandSpec("get_version", "5.1", plain(lambda state: {"version": state.firmware.version})),
+    CommandSpec("get_version", "5.1", plain(lambda state: {
+        "version": state.firmware.version, "robot_name": state.model.name, "robot_id": _ROBOT_ID})),
     CommandSpec("set_installation_angle", "5.1", _set_installation_angle),
     CommandSpec("get_installation_angle", "sdk-client.md 6", plain(_installation_angle)),
-    CommandSpec("set_network_exception_handle", "sdk-client.md 2", _set_network_exception_handle),
+    CommandSpec(LINK_LOSS_COMMAND, "sdk-client.md 2", _set_network_exception_handle),
     CommandSpec("get_simulator_identity", SIMULATED_ONLY, plain(
         lambda state: {"identity": state.options.identity})),
     CommandSpec("clear_error", "5.10", plain(ControllerState.clear_error)),

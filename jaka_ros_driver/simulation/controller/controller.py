@@ -2,7 +2,7 @@
 import dataclasses
 import sys
 import traceback
-from typing import Any, Mapping, NamedTuple, Optional, Tuple, Union
+from typing import Any, List, Mapping, NamedTuple, Optional, Tuple, Union
 
 from jaka_ros_driver.errors import FramingError, InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -44,6 +44,32 @@ class RequestResult(NamedTuple):
     def due_reply(self) -> bytes:
         """The reply as it is when it is due."""
         return self.reply_if_refused if self.held is not None and self.held.refused() else self.reply
+
+
+class ReplyLine:
+    """The replies of one connection that are not sent yet, in the order of its requests."""
+
+    def __init__(self) -> None:
+        self._waiting: List[RequestResult] = []
+
+    @property
+    def is_blocked(self) -> bool:
+        """True while later requests of the client are not carried out."""
+        return any(result.held is not None and result.held.blocks for result in self._waiting)
+
+    def add(self, result: RequestResult) -> None:
+        """Append what a request has led to."""
+        self._waiting.append(result)
+
+    def take_due(self) -> List[RequestResult]:
+        """Return those whose replies are to be sent now, in order, and forget them."""
+        due: List[RequestResult] = []
+        waiting: List[RequestResult] = []
+        for result in self._waiting:
+            must_wait = any(earlier.held is None or not earlier.held.is_overtaken for earlier in waiting)
+            (due if result.is_due() and not must_wait else waiting).append(result)
+        self._waiting = waiting
+        return due
 
 
 class Controller:
@@ -95,19 +121,21 @@ class Controller:
         """
         name = request.get("cmdName") if isinstance(request, dict) else None
         spec = COMMANDS.get(name) if isinstance(name, str) else None
-        if spec is None:
-            return RequestResult(name if isinstance(name, str) else None, not_understood())
+        dialect = self.state.dialect
+        if spec is None or not dialect.knows(spec.name):
+            return RequestResult(name if isinstance(name, str) else None, not_understood(dialect))
         try:
             fields = spec.handler(self.state, Arguments(request))  # type: ignore[arg-type]
         except BadParameter:
-            return RequestResult(spec.name, not_understood())
+            return RequestResult(spec.name, not_understood(dialect))
         except (Refused, TargetRejected, InvalidCommand) as error:
             refusal = error if isinstance(error, Refused) else Refused()
-            return RequestResult(spec.name, refused(spec.name, refusal))
+            return RequestResult(spec.name, refused(dialect, spec.name, refusal))
         except Exception:
             self.failures += 1
             traceback.print_exc(file=sys.stderr)
-            return RequestResult(spec.name, not_understood())
+            return RequestResult(spec.name, not_understood(dialect))
         if isinstance(fields, Held):
-            return RequestResult(spec.name, accepted(spec.name, {}), fields, refused(spec.name, Refused()))
-        return RequestResult(spec.name, accepted(spec.name, fields or {}), then=spec.then)
+            return RequestResult(spec.name, accepted(dialect, spec.name, {}), fields,
+                                 refused(dialect, spec.name, Refused()))
+        return RequestResult(spec.name, accepted(dialect, spec.name, fields or {}), then=spec.then)

@@ -2,6 +2,7 @@
 
 Nothing here energises, enables or moves the arm by itself: each needs a command, and a stop ends it.
 """
+import contextlib
 import enum
 import heapq
 import itertools
@@ -11,7 +12,7 @@ from typing import Callable, List, Optional, Tuple
 from jaka_ros_driver.commands import JogFrame
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.events import PlantEvent
+from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
 from jaka_ros_driver.simulation.arm.plant import HOME, Plant, Starvation
 from jaka_ros_driver.simulation.controller import alarms
 from jaka_ros_driver.simulation.controller.firmware import Firmware
@@ -19,13 +20,16 @@ from jaka_ros_driver.simulation.controller.force_sensor import ZEROING_TIME_S, F
 from jaka_ros_driver.simulation.controller.io_banks import IoBanks
 from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, FrameTable, Memory
 from jaka_ros_driver.simulation.controller.replies import Refused
+from jaka_ros_driver.simulation.dialect.dialect import Dialect
 from jaka_ros_driver.state import ProgramState, Vector
 from jaka_ros_driver.units import ms_to_s
 
 FORCE_PER_LEVEL_N = 25.0
 """Collision levels 1 to 5 stop at 25 N to 125 N (docs/controller-protocol.md section 5.9)."""
-FRAME_SWITCH_DELAY_S = 0.04
-"""How long a tool or user frame takes to become active; a guess (docs/controller-protocol.md section 5.7)."""
+LATE_IN_POSITION_S = 2.0
+"""s; from rest of the arm to ``inpos`` where the dialect says late."""
+BRIEF_NOTE_S = 1.0
+"""s; life of the note about disabled drives where the dialect says brief."""
 DISABLE_DELAY_S = 0.3
 """How long the event code precedes the flags when the drives are disabled (docs/controller-protocol.md section 4.4)."""
 
@@ -51,24 +55,17 @@ class Options:
     """How the simulated controller is set up.
 
     Attributes:
-        power_delay: From ``power_on`` to energised drives, s of simulated time (docs/controller-protocol.md section
-            5.1).
-        enable_delay: From ``enable_robot`` to released brakes, s.
+        dialect: What it does on the points that are open; None for its firmware's default.
         start: State at the beginning.
-        starvation: What the arm does when a servo stream has no more points.
         shortest_feed_period: Lower bound of the status feed's period, whatever a client asks for, s of simulated time.
         identity: What ``get_simulator_identity`` answers; no real controller knows that command.
-        io_index_base: Index of the first terminal in commands, 0 or 1; None for that of the firmware.
         has_force_sensor: True with a force and torque sensor at the flange.
     """
 
-    power_delay: float = 8.0
-    enable_delay: float = 4.0
+    dialect: Optional[Dialect] = None
     start: Start = Start.OFF
-    starvation: Starvation = Starvation.HOLD
     shortest_feed_period: float = 0.0
     identity: str = ""
-    io_index_base: Optional[int] = None
     has_force_sensor: bool = False
 
 
@@ -76,10 +73,10 @@ class ControllerState:
     """The state of the controller; it owns the arm and decides which commands reach it.
 
     Attributes:
+        dialect: What this controller does on the points that are open.
         plant: The arm.
         io: The terminals.
         force_sensor: The sensor at the flange; None without one.
-        io_index_base: Index of the first terminal in commands.
         alarms: The event shown, and past ones.
         memory: What survives a restart.
         now: Simulated time since the start, s.
@@ -98,9 +95,11 @@ class ControllerState:
         self.model = model
         self.firmware = firmware
         self.options = options
-        self.io_index_base = firmware.io_index_base if options.io_index_base is None else options.io_index_base
+        self.dialect = dialect = options.dialect or Dialect.default(firmware.name)
         self.memory = memory
-        self.plant = Plant(model, joint_position, starvation=options.starvation)
+        self.plant = Plant(model, joint_position, starvation=Starvation(dialect.starvation))
+        self.plant.servo_leave_delay = dialect.servo_leave_delay
+        self.plant.queue.start_delay = dialect.start_delay
         self.io = IoBanks(firmware)
         self.force_sensor = ForceSensor() if options.has_force_sensor else None
         self.alarms = alarms.Alarms()
@@ -121,10 +120,11 @@ class ControllerState:
         self._jogged: Optional[Tuple[JogFrame, int]] = None
         self._push_numbers = [0] * 6
         self._lines_are_stale = False
+        self._moved_at = -LATE_IN_POSITION_S
         self._timers: List[Tuple[float, int, Callable[[], object]]] = []
         self._timer_ids = itertools.count()
         self.apply_frames()
-        self.set_feed_period(ms_to_s(memory.feed_period_ms))
+        self.set_feed_period(self.feed_period_after_start)
 
     # --- time -------------------------------------------------------------------------------------------------------
 
@@ -136,7 +136,7 @@ class ControllerState:
         if self._link_loss_at is not None and self.now >= self._link_loss_at:
             self._link_loss_at = None
             if self.link_loss is LinkLoss.PAUSE:
-                self.stop_jog()  # a jog cannot be continued later: it ends
+                self._end_jog()  # a jog cannot be continued later: it ends
                 self.pause()
             elif self.link_loss is LinkLoss.ABORT:
                 self.stop()
@@ -147,6 +147,8 @@ class ControllerState:
         if self._disable_at is not None and self.now >= self._disable_at:
             self._disable_at, self.is_enabled = None, False
         self.plant.step(dt)
+        if not self.plant.is_in_position:
+            self._moved_at = self.now
         for event in self.plant.take_events():
             self._take_event(event)
         if not self.plant.on_soft_limit:
@@ -171,7 +173,7 @@ class ControllerState:
         if self.emergency_stop:
             raise Refused()
         if not self.is_powered and self._power_at is None:
-            self._power_at = self.now + self.options.power_delay
+            self._power_at = self.now + self.dialect.power_delay
 
     def power_off(self) -> None:
         """Cut the drives; raises Refused while they are enabled (event 0x0F0026)."""
@@ -201,7 +203,7 @@ class ControllerState:
             self._disable_at, self.is_enabled = None, False
         if self.is_powered and not self.is_enabled and self._enable_at is None:
             self.alarms.drives_enabled()
-            self._enable_at = self.now + self.options.enable_delay
+            self._enable_at = self.now + self.dialect.enable_delay
         return self.is_powered
 
     def disable(self) -> None:
@@ -218,6 +220,8 @@ class ControllerState:
             self.plant.leave_servo()
             self.plant.stop_hand_guiding()
             self.alarms.raise_event(alarms.DISABLED_NOTE, self.now)
+            if self.dialect.disabled_note == "brief":
+                self.after(BRIEF_NOTE_S, self.alarms.drives_enabled)
             self._disable_at = self.now + DISABLE_DELAY_S
 
     @property
@@ -270,11 +274,12 @@ class ControllerState:
 
         Not ready: unpowered, not enabled or being disabled, a stop, hand guiding, a program that runs.
         """
-        ready = self.is_powered and self.is_enabled and self._disable_at is None
-        if not ready or self.emergency_stop or self.protective_stop:
-            raise Refused()
-        if self.plant.is_hand_guided or self.program_state is ProgramState.RUNNING:
-            raise Refused()
+        for is_reason, sdk_code in (
+                (self.emergency_stop, "-5"), (not self.is_powered, "-6"), (self.protective_stop, "-20"),
+                (not self.is_enabled or self._disable_at is not None, "-7"), (self.plant.is_hand_guided, "2"),
+                (self.program_state is ProgramState.RUNNING, "-10")):
+            if is_reason:
+                raise Refused(sdk_code if self.dialect.unready_code == "sdk" else "2")
 
     def require_motion(self, command: str) -> None:
         """Raise Refused as ``require_drives``, and in servo mode (code -1)."""
@@ -285,6 +290,22 @@ class ControllerState:
     def moved(self) -> None:
         """A queued move was accepted: the line ids in the feed now belong to the present client."""
         self._lines_are_stale = False
+        self.alarms.move_accepted()
+
+    def move_refused(self, event: PlantEvent) -> None:
+        """A move was refused for this reason, which the feed may show."""
+        if self.dialect.refused_move_event:
+            self.alarms.move_refused(event, self.now)
+
+    @property
+    def in_position(self) -> bool:
+        """The value of ``inpos`` in the feed and in replies, which need not be true of the arm."""
+        says = self.dialect.inpos
+        if says == "early":
+            return self.plant.is_settled
+        if says == "never" or not self.plant.is_in_position:
+            return False
+        return says != "late" or self.now - self._moved_at >= LATE_IN_POSITION_S
 
     def executing_lines(self) -> Tuple[int, int]:
         """``motion_line`` and ``err_add_line`` of the feed.
@@ -295,16 +316,32 @@ class ControllerState:
         return (0, 0) if self._lines_are_stale else (self.plant.queue.motion_line, self.plant.add_error_line)
 
     def stop(self) -> None:
-        """End the program, every motion and every jog; never refused."""
+        """End the program, every motion and every jog, as the pendant does; never refused."""
         self.program_state = ProgramState.IDLE
         self.plant.stop()
 
+    def stop_program(self) -> None:
+        """End what the command ``stop_program`` ends; never refused."""
+        if self.dialect.stop_ends_program:
+            self.program_state = ProgramState.IDLE
+        self.plant.stop(self.dialect.stop_ends_jog, self.dialect.stop_ends_servo)
+
     def pause(self) -> None:
-        """Pause the program and the queued motion."""
-        if self.program_state is ProgramState.RUNNING:
-            self.program_state = ProgramState.PAUSED
+        """Pause the program and the queued motion, as the pendant does."""
+        self._pause_program()
         if self.plant.queue.length:
             self.plant.queue.pause()
+
+    def pause_program(self) -> None:
+        """Pause what the command ``pause_program`` pauses."""
+        if self.dialect.pause_pauses_moves:
+            self.pause()
+        else:
+            self._pause_program()
+
+    def _pause_program(self) -> None:
+        if self.program_state is ProgramState.RUNNING:
+            self.program_state = ProgramState.PAUSED
 
     def resume(self) -> None:
         """Continue the program and the queued motion; raises Refused where the drives are not ready."""
@@ -323,8 +360,12 @@ class ControllerState:
     def jogged(self, frame: JogFrame, axis: int) -> None:
         self._jogged = (frame, axis)
 
-    def stop_jog(self) -> None:
-        """End the running jog, also where the request names another axis."""
+    def stop_jog(self, frame: Optional[JogFrame], axis: int) -> None:
+        """End the running jog, also where the request names another axis, unless the dialect says otherwise."""
+        if self.dialect.jog_stop_ends == "any" or (frame, axis) == self._jogged:
+            self._end_jog()
+
+    def _end_jog(self) -> None:
         if self._jogged:
             self.plant.queue.end_jog(*self._jogged)
 
@@ -338,6 +379,20 @@ class ControllerState:
         elif not self.plant.is_hand_guided:
             self.require_drives()
             self.plant.start_hand_guiding()
+
+    def command_hand_guiding(self, active: bool) -> None:
+        """Switch hand guiding as ``torque_control_enable`` does: after the dialect's delay; raises as above."""
+        if self.dialect.drag_delay <= 0.0:
+            self.set_hand_guiding(active)
+            return
+        if active and not self.plant.is_hand_guided:
+            self.require_drives()
+            self.plant.check_hand_guiding()
+
+        def switch() -> None:
+            with contextlib.suppress(Refused, TargetRejected):  # the arm moves by now, or has no drives
+                self.set_hand_guiding(active)
+        self.after(self.dialect.drag_delay, switch)
 
     def push(self, joint: int, velocity: float, duration: float) -> bool:
         """Push joint 0..5 by hand, rad/s, for ``duration`` s of simulated time; False without hand guiding."""
@@ -360,7 +415,7 @@ class ControllerState:
     # --- frames and feed --------------------------------------------------------------------------------------------
 
     def select_frame(self, table: FrameTable, frame_id: int) -> None:
-        """Make a stored tool or user frame active, after ``FRAME_SWITCH_DELAY_S``.
+        """Make a stored tool or user frame active, after the dialect's delay.
 
         Raises Refused where there is no such id, or the arm moves.
         """
@@ -372,7 +427,7 @@ class ControllerState:
         def switch() -> None:
             table.active = frame_id
             self.apply_frames()
-        self.after(FRAME_SWITCH_DELAY_S, switch)
+        self.after(self.dialect.frame_delay, switch)
 
     def apply_frames(self) -> None:
         """Have the arm use the active tool and user frame as they are stored."""
@@ -390,6 +445,12 @@ class ControllerState:
         self.asked_feed_period = period
         self.plant.settle_time = self.feed_period
 
+    @property
+    def feed_period_after_start(self) -> float:
+        """The period that holds after a restart, s of simulated time."""
+        stored = self.memory.feed_period_ms
+        return self.dialect.feed_period if stored is None else ms_to_s(stored)
+
     def slow_feed(self, period: Optional[float]) -> None:
         """Use this period of the feed, s of simulated time, instead of the client's; None for the client's again."""
         self._forced_feed_period = period
@@ -398,7 +459,8 @@ class ControllerState:
     @property
     def feed_period(self) -> float:
         """Period of the status feed, s of simulated time."""
-        return max(self._forced_feed_period or self.asked_feed_period, self.options.shortest_feed_period)
+        return max(self._forced_feed_period or self.asked_feed_period, self.options.shortest_feed_period,
+                   self.dialect.shortest_feed_period)
 
     # --- the command client -----------------------------------------------------------------------------------------
 
@@ -414,7 +476,7 @@ class ControllerState:
         What follows was set by ``set_network_exception_handle``.
         """
         if self._link_loss_at is None and self.link_loss is not LinkLoss.KEEP:
-            self._link_loss_at = self.now + self.link_loss_delay
+            self._link_loss_at = self.now + self.dialect.link_loss_notice + self.link_loss_delay
 
     def client_back(self) -> None:
         """The network of the command client works again; what its loss has caused so far stays."""

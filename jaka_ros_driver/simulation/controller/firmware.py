@@ -8,27 +8,27 @@ class Firmware:
     """One generation.
 
     Attributes:
+        name: Of ``FIRMWARE_NAMES``.
         version: What ``get_version`` answers.
-        is_modern: True from 1.7 on: get_robot_state answers numbers and booleans, and the feed has commanded
-            positions, executing lines and field bus blocks (docs/controller-protocol.md sections 5.1, 6.2).
+        is_modern: True from 1.7 on: the feed has commanded positions, executing lines and field bus blocks
+            (docs/controller-protocol.md section 6.2).
         digital_count: Length of ``din`` and ``dout`` (docs/controller-protocol.md section 6.2).
         analog_count: Length of ``ain`` and ``aout``.
         tool_analog_count: Length of ``tio_ain``.
-        io_index_base: Index of the first terminal in commands; a guess (docs/controller-protocol.md section 13).
     """
 
+    name: str
     version: str
     is_modern: bool
     digital_count: int
     analog_count: int
     tool_analog_count: int
-    io_index_base: int
 
 
 FIRMWARES: Dict[str, Firmware] = {
-    "1.5.14": Firmware("1.5.14_13_X64", False, 135, 64, 2, 0),
-    "1.7.1": Firmware("1.7.1_46_X64", True, 144, 66, 1, 1),
-    "1.7.2": Firmware("1.7.2_16_X64", True, 144, 66, 1, 1),
+    "1.5.14": Firmware("1.5.14", "1.5.14_13_X64", False, 135, 64, 2),
+    "1.7.1": Firmware("1.7.1", "1.7.1_46_X64", True, 144, 66, 1),
+    "1.7.2": Firmware("1.7.2", "1.7.2_16_X64", True, 144, 66, 1),
 }
 FIRMWARES["1.7"] = FIRMWARES["1.7.2"]
 """By the name that ``--firmware`` takes."""

@@ -1,14 +1,12 @@
 """What the controller keeps over a restart (docs/controller-protocol.md sections 5.7, 5.9, 6.1)."""
 from dataclasses import dataclass, field
-from typing import Any, Dict, List, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.state import Vector
 
 FRAME_COUNT = 16
 """Ids 0 to 15; the maker's manual names 1 to 10, newer firmware has 15 (docs/controller-protocol.md section 5.7)."""
-DEFAULT_FEED_PERIOD_MS = 30
-"""Measured on 1.5.14 (docs/controller-protocol.md section 6.1)."""
 
 IDENTITY = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -40,7 +38,7 @@ class Memory:
         sensor_payload: Load behind the torque sensor.
         collision_level: 0 off, 1 to 5.
         installation_angles: About x and z, deg.
-        feed_period_ms: Period of the status feed after a start.
+        feed_period_ms: Period of the status feed after a start; None for the one before anything was stored.
         field_switches: Names of feed fields, False where the field is switched off.
         program_name: The loaded program.
         variables: User-defined variables: (id, alias, value).
@@ -54,7 +52,7 @@ class Memory:
     sensor_payload: Payload = field(default_factory=Payload)
     collision_level: int = 3
     installation_angles: Tuple[float, float] = (0.0, 0.0)
-    feed_period_ms: int = DEFAULT_FEED_PERIOD_MS
+    feed_period_ms: Optional[int] = None
     field_switches: Dict[str, bool] = field(default_factory=dict)
     program_name: str = ""
     variables: Dict[int, Tuple[str, Any]] = field(default_factory=dict)

@@ -3,8 +3,14 @@ from typing import Any, Dict
 
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.protocol.status import encode_frame
+from jaka_ros_driver.simulation.dialect.dialect import Dialect
 
 Reply = Dict[str, Any]
+
+WHOLE_FRAME = "get_data"
+"""The command whose reply is a status frame, with ``len`` (docs/controller-protocol.md section 5.13)."""
+UNKNOWN_FIELDS: Reply = {"vendorTrace": {"hop": [1, 2.5, None], "tag": "{\\"}, "vendorFlags": [[True, []], {}]}
+"""Fields that nobody asked for, as nested as JSON allows."""
 
 SERVO_ONLY = "%s command can only be excuted in servo move mode"
 """The vendor's words, misspelling included, as captured for ``servoj`` (docs/controller-protocol.md section 4.3)."""
@@ -28,18 +34,25 @@ class BadParameter(Exception):
     """A parameter is missing or of the wrong type; the reply is that to an unknown command."""
 
 
-def accepted(command: str, fields: Reply) -> bytes:
+def accepted(dialect: Dialect, command: str, fields: Reply) -> bytes:
     """The reply to an accepted command; its own fields come first."""
-    reply = {**fields, "errorCode": "0", "errorMsg": "", "cmdName": command}
-    return encode_frame(reply) if "len" in reply else encode_object(reply)
+    return _encoded(dialect, {**fields, "errorCode": "0", "errorMsg": "", "cmdName": command})
 
 
-def refused(command: str, refusal: Refused) -> bytes:
+def refused(dialect: Dialect, command: str, refusal: Refused) -> bytes:
     """The reply to a command that was understood and refused."""
     message = refusal.message or "call %s failed" % command
-    return encode_object({"errorCode": refusal.code, "errorMsg": message, "cmdName": command})
+    return _encoded(dialect, {"errorCode": refusal.code, "errorMsg": message, "cmdName": command})
 
 
-def not_understood() -> bytes:
+def not_understood(dialect: Dialect) -> bytes:
     """The reply to an unknown command, a wrong parameter type, and what is no JSON; it does not name the command."""
-    return encode_object({"errorCode": "1", "errorMsg": "Exception:function call failed"})
+    return _encoded(dialect, {"errorCode": "1", "errorMsg": "Exception:function call failed"})
+
+
+def _encoded(dialect: Dialect, reply: Reply) -> bytes:
+    if dialect.error_code == "number":
+        reply["errorCode"] = int(reply["errorCode"])
+    if dialect.unknown_reply_fields:
+        reply = {**UNKNOWN_FIELDS, **reply}
+    return encode_frame(reply) if reply.get("cmdName") == WHOLE_FRAME else encode_object(reply)

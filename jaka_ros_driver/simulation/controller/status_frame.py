@@ -10,6 +10,7 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 from jaka_ros_driver.protocol.status import with_len
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.firmware import Firmware
+from jaka_ros_driver.simulation.controller.replies import UNKNOWN_FIELDS
 from jaka_ros_driver.simulation.controller.wire_units import FEED_DECIMALS, joints_to_wire, pose_to_wire
 from jaka_ros_driver.units import all_m_to_mm, m_to_mm
 
@@ -27,6 +28,9 @@ _NO_FORCE = (0.0,) * 6
 _HOMED = (1,) * 6 + (0,) * 3
 _FUNCTION_INPUTS = ((-1, -1),) * 15
 _NO_KEYS = (0, 0, 0)
+SIGNAL_VALUE = 0
+"""The value of every RS-485 signal: no device is simulated."""
+_PADDING, _PADDING_HEAD = "vendor_block", ', "vendor_block": []'
 
 
 def errcode_text(code: int) -> str:
@@ -46,11 +50,11 @@ def _torque_sensor(force_rows: int) -> Callable[[ControllerState], Any]:
     return value
 
 
-def _signals(state: ControllerState) -> List[List[Any]]:
+def signal_rows(state: ControllerState) -> List[List[Any]]:
     """Name, channel, type, address, value and frequency of each; an entry that is no list makes the SDK crash
     (docs/sdk-client.md section 9).
     """
-    return [[name, signal["chnId"], signal["sigType"], signal["sigAddr"], 0, signal["frequency"]]
+    return [[name, signal["chnId"], signal["sigType"], signal["sigAddr"], SIGNAL_VALUE, signal["frequency"]]
             for name, signal in state.memory.signals.items()]
 
 
@@ -71,7 +75,7 @@ _LINES: Tuple[_Field, ...] = (
     ("motion_line", lambda state: state.executing_lines()[0]),
     ("err_add_line", lambda state: state.executing_lines()[1]))
 _VELOCITY: _Field = ("instVel", lambda state: joints_to_wire(state.plant.joint_velocity, FEED_DECIMALS))
-_SIGNALS: _Field = ("tio_rs_signals", _signals)
+_SIGNALS: _Field = ("tio_rs_signals", signal_rows)
 _FIELD_BUS: Tuple[_Field, ...] = (("relay_io", lambda state: state.io.relays), *(_io(key) for key in (
     "mb_slave_din", "mb_slave_dout", "mb_slave_ain", "mb_slave_aout", "pn_dev_din", "pn_dev_dout",
     "pn_dev_ain", "pn_dev_aout", "eip_adpt_din", "eip_adpt_dout", "eip_adpt_ain", "eip_adpt_aout")))
@@ -108,7 +112,7 @@ def _feed_fields(modern: bool) -> Tuple[_Field, ...]:
         ("drag_near_limit", lambda state: [int(near) for near in state.plant.near_limit]),
         ("funcdi", lambda state: _FUNCTION_INPUTS),
         ("powered_on", lambda state: int(state.is_powered)),
-        ("inpos", lambda state: state.plant.is_in_position),
+        ("inpos", lambda state: state.in_position),
         ("motion_mode", lambda state: 1),
         ("curr_tcp_trans_vel", lambda state: round(m_to_mm(state.plant.tcp_speed), FEED_DECIMALS)),
         ("protective_stop", lambda state: int(state.protective_stop)),
@@ -159,8 +163,11 @@ class StatusFrame:
     def fields(self) -> Dict[str, Any]:
         """The fields without ``len``, in order."""
         switches = self._state.memory.field_switches
+        dialect = self._state.dialect
         values = {name: value(self._state) for name, value in self._fields
-                  if switches.get(name, True) and name not in self.dropped}
+                  if switches.get(name, True) and name not in self.dropped and name not in dialect.missing_frame_fields}
+        if dialect.unknown_frame_fields:
+            values.update(UNKNOWN_FIELDS)
         values.update(self.added)
         return values
 
@@ -168,6 +175,9 @@ class StatusFrame:
         """The whole frame. From a polled frame, fields are dropped at its end until the SDK can take its length."""
         parts = [self._part(name, value) for name, value in self.fields().items()]
         frame = self._frame(parts)
+        if self._max_bytes is None and len(frame) < self._state.dialect.frame_bytes:
+            count = (self._state.dialect.frame_bytes - len(frame) - len(_PADDING_HEAD) - 1) // 3
+            frame = self._frame([*parts, self._part(_PADDING, (0,) * count)])
         while self._max_bytes is not None and len(frame) > self._max_bytes:
             parts.pop()
             frame = self._frame(parts)

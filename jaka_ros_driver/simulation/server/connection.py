@@ -3,7 +3,7 @@ from collections import deque
 from typing import Callable, Deque, List, Optional
 
 from jaka_ros_driver.protocol.framing import Item
-from jaka_ros_driver.simulation.controller.controller import RequestResult
+from jaka_ros_driver.simulation.controller.controller import ReplyLine
 from jaka_ros_driver.simulation.server.faults import Delivery, Effect
 from jaka_ros_driver.simulation.server.request_parser import RequestParser
 
@@ -22,8 +22,7 @@ class Connection:
         peer: Address of the client.
         parser: Cuts requests out of what it sends.
         inbox: Requests not yet carried out.
-        held: Results whose replies are not sent yet, in order: the first is not due (docs/controller-protocol.md
-            sections 5.1, 5.4.6).
+        replies: Those not sent yet, because they are not due (docs/controller-protocol.md sections 5.1, 5.4.6).
         opened_at: s on the caller's clock.
         last_request_at: When it last sent a request, s; before the first, ``opened_at``.
         is_half_open: True where a wire fault says that nothing is read or sent any more.
@@ -37,7 +36,7 @@ class Connection:
         self.peer = peer
         self.parser = RequestParser()
         self.inbox: Deque[Item] = deque()
-        self.held: Deque[RequestResult] = deque()
+        self.replies = ReplyLine()
         self.opened_at = self.last_request_at = now
         self.is_half_open = False
         self.is_closing = False
@@ -45,11 +44,6 @@ class Connection:
         self._waiting: Deque[Delivery] = deque()
         self._unsent: Deque[bytes] = deque()
         self._unsent_bytes = 0
-
-    @property
-    def is_blocked(self) -> bool:
-        """True while requests wait for a reply that is held back."""
-        return bool(self.held) and any(result.held is not None and result.held.blocks for result in self.held)
 
     @property
     def unsent_bytes(self) -> int:

@@ -16,9 +16,10 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 from jaka_ros_driver.errors import ConnectionLost, FramingError
 from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
-from jaka_ros_driver.simulation.controller.command_spec import Then
+from jaka_ros_driver.simulation.controller.command_spec import LINK_LOSS_COMMAND, Then
 from jaka_ros_driver.simulation.controller.controller import Controller, RequestResult
 from jaka_ros_driver.simulation.controller.replies import not_understood
+from jaka_ros_driver.simulation.dialect.dialect import COEXISTS, REFUSED
 from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, Connection
 from jaka_ros_driver.simulation.server.cycle_clock import CycleClock
 from jaka_ros_driver.simulation.server.faults import Delivery, Effect, FaultScript
@@ -49,7 +50,7 @@ class Server:
     """
 
     def __init__(self, controller: Controller, host: str, ports: Mapping[str, int], *, time_scale: float = 1.0,
-                 refuse_second_client: bool = False, seed: int = 0, log: Optional[WireLog] = None,
+                 seed: int = 0, log: Optional[WireLog] = None,
                  panel_handler: Optional[PanelHandler] = None) -> None:
         """Listen; raises OSError where a port cannot be had.
 
@@ -58,7 +59,6 @@ class Server:
             host: Address for the ports; the panel always listens on loopback.
             ports: TCP port by name, 0 for a free one: those of ``PORTS`` and, where there is to be a panel, ``PANEL``.
             time_scale: Simulated seconds a wall second.
-            refuse_second_client: Close a second command client; otherwise it replaces the first.
             seed: Of the random generator of the wire faults.
             log: Gets every byte.
             panel_handler: Answers the panel's requests.
@@ -66,7 +66,6 @@ class Server:
         self.controller = controller
         self.faults = FaultScript(seed)
         self.is_off = False
-        self._refuse_second = refuse_second_client
         self._log = log
         self._panel_handler = panel_handler
         self._selector = selectors.EpollSelector()
@@ -74,6 +73,7 @@ class Server:
         self.port_numbers = self._listeners.numbers
         self._sockets: Dict[Connection, socket.socket] = {}
         self._command_client: Optional[Connection] = None
+        self._loss_matters_of: Optional[Connection] = None
         self._count = 0
         self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._wake_receive, self._wake_send = socket.socketpair()
@@ -180,7 +180,7 @@ class Server:
         for connection in self._sockets:
             if connection.is_half_open or self._is_stalled(connection.port, now):
                 continue
-            if connection.inbox and not connection.is_blocked and not connection.is_closing:
+            if connection.inbox and not connection.replies.is_blocked and not connection.is_closing:
                 return now
             for moment in (connection.next_due(), connection.parser.next_deadline()):
                 if moment is not None and not connection.has_unsent():
@@ -215,7 +215,7 @@ class Server:
         if accepted is None:
             return
         client, peer = accepted
-        if port == "command" and self._refuse_second and self._has_client():
+        if port == "command" and self._second_client == REFUSED and self._has_client():
             client.close()
             return
         present = [one for one in self._sockets if one.port == port]
@@ -228,15 +228,32 @@ class Server:
         self._sockets[connection] = client
         self._selector.register(client, selectors.EVENT_READ, connection)
         self._note(connection, "open")
-        if port == "command" and not self._has_client():
+        if port == "command" and not self._has_client() and (
+                self._second_client != COEXISTS or len(self._clients("command")) == 1):
             self._take_over(connection)
+
+    @property
+    def _second_client(self) -> str:
+        return self.controller.state.dialect.second_client
 
     def _take_over(self, connection: Connection) -> None:
         """From now on this is the command client; another one is dropped (docs/controller-protocol.md section 1)."""
         replaced, self._command_client = self._command_client, connection
+        self._loss_matters_of = None
         if replaced is not None:
             self._drop(replaced)
         self.controller.state.client_connected()
+
+    def _come_in(self, connection: Connection) -> None:
+        """Make room for the request of another client than the command client, by the dialect.
+
+        Where clients coexist, one that comes changes nothing that the others have set, and the command client is the
+        one that was here first.
+        """
+        if self._second_client != COEXISTS:
+            self._take_over(connection)
+        elif self._command_client is None:
+            self._command_client = connection
 
     def _least_needed(self, clients: List[Connection]) -> Connection:
         """Which client of a full port goes: one that reads nothing any more, else the one idle for the longest time.
@@ -262,12 +279,16 @@ class Server:
         return self._command_client is not None
 
     def _client_lost(self, connection: Connection) -> None:
-        """A connection ended or fell silent for good: if it is the command client's, no one is that any more."""
-        if connection is not self._command_client:
-            return
-        self._command_client = None
-        if not self.is_off:
-            self.controller.state.client_lost()
+        """A connection ended or fell silent for good: if it is the command client's, no one is that any more.
+
+        What ``set_network_exception_handle`` has set follows the loss of the connection on which it came.
+        """
+        if connection is self._command_client:
+            self._command_client = None
+        if connection is self._loss_matters_of:
+            self._loss_matters_of = None
+            if not self.is_off:
+                self.controller.state.client_lost()
 
     def _note(self, connection: Connection, what: str) -> None:
         if self._log:
@@ -301,18 +322,17 @@ class Server:
         self._flush(connection, now)
 
     def _carry_out(self, connection: Connection, now: float) -> None:
-        while connection.held and connection.held[0].is_due():
-            self._reply(connection, connection.held.popleft(), now)
+        self._send_replies(connection, now)
         for _ in range(_REQUESTS_A_TURN):
-            if connection.is_blocked or not connection.inbox or connection.is_closing or self.is_off:
+            if connection.replies.is_blocked or not connection.inbox or connection.is_closing or self.is_off:
                 return
             request = connection.inbox.popleft()
             connection.last_request_at = now
             if connection.port == "command" and connection is not self._command_client:
                 if not isinstance(request, dict):
-                    self._refuse(connection, not_understood(), now)
+                    self._refuse(connection, not_understood(self.controller.state.dialect), now)
                     return
-                self._take_over(connection)
+                self._come_in(connection)
             if connection.port == "poll":
                 if isinstance(request, dict) and request.get("cmdName") == "data_request":
                     self._answer_poll(connection, now)
@@ -320,10 +340,14 @@ class Server:
                 self._answer_panel(connection, request, now)
             else:
                 result = self.controller.execute(request)
-                if result.is_due() and not connection.held:
-                    self._reply(connection, result, now)
-                else:
-                    connection.held.append(result)
+                if result.command == LINK_LOSS_COMMAND:
+                    self._loss_matters_of = connection
+                connection.replies.add(result)
+                self._send_replies(connection, now)
+
+    def _send_replies(self, connection: Connection, now: float) -> None:
+        for result in connection.replies.take_due():
+            self._reply(connection, result, now)
 
     def _reply(self, connection: Connection, result: RequestResult, now: float) -> None:
         connection.post(self.faults.deliveries("command", result.due_reply(), result.command, now))
@@ -402,10 +426,10 @@ class Server:
         return now < self._stalled_until.get(port, now)
 
     def stall(self, ports: Tuple[str, ...], duration: float) -> None:
-        """Neither read nor send on these ports for ``duration`` s; the command client counts as lost meanwhile."""
+        """Neither read nor send on these ports for ``duration`` s; command clients count as lost meanwhile."""
         until = time.monotonic() + duration
         self._stalled_until.update((port, until) for port in ports)
-        if "command" in ports and duration > 0.0 and not self.is_off and self._clients("command"):
+        if "command" in ports and duration > 0.0 and not self.is_off and self._loss_matters_of is not None:
             self.controller.state.client_lost()
 
     def end_connections(self, ports: Tuple[str, ...], effect: Effect) -> int:

@@ -262,7 +262,10 @@ def test_what_is_set_is_what_is_read(client):
     assert client.ask("get_installation_angle")["installation_angle"] == [
         [0.0, 0.0, 0.707107, 0.707107], [90.0, 0.0, 180.0]]
     assert client.code("add_tio_rs_signal", **GOOD["add_tio_rs_signal"][0]) == "0"
-    assert [signal["tio_signal_name"] for signal in client.ask("get_rs485_signal_list")["signals"]] == ["sig1"]
+    assert client.ask("get_rs485_signal_list") == {
+        "sig1": {"chnId": 0, "sigType": 0, "sigAddr": 16, "frequency": 5, "value": 0}, "num": 1, "errorCode": "0",
+        "errorMsg": "", "cmdName": "get_rs485_signal_list"}
+    assert client.ask("get_tio_signals")["signals"] == [["sig1", 0, 0, 16, 0, 5]]
     assert client.code("set_admit_ctrl_config", axis=2, opt=1, ftUser=10.0, ftReboundFK=2.0, ftConstant=1.0,
                        ftNnormalTrack=0) == "0"
     assert client.ask("get_admit_ctrl_config")["admitConfig"][1:3] == [[0, 0.0, 0.0, 0.0, 0], [1, 10.0, 2.0, 1.0, 0]]
@@ -303,7 +306,11 @@ def test_the_index_of_the_first_terminal(make_arm, firmware, base, first):
         assert client.ask("get_data")["dout"].index(1) == 4 - first
         arm.panel("set_input", index=4 - first, value=1)  # the panel counts as the feed does, from 0
         assert client.ask("get_digital_input", type=0, index=4)["value"] == 1
-        assert client.code("get_digital_output", type=0, index=-1) == "2"
+        below = {"type": 0, "index": first - 1}  # no other name of the first terminal
+        before = client.ask("get_data")["dout"]
+        assert client.code("get_digital_output", **below) == client.code("get_digital_input", **below) == "2"
+        assert client.code("set_digital_output", value=1, **below) == "2"
+        assert client.ask("get_data")["dout"] == before
 
 
 def test_arrays_of_terminals(make_arm):

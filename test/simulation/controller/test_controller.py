@@ -16,13 +16,15 @@ from jaka_ros_driver.simulation.controller.command_spec import Then
 from jaka_ros_driver.simulation.controller.controller import Controller
 from jaka_ros_driver.simulation.controller.controller_state import Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.dialect.dialect import Dialect
 
 OFTEN = ("joint_move", "moveL", "movc", "end_move", "jog", "servo_move", "servo_j", "servo_p", "stop_program",
          "torque_control_enable", "pause_program", "resume_program", "rapid_rate", "clear_error", "enable_robot")
 
 
 def make(model="zu7", firmware="1.5.14", start=Start.ENABLED):
-    return Controller(load_model(model), FIRMWARES[firmware], Options(0.1, 0.1, start))
+    quick = Dialect.default(firmware).replaced({"power_delay": 0.1, "enable_delay": 0.1})
+    return Controller(load_model(model), FIRMWARES[firmware], Options(quick, start))
 
 
 def test_error_of_the_framing_is_answered_as_not_understood():

@@ -17,7 +17,7 @@ PAUSE, ABORT = 1, 2
 
 @pytest.fixture
 def controller():
-    made = Controller(load_model("zu7"), FIRMWARES["1.5.14"], Options(0.1, 0.1, Start.ENABLED))
+    made = Controller(load_model("zu7"), FIRMWARES["1.5.14"], Options(start=Start.ENABLED))
     made.state.client_connected()
     return made
 
@@ -193,7 +193,8 @@ def test_next_client_begins_without_a_setting_and_without_a_timer(arm):
     assert still_moves_after(arm, 10.0)
 
 
-def test_newer_client_in_place_of_one_that_asked_for_abort(arm):
+def test_newer_client_in_place_of_one_that_asked_for_abort(make_arm):
+    arm = make_arm(single_client="replace")
     with RawClient(arm.command_port) as first:
         ask_for_abort(first, 0.0)
         send_far(first)

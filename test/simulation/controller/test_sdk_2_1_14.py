@@ -2,7 +2,7 @@
 import json
 
 import pytest
-from raw_client import RawClient
+from raw_client import RawClient, wait_for
 from sdk_2_1_14 import REFUSED, has_shape, read_in, refusal, requests
 
 FIRMWARES = ["1.5.14", "1.7.1", "1.7.2"]
@@ -38,3 +38,41 @@ def test_it_is_answered_as_the_sdk_reads_it(make_arm, firmware, command, request
     if reply["errorCode"] == "0":
         for key, shape in read_in(command, firmware)[1].items():
             assert has_shape(reply[key], shape), "%s: %r" % (key, reply[key])
+
+
+@pytest.mark.parametrize("firmware", FIRMWARES)
+def test_leaving_servo_mode_is_seen_as_the_sdk_needs_it(make_arm, firmware):
+    """It answers -61 unless a poll 1 ms after ``servo_move`` 0 still reads true, and one within 1 s false."""
+    arm = make_arm(firmware=firmware, time_scale=1.0)
+    with RawClient(arm.command_port) as client:
+        assert client.code("servo_move", relFlag=1) == "0"
+        client.send(b'{"cmdName":"servo_move","relFlag":0}{"cmdName":"is_in_servomove"}')
+        assert client.reply()["errorCode"] == "0" and client.reply()["in_servomove"] is True
+        began = arm.state()["simulated_s"]
+        wait_for(lambda: client.ask("is_in_servomove")["in_servomove"] is False, "the end of servo mode")
+        assert arm.state()["simulated_s"] - began < 1.0
+
+
+@pytest.mark.parametrize("firmware, is_early", [("1.5.14", False), ("1.7.1", True), ("1.7.2", True)])
+@pytest.mark.parametrize("command, start, key", [
+    ("power_on", "off", "powered_on"), ("enable_robot", "powered", "enabled")])
+def test_slow_commands_are_answered_as_evidence_says(make_arm, command, start, key, firmware, is_early):
+    arm = make_arm(firmware=firmware, start=start, time_scale=20.0, power_delay=8.0, enable_delay=4.0)
+    with RawClient(arm.command_port) as client:
+        begun, look = b'{"cmdName":"%s"}' % command.encode(), b'{"cmdName":"get_data"}'
+        client.send(begun + look if is_early else begun)  # glued, so that nothing can come between
+        assert client.reply()["errorCode"] == "0"
+        if not is_early:
+            client.send(look)
+        assert bool(client.reply()[key]) is not is_early
+        wait_for(lambda: client.ask("get_data")[key], "the drives")
+
+
+@pytest.mark.parametrize("firmware, event", [("1.5.14", "0x0"), ("1.7.1", "0xf0017"), ("1.7.2", "0xf0017")])
+def test_a_refused_move_shows_its_event_where_evidence_says_so(make_arm, firmware, event):
+    request = next(text for name, text in requests() if name == "moveL" and refusal(text) == "2")
+    with RawClient(make_arm(firmware=firmware).command_port) as client:
+        client.send(request)
+        assert client.reply()["errorCode"] == "2" and client.ask("get_data")["errcode"] == event
+        assert client.code("joint_move", jointPosition=[1, 90, -90, 90, 90, 0], speed=5) == "0"  # nothing latched
+        assert client.ask("get_data")["errcode"] == "0x0"

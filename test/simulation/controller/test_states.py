@@ -231,7 +231,7 @@ def test_servo_mode_has_rules_of_its_own(arm, client, feed):
     assert client.code("servo_j", jointPosition=HOME, stepNum=0) == "2"
     wait_for(lambda: abs(arm.state()["joint_position"][0] - 3.0) < 1e-6, "the stream's end")
     assert client.code("servo_move", relFlag=0) == "0"
-    assert client.ask("is_in_servomove")["in_servomove"] is False
+    wait_for(lambda: client.ask("is_in_servomove")["in_servomove"] is False, "the end of servo mode")
     assert client.code("set_servo_move_filter", filter_type=0) == "0"
 
 

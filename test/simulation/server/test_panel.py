@@ -12,7 +12,8 @@ from jaka_ros_driver.simulation.server.faults import KINDS
 from jaka_ros_driver.simulation.server.panel import ACTIONS
 from jaka_ros_driver.simulation.server.server import ask_panel
 
-REPLY = b'{"version": "1.5.14_13_X64", "errorCode": "0", "errorMsg": "", "cmdName": "get_version"}'
+REPLY = (b'{"version": "1.5.14_13_X64", "robot_name": "zu7", "robot_id": "0", "errorCode": "0", "errorMsg": "", '
+         b'"cmdName": "get_version"}')
 
 
 def read_until_silence(link, silence=0.3):

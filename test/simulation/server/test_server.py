@@ -22,13 +22,39 @@ REQUESTS = (b'{"cmdName":"get_version"}', b'{"cmdName": "get_joint_pos"}', b'{"c
 NAMES = ["get_version", "get_joint_pos", None, "get_payload"]
 
 
-def test_newest_client_wins(arm):
+def test_newest_client_wins_where_that_is_asked_for(make_arm):
+    arm = make_arm(single_client="replace")
     with RawClient(arm.command_port) as old:
         assert old.code("get_version") == "0"
         with RawClient(arm.command_port) as new:
             assert new.code("get_version") == "0"
             assert old.is_closed()
             assert new.code("get_version") == "0"
+
+
+def test_clients_coexist_and_a_short_second_connection_ends_nobodys_session(arm):
+    with RawClient(arm.command_port) as first:
+        assert first.code("get_version") == "0"
+        for _ in range(5):
+            with RawClient(arm.command_port) as short:
+                assert short.code("get_version") == first.code("get_joint_pos") == "0"
+        assert first.code("get_version") == "0"
+
+
+def test_what_one_client_has_set_for_its_loss_follows_its_own_loss_only(arm):
+    with RawClient(arm.command_port) as first, RawClient(arm.command_port) as other:
+        assert other.code("get_version") == first.code("set_network_exception_handle", timeLimit=0, motType=2) == "0"
+        assert first.code("joint_move", jointPosition=[90, 90, -90, 90, 90, 0], speed=5) == "0"
+        with RawClient(arm.command_port) as short:
+            assert short.code("get_version") == "0"
+        began = arm.state()["simulated_s"]
+        wait_for(lambda: arm.state()["simulated_s"] > began + 1.0, "a second without the short client")
+        assert first.ask("get_motion_state")["queue"] == 1
+        first.close()
+        wait_for(lambda: other.ask("get_motion_state")["queue"] == 0, "the end of the motion")
+        wait_for(lambda: other.code("joint_move", jointPosition=[-200, 90, -90, 90, 90, 0], speed=2) == "0", "the next")
+        arm.panel("stall", port="command", duration_ms=100)  # whose loss it was is gone, and what it had set
+        assert other.ask("get_motion_state")["queue"] == 1
 
 
 def test_strangers_that_say_nothing_or_no_request_do_not_replace_the_command_client(arm):
