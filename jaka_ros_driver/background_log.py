@@ -61,18 +61,24 @@ class Background(logging.handlers.QueueHandler):
             return self._records.all_tasks_done.wait_for(lambda: not self._records.unfinished_tasks, timeout)
 
     def end(self, timeout: Optional[float] = None) -> bool:
-        """``drain``, then end the thread; call when nothing logs any more.
+        """``drain``, then end the thread; False where a record was not written. Call when nothing logs any more.
 
         A thread that is stuck in its handler is left to the end of the process, which does not wait for it.
         """
         is_drained = self.drain(timeout)
         if is_drained:
             self._listener.stop()
-        return is_drained
+        return is_drained and not self._listener.has_lost
 
 
 class _Listener(logging.handlers.QueueListener):
-    """The thread of a Background; an error of the handler does not end it, as it would end the inherited one."""
+    """The thread of a Background; an error of the handler does not end it, as it would end the inherited one.
+
+    Attributes:
+        has_lost: A record could not be written.
+    """
+
+    has_lost = False
 
     def handle(self, record: logging.LogRecord) -> None:
         """Pass the record on; a text that the handler cannot write is passed once more in ASCII."""
@@ -82,8 +88,10 @@ class _Listener(logging.handlers.QueueListener):
         except Exception:  # a terminal that knows only ASCII, one that is gone, a defect of the handler
             record.msg = ascii(record.msg)[1:-1]
             record.exc_info = record.exc_text = record.stack_info = None
-            with contextlib.suppress(Exception):
+            try:
                 handler.handle(record)
+            except Exception:
+                self.has_lost = True
 
 
 class StandardErrorLog:
@@ -100,7 +108,7 @@ class StandardErrorLog:
         self._logger.warning("%s: %s", self._logger.name, text)
 
     def close(self, timeout: Optional[float] = None) -> bool:
-        """Wait until all lines are written, at most ``timeout`` s; False where some are left."""
+        """Wait until all lines are written, at most ``timeout`` s; False where some are not."""
         return self._background.end(timeout)
 
 
@@ -110,8 +118,10 @@ class _StandardError(logging.Handler):
     The interpreter takes both when it ends: a thread that holds them in a full pipe would keep it from ending.
     """
 
-    def createLock(self) -> None:
-        self.lock = None
+    def handle(self, record: logging.LogRecord) -> bool:
+        """Write the record without taking the handler's lock, which one thread alone does not need."""
+        self.emit(record)
+        return True
 
     def emit(self, record: logging.LogRecord) -> None:
         """One line; a reader that is gone is no error."""

@@ -1,10 +1,13 @@
+import logging
 import subprocess
 import sys
 
+import pytest
 from arm_bench import WAIT, fill
 from import_graph import ROOT
 
-from jaka_ros_driver.background_log import StandardErrorLog
+from jaka_bag.cli import notices
+from jaka_ros_driver.background_log import Background, StandardErrorLog, _StandardError
 
 PROGRAM = """
 import sys
@@ -18,13 +21,24 @@ log.close(0.2)
 """
 
 
-def writing():
-    return subprocess.Popen([sys.executable, "-c", PROGRAM], cwd=str(ROOT), stdin=subprocess.PIPE,
+NOTICES = """
+import sys
+from jaka_bag.cli.notices import Notices
+with Notices("someone", False) as notices:
+    for number in range(100):
+        notices.say("line %d" % number)
+print("goes on", flush=True)
+"""
+
+
+def writing(program=PROGRAM):
+    return subprocess.Popen([sys.executable, "-c", program], cwd=str(ROOT), stdin=subprocess.PIPE,
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
 
 
-def test_lines_come_whole_and_in_their_order():
-    out, said = writing().communicate("\n", timeout=WAIT)
+@pytest.mark.parametrize("program", [PROGRAM, NOTICES])
+def test_lines_come_whole_and_in_their_order(program):
+    out, said = writing(program).communicate("\n", timeout=WAIT)
     assert out == "goes on\n"
     assert said.splitlines() == ["someone: line %d" % number for number in range(100)]
 
@@ -52,3 +66,23 @@ def test_a_stream_that_is_no_file_is_written_to(capsys):
     log.write("here")
     log.close()
     assert capsys.readouterr().err == "someone: here\n"
+
+
+@pytest.mark.parametrize("kind", [_StandardError, notices._StandardError])
+def test_the_lock_of_a_handler_is_one_that_can_be_taken(kind):
+    with kind().lock:  # as logging.Handler.handle does from Python 3.13 on: nothing is written where there is none
+        pass
+
+
+def test_a_handler_that_writes_nothing_is_told_at_the_end():
+    class Broken(logging.Handler):
+        """Fails at every record."""
+
+        def emit(self, record):
+            raise TypeError("no lock")
+
+    background = Background(Broken())
+    assert background.end(WAIT)
+    background = Background(Broken())
+    background.handle(logging.makeLogRecord({"msg": "why the arm was stopped"}))
+    assert not background.end(WAIT)

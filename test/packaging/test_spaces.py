@@ -2,9 +2,12 @@
 import hashlib
 import re
 import shutil
+from pathlib import Path
 
+import import_graph
 import pytest
 
+PROGRAMS = ("jaka_bag", "jaka_driver", "jaka_foxglove", "jaka_panel", "jaka_rostest", "jaka_sim")
 TYPES = """
 Move float32[] pose, bool has_ref, float32[] ref_joint, float32 mvvelo, float32 mvacc, float32 mvtime, float32 mvradii,
   int16 coord_mode, int16 index --- int16 ret, string message
@@ -78,12 +81,41 @@ def test_every_definition_is_listed_and_every_field_has_a_comment(root):
             assert line == "---" or "# " in line, "%s: no comment: %s" % (path.name, line)
 
 
-@pytest.mark.parametrize("program", ["jaka_bag", "jaka_driver", "jaka_foxglove", "jaka_panel", "jaka_rostest",
-                                     "jaka_sim"])
+@pytest.mark.parametrize("program", PROGRAMS)
 def test_rosrun_and_roslaunch_find_one_program_each(space, shell, program):
     found = shell("catkin_find --libexec jaka_ros_driver %s" % program, space).stdout.split()
     assert len(found) == 1
     assert shell("rosrun --debug jaka_ros_driver %s --help" % program, space).returncode == 0
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_a_spawned_worker_that_runs_the_program_again_does_nothing(space, shell, program):
+    found = shell("catkin_find --libexec jaka_ros_driver %s" % program, space).stdout.strip()
+    again = "import runpy, sys; sys.argv[0] = %r; runpy.run_path(%r, run_name=%r)" % (found, found, "__mp_main__")
+    interpreter = Path(found).read_text().split("\n")[0][2:]  # multiprocessing.spawn does the same
+    assert shell('%s -c "%s" --help' % (interpreter, again), space).stdout == ""
+
+
+@pytest.mark.parametrize("words, told", [
+    ("dataset add logs --to fleet --jobs 2", "fleet: 2 logs added"),
+    ("compare %s/test/data/golden/boot.mcap --against logs --jobs 2 --results results" % import_graph.ROOT,
+     "2 runs: 1 same, 1 different"),
+    ("replay logs --jobs 2 --time-scale 4 --tolerances %s/test/data/busy_host.yaml" % import_graph.ROOT,
+     "2 golden logs: 2 same")])
+def test_rosrun_gives_the_logs_to_several_workers(space, shell, tmp_path, words, told):
+    (tmp_path / "logs").mkdir()
+    for name in ("boot", "io_sequence"):
+        for suffix in (".mcap", ".yaml"):
+            shutil.copy(str(import_graph.ROOT / "test" / "data" / "golden" / (name + suffix)), str(tmp_path / "logs"))
+    done = shell("rosrun jaka_ros_driver jaka_bag " + words, space, cwd=tmp_path, check=False)
+    assert told in done.stdout and "Traceback" not in done.stdout, done.stdout
+
+
+def test_the_black_box_finds_the_table_of_arms(space, shell):
+    program = ("from jaka_bag.black_box.evidence import Evidence; evidence = Evidence('', '', '', dict); "
+               "print([item.name for item in evidence.attachments()], evidence.facts()['missing'])")
+    said = shell("/usr/bin/python3 -c \"%s\"" % program, space).stdout
+    assert "arm_models.yaml" in said and "DH parameters" not in said
 
 
 def test_the_simulation_runs_as_a_module_with_its_data(space, shell):

@@ -136,6 +136,13 @@ def test_every_subcommand_is_there(installed, environment):
     assert completion.returncode == 0 and "replay-wire" not in completion.stdout
 
 
+@pytest.mark.parametrize("program", ["jaka_bag", "jaka_foxglove"])
+def test_a_spawned_worker_that_runs_the_program_again_does_nothing(installed, environment, program):
+    again = "import runpy, sys; runpy.run_path(sys.argv[1], run_name='__mp_main__')"  # multiprocessing.spawn does it
+    done = call(environment, installed / "python", "-c", again, installed / program)
+    assert (done.returncode, done.stdout) == (0, "")
+
+
 def test_the_package_is_typed_and_reads_logs(installed, environment):
     golden = ROOT / "test" / "data" / "golden" / "joint_moves.mcap"
     code = ("import jaka_bag, pathlib; assert pathlib.Path(jaka_bag.__file__).with_name('py.typed').exists(); "

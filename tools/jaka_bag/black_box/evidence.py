@@ -66,10 +66,17 @@ def package_versions() -> Dict[str, str]:
 
 
 def _models_file() -> Optional[Path]:
-    """The driver's table of arms with their DH parameters, where the driver is installed; it is not imported."""
-    spec = importlib.util.find_spec("jaka_ros_driver")
+    """Return the driver's table of arms with their DH parameters; None where the driver is not installed.
+
+    The sub-package is looked up by name, not beside its parent: in catkin's devel space the parent is a relay to the
+    checkout, in whose folder there is nothing else. Of the driver only the parent's ``__init__`` is run by this.
+    """
+    try:
+        spec = importlib.util.find_spec(".kinematics", "jaka_ros_driver")
+    except ModuleNotFoundError:
+        return None
     for folder in (spec.submodule_search_locations or ()) if spec is not None else ():
-        path = Path(folder, "kinematics", "data", "models.yaml")
+        path = Path(folder, "data", "models.yaml")
         if path.is_file():
             return path
     return None

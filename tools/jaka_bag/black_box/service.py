@@ -39,6 +39,7 @@ class TriggerService:
         self._answer = answer
         host, bind = host_address(os.environ)
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._listener.settimeout(None)  # whatever new sockets have in this process
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self._listener.bind((bind, 0))
         self._listener.listen(16)

@@ -21,9 +21,10 @@ class _StandardError(logging.Handler):
     The interpreter takes both when it ends: a thread held up in them would keep it from ending.
     """
 
-    def createLock(self) -> None:
-        """None."""
-        self.lock = None
+    def handle(self, record: logging.LogRecord) -> bool:
+        """Write the record without taking the handler's lock, which one thread alone does not need."""
+        self.emit(record)
+        return True
 
     def emit(self, record: logging.LogRecord) -> None:
         line = self.format(record) + "\n"

@@ -79,6 +79,7 @@ class Publisher:
         self._is_closing = False
         self._host, bind = host_address(os.environ)
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._listener.settimeout(None)  # whatever new sockets have in this process
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self._listener.bind((bind, 0))
         self._listener.listen(64)
