@@ -314,6 +314,8 @@ class Query(enum.Enum):
     VERSION = "str"
     SERVO_MODE = "bool, True in servo mode"
     FEED_PERIOD = "float, s"
+    JOINTS = "tuple of 6 joint positions, rad"
+    DRIVES_READY = "bool, True while the arm is powered and enabled"
     TOOL_FRAMES = "tuple of Pose, by tool id"
     USER_FRAMES = "tuple of Pose, by user frame id"
     PAYLOAD = "SetPayload"
@@ -354,3 +356,28 @@ Command = Union[
     ForwardKinematics, InverseKinematics, Query, GetDigitalOutput, GetAnalogOutput, ZeroForceSensor]
 
 JOINTS: Tuple[str, ...] = tuple("joint_%d" % n for n in range(1, 7))
+
+STOP_REPLY = 1
+"""Place in ``whole_stop`` of ``stop_program``, whose reply is the stop's. The others may be refused where there is
+nothing to end."""
+
+_ALL_AXES = tuple(JogStop(JogFrame.JOINT, axis) for axis in range(6))
+"""The requests of the maker's SDK to stop all axes, whatever the jog's frame (docs/sdk-client.md section 5). No single
+request for it is known."""
+_ALL_FRAMES = tuple(JogStop(frame, axis) for frame in JogFrame for axis in range(6))
+"""For an arm that moves on: a user of the protocol has it that the frame must be the jog's own
+(docs/controller-protocol.md section 5.5)."""
+
+
+def whole_stop(jog: Optional[JogStop], is_repeated: bool = False) -> Tuple[Command, ...]:
+    """Return the commands of a stop, in the order in which they are sent.
+
+    Servo mode is left first, because ``stop_program`` alone has no effect in it. Whether ``stop_program`` ends a jog is
+    not known of real controllers, so jogs are stopped, too; behind it, so that it does not wait for them.
+
+    Args:
+        jog: What ends the jog that is known to run; None where it is not known which one does.
+        is_repeated: The arm moves on after a stop: every jog in every frame is stopped, also where one is known.
+    """
+    jogs = _ALL_FRAMES if is_repeated else _ALL_AXES if jog is None else (jog,)
+    return (SetServoMode(False), Stop(), *jogs)

@@ -61,6 +61,10 @@ class ReplyTimeout(JakaError, TimeoutError):
         self.waited_s = waited_s
 
 
+class StopNotSeen(JakaError, TimeoutError):
+    """The controller accepted a stop, and the arm was not seen at rest in time."""
+
+
 class ConnectionLost(JakaError, ConnectionError):
     """The link to the controller is down, or went down before the reply came."""
 

@@ -5,6 +5,7 @@ settings        how the client talks to one controller; the numbers that a user 
 transport       the two connections to the controller, and one wait for both; the driver's and the guard's
 arm_client      one arm for any number of threads: a lock around the core, one thread for its sockets and its time
 fail_stop       the last words of a driver whose core has failed
+custody_file    what a driver moves, on disk while it lasts
 process_state   what the kernel says of another process
 driver_pipe     the guard's end of the pipes between it and the driver
 stopping        how the guard stops an arm, step by step; without socket, thread and clock

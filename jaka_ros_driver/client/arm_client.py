@@ -19,6 +19,7 @@ from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.client.core.procedures.procedure import Procedure
 from jaka_ros_driver.client.core.trajectory import Progress, StartChanged, TrajectoryStart
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
+from jaka_ros_driver.client.custody_file import CustodyFile, CustodyKeeper
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.transport import Closed, Failed, Opened, Received, Transport
@@ -64,7 +65,8 @@ class LoopTask:
 class ArmClient:
     """The driver's access to one arm. Every method may be called from any thread; errors are JakaErrors."""
 
-    def __init__(self, settings: ClientSettings, model: ArmModel, guard: Optional[Guard] = None) -> None:
+    def __init__(self, settings: ClientSettings, model: ArmModel, guard: Optional[Guard] = None,
+                 custody_file: Optional[CustodyFile] = None) -> None:
         """Prepare; ``start`` begins.
 
         Args:
@@ -72,10 +74,13 @@ class ArmClient:
             model: The arm model whose limits every command is checked against.
             guard: Is told when this driver begins to move the arm (before anything is sent), when that has ended, and
                 every 20 ms that the driver lives. None for no guard.
+            custody_file: Tells a later driver what this one moves, and this one what an earlier one left. None: none.
         """
         self.settings = settings
         self.model = model
         self._guard = guard
+        self._custody_file = custody_file
+        self._keeper = CustodyKeeper(custody_file) if custody_file is not None else None
         self._core = ArmCore(settings, model)
         self._transport = Transport(settings.host, {Port.COMMAND: settings.command_port,
                                                     Port.STATUS: settings.status_port}, settings.connect_timeout)
@@ -94,9 +99,18 @@ class ArmClient:
     # ---- life ----
 
     def start(self) -> None:
-        """Begin to connect; returns at once. Lost links are made again until ``close``."""
+        """Begin to connect; returns at once. Lost links are made again until ``close``.
+
+        Where a dead driver left the arm moving, stopping it is the first thing that is sent.
+        """
+        found = self._custody_file.read() if self._custody_file is not None else None
+        if found is not None and found.is_alive:
+            _LOG.warning("%s of this controller is in the custody of another driver, process %d, which is alive; it "
+                         "is not stopped unasked", found.left.name, found.left.process)
+        if self._keeper is not None:
+            self._keeper.start()
         with self._lock:
-            self._core.start(time.monotonic())
+            self._core.start(time.monotonic(), None if found is None or found.is_alive else found.left)
             self._perform()
         self._thread.start()
 
@@ -129,6 +143,8 @@ class ArmClient:
                 self._perform()
             self._is_closed = True
             self._transport.shut()
+        if self._keeper is not None:
+            self._keeper.close()
 
     def add_listener(self, listener: StateListener) -> None:
         """Call ``listener(state, is_new)`` for every status frame in the client's thread; it must not block.
@@ -183,6 +199,11 @@ class ArmClient:
     def motion_owner(self) -> Optional[MotionOwner]:
         """What moves the arm for this driver, until the arm is seen at rest."""
         return self._core.motion_owner
+
+    @property
+    def foreign_motion(self) -> str:
+        """The motion that this driver has not begun, in words; "" where there is none."""
+        return self._core.foreign_motion
 
     @property
     def is_motion_possible(self) -> bool:
@@ -475,6 +496,8 @@ class ArmClient:
             elif isinstance(action, Tell):
                 if self._guard is not None:
                     self._guard.tell(action.is_moving)
+                if self._keeper is not None:
+                    self._keeper.note(action)
             elif isinstance(action, Open):
                 self._transport.open(action.port)
             elif isinstance(action, Close):

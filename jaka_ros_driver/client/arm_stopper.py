@@ -5,6 +5,7 @@ import time
 from typing import Iterator, List
 
 from jaka_ros_driver.client.core.actions import Port
+from jaka_ros_driver.client.custody_file import CustodyFile
 from jaka_ros_driver.client.driver_pipe import STOPPING, WATCHING, DriverPipe, Say
 from jaka_ros_driver.client.stopping import Step, Stopping
 from jaka_ros_driver.client.transport import Event, Opened, Received, Transport, addresses_of
@@ -23,6 +24,8 @@ class ArmStopper:
 
     def __init__(self, host: str, command_port: int, status_port: int, say: Say) -> None:
         """Resolve the controller's name now, because that may take too long when the arm must be stopped."""
+        self._file = CustodyFile(host, command_port)
+        self._has_seen_rest = False
         self._say = say
         self._transport = Transport(host, {Port.COMMAND: command_port, Port.STATUS: status_port}, _CONNECT_TIMEOUT_S)
         self._addresses: List[str] = []
@@ -34,7 +37,9 @@ class ArmStopper:
     def stop(self, pipe: DriverPipe) -> None:
         """Stop the arm; returns when that is done or given up."""
         pipe.answer(STOPPING)
-        stopping = Stopping(time.monotonic(), self._say)
+        found = self._file.read()
+        jog = found.left.jog_stop if found is not None and found.left.process == pipe.driver_process else None
+        stopping = Stopping(time.monotonic(), self._say, jog)
         command = _CommandPort(stopping, self._transport, self._addresses)
         status = _StatusPort(stopping, self._transport, self._addresses)
         try:
@@ -50,10 +55,16 @@ class ArmStopper:
                     pipe.read()
                 for event in self._transport.read():
                     (command if event.port is Port.COMMAND else status).learn(event, time.monotonic())
+            self._has_seen_rest = stopping.has_seen_rest
         finally:
             for port in Port:
                 self._transport.close(port)
             pipe.answer(WATCHING)
+
+    def forget(self, pipe: DriverPipe) -> None:
+        """Remove the custody file of a driver that is dead, where the arm was seen at rest since it last moved it."""
+        if self._has_seen_rest and pipe.is_closed:
+            self._file.remove_of(pipe.driver_process)
 
 
 class _CommandPort:
@@ -121,6 +132,8 @@ class _StatusPort:
                 self._stopping.saw(parse_status(item, now), now)
             except (FramingError, StatusFrameError) as error:
                 self._stopping.saw_nothing(str(error))
+        if self._stream.is_flooded:
+            self._lose("%s: what comes are no status frames" % Port.STATUS.value, now)
 
     def _lose(self, reason: str, now: float) -> None:
         self._transport.close(Port.STATUS)

@@ -30,13 +30,14 @@ class DriverPipe:
         is_moving: By its last word, the driver moves the arm.
         is_closed: The pipe is closed: no word can come any more.
         has_left: The driver has said that it ends in good order.
+        driver_process: The driver's process id.
     """
 
     def __init__(self, words: int, answers: int, driver: int, is_moving: bool) -> None:
         """words, answers: file descriptors. driver: its process id. is_moving: it moves the arm already."""
         self._words = words
         self._answers = answers
-        self._driver = driver
+        self.driver_process = driver
         self._heard_at = time.monotonic()
         self._answered_at = -ANSWER_PERIOD_S
         self.is_moving = is_moving
@@ -100,7 +101,7 @@ class DriverPipe:
             if late > _HELD_UP_S and not was_held_up:
                 was_held_up = True  # perhaps the driver was, too; it gets another chance to speak
                 limit += late + SILENCE_TIMEOUT_S
-            elif limit < STARVED_TIMEOUT_S and waits_for_processor(self._driver):
+            elif limit < STARVED_TIMEOUT_S and waits_for_processor(self.driver_process):
                 limit = min(limit + _STARVED_TURN_S, STARVED_TIMEOUT_S)
             else:
                 return
@@ -117,12 +118,12 @@ class DriverPipe:
         """Kill the driver if it is still silent. It must still be the parent, or its id may be another process's."""
         if self.wait(0.0):
             return
-        if os.getppid() != self._driver:
-            say("the controller turns the guard away, and process %d is not the driver any more" % self._driver)
+        if os.getppid() != self.driver_process:
+            say("the controller turns the guard away, and process %d is not the driver any more" % self.driver_process)
             return
         say("the controller turns the guard away while the frozen driver is connected: killing the driver, process %d"
-            % self._driver)
+            % self.driver_process)
         try:
-            os.kill(self._driver, signal.SIGKILL)
+            os.kill(self.driver_process, signal.SIGKILL)
         except OSError as error:
             say("the driver cannot be killed: %s" % error)

@@ -10,7 +10,7 @@ import traceback
 from typing import Callable, List, Optional, Tuple
 
 from jaka_ros_driver.client.core.arm_core import ArmCore
-from jaka_ros_driver.commands import Command, SetServoMode, Stop
+from jaka_ros_driver.commands import JogStop, whole_stop
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.framing import encode_object
 
@@ -19,11 +19,11 @@ def last_stop(core: ArmCore) -> bytes:
     """Encode the stop that ends whatever the core had in motion; empty where no confirmed link can carry it."""
     if not core.channel.is_open:
         return b""
-    commands: List[Command] = []
+    jog: Optional[JogStop] = None
     with contextlib.suppress(Exception):
         motion = core.custody.motion
-        commands = [] if motion is None else motion.halts()
-    return b"".join([encode_object(codec.encode(command)) for command in [*commands, SetServoMode(False), Stop()]])
+        jog = None if motion is None else motion.halt()
+    return b"".join([encode_object(codec.encode(command)) for command in whole_stop(jog)])
 
 
 def write_evidence(core: ArmCore, error: BaseException, folder: str = "") -> Optional[str]:

@@ -3,7 +3,7 @@
 Every 20 ms the driver tells, on standard input, whether it moves the arm, or that it ends in good order. The guard
 answers on standard output. When the pipe closes without a farewell, or no word comes for 0.25 s (1 s where the host is
 so busy that the driver gets no processor time), and the driver was moving the arm, the guard takes the command port
-over (the newest client wins, docs/controller-protocol.md section 1) and stops the arm, as stopping.py describes.
+over, or shares it (docs/controller-protocol.md section 1), and stops the arm, as stopping.py describes.
 
 Some controllers turn a second client away. Such a controller cannot be reached while a frozen driver holds the
 connection; then the guard kills the driver's process.
@@ -31,6 +31,7 @@ def watch(pipe: DriverPipe, stopper: ArmStopper, say: Say) -> None:
             pipe.is_moving = False  # until the driver tells again that it moves the arm
             stopper.stop(pipe)
         elif pipe.is_over:
+            stopper.forget(pipe)
             return
 
 

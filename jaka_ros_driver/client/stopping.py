@@ -8,7 +8,7 @@ import math
 from typing import Callable, Optional, Set
 
 from jaka_ros_driver.client.core.stillness import Stillness
-from jaka_ros_driver.commands import Command, SetServoMode, Stop
+from jaka_ros_driver.commands import Command, JogStop, Stop, whole_stop
 from jaka_ros_driver.errors import FramingError, JakaError
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.exchange import Exchange
@@ -61,10 +61,16 @@ class Stopping:
     """One stop of the arm, from the moment at which its driver fell silent until the arm is seen at rest.
 
     The caller asks for the next ``step``, carries it out, and tells the result.
+
+    Attributes:
+        has_seen_rest: The arm was seen at rest after the stop.
     """
 
-    def __init__(self, now: float, say: Callable[[str], None]) -> None:
+    def __init__(self, now: float, say: Callable[[str], None], jog: Optional[JogStop] = None) -> None:
+        """jog: what ends the jog that the driver began; None where it began none, or that is not known."""
         self._say = say
+        self._jog = jog
+        self.has_seen_rest = False
         self._said: Set[str] = set()
         self._give_up_at = now + GIVE_UP_AFTER_S
         self._next_at = now
@@ -103,8 +109,8 @@ class Stopping:
         return Step.CONNECT
 
     def request(self, now: float) -> bytes:
-        """The request to send: first the end of servo mode, in which a stop alone has no effect, then the stop."""
-        commands = (SetServoMode(False), Stop())
+        """Return the stop to send, the whole of it (``whole_stop``), and note its requests."""
+        commands = whole_stop(self._jog, is_repeated=self._acceptances > 0)
         for command in commands:
             self._exchange.sent(codec.command_name(command), now, _REPLY_TIMEOUT_S, command)
         return b"".join(encode_object(codec.encode(command)) for command in commands)
@@ -126,6 +132,7 @@ class Stopping:
     def _has_ended(self, now: float) -> bool:
         is_still = self._stillness.duration(self._accepted_at) >= STILL_FOR_S
         if is_still and (self._acceptances or self._has_no_drives):
+            self.has_seen_rest = True
             self._say("the arm is at rest" if self._acceptances else "the arm is at rest, its drives are off")
         elif self._acceptances >= BLIND_STOPS and not self._is_seen(now):
             self._say("whether the arm is at rest could not be seen: %s; the controller accepted %d stops" % (
@@ -168,7 +175,7 @@ class Stopping:
             return
         request = self._exchange.answered(item, now)
         if request is None or not isinstance(request.waiter, Stop):
-            return  # servo mode was left, or was not on: both are fine
+            return  # servo mode was left, a jog ended, or there was none: all are fine
         try:
             codec.raise_if_rejected(request.name, item)
         except JakaError as error:

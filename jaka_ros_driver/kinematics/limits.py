@@ -40,6 +40,12 @@ TCP_ACCELERATION_CEILING = 8.0
 """m/s2 (8000 mm/s2), the maker's advice (docs/controller-protocol.md section 5.4.1)."""
 UNKNOWN_TCP_SPEED_CEILING = 1.5
 """m/s, for models without tcp_max_speed: the lowest that any full-size arm has (Zu3)."""
+SLOWEST = 5e-4
+"""rad/s, and m/s of the tool: the lowest speed of a move or a jog. A slower arm cannot be told from one at rest within
+the second in which a motion must be seen to begin (MOVEMENT and START_WINDOW_S of client/core), and a stop would not be
+seen to be obeyed for seconds. The maker names no bound."""
+WEAKEST = 5e-3
+"""rad/s2, and m/s2 of the tool: the lowest acceleration, which reaches ``SLOWEST`` in 0.1 s, for the same reason."""
 SERVO_PERIOD_S = 0.008
 """s, one servo cycle (docs/controller-protocol.md section 5.6.5)."""
 TOOL_IDS = (1, 11)
@@ -120,13 +126,6 @@ def _number(name: str, value: Any, low: float, high: float, unit: str) -> None:
                              % (name, value, _unit(unit), low, high, _unit(unit)))
 
 
-def _above_zero(name: str, value: Any, high: float, unit: str) -> None:
-    _finite(name, value, unit)
-    if not 0.0 < value <= high * (1.0 + FLOAT32_SLACK):
-        raise InvalidCommand("%s is %.9g%s; valid: above 0, at most %.9g%s"
-                             % (name, value, _unit(unit), high, _unit(unit)))
-
-
 def _unit(unit: str) -> str:
     return " " + unit if unit else ""
 
@@ -189,29 +188,29 @@ def _enabled(command: str, state: Optional[RobotState]) -> None:
 def _joint_move(command: commands.JointMove, model: ArmModel, state: Optional[RobotState]) -> None:
     _vector("joint_position", command.joint_position, JOINT_COUNT, math.inf, "rad")
     _joint_target("joint_position", command.joint_position, model)
-    _above_zero("speed", command.speed, joint_speed_limit(model), "rad/s")
-    _above_zero("acceleration", command.acceleration, JOINT_ACCELERATION_CEILING, "rad/s2")
+    _number("speed", command.speed, SLOWEST, joint_speed_limit(model), "rad/s")
+    _number("acceleration", command.acceleration, WEAKEST, JOINT_ACCELERATION_CEILING, "rad/s2")
     _number("tolerance", command.tolerance, *TOLERANCES, "m")
     _enabled("joint move", state)
 
 
 def _linear_move(command: commands.LinearMove, model: ArmModel, state: Optional[RobotState]) -> None:
     _pose("target", command.target)
-    _above_zero("speed", command.speed, tcp_speed_limit(model), "m/s")
-    _above_zero("acceleration", command.acceleration, TCP_ACCELERATION_CEILING, "m/s2")
+    _number("speed", command.speed, SLOWEST, tcp_speed_limit(model), "m/s")
+    _number("acceleration", command.acceleration, WEAKEST, TCP_ACCELERATION_CEILING, "m/s2")
     _number("tolerance", command.tolerance, *TOLERANCES, "m")
     if command.angular_speed is not None:
-        _above_zero("angular_speed", command.angular_speed, joint_speed_limit(model), "rad/s")
+        _number("angular_speed", command.angular_speed, SLOWEST, joint_speed_limit(model), "rad/s")
     if command.angular_acceleration is not None:
-        _above_zero("angular_acceleration", command.angular_acceleration, JOINT_ACCELERATION_CEILING, "rad/s2")
+        _number("angular_acceleration", command.angular_acceleration, WEAKEST, JOINT_ACCELERATION_CEILING, "rad/s2")
     _enabled("linear move", state)
 
 
 def _arc_move(command: commands.ArcMove, model: ArmModel, state: Optional[RobotState]) -> None:
     _pose("via", command.via)
     _pose("target", command.target)
-    _above_zero("speed", command.speed, tcp_speed_limit(model), "m/s")
-    _above_zero("acceleration", command.acceleration, TCP_ACCELERATION_CEILING, "m/s2")
+    _number("speed", command.speed, SLOWEST, tcp_speed_limit(model), "m/s")
+    _number("acceleration", command.acceleration, WEAKEST, TCP_ACCELERATION_CEILING, "m/s2")
     _number("tolerance", command.tolerance, *TOLERANCES, "m")
     _enabled("arc move", state)
 
@@ -220,8 +219,9 @@ def _jog(command: commands.Jog, model: ArmModel, state: Optional[RobotState]) ->
     _jog_axis(command, model, state)
     limit, unit = jog_speed_limit(command, model), "m/s" if command.is_linear else "rad/s"
     _number("velocity", command.velocity, -limit, limit, unit)
-    if command.velocity == 0.0:
-        raise InvalidCommand("velocity is 0 %s; a jog needs a direction, up to %.9g %s" % (unit, limit, unit))
+    if abs(command.velocity) < SLOWEST * (1.0 - FLOAT32_SLACK):
+        raise InvalidCommand("velocity is %.9g %s; valid: %.9g to %.9g %s, in either direction"
+                             % (command.velocity, unit, SLOWEST, limit, unit))
     _enabled("jog", state)
 
 

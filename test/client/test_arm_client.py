@@ -1,6 +1,7 @@
 """Moves, jog, servo mode and stop, on real sockets against the simulated controller."""
 import math
 import time
+from dataclasses import replace
 
 import pytest
 from arm_bench import eventually
@@ -8,6 +9,7 @@ from arm_bench import eventually
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.errors import CommandRejected, ConnectionLost, InvalidCommand, MotionInterrupted, StopCause
+from jaka_ros_driver.kinematics import limits
 
 HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
 
@@ -55,6 +57,19 @@ def test_a_move_to_where_the_arm_is_and_a_tiny_one_return(bench):
     arm = bench().connect()
     arm.move(joint_move(0.0))
     arm.move(joint_move(1e-5))
+
+
+@pytest.mark.parametrize("make", [
+    lambda arm: joint_move(0.002, limits.SLOWEST, limits.WEAKEST),
+    lambda arm: replace(line(arm, y=0.002, speed=limits.SLOWEST), acceleration=limits.WEAKEST)])
+def test_the_slowest_move_that_is_taken_is_seen_to_begin_and_to_end_and_its_stop_too(bench, make):
+    arm = bench().connect()
+    arm.move(make(arm))
+    arm.move(joint_move(0.0))
+    moving, since = arm.queue(make(arm)), time.monotonic()
+    assert eventually(lambda: moving.done() and arm.has_moved_since(since))
+    arm.stop()
+    assert eventually(lambda: arm.motion_owner is None)
 
 
 def test_without_waiting_moves_queue_and_the_last_ends_them(bench):

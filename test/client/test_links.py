@@ -183,7 +183,7 @@ def test_a_reader_that_fails_makes_its_link_anew(bench):
 
 
 def test_another_client_on_the_port_is_noticed_and_the_arm_is_stopped(bench, call):
-    one = bench()
+    one = bench(single_client="replace")
     arm = one.connect()
     move = call(arm.move, SLOW_MOVE)
     assert eventually(one.is_moving)
@@ -192,6 +192,20 @@ def test_another_client_on_the_port_is_noticed_and_the_arm_is_stopped(bench, cal
         other.send(b'{"cmdName": "get_version"}')
         assert move.failure().cause is StopCause.LINK_LOST
     assert eventually(lambda: arm.is_ready and not one.is_moving())
+
+
+def test_short_connections_of_others_beside_it_disturb_no_move(bench, call):
+    """Public programs open one for each request (docs/controller-protocol.md section 1)."""
+    one = bench(single_client="coexist")
+    arm = one.connect()
+    move = call(arm.move, SLOW_MOVE)
+    assert eventually(one.is_moving)
+    for _ in range(10):
+        with RawClient(one.controller.command_port) as other:
+            assert other.code("get_version") == "0"
+    assert one.is_moving() and arm.is_ready
+    arm.stop()
+    assert move.failure().cause is StopCause.STOPPED and arm.is_ready
 
 
 def test_a_feed_of_damaged_frames_only_is_as_good_as_none(bench, call):
@@ -299,3 +313,31 @@ def test_after_a_reboot_in_mid_move_nothing_resumes(bench, call):
     time.sleep(0.5)
     names = [request["cmdName"] for _, request in one.received()]
     assert names.count("joint_move") == 1 and NEVER_BY_ITSELF.isdisjoint(names)
+
+
+def test_two_drivers_of_one_controller_give_way_and_each_says_that_there_is_another(bench, caplog):
+    one = bench(single_client="replace")
+    first = one.connect()
+    settings = ClientSettings("127.0.0.1", one.controller.command_port, one.controller.status_port)
+    second = ArmClient(settings, load_model("zu7"))
+    second.start()
+    try:
+        def said():
+            return sum("giving way" in record.message for record in caplog.records)
+        assert eventually(lambda: said() >= 1)
+        assert eventually(lambda: "another client" in first.link_health.last_error + second.link_health.last_error)
+        eventually(lambda: said() == 2, timeout=6.0)
+        assert said() == 2
+        before = first.link_health.connections + second.link_health.connections
+        time.sleep(5.0)
+        assert first.link_health.connections + second.link_health.connections - before <= 4
+
+        def is_refused_and_says_why(arm):
+            try:
+                arm.execute(c.Query.VERSION)
+            except JakaError as error:
+                return "another client" in str(error)
+            return False
+        assert eventually(lambda: is_refused_and_says_why(first) or is_refused_and_says_why(second))
+    finally:
+        second.close()

@@ -2,6 +2,7 @@
 import pytest
 
 from jaka_ros_driver.client.stopping import GIVE_UP_AFTER_S, LOCKED_OUT_AFTER_S, STILL_FOR_S, Driver, Step, Stopping
+from jaka_ros_driver.commands import JogFrame, JogStop
 from jaka_ros_driver.errors import FramingError
 from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.state import RobotState
@@ -59,12 +60,27 @@ def story():
 
 def test_it_leaves_servo_mode_and_stops_and_waits_for_the_stops_reply_only(story):
     story.connect()
-    assert story.send() == ["servo_move", "stop_program"]
+    assert story.send() == ["servo_move", "stop_program"] + ["jog"] * 6
     story.reply("servo_move", "2")
+    story.reply("jog", "2")
     assert story.step() is Step.WAIT
     story.reply()
     assert story.until(Step.FINISH, speed=0.0) == pytest.approx(STILL_FOR_S, abs=2.1 * PERIOD)
     assert story.said[-1] == "the arm is at rest"
+
+
+def test_it_ends_the_jog_that_the_driver_began_and_every_one_where_the_arm_moves_on(story):
+    story.stopping = Stopping(story.now, story.said.append, JogStop(JogFrame.TOOL, 4))
+    story.connect()
+    story.until(Step.SEND)
+    jogs = []
+    for _ in range(2):
+        jogs.append([(request["coord_map"], request["jnum"]) for request in ObjectStream().feed(
+            story.stopping.request(story.now)) if request["cmdName"] == "jog"])
+        story.reply()
+        story.until(Step.SEND, speed=1.0)
+    assert jogs[0] == [(2, 4)]
+    assert sorted(jogs[1]) == [(frame, axis) for frame in range(3) for axis in range(6)]
 
 
 def test_stillness_before_the_stop_was_accepted_is_no_evidence(story):
@@ -175,7 +191,9 @@ def test_a_frozen_driver_is_ended_after_a_quarter_of_a_second_of_being_turned_aw
             story.turn_away()
         story.now += PERIOD
     assert story.now - began == pytest.approx(LOCKED_OUT_AFTER_S, abs=0.1)
-    assert story.until(Step.CONNECT, Driver.SILENT) < 0.05
+    ended_at = story.now - PERIOD
+    story.until(Step.CONNECT, Driver.SILENT)
+    assert 0.02 <= story.now - ended_at < 0.05, "the system takes a moment to close its connection"
 
 
 def test_a_frozen_driver_is_ended_where_the_controller_takes_the_connection_and_never_replies(story):

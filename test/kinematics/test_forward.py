@@ -1,3 +1,4 @@
+import dataclasses
 import math
 import random
 
@@ -7,7 +8,7 @@ import pytest
 from reference_values import reference_values
 
 from jaka_ros_driver.kinematics import rotations
-from jaka_ros_driver.kinematics.arm_models import load_model, model_names
+from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model, model_names
 from jaka_ros_driver.kinematics.forward import forward, jacobian, link_transforms, singularity_measures
 
 MODELS = model_names()
@@ -91,3 +92,19 @@ def test_the_a12_has_one_measure_from_its_determinant():
         measures = singularity_measures(model, joints)
         assert measures.wrist == pytest.approx(abs(np.linalg.det(jacobian(model, joints))) / (0.77 * 0.5515 * 1.3215))
         assert measures.elbow == measures.shoulder == math.inf
+
+
+@pytest.mark.parametrize("name, joint, measure", [
+    ("zu7", 2, "elbow"), ("minicobo", 2, "elbow"), ("zu7", 4, "wrist"), ("minicobo", 4, "wrist")])
+def test_joint_offsets_count_for_singularities(name, joint, measure):
+    """An arm whose joint reads 0.3 rad less than its DH angle is singular where it would be without, less 0.3 rad."""
+    nominal = load_model(name)
+    rows = list(nominal.dh)
+    rows[joint] = dataclasses.replace(rows[joint], theta_offset=rows[joint].theta_offset + 0.3)
+    model = ArmModel(name="offset", family=nominal.family, dh=tuple(rows), joint_limits=nominal.joint_limits,
+                     joint_max_speed=nominal.joint_max_speed)
+    joints = [0.3, 1.2, -1.1, 0.8, 1.3, 0.2]
+    shifted = list(joints)
+    shifted[joint] -= 0.3
+    assert getattr(singularity_measures(model, shifted), measure) == pytest.approx(
+        getattr(singularity_measures(nominal, joints), measure), abs=1e-12)

@@ -10,7 +10,7 @@ from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import InvalidCommand, PoseOutsideLimits, UnreachablePose
 from jaka_ros_driver.kinematics import inverse, rotations
 from jaka_ros_driver.kinematics.arm_models import ArmModel, DhRow, load_model, model_names
-from jaka_ros_driver.kinematics.forward import forward
+from jaka_ros_driver.kinematics.forward import forward, singularity_measures
 from jaka_ros_driver.units import mm_to_m
 
 ZU7, MINICOBO, A12 = load_model("zu7"), load_model("minicobo"), load_model("a12")
@@ -81,6 +81,17 @@ def test_a_joint_on_its_limit_is_reached():
             found = inverse.inverse(ZU7, forward(ZU7, joints), joints)
             assert found == pytest.approx(joints, abs=1e-7)
             assert all(low <= angle <= high for angle, (low, high) in zip(found, ZU7.joint_limits))
+
+
+@pytest.mark.parametrize("bound", [0, 1], ids=["lower", "upper"])
+def test_rounding_of_a_pose_does_not_turn_a_joint_on_its_limit_away(bound):
+    rng = random.Random(10)
+    for number in range(600):
+        joints = list(dh_oracle.random_joints(ZU7, rng))
+        joints[number % 6] = ZU7.joint_limits[number % 6][bound]
+        if min(singularity_measures(ZU7, joints)) > 0.05:
+            found = inverse.inverse(ZU7, forward(ZU7, joints), joints)
+            assert found == pytest.approx(joints, abs=1e-6), (number, joints)
 
 
 def test_the_nearest_of_all_branches_and_turns_is_chosen():
@@ -243,3 +254,22 @@ def test_the_a12_finds_two_solutions_that_almost_meet_at_the_edge_of_joint_1():
     assert min(dh_oracle.distance(joints, branch) for branch in branches) < 1e-7
     assert min(dh_oracle.distance((-2.433496, 1.262323, 3.015309, 0.283607, 3.030812, 0.638835), branch)
                for branch in branches) < 1e-5
+
+
+def test_where_the_wrist_is_singular_the_offset_of_joint_6_counts_once():
+    rows = tuple(DhRow(row.a, row.d, row.alpha, row.theta_offset + 0.1 * (row is ZU7.dh[5])) for row in ZU7.dh)
+    model = ArmModel(name="offset", family=ZU7.family, dh=rows, joint_limits=ZU7.joint_limits,
+                     joint_max_speed=ZU7.joint_max_speed)
+    joints = (0.3, 1.2, -1.1, 0.8, 0.0, 0.2)
+    for q6 in (-1.0, -0.3, 0.2, 1.0):
+        found = inverse.inverse(model, forward(model, joints), joints[:5] + (q6,))
+        assert found[5] == pytest.approx(q6, abs=1e-9)
+
+
+def test_the_a12_finds_every_original_where_roots_lie_close_too():
+    """Of 400 poses some have two roots within one step of the grid, or one at the edge of what joint 1 reaches."""
+    rng = random.Random(12)
+    for number in range(400):
+        joints = dh_oracle.random_joints(A12, rng)
+        branches = inverse.inverse_all(A12, forward(A12, joints))
+        assert min((dh_oracle.distance(joints, branch) for branch in branches), default=math.inf) < 1e-7, number

@@ -119,3 +119,17 @@ def test_every_visual_has_a_size_and_a_known_colour():
                 float(shape.get("radius")), float(shape.get("length"))]
             assert all(0.0 < size < 2.0 for size in sizes)
         assert robot.find(".//mesh") is None
+
+
+@pytest.mark.parametrize("link, is_above", [("base_link", True), ("tool0", False)])
+def test_base_and_flange_are_flat_discs_on_their_frames(link, is_above):
+    """The base stands on its frame, the flange ends at its own: there the tool is fixed."""
+    robot = ElementTree.fromstring(urdf_from_model(load_model("zu7")))
+    visual, = next(one for one in robot.findall("link") if one.get("name") == link).findall("visual")
+    cylinder = visual.find("geometry/cylinder")
+    height, radius = float(cylinder.get("length")), float(cylinder.get("radius"))
+    x, y, z = numbers(visual.find("origin").get("xyz"))
+    assert (x, y, z) == pytest.approx((0.0, 0.0, 0.5 * height if is_above else -0.5 * height))
+    assert 0.0 < height < radius < 0.2
+    sizes = [float(one.get("radius")) for one in robot.iter("cylinder")]
+    assert radius == pytest.approx(max(sizes) if is_above else 0.5 * max(sizes)), "the base is the widest"

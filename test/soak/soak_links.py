@@ -18,7 +18,7 @@ SHOWN = 10
 
 
 def cut_at_random(cuts, seed, folder):
-    with LiveDriver(folder, name="linked") as live:
+    with LiveDriver(folder, name="linked", simulator=("--single-client", "replace")) as live:
         live.arm.wait_until_ready()
         watch = LinkWatch(live, seed)
         order = [sorted(CUTS)[index % len(CUTS)] for index in range(cuts)]
@@ -43,7 +43,7 @@ def cut_at_random(cuts, seed, folder):
 
 
 def reconnect(cycles, folder):
-    with LiveDriver(folder, name="linked") as live:
+    with LiveDriver(folder, name="linked", simulator=("--single-client", "replace")) as live:
         live.arm.wait_until_ready()
         watch = LinkWatch(live, 0)
         sizes = []

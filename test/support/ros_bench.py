@@ -159,8 +159,8 @@ class InBackground(arm_bench.InBackground):
 class DriverProcess:
     """The program jaka_driver, started directly; parameters as ``name=value``."""
 
-    def __init__(self, name="jaka_driver", environment=None, **parameters):
-        words = ["__name:=" + name] + ["_%s:=%s" % (key, yaml.safe_dump(value).split("\n")[0])
+    def __init__(self, name="jaka_driver", environment=None, remappings=(), **parameters):
+        words = ["__name:=" + name, *remappings] + ["_%s:=%s" % (key, yaml.safe_dump(value).split("\n")[0])
                                        for key, value in parameters.items()]
         self.process = subprocess.Popen(
             [*PROGRAM, *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,

@@ -4,6 +4,7 @@ from pathlib import Path
 REQUESTS = Path(__file__).resolve().parents[1] / "data" / "sdk" / "requests-2.1.14.txt"
 
 NUMBER, FLAG, TEXT, OBJECT, LIST = "number", "0, 1 or bool", "text", "object", "list"
+SIGNALS = "a list of lists: text and five numbers"
 
 
 def numbers(count):
@@ -35,7 +36,7 @@ READS = {
     "get_tcp_pos": (OBSERVED, {"tcp_pos": numbers(6)}),
     "get_curr_tool_id": (OBSERVED, {"id": NUMBER}),
     "get_curr_user_id": (OBSERVED, {"id": NUMBER}),
-    "get_version": (KEPT, {"version": TEXT}),
+    "get_version": (KEPT, {"version": TEXT, "robot_name": TEXT, "robot_id": TEXT}),
     "get_tool_offsets": (KEPT, {"tool_offsets": rows(16, 6)}),
     "get_user_offsets": (KEPT, {"user_offsets": rows(16, 6)}),
     "get_clsn_sensitivity": (KEPT, {"sensitivityLevel": NUMBER}),
@@ -51,7 +52,7 @@ READS = {
     "get_extio_status": (KEPT, {"extio_status": OBJECT}),
     "is_in_servomove": (KEPT, {"in_servomove": FLAG}),
     "query_user_defined_variable": (GUESS, {"var_list": LIST}),
-    "get_tio_signals": (GUESS, {"signals": LIST}),
+    "get_tio_signals": (OBSERVED, {"signals": SIGNALS}),
     "get_tio_vout_param": (GUESS, {"tio_vout_ena": NUMBER, "tio_vout_vol": NUMBER}),
     "get_tio_pin_mode": (GUESS, {"pinMode": NUMBER}),
     "get_rs485_chn_mode": (GUESS, {"chnMode": NUMBER}),
@@ -114,6 +115,8 @@ def read_in(command, firmware):
 def has_shape(value, shape):
     if isinstance(shape, list):
         return isinstance(value, list) and len(value) == len(shape) and all(map(has_shape, value, shape))
+    if shape == SIGNALS:
+        return isinstance(value, list) and all(has_shape(row, [TEXT, *numbers(5)]) for row in value)
     kinds = {NUMBER: (int, float), FLAG: (bool, int), TEXT: str, OBJECT: dict, LIST: list}
     return isinstance(value, kinds[shape]) and (shape is not FLAG or value in (0, 1)) \
         and not (shape is NUMBER and isinstance(value, bool))

@@ -246,3 +246,13 @@ def test_what_was_computed_ahead_changes_no_frame_whatever_happens_meanwhile():
         assert ahead.step(wanted) == plain.step(wanted)
         assert (ahead.time, ahead.rate, ahead.velocity) == (plain.time, plain.rate, plain.velocity)
     assert plain.path is not first and plain.is_at_end
+
+
+@pytest.mark.parametrize("name", ["fast wave", "with accelerations"])
+def test_a_clock_that_hurries_is_never_slower_than_one_that_does_not(name):
+    """Where a turn lies ahead it goes at the programmed speed, and no slower."""
+    usual, hurried = PathClock(PATHS[name](), MODEL), PathClock(PATHS[name](), MODEL)
+    while not usual.is_at_end:
+        usual.step(1.0)
+        hurried.step(1.05)
+        assert hurried.time >= usual.time - 0.5 * PERIOD

@@ -2,6 +2,7 @@
 import enum
 from typing import Any, List, NamedTuple, Optional, Union
 
+from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.state import RobotState
 
@@ -41,9 +42,17 @@ class Answer(NamedTuple):
 
 
 class Tell(NamedTuple):
-    """The word for the guard: whether this driver moves the arm. It stands before the motion's first byte."""
+    """The word for the guard, and for the disk: whether this driver moves the arm. It stands before the first byte.
+
+    Attributes:
+        is_moving: It does.
+        name: What it moves, in words.
+        jog_stop: The command that ends its jog; None where it is none.
+    """
 
     is_moving: bool
+    name: str = ""
+    jog_stop: Optional[JogStop] = None
 
 
 class Show(NamedTuple):

@@ -5,13 +5,14 @@ controller's reply, the end is evidence in the status feed. A stop waits for nob
 and only that: a motion asked after it begins when the arm has come to rest.
 """
 import logging
-from typing import Any, Callable, List, Optional, Sequence, Union
+from typing import Any, Callable, Dict, List, Optional, Sequence, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.actions import Action, Actions, Port
 from jaka_ros_driver.client.core.channel import Channel
 from jaka_ros_driver.client.core.contradictions import require_no_wait
 from jaka_ros_driver.client.core.custody import Admission, Custody, Enter
+from jaka_ros_driver.client.core.foreign_motion import ForeignMotion, LeftBehind, LeftMotion
 from jaka_ros_driver.client.core.jog import Jog
 from jaka_ros_driver.client.core.links import Links
 from jaka_ros_driver.client.core.motion import MotionOwner
@@ -65,6 +66,7 @@ class ArmCore:
         last_disturbance: The last one, in words.
         is_recovering: A recovery is under way.
         dead_man: Who holds a velocity jog.
+        switched_on_at: By SetPower or SetEnabled, when a call began to switch it on that was not seen done yet, s.
     """
 
     def __init__(self, settings: ClientSettings, model: ArmModel) -> None:
@@ -79,6 +81,7 @@ class ArmCore:
         self._admission = Admission(self.actions, self.custody, self.links)
         self._stops = Stops(self.actions, self.channel, self.custody, self.links, self._admission, settings,
                             self._carry_out)
+        self._foreign = ForeignMotion(self.actions)
         self._running: List[Running] = []
         self._is_closing = False
         self._servo_end = ""
@@ -86,6 +89,7 @@ class ArmCore:
         self.last_disturbance = ""
         self.is_recovering = False
         self.dead_man = DeadMan()
+        self.switched_on_at: Dict[type, float] = {}
 
     # ---- what is known ----
 
@@ -108,6 +112,12 @@ class ArmCore:
     def motion_owner(self) -> Optional[MotionOwner]:
         """What moves the arm on behalf of this driver."""
         return self._admission.owner
+
+    @property
+    def foreign_motion(self) -> str:
+        """The motion that this driver has not begun, in words; "" where there is none."""
+        motion = self.custody.motion
+        return str(motion) if isinstance(motion, LeftBehind) else self._foreign.text
 
     @property
     def late_servo_cycles(self) -> int:
@@ -152,7 +162,7 @@ class ArmCore:
                 require_no_wait(MotionOwner.MOVE, self._admission.evidence(MotionOwner.MOVE, state))
         except JakaError:
             return False
-        return True
+        return self.motion_owner is not MotionOwner.LEFT
 
     def take_actions(self) -> List[Action]:
         """What the shell is to do, in order, since it last asked."""
@@ -167,8 +177,11 @@ class ArmCore:
 
     # ---- events of the shell ----
 
-    def start(self, now: float) -> None:
-        """Begin to connect."""
+    def start(self, now: float, left: Optional[LeftMotion] = None) -> None:
+        """Begin to connect; ``left``: what a driver that is dead left moving, which is stopped first of all."""
+        if left is not None:
+            self.custody.take_over(LeftBehind(left), now)
+            self.actions.log(logging.WARNING, self.foreign_motion)
         self.links.start(now)
         self.links.tick(now)
 
@@ -192,6 +205,10 @@ class ArmCore:
         """Bytes have arrived."""
         self.links.note_time(now)
         self.links.received(port, data, now)
+        state = self.links.state
+        if port is Port.STATUS and state is not None:
+            self._foreign.observe(state, self.custody.stillness.duration(),
+                                  not self.custody.is_free or self._admission.is_guided_in(state))
         self._tick_running(now)
         self._admission.retry(now)
 
@@ -540,7 +557,7 @@ class ArmCore:
         return lambda result, error, _now: self.actions.answer(call, result, error)
 
     def _carry_out(self, procedure: Procedure, on_end: OnEnd, now: float) -> None:
-        running = Running(procedure, self.channel, on_end)
+        running = Running(procedure, self.channel, on_end, gate=self.channel)
         running.begin(now)
         if not running.has_ended:
             self._running.append(running)

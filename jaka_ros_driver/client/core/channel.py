@@ -1,15 +1,30 @@
 """The command port's requests and replies, without its socket."""
 import dataclasses
+import functools
 import logging
 from typing import Any, Callable, Optional, Protocol, Sequence, Tuple
 
 from jaka_ros_driver.client.core.actions import Actions, Send
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.commands import TERMINAL_COMMANDS, Command, Query, SetEnabled, SetPower
-from jaka_ros_driver.errors import ConnectionLost, FramingError, JakaError, ReplyTimeout
+from jaka_ros_driver.commands import (
+    TERMINAL_COMMANDS,
+    Command,
+    JogStop,
+    Query,
+    SetEnabled,
+    SetPower,
+    SetServoMode,
+    Stop,
+)
+from jaka_ros_driver.errors import ConnectionLost, FramingError, InvalidCommand, JakaError, ReplyTimeout
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.exchange import Exchange
 from jaka_ros_driver.protocol.framing import ObjectStream, encode_object
+
+_PIECE_BYTES = 1 << 12
+_MOST_STRAY_BYTES = 1 << 17
+_MOST_STRAYS = 1000
+"""Replies in a row that answer no request: more are no controller's; all that wait on a connection are far fewer."""
 
 OnReply = Callable[[Any, Optional[JakaError], float], None]
 """Gets the command's result, or the error, and the time, s. Errors: CommandRejected, ProtocolError, ReplyTimeout,
@@ -21,6 +36,15 @@ class Requests(Protocol):
 
     def request(self, command: Command, now: float, on_reply: OnReply) -> None:
         """Send one command; errors as ``Channel.request``."""
+
+
+_PARTS_OF_A_STOP = (JogStop, SetServoMode, Stop)
+
+
+@functools.lru_cache(maxsize=None)
+def _stop_text(command: Command) -> bytes:
+    """Encode a part of a stop; kept, because a stop has up to 20 of them and waits for nothing. There are 21."""
+    return encode_object(codec.encode(command))
 
 
 class _Pending:
@@ -65,6 +89,8 @@ class Channel:
         self._stream = ObjectStream()
         self._exchange: Exchange[_Pending] = Exchange()
         self._down_reason = "not connected yet"
+        self._stray_bytes = self._strays = 0
+        self._lets_pass = False
         self._prepared: Optional[Tuple[Command, bytes]] = None
         self.is_open = False
         self.introduction: Optional[Introduction] = None
@@ -74,6 +100,8 @@ class Channel:
     def open(self) -> Introduction:
         """Begin with a new connection, on which nothing is outstanding; ``trust`` makes it usable."""
         self._stream = ObjectStream()
+        self._stray_bytes = self._strays = 0
+        self._lets_pass = False
         self.introduction = Introduction(self)
         return self.introduction
 
@@ -108,29 +136,48 @@ class Channel:
         """
         self.request_all([command], now, on_reply)
 
-    def request_all(self, commands: Sequence[Command], now: float, on_last: OnReply) -> None:
-        """Send the commands in one piece, of which only the last one's reply matters; errors as ``request``."""
+    def request_all(self, commands: Sequence[Command], now: float, on_reply: OnReply, judged: int = 0) -> None:
+        """Send the commands in one piece; only the reply to that at place ``judged`` matters; errors as ``request``."""
         if not self.is_open:
             raise ConnectionLost("no link to the controller: " + (
                 self._down_reason if self.introduction is None else "it has not said yet who it is"))
-        self.send_all(commands, now, on_last)
+        self.send_all(commands, now, on_reply, judged)
 
-    def send_all(self, commands: Sequence[Command], now: float, on_last: OnReply) -> None:
+    def send_all(self, commands: Sequence[Command], now: float, on_reply: OnReply, judged: int = 0) -> None:
         """Put the commands on the connection; for ``request_all`` and an introduction, which know that there is one."""
         texts = [self._encoded(command) for command in commands]
-        for place, command in enumerate(commands, 1):
+        for place, command in enumerate(commands):
             patience, is_slow = self._patience(command)
             self._exchange.sent(codec.command_name(command), now, patience,
-                                _Pending(command, on_last) if place == len(commands) else None, is_slow)
+                                _Pending(command, on_reply) if place == judged else None, is_slow)
         self._actions.add(Send(b"".join(texts)))
 
+    @property
+    def is_flooded(self) -> bool:
+        """True where the bytes that come answer no request any more; nothing of them is read."""
+        return self._stray_bytes > _MOST_STRAY_BYTES or self._strays > _MOST_STRAYS
+
     def received(self, data: bytes, now: float) -> None:
+        """Take bytes of the port: who waits for a reply gets it. Their cost is bounded, whatever they are."""
+        for start in range(0, len(data), _PIECE_BYTES):
+            if self.is_flooded or not (self.is_open or self.introduction):
+                return
+            piece = data[start:start + _PIECE_BYTES]
+            self._stray_bytes += len(piece)
+            self._take(piece, now)
+
+    def _take(self, data: bytes, now: float) -> None:
         for item in self._stream.feed(data):
+            self._strays += 1
             if isinstance(item, FramingError):
                 self.damaged_replies += 1
                 self._actions.log(logging.DEBUG, "damaged reply: %s" % item)
                 continue
+            slow = self._exchange.slow
             request = self._exchange.answered(item, now)
+            if request is not None:
+                self._stray_bytes = self._strays = 0
+            self._lets_pass = self._lets_pass or (slow is not None and slow is not request and not slow.is_slow)
             if request is None or request.waiter is None:
                 continue
             pending = request.waiter
@@ -145,6 +192,27 @@ class Channel:
     def is_held_up(self) -> bool:
         """True where the reply to a request that is sent now may have to wait for one that takes its time."""
         return self._exchange.is_held_up
+
+    @property
+    def held_up_until(self) -> Optional[float]:
+        """The moment at which it is known whether later replies wait for a slow one, s; None where none do.
+
+        A later reply that came first, the heartbeat's at the latest, shows that none do on this connection. Where none
+        has come by then, they do.
+        """
+        slow = self._exchange.slow
+        return None if slow is None or self._lets_pass else slow.sent_at + self._settings.reply_timeout
+
+    def require_prompt(self, what: str) -> None:
+        """See that replies need not wait for a slow one.
+
+        Raises:
+            InvalidCommand: They may have to; ``what`` says what was not sent.
+        """
+        slow = self._exchange.slow
+        if slow is not None and not self._lets_pass:
+            raise InvalidCommand("refused, %s was not sent: the controller may hold its replies back until %s is done; "
+                                 "stop_move, and what the status feed tells, are served" % (what, slow.name))
 
     def done(self, command: Command, now: float) -> None:
         """What this command asked for is seen to be done; its reply is due in the usual time now."""
@@ -167,6 +235,8 @@ class Channel:
         return settings.reply_timeout, False
 
     def _encoded(self, command: Command) -> bytes:
+        if isinstance(command, _PARTS_OF_A_STOP):
+            return _stop_text(command)
         on_wire = self._on_wire(command)
         if self._prepared is not None and self._prepared[0] == on_wire:
             return self._prepared[1]

@@ -24,7 +24,7 @@ MOTIONS = (*PLANNED, MotionOwner.PROGRAM, *STREAMS)
 
 
 class Evidence(NamedTuple):
-    """What is known of the arm at one moment.
+    """Knowledge of the arm at one moment.
 
     Attributes:
         state: The newest fresh state.
@@ -44,7 +44,7 @@ class Evidence(NamedTuple):
 
 
 class AtStart(enum.Enum):
-    """What a condition does to a motion that is to begin."""
+    """The effect of a condition on a motion that is to begin."""
 
     REFUSES = "is refused at once"
     WAITS = "waits for its end, 1.5 s at most"

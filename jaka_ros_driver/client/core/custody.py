@@ -26,7 +26,7 @@ from jaka_ros_driver.client.core.contradictions import (
 from jaka_ros_driver.client.core.motion import Motion, MotionOwner
 from jaka_ros_driver.client.core.stillness import REST_TIME_S, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.commands import SetLinkLoss, Stop
+from jaka_ros_driver.commands import STOP_REPLY, SetLinkLoss, whole_stop
 from jaka_ros_driver.errors import (
     CommandRejected,
     ConnectionLost,
@@ -98,6 +98,7 @@ class Custody:
         self._sent_at = 0.0
         self._outstanding = 0
         self._accepted_at: Optional[float] = None
+        self._moves_on = False
         self._retry_at = _NEVER
         self._said_at = -_NEVER
         self._knows_link_loss = True
@@ -147,14 +148,7 @@ class Custody:
         Raises:
             JakaError: Nothing was sent; nobody moves the arm.
         """
-        assert self.is_free
-        self._number += 1
-        self.motion, self._phase = motion, _Phase.HELD
-        self._outcome, self._is_told, self._is_guess = None, False, False
-        self._accepted_at, self._retry_at, self._outstanding = None, _NEVER, 0
-        self._watch = Watch(motion.owner, 0 if self._state is None else self._state.error_code)
-        self._held_since = now
-        self.actions.add(Tell(True))
+        self._take(motion, _Phase.HELD, now)
         self._set_link_loss(self.settings.link_loss_stop, now)
         try:
             motion.begin(now)
@@ -162,6 +156,12 @@ class Custody:
             self._is_told = True
             self._release(now)
             raise
+
+    def take_over(self, motion: Motion, now: float) -> None:
+        """Take custody of what is known to have been left moving: it is stopped, as the first word on the next link."""
+        self._take(motion, _Phase.STOPPING, now)
+        self._began_at = now
+        self._is_told = True
 
     def finish(self, now: float) -> None:
         """The motion is completed: the target is reached and the arm is still."""
@@ -236,7 +236,7 @@ class Custody:
                 self._release(now)
             elif self.stillness.has_moved_since(coasts_until) or goes_on:
                 self._say(logging.ERROR, "the arm moves on after an accepted stop; stopping it again", now)
-                self._accepted_at = None
+                self._accepted_at, self._moves_on = None, True
                 self._send_stop(now)
 
     def heard_servo_mode(self, is_active: bool, asked_at: float, now: float) -> None:
@@ -294,6 +294,16 @@ class Custody:
 
     # ---- inside ----
 
+    def _take(self, motion: Motion, phase: _Phase, now: float) -> None:
+        assert self.is_free
+        self._number += 1
+        self.motion, self._phase = motion, phase
+        self._outcome, self._is_told, self._is_guess = None, False, False
+        self._accepted_at, self._retry_at, self._outstanding, self._moves_on = None, _NEVER, 0, False
+        self._watch = Watch(motion.owner, 0 if self._state is None else self._state.error_code)
+        self._held_since = now
+        self.actions.add(Tell(True, motion.name, motion.jog_stop))
+
     def _send_stop(self, now: float, answer: Callable[[Optional[JakaError]], None] = lambda error: None) -> None:
         """Send what ends this motion, now; without a connection the call fails and ``link_up`` sends it."""
         assert self.motion is not None
@@ -305,7 +315,7 @@ class Custody:
                 self._stop_replied(error, at)
 
         try:
-            self.channel.request_all([*self.motion.halts(), Stop()], now, replied)
+            self.channel.request_all(whole_stop(self.motion.halt(), self._moves_on), now, replied, STOP_REPLY)
         except JakaError as error:
             self._say(logging.ERROR, "the arm could not be stopped: %s" % error, now)
             answer(error)
@@ -436,6 +446,7 @@ class Admission:
         """
         state = self._sight.fresh_state(now)
         require_start(owner, self.evidence(owner, state))
+        self._custody.channel.require_prompt(owner.value)
         if not self._sight.is_up:
             raise ConnectionLost("no link to the controller: " + self._sight.last_error)
         return state

@@ -3,6 +3,9 @@
 Frames may have waited on their way: in this process while it was stopped, in the network, in the controller. Such
 frames come faster than the controller makes them. After a silence frames are therefore old news until they come in
 their own rhythm again, unless all that were made meanwhile have come at once.
+
+A feed that falls behind without a silence owes frames: those of its period that have not come. Whether it owes them to
+a slow link or is made more slowly than the controller says, arrivals do not tell; ``Witness`` does.
 """
 from collections import deque
 from dataclasses import dataclass
@@ -27,6 +30,17 @@ _MISSING_S = 0.05
 _RATE_WINDOW = 250
 _USUAL_WINDOW = 9
 _TICK_S = 1e-6
+_CLOCKS_DIFFER = 0.015
+"""Share by which a feed may be slower than its period, for good: clocks differ, and a controller counts in cycles."""
+_SLOWER_BY_NATURE = 1.5
+"""A rhythm slower than the period by this factor is a controller's that does not keep to it, unless it once did."""
+_MEAN_SHARE = 0.02
+_RHYTHM_FRAMES = 100
+"""Frames after which the mean tells the rhythm of a connection."""
+LONGEST_DEBT_S = 0.45
+"""s; a feed that owes frames of so long a time is taken for old, where no witness says that it is not."""
+_REFUTED_DEBT_S = 1.0
+"""s; a feed that owes so much and yet is not old is made at the rhythm at which it comes."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +70,18 @@ class Feed:
     Attributes:
         state: That state, however old; None before the first.
         last_byte_at: When the port last sent anything, s.
+        owed: Frames of so long a time have not come on this connection, s, silences left out.
     """
 
     def __init__(self, period: float) -> None:
         """``period``: how often the controller was asked for a frame, s."""
         self._period = period
+        self._due_period: Optional[float] = None
+        self._mean = 0.0
+        self._counted = 0
+        self._keeps_period = False
+        self._is_given_up = False
+        self.owed = 0.0
         self._stream = FrameStream()
         self._arrivals: Deque[float] = deque(maxlen=_RATE_WINDOW)
         self._intervals: Deque[float] = deque(maxlen=_USUAL_WINDOW)
@@ -82,8 +103,35 @@ class Feed:
         self._intervals.clear()
         self._last_piece = None
         self._is_doubtful = self._was_held_up = False
-        self._missing = 0.0
+        self._missing = self.owed = 0.0
+        self._counted = 0
         self.last_byte_at = now
+
+    def confirmed(self, period: Optional[float]) -> None:
+        """Count debt from the period that the controller confirmed, s; none where it did not say."""
+        self._due_period = period if period is not None and period > 0.0 else None
+        self._keeps_period = False
+        self.owed = 0.0
+
+    def refute_debt(self) -> None:
+        """Take the rhythm at which frames come for the controller's own: a witness has seen that they are not old."""
+        if self.owed > _REFUTED_DEBT_S and len(self._arrivals) > _RHYTHM_FRAMES:
+            self._due_period = (self._arrivals[-1] - self._arrivals[0]) / (len(self._arrivals) - 1)
+            self.owed = 0.0
+
+    def give_up(self) -> None:
+        """Take what counted as new for old: there is no fresh state before the next new one."""
+        self._is_given_up = True
+
+    @property
+    def is_flooded(self) -> bool:
+        """The connection brings so much that is no frame that it is not read any more."""
+        return self._stream.is_flooded
+
+    @property
+    def usual_period(self) -> float:
+        """The usual time between two pieces, s."""
+        return sorted(self._intervals)[len(self._intervals) // 2] if self._intervals else self._period
 
     def held_up(self) -> None:
         """Nobody read for a while: what has piled up is old news."""
@@ -93,7 +141,8 @@ class Feed:
         """Take bytes of the port; returns the states that they complete, and whether each tells of now."""
         self.last_byte_at = now
         states: List[RobotState] = []
-        for item in self._stream.feed(data):
+        items = self._stream.feed(data)
+        for item in items:
             try:
                 if isinstance(item, FramingError):
                     raise item
@@ -104,10 +153,11 @@ class Feed:
                 self._last_damage = str(error)
         if not states:
             return []
-        new = self._count_new(len(states), now)
+        new = self._count_new(len(states), len(items), now)
         self._frames += len(states)
         if new:
             self.state = states[-1]
+            self._is_given_up = False
             self._arrivals.extend([state.received_at for state in states])
         oldest_new = len(states) - new
         return [(state, index >= oldest_new) for index, state in enumerate(states)]
@@ -115,7 +165,7 @@ class Feed:
     def fresh_state(self, max_age: float, now: float) -> Optional[RobotState]:
         """The newest state, or None when it is older than ``max_age`` s."""
         state = self.state
-        return None if state is None or now - state.received_at > max_age else state
+        return None if state is None or self._is_given_up or now - state.received_at > max_age else state
 
     def health(self, now: float, silence_timeout: float) -> FeedHealth:
         """Rate, jitter and damage."""
@@ -130,8 +180,10 @@ class Feed:
             jitter = deviations[int(0.99 * (len(deviations) - 1))]
         return FeedHealth(rate, jitter, age, self._frames, self._damaged, self._last_damage)
 
-    def _count_new(self, count: int, now: float) -> int:
-        """How many of the frames of a piece, that arrives now, tell of now: the newest so many.
+    def _count_new(self, count: int, sent: int, now: float) -> int:
+        """Count those of the ``count`` frames of a piece that tell of now: the newest so many.
+
+        ``sent`` counts the damaged ones, too.
 
         After a pause the newest one does, where nothing was in doubt before and nearly all frames have come that were
         made since. A doubt ends with a piece before which the port was silent for half a period for each of its frames:
@@ -143,12 +195,15 @@ class Feed:
             self._is_doubtful = was_held_up
             return 0 if was_held_up else MAX_BURST
         interval = now - last
-        usual = sorted(self._intervals)[len(self._intervals) // 2] if self._intervals else self._period
+        usual = self.usual_period
         if interval >= _SHORTEST_PERIOD_S:
             self._intervals.append(interval)
         period = min(self._period, usual)
         self._missing = max(0.0, self._missing + interval - count * period)
-        if was_held_up or interval > max(SILENCE_S, 3.0 * usual):
+        is_silence = was_held_up or interval > max(SILENCE_S, 3.0 * usual)
+        if not is_silence:
+            self._count_debt(interval, sent)
+        if is_silence:
             self._is_doubtful = self._is_doubtful or self._missing > _MISSING_S
             return 0 if self._is_doubtful else 1
         if interval >= max(_SHORTEST_PERIOD_S, 0.5 * period) * count:
@@ -156,3 +211,16 @@ class Feed:
             if interval <= 3.0 * usual:
                 self._missing = 0.0
         return 0 if self._is_doubtful else MAX_BURST
+
+    def _count_debt(self, interval: float, count: int) -> None:
+        due = self._due_period
+        self._mean += min(1.0, _MEAN_SHARE * count if self._counted else 1.0) * (interval / count - self._mean)
+        self._counted += count
+        if due is None:
+            return
+        if self._counted > _RHYTHM_FRAMES and self._mean <= (1.0 + _CLOCKS_DIFFER) * due:
+            self._keeps_period = True
+        if self._mean > _SLOWER_BY_NATURE * due and not self._keeps_period:
+            self.owed = 0.0
+        else:
+            self.owed = max(0.0, self.owed + (1.0 - _CLOCKS_DIFFER) * interval - count * due)

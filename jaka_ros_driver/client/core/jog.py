@@ -5,8 +5,8 @@ from typing import Any, List, Optional
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import Motion, MotionOwner, rest_time_at
 from jaka_ros_driver.client.core.move import START_WINDOW_S
-from jaka_ros_driver.commands import Command, JogStop
 from jaka_ros_driver.commands import Jog as JogCommand
+from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.errors import JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
 
@@ -26,6 +26,7 @@ class Jog(Motion):
     def __init__(self, custody: Custody, command: JogCommand, call: Any) -> None:
         """Prepare; ``call`` is answered with the controller's acceptance."""
         self.command = command
+        self.jog_stop = JogStop(command.frame, command.axis)
         self._custody = custody
         self._calls: List[Any] = [call]
         self._accepted_at: Optional[float] = None
@@ -56,9 +57,6 @@ class Jog(Motion):
                                       % self._custody.settings.jog_timeout)
             self._custody.stop(MotionInterrupted(
                 StopCause.STOPPED, "no jog call for %.3g s" % self._custody.settings.jog_timeout), now)
-
-    def halts(self) -> List[Command]:
-        return [JogStop(self.command.frame, self.command.axis)]
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         self._custody.actions.answer_all(self._calls, outcome)

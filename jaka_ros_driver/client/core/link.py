@@ -1,11 +1,18 @@
 """Keeps one connection up: asks for it, and for a new one with growing pauses when it goes down."""
 import logging
+from collections import deque
+from typing import Deque, NamedTuple
 
 from jaka_ros_driver.client.core.actions import Actions, Close, Open, Port
 
 _FIRST_PAUSE_S = 0.1
 _LONGEST_PAUSE_S = 0.5
 _STABLE_TIME_S = 2.0
+_FIRST_WAY_S, _LONGEST_WAY_S = 1.0, 10.0
+"""s; pauses of a link that gives way to another client."""
+_RIVALS_GONE_S = 30.0
+"""s; a connection that lasted so long, longer than any pause, shows that nobody takes the port any more."""
+_TAKEN_TIMES, _TAKEN_WITHIN_S = 3, 10.0
 _NEVER = float("inf")
 
 
@@ -26,7 +33,8 @@ class Link:
         self._port = port
         self._actions = actions
         self._pause = 0.0
-        self._opened_at = 0.0
+        self._way = 0.0
+        self._opened_at = self._ended_at = 0.0
         self._is_stopped = False
         self.is_up = False
         self.connections = 0
@@ -48,8 +56,9 @@ class Link:
         self.last_error = reason
 
     def opened(self, now: float) -> None:
-        """It is connected."""
+        """Note that it is connected: no other try is due."""
         self.is_up = True
+        self.retry_at = _NEVER
         self._opened_at = now
         self.connections += 1
         self.last_error = ""
@@ -68,6 +77,8 @@ class Link:
         self.is_up = False
         if now - self._opened_at > _STABLE_TIME_S:
             self._pause = 0.0
+        if now - self._opened_at > _RIVALS_GONE_S:
+            self._way = 0.0
         self._actions.log(logging.WARNING, "%s lost: %s" % (self._port.value, reason))
         self._again(reason, now)
 
@@ -75,6 +86,25 @@ class Link:
         """End the connection from this side, and ask for a new one."""
         self._actions.add(Close(self._port, reason))
         self.lost(reason, now)
+
+    def give_way(self, now: float) -> None:
+        """Leave the port to another client for a while, longer each time; called when the connection has ended."""
+        self._way = min(_LONGEST_WAY_S, max(_FIRST_WAY_S, 2.0 * self._way))
+        if self.retry_at != _NEVER:
+            self.retry_at = now + self._way
+
+    def gives_way(self, now: float) -> bool:
+        """Return whether another client was seen to take the port, and has not been seen to be gone."""
+        return self._way > 0.0 and not (self.is_up and self.lasted(now) > _RIVALS_GONE_S)
+
+    def lasted(self, now: float) -> float:
+        """Return how long the present connection has lasted, s."""
+        return now - self._opened_at
+
+    def hurry(self) -> None:
+        """Give way to nobody with the next try: a stop is owed."""
+        if self._way and self.retry_at != _NEVER:
+            self.retry_at = min(self.retry_at, self._ended_at + self._pause)
 
     def tick(self, now: float) -> None:
         """Ask for a connection when that is due."""
@@ -84,5 +114,35 @@ class Link:
 
     def _again(self, reason: str, now: float) -> None:
         self.last_error = reason
+        self._ended_at = now
         self._pause = min(_LONGEST_PAUSE_S, max(_FIRST_PAUSE_S, 2.0 * self._pause))
         self.retry_at = _NEVER if self._is_stopped else now + self._pause
+
+
+class _End(NamedTuple):
+    at: float
+    lasted: float
+
+
+class Takeovers:
+    """Tells another client, which takes the command port again and again, from other losses of a link.
+
+    The controller does not say who it is. It closes one client's connection when it accepts the next one, or at once
+    where it keeps its first client, and goes on with its status feed meanwhile.
+    """
+
+    def __init__(self) -> None:
+        self._ends: Deque[_End] = deque(maxlen=_TAKEN_TIMES)
+
+    def note(self, lasted: float, now: float) -> None:
+        """Count a connection that the controller has ended after so long, s, while all else was well."""
+        self._ends.append(_End(now, lasted))
+
+    def are_rivalry(self, now: float) -> bool:
+        """The port was taken three times in ten seconds."""
+        return len(self._ends) == _TAKEN_TIMES and now - self._ends[0].at <= _TAKEN_WITHIN_S
+
+    def __str__(self) -> str:
+        return ("another client seems to use this controller, which does not say who: it ended the last %d connections "
+                "to the command port after %s s, and its status port was well" % (
+                    len(self._ends), ", ".join(["%.1f" % end.lasted for end in self._ends])))

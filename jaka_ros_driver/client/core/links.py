@@ -2,22 +2,26 @@
 
 What is lost with a link is told to the custody of the motion at once; nothing is ever sent twice.
 """
+import logging
 from dataclasses import dataclass
 from typing import Any, Callable, Optional, Tuple
 
 from jaka_ros_driver.client.core.actions import Actions, Port, Show
 from jaka_ros_driver.client.core.channel import Channel, Introduction
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.feed import SILENCE_S, Feed, FeedHealth
-from jaka_ros_driver.client.core.link import Link
+from jaka_ros_driver.client.core.feed import LONGEST_DEBT_S, SILENCE_S, Feed, FeedHealth
+from jaka_ros_driver.client.core.link import Link, Takeovers
 from jaka_ros_driver.client.core.procedures import session
 from jaka_ros_driver.client.core.procedures.procedure import Running
+from jaka_ros_driver.client.core.witness import Witness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Query
 from jaka_ros_driver.errors import ConnectionLost, JakaError, ReplyTimeout
 from jaka_ros_driver.state import RobotState
 
 _BEAT_PERIOD_S = 0.25
+_GUARD_ACTS_S = 1.0
+"""s; so long after this process was held up, a connection that has ended may have been the guard's doing."""
 _NEVER = float("inf")
 
 
@@ -64,12 +68,15 @@ class Links:
         self._custody = custody
         self._on_disturbed = on_disturbed
         self._feed = Feed(settings.feed_period)
+        self._witness = Witness(actions, channel, settings.silence_timeout)
         self._command = Link(Port.COMMAND, actions)
         self._status = Link(Port.STATUS, actions)
         self._handshake: Optional[Running] = None
         self._next_beat = _NEVER
         self._last_event = 0.0
         self._held_up = 0.0
+        self._held_up_at = -_NEVER
+        self._takeovers = Takeovers()
         self._has_sight = False
         self._health = _HealthWatch()
         self._is_closing = False
@@ -134,15 +141,18 @@ class Links:
         """Every event passes here: nobody came for a while, as after the process was stopped, is noticed."""
         gap, self._last_event = now - self._last_event, now
         if gap > SILENCE_S:
-            self._held_up = gap
+            self._held_up, self._held_up_at = gap, now
             self._feed.held_up()
+            self._witness.forget()
 
     def opened(self, port: Port, now: float) -> None:
         if port is Port.STATUS:
             self._status.opened(now)
             self._feed.open(now)
+            self._witness.forget()
             return
         self._command.opened(now)
+        self._witness.open()
         introduction = self._channel.open()
         if not self._settings.simulator:
             self._trust(introduction, now)
@@ -160,21 +170,34 @@ class Links:
             self._status.lost(reason, now)
             self._sight_lost(reason, now)
         else:
-            self._command.lost(reason, now)
-            self._command_lost(reason, now)
+            self._command_ended(reason, now)
 
     def received(self, port: Port, data: bytes, now: float) -> None:
         if port is Port.COMMAND:
             self._channel.received(data, now)
+            if self._command.is_up and self._channel.is_flooded:
+                self._drop_command("command port: nothing that comes answers a request", now)
             return
+        doubt = ""
         for state, is_new in self._feed.received(data, now):
             trouble = self._health.trouble(state)
             if trouble:
                 self._on_disturbed(trouble)
+            doubt = doubt or self._witness.saw(state, is_new, self._feed.usual_period)
+            is_new = is_new and not doubt
             if is_new:
                 self._has_sight = True
                 self._custody.observe(state, now)
             self._actions.add(Show(state, is_new))
+        if self._witness.take_motion_seen():
+            self._feed.refute_debt()
+        elif not doubt and not self._witness.is_trusted and self._feed.owed > LONGEST_DEBT_S:
+            doubt = "frames of %.2f s have not come, though it never fell silent" % self._feed.owed
+        if doubt:
+            self._feed.give_up()
+            self._drop_feed("status port: old news: " + doubt, now)
+        elif self._feed.is_flooded:
+            self._drop_feed("status port: what comes are no status frames", now)
 
     def tick(self, now: float) -> None:
         late = self._channel.overdue(now)
@@ -183,12 +206,16 @@ class Links:
         self._watch_feed(now)
         if self._handshake is not None:
             self._handshake.tick(now)
+        if self._custody.must_stop:
+            self._command.hurry()
         self._command.tick(now)
         self._status.tick(now)
         if now >= self._next_beat and self._channel.is_open:
             self._next_beat = _NEVER
             self._channel.request(Query.SERVO_MODE, now, lambda result, error, at: self._beat_replied(
                 result, error, now, at))
+            if self._has_sight:
+                self._witness.ask(now)
 
     def close(self) -> None:
         """The driver is about to end."""
@@ -219,6 +246,7 @@ class Links:
             return
         self._handshake = None
         self.about = about
+        self._feed.confirmed(about.feed_period)
         self.is_servo_active = about.is_servo_active
         self._channel.io_index_base = session.io_index_base(self._settings, about.version)
         self.is_ready = True
@@ -235,6 +263,26 @@ class Links:
         if error is None:
             self.is_servo_active = bool(result)
             self._custody.heard_servo_mode(self.is_servo_active, asked_at, now)
+
+    def _command_ended(self, reason: str, now: float) -> None:
+        """The controller has ended the connection; another client that takes the port again and again is given way."""
+        lasted = self._command.lasted(now)
+        is_all_well = (self._has_sight and self._status.is_up and now - self._held_up_at > _GUARD_ACTS_S
+                       and self._feed.fresh_state(self._settings.stale_after, now) is not None)
+        if is_all_well and self._command.is_up:
+            self._takeovers.note(lasted, now)
+        was_giving_way = self._command.gives_way(now)
+        is_taken = is_all_well and (was_giving_way or self._takeovers.are_rivalry(now))
+        if is_taken:
+            reason = "%s: %s" % (self._takeovers, reason)
+        self._command.lost(reason, now)
+        if is_taken:
+            self._command.give_way(now)
+            if not was_giving_way:
+                self._actions.log(logging.ERROR, "giving way: %s" % self._takeovers)
+        self._command_lost(reason, now)
+        if self._custody.must_stop:
+            self._command.hurry()
 
     def _drop_command(self, reason: str, now: float, late: Any = None) -> None:
         self._command.drop(reason, now)
@@ -259,10 +307,13 @@ class Links:
         if self._status.is_up and max(silent, held_up) > timeout:
             reason = ("the driver was held up for %.1f s" % held_up if held_up > timeout
                       else "status port: silent for %.1f s" % silent)
-            self._status.drop(reason, now)
-            self._sight_lost(reason, now)
+            self._drop_feed(reason, now)
         elif self._has_sight and self._feed.fresh_state(timeout, now) is None:
             self._sight_lost("no readable status frame for %.1f s" % timeout, now)
+
+    def _drop_feed(self, reason: str, now: float) -> None:
+        self._status.drop(reason, now)
+        self._sight_lost(reason, now)
 
     def _sight_lost(self, reason: str, now: float) -> None:
         if self._has_sight:

@@ -1,14 +1,13 @@
 """What all motions have in common: an owner's name, what ends them on the wire, what stands against them."""
 import enum
-from typing import List, Optional
+from typing import Optional
 
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
-from jaka_ros_driver.commands import Command
+from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.errors import MotionInterrupted
 from jaka_ros_driver.state import RobotState
 
 _NEVER = float("inf")
-_LONGEST_REST_TIME_S = 5.0
 _REACH = 1.5
 """m; a joint turns at least by the tool's way divided by this."""
 
@@ -23,6 +22,7 @@ class MotionOwner(enum.Enum):
     VELOCITY_JOG = "a velocity jog"
     PATH = "a path"
     PROGRAM = "a program"
+    LEFT = "what a dead driver left moving"
     SETTING = "a change of frames, payload or hand guiding"
 
 
@@ -35,6 +35,7 @@ class Motion:
         deadline: When its time is over, s; infinite where it has no limit.
         is_leaving: It comes to its end by itself: who wants the arm waits for that.
         is_told_at_rest: After a stop its callers are told when the arm rests, not when the stop is accepted.
+        jog_stop: The command that ends its jog; None where it is none.
     """
 
     owner = MotionOwner.MOVE
@@ -42,6 +43,12 @@ class Motion:
     deadline = _NEVER
     is_leaving = False
     is_told_at_rest = False
+    jog_stop: Optional[JogStop] = None
+
+    @property
+    def name(self) -> str:
+        """What it is, in words."""
+        return self.owner.value
 
     def begin(self, now: float) -> None:
         """Send its first command.
@@ -75,9 +82,9 @@ class Motion:
         """After an accepted stop or a refusal, with the joints at rest: this state does not say that it goes on."""
         return True
 
-    def halts(self) -> List[Command]:
-        """What must be sent before the stop to end this kind of motion; nothing else is sent from now on."""
-        return []
+    def halt(self) -> Optional[JogStop]:
+        """Send nothing any more: the motion is being stopped. Returns what ends its jog, where it is one."""
+        return self.jog_stop
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         """Answer whoever waits for it: it is completed (None), or was interrupted. Only the first word counts."""
@@ -96,6 +103,9 @@ def event_text(state: RobotState) -> str:
 
 
 def rest_time_at(speed: float, is_linear: bool) -> float:
-    """How long the joints must be still, s, so that a motion of this speed, rad/s (m/s of the tool), would be seen."""
+    """Return the time of stillness, s, in which a motion of this speed, rad/s (m/s of the tool), would be seen.
+
+    The audit's lowest speed (``limits.SLOWEST``) bounds it to 1.2 s.
+    """
     joint_speed = speed / _REACH if is_linear else speed
-    return min(_LONGEST_REST_TIME_S, max(REST_TIME_S, 2.0 * MOVEMENT / joint_speed))
+    return max(REST_TIME_S, 2.0 * MOVEMENT / joint_speed)

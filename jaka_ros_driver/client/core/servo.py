@@ -7,7 +7,7 @@ from jaka_ros_driver.client.core.servo_planner import JointServo, PoseServo
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.client.core.streaming import MAX_JOINT_DEVIATION, Frame, OnMode, Streaming, commanded_joints
-from jaka_ros_driver.commands import Command, Pose, ServoJoint
+from jaka_ros_driver.commands import JogStop, Pose, ServoJoint
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
@@ -80,9 +80,9 @@ class Servo(Streaming):
 
     # ---- life ----
 
-    def halts(self) -> List[Command]:
+    def halt(self) -> Optional[JogStop]:
         self._stream = None
-        return super().halts()
+        return super().halt()
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         self._on_mode(False, str(outcome) if outcome is not None else self._leave_reason or "")

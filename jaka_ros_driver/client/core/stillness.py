@@ -8,6 +8,16 @@ REST_TIME_S = 0.08
 """s; the joints are still for so long before the arm counts as at rest."""
 MOVEMENT = 2e-4
 """rad (0.011 deg); a joint that is farther than this from where it was first seen has moved."""
+_CREEP_FACTOR = 2.0
+_LONGEST_STEP = 3.0 * MOVEMENT
+"""rad; an arm that is farther away at once does not creep."""
+_LONGEST_STEP_S = 0.6
+"""s; an arm that needs so long for one ``MOVEMENT`` and rests before and afterwards has twitched.
+
+One that needs less may creep: it counts as at rest when it has been still clearly longer than it was before that step.
+So 0.0005 rad/s, with a step every 0.4 s, is never rest. At the usual end of a motion the last step took less than
+0.04 s, which changes nothing.
+"""
 _LONGEST_GAP_S = 0.6
 """s; across a longer gap between two frames nothing is known."""
 _COUNTED_GAP_S = 0.04
@@ -22,6 +32,7 @@ class Stillness:
     def __init__(self) -> None:
         self._anchor: Optional[Vector] = None
         self._since = 0.0
+        self._step_time = 0.0  # between the last two anchors
         self._seen_since = 0.0
         self._last = 0.0
         self._long_gaps: Deque[Tuple[float, float]] = deque(maxlen=_KEPT_GAPS)  # begin and end, within the rest
@@ -32,8 +43,12 @@ class Stillness:
         anchor = self._anchor
         if anchor is None or now - self._last > _LONGEST_GAP_S:
             self._anchor, self._since, self._seen_since = joints, now, now
+            self._step_time = 0.0
             self._long_gaps.clear()
-        elif max([abs(a - b) for a, b in zip(anchor, joints)]) > MOVEMENT:
+        elif (step := max([abs(a - b) for a, b in zip(anchor, joints)])) > MOVEMENT:
+            step_time = now - self._since
+            is_creep = step <= _LONGEST_STEP and step_time <= _LONGEST_STEP_S
+            self._step_time = step_time if is_creep else 0.0
             self._anchor, self._since = joints, now
             self._long_gaps.clear()
         elif now - self._last > _COUNTED_GAP_S:
@@ -45,8 +60,11 @@ class Stillness:
         self._anchor = None
 
     def duration(self, after: float = 0.0) -> float:
-        """For how long the arm has been seen at rest, s, counted from ``after`` at the earliest."""
-        if self._anchor is None:
+        """Return for how long the arm has been seen at rest, s, counted from ``after`` at the earliest.
+
+        It is 0 while the arm may still creep.
+        """
+        if self._anchor is None or self._last - self._since < _CREEP_FACTOR * self._step_time:
             return 0.0
         since = max(self._since, after)
         uncounted = sum([max(0.0, end - max(begin, since) - _COUNTED_GAP_S) for begin, end in self._long_gaps])

@@ -1,15 +1,29 @@
 """Stops: of what this driver moves, and of an arm that somebody else may move. Their callers wait for nothing else."""
-from typing import Any, Callable, List
+from typing import Any, Callable, Optional
 
 from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.channel import Channel
 from jaka_ros_driver.client.core.custody import Admission, Custody
 from jaka_ros_driver.client.core.links import Links
-from jaka_ros_driver.client.core.procedures.procedure import OnEnd, Procedure, Until
+from jaka_ros_driver.client.core.procedures.procedure import Now, OnEnd, Procedure, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.commands import Command, SetServoMode, Stop
-from jaka_ros_driver.errors import JakaError, MotionInterrupted, ReplyTimeout, StopCause
+from jaka_ros_driver.commands import STOP_REPLY, whole_stop
+from jaka_ros_driver.errors import (
+    CommandRejected,
+    ConnectionLost,
+    JakaError,
+    MotionInterrupted,
+    ReplyTimeout,
+    StopCause,
+    StopNotSeen,
+)
+from jaka_ros_driver.state import PROGRAM_UNDER_WAY
+
+_COASTING_TIME_S = 0.5
+"""s; an arm that still moves so long after a stop was sent is stopped once more."""
+_REPEATED_FOR_S = 10.0
+"""s; an arm that this driver does not move is stopped again for so long: somebody may move it on purpose."""
 
 CarryOut = Callable[[Procedure, OnEnd, float], None]
 
@@ -32,6 +46,7 @@ class Stops:
         self._admission = admission
         self._patience = settings.reply_timeout
         self._carry_out = carry_out
+        self._newest: Optional[_FreeStop] = None
 
     def stop(self, call: Any, now: float) -> None:
         """Stop for a caller, who is answered once; errors as ``ArmCore.stop``."""
@@ -64,37 +79,117 @@ class Stops:
         self._admission.end_waiting(MotionInterrupted(StopCause.STOPPED))
 
     def _stop_free_arm(self, call: Any, now: float) -> None:
-        """A stop where this driver moves nothing: a program, the pendant, or servo mode of somebody else.
-
-        Its reply may have to wait for that to power_on or enable_robot. Then it is answered when the arm has been seen
-        at rest.
-        """
+        """Stop an arm that this driver does not move: a program, a jog, or servo mode of somebody else."""
         answer = _Once(self._actions, call)
-
-        def replied(_result: Any, error: Any, at: float) -> None:
-            self._admission.stops_under_way -= 1
-            answer(error)
-            self._admission.retry(at)
-
-        def watched(rests: bool, error: Any, _at: float) -> None:
-            answer(error or (None if rests else self._timeout()))
-
-        is_held_up = self._channel.is_held_up
-        commands: List[Command] = [SetServoMode(False)] if self._links.is_servo_active else []
+        stop = _FreeStop(self._channel, self._custody, self._links, self._admission, self._patience, answer)
         try:
-            self._channel.request_all([*commands, Stop()], now, replied)
+            stop.send(now)
         except JakaError as error:
             answer(error)
             return
-        self._admission.stops_under_way += 1
-        if is_held_up:
-            self._carry_out(self._until(lambda: self._custody.stillness.duration(now) >= REST_TIME_S), watched, now)
+        self._newest = stop
+        self._carry_out(self._watched(stop), lambda _, error, _at: answer(error), now)
+
+    def _watched(self, stop: "_FreeStop") -> Procedure:
+        """Answer when the arm is seen at rest, or in time with what is known; and stop it again while it moves on."""
+        if (yield Until(lambda now: stop.look(now, self._newest is stop), self._patience)):
+            return
+        stop.answer(stop.trouble((yield Now())))
+        yield Until(lambda now: self._newest is not stop or stop.look(now, True), _REPEATED_FOR_S)
 
     def _until(self, holds: Callable[[], bool]) -> Procedure:
         return (yield Until(lambda _now: holds(), self._patience))
 
     def _timeout(self) -> ReplyTimeout:
         return ReplyTimeout("stop_program", self._patience)
+
+
+class _FreeStop:
+    """One stop of an arm that this driver does not move, until the arm has been seen at rest.
+
+    Attributes:
+        answer: Ends the call that asked for it.
+    """
+
+    def __init__(self, channel: Channel, custody: Custody, links: Links, admission: Admission, patience: float,
+                 answer: "_Once") -> None:
+        """patience: the longest time to its answer, s."""
+        self.answer = answer
+        self._channel = channel
+        self._custody = custody
+        self._links = links
+        self._admission = admission
+        self._patience = patience
+        self._is_held_up = channel.is_held_up
+        self._sent_at: Optional[float] = None
+        self._accepted_at: Optional[float] = None
+        self._is_over = False
+
+    def send(self, now: float) -> None:
+        """Send it, or send it again; raises as ``Channel.request``."""
+        is_repeated = self._sent_at is not None
+        self._channel.request_all(whole_stop(None, is_repeated), now, self._replied, STOP_REPLY)
+        self._sent_at = now
+        self._admission.stops_under_way += 1
+
+    def look(self, now: float, may_repeat: bool) -> bool:
+        """Look at what is known now; returns whether nothing is left to be done."""
+        assert self._sent_at is not None
+        if self._is_over:
+            return True
+        if not self._custody.is_free or self._is_seen_at_rest(now):  # nothing is moved by this driver before rest
+            self.answer(None)
+            return True
+        if may_repeat and self._accepted_at is not None and self._moves_on(now):
+            try:
+                self.send(now)
+            except JakaError as error:
+                self.answer(error)
+                return True
+        return False
+
+    def trouble(self, now: float) -> JakaError:
+        """Return what is known where the arm was not seen at rest in time."""
+        if self._accepted_at is None:
+            return ReplyTimeout("stop_program", self._patience)
+        try:
+            self._links.fresh_state(now)
+        except ConnectionLost as error:
+            return StopNotSeen("the controller accepted the stop; whether the arm rests is not known: %s" % error)
+        return StopNotSeen("the controller accepted the stop, and %.1f s later the arm has not come to rest; it moves, "
+                           "and not by this driver" % self._patience)
+
+    def _is_seen_at_rest(self, now: float) -> bool:
+        """Wait for rest alone where the stop's reply may have to wait for power_on or enable_robot."""
+        stillness = self._custody.stillness
+        try:
+            state = self._links.fresh_state(now)
+        except ConnectionLost:
+            return False
+        if state.program_state in PROGRAM_UNDER_WAY:
+            return False
+        if self._accepted_at is not None:
+            return state.received_at > self._accepted_at and stillness.duration() >= REST_TIME_S
+        return self._is_held_up and stillness.duration(self._sent_at or now) >= REST_TIME_S
+
+    def _moves_on(self, now: float) -> bool:
+        """The arm, or a program, goes on though the stop was accepted; what a hand moves no stop ends."""
+        try:
+            state = self._links.fresh_state(now)
+        except ConnectionLost:
+            return False
+        coasts_until = (self._sent_at or now) + _COASTING_TIME_S
+        return not self._admission.is_guided_in(state) and state.received_at > coasts_until and (
+            self._custody.stillness.has_moved_since(coasts_until) or state.program_state in PROGRAM_UNDER_WAY)
+
+    def _replied(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+        self._admission.stops_under_way -= 1
+        if error is None and self._accepted_at is None:
+            self._accepted_at = now
+        elif error is not None and (self._accepted_at is None or not isinstance(error, CommandRejected)):
+            self._is_over = True
+            self.answer(error)
+        self._admission.retry(now)
 
 
 class _Once:

@@ -1,11 +1,11 @@
 """What motions in servo mode have in common: entered and confirmed, one frame every 8 ms, left at rest."""
-from typing import Any, Callable, List, Optional, Union
+from typing import Any, Callable, Optional, Union
 
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import Motion
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Running, pause
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
-from jaka_ros_driver.commands import Command, Query, ServoJoint, ServoPose, SetServoMode
+from jaka_ros_driver.commands import JogStop, Query, ServoJoint, ServoPose, SetServoMode
 from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
 from jaka_ros_driver.state import RobotState, Vector
@@ -119,10 +119,10 @@ class Streaming(Motion):
             return
         self._send_frame(now)
 
-    def halts(self) -> List[Command]:
+    def halt(self) -> Optional[JogStop]:
         self._next_frame = _NEVER
         self._confirming = None
-        return [SetServoMode(False)]
+        return None
 
     # ---- inside ----
 

@@ -11,6 +11,8 @@ from jaka_ros_driver.protocol.status import encode_frame
 
 HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
 PERIOD = 0.008
+WHOLE_STOP = ["servo_move", "stop_program"] + ["jog"] * 6
+"""Command names of a stop where no jog's axis is known; the jogs are ended by ``jog`` of mode 0."""
 
 
 class Story:
@@ -19,7 +21,7 @@ class Story:
     Attributes:
         answers: What was answered, by the call's token: (time, result, error).
         sent: (time, request) of all that was sent.
-        told: Words for the guard.
+        told: Words for the guard; tells: the same, with what moves.
         replies: What the controller answers: command name to errorCode, or None for no reply.
         extra: What its replies hold besides: command name to fields.
     """
@@ -33,6 +35,7 @@ class Story:
         self.answers = {}
         self.sent = []
         self.told = []
+        self.tells = []
         self.shown = []
         self.log = []
         self.asked_to_connect = []
@@ -41,12 +44,15 @@ class Story:
         self.servo_mode = False
         self.core = ArmCore(ClientSettings("10.0.0.1", **settings), load_model("zu7"))
         self._stream = ObjectStream()
-        self.core.start(self.now)
+        self._begin()
         self.perform()
         if ready:
             self.connect()
             self.run(0.2)
             assert self.core.is_ready(self.now)
+
+    def _begin(self):
+        self.core.start(self.now)
 
     def connect(self):
         for port in (Port.COMMAND, Port.STATUS):
@@ -62,6 +68,7 @@ class Story:
                 self._take(action.data)
             elif isinstance(action, Tell):
                 self.told.append(action.is_moving)
+                self.tells.append(action)
             elif isinstance(action, Show):
                 self.shown.append(action)
             elif isinstance(action, Log):
@@ -81,7 +88,10 @@ class Story:
                 self.reply(name, code)
 
     def reply(self, name, code="0"):
-        extra = {"get_version": {"version": "1"}, "get_port10000_delay_ms": {"port10000_delay_ms": 8},
+        is_on = bool(self.fields.get("powered_on", True)), bool(self.fields.get("enabled", True))
+        extra = {"get_joint_pos": {"joint_pos": [math.degrees(q) for q in self.joints]},
+                 "get_robot_state": {"power": int(is_on[0]), "enable": is_on[1]}, "get_version": {"version": "1"},
+                 "get_port10000_delay_ms": {"port10000_delay_ms": 8},
                  "is_in_servomove": {"in_servomove": self.servo_mode}, **self.extra}.get(name, {})
         text = json.dumps({"cmdName": name, "errorCode": code, "errorMsg": "", **extra})
         self.core.received(Port.COMMAND, text.encode(), self.now)

@@ -1,5 +1,6 @@
 """The links: made again at bounded pauses, left when told so, watched, and made sure of whose they are."""
 import json
+import time
 
 import pytest
 from stories import HOME, Story
@@ -155,4 +156,129 @@ def test_nothing_but_the_question_who_it_is_leaves_on_a_link_that_is_not_confirm
     story.replies["get_simulator_identity"] = "0"
     story.reply("get_simulator_identity")
     story.run(0.3)
-    assert story.names()[0] in ("stop_program", "get_version") and story.core.is_ready(story.now)
+    assert story.names()[0] in ("servo_move", "get_version") and story.core.is_ready(story.now)
+
+
+def test_a_flood_on_the_status_port_stops_what_moves_and_the_port_is_made_anew():
+    story = Story()
+    story.core.move("move", MOVE, True, story.now)
+    story.run(0.3, move=1.0, inpos=False)
+    story.feed = False
+    for _ in range(5):
+        story.core.received(Port.STATUS, b'{"len": 60000, ' * 4369, story.now)
+        story.run(0.008)
+    assert story.cause("move") is StopCause.LINK_LOST and story.count("stop_program") == 1
+    assert closes(story) == [Port.STATUS] and "no status frames" in story.core.links.last_error
+
+
+@pytest.mark.parametrize("unit", [b"{}", b"{", b"#", b'{"cmdName": "stop_program", "errorCode": "0"}'])
+def test_a_flood_on_the_command_port_is_not_read_to_its_end_and_the_port_is_made_anew(unit):
+    story = Story()
+    data = unit * ((1 << 20) // len(unit))
+    before = time.process_time()
+    story.core.received(Port.COMMAND, data, story.now)
+    assert time.process_time() - before < 0.2
+    story.perform()
+    assert closes(story) == [Port.COMMAND] and not story.core.links.is_ready
+    assert "answers" in story.core.links.last_error
+
+
+def test_replies_without_end_that_are_asked_for_are_no_flood():
+    story = Story()
+    for number in range(3000):
+        story.core.run(number, story.core.ask(c.ClearError()), story.now)
+        story.perform()
+    assert not closes(story)
+
+
+class Rival:
+    """Another client, which takes the command port ``after`` s on each connection of the driver."""
+
+    def __init__(self, story, after=0.4):
+        self.story, self.after = story, after
+        self.seen, self.opened_at = len(story.asked_to_connect), story.now
+
+    def run(self, seconds, times=10 ** 6, **running):
+        story = self.story
+        for _ in range(int(seconds / 0.008)):
+            story.run(0.008, **running)
+            new, self.seen = story.asked_to_connect[self.seen:], len(story.asked_to_connect)
+            if any(action == Open(Port.COMMAND) for _, action in new):
+                story.core.opened(Port.COMMAND, story.now)
+                story.perform()
+                self.opened_at = story.now
+            if self.opened_at is not None and story.now - self.opened_at >= self.after and times:
+                times -= 1
+                self.opened_at = None
+                story.core.closed(Port.COMMAND, "closed by the controller", story.now)
+                story.perform()
+        return self
+
+
+@pytest.mark.parametrize("after", [0.0, 0.4, 2.5])
+def test_a_driver_whose_port_is_taken_three_times_gives_way_and_says_so(after):
+    story = Story()
+    rival = Rival(story, after)
+    while not any("giving way" in text for text in story.log):
+        rival.run(0.008)
+        assert story.now < 110.0
+    assert "another client" in story.core.links.last_error and "another client" in story.core.links.health().last_error
+    story.core.move("move", MOVE, True, story.now)
+    story.core.run("ask", story.core.ask(c.ClearError()), story.now)
+    story.perform()
+    assert all("another client" in str(story.error(call)) for call in ("move", "ask"))
+    del story.asked_to_connect[:]
+    rival.seen = 0
+    rival.run(60.0)
+    tried = opens(story, Port.COMMAND)
+    pauses = [b - a - after for a, b in zip(tried, tried[1:])]
+    assert pauses == pytest.approx(([2.0, 4.0, 8.0] + [10.0] * 9)[:len(pauses)], abs=0.05) and len(pauses) >= 5
+    assert sum("giving way" in text for text in story.log) == 1
+
+
+def test_who_owes_a_stop_takes_the_port_for_it_from_whomever():
+    story = Story()
+    rival = Rival(story, 0.4).run(8.0)
+    assert any("giving way" in text for text in story.log)
+    rival.after = 1e9
+    rival.run(12.0)
+    assert story.core.links.is_ready
+    story.core.move("move", MOVE, True, story.now)
+    story.run(0.3, move=1.0, inpos=False)
+    del story.sent[:]
+    taken_at, rival.after = story.now, 0.0
+    rival.run(0.1, times=1, move=1.0, inpos=False)
+    rival.after = 1e9
+    rival.run(0.9, inpos=False)
+    stop = next(at for at, request in story.sent if request["cmdName"] == "stop_program")
+    assert stop - taken_at < 0.3 and story.names()[:2] == ["servo_move", "stop_program"]
+
+
+def test_a_port_that_nobody_takes_any_more_is_a_port_like_any_other():
+    story = Story()
+    rival = Rival(story).run(20.0)
+    rival.after = 1e9
+    rival.run(45.0)
+    assert story.core.links.is_ready and not story.core.links.last_error
+    rival.after = 0.0
+    rival.run(2.0, times=1)
+    assert story.core.links.is_ready
+
+
+@pytest.mark.parametrize("kind", ["guard", "dark", "seldom"])
+def test_ports_that_are_lost_otherwise_are_taken_back_at_once(kind):
+    story = Story()
+    rival = Rival(story, 1e9)
+    for _ in range(5):
+        rival.run(4.5 if kind == "seldom" else 1.5)
+        if kind == "guard":  # the process stood still, and the guard took the port
+            story.now += 0.4
+        if kind == "dark":
+            story.feed = False
+            rival.run(0.6)
+        story.core.closed(Port.COMMAND, "closed by the controller", story.now)
+        story.perform()
+        story.feed = True
+        rival.run(1.0)
+        assert story.core.links.is_ready
+    assert not any("giving way" in text for text in story.log)

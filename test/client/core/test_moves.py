@@ -2,7 +2,7 @@
 import math
 
 import pytest
-from stories import HOME, Story
+from stories import HOME, WHOLE_STOP, Story
 
 from jaka_ros_driver.client.core.move import START_WINDOW_S
 from jaka_ros_driver.client.core.procedures.pausing import pause
@@ -233,7 +233,7 @@ def test_a_reply_that_does_not_come_ends_the_link_and_the_stop_is_the_next_ones_
     assert isinstance(story.error("move"), ReplyTimeout) and not story.core.is_free
     del story.sent[:]
     story.connect()
-    assert story.names()[0] == "stop_program"
+    assert story.names()[:8] == WHOLE_STOP
     assert story.run(0.2).core.is_free
 
 
@@ -246,6 +246,28 @@ def test_moves_that_are_not_waited_for_are_queued_and_answered_on_acceptance():
     story.run(0.8, move=0.8, **MOVING)
     assert not story.core.is_free
     assert story.run(0.2).core.is_free and story.count("stop_program") == 0
+
+
+def test_rest_at_one_target_of_a_queue_is_not_its_end_while_another_is_not_accepted():
+    story = begun(wait=False, reply_timeout=4.0)
+    story.replies["joint_move"] = None
+    story.core.move("second", JointMove((0.8,) + HOME[1:], 1.0, 1.0), False, story.now, "end of second")
+    story.run(1.1, move=0.5, **MOVING).run(1.5)
+    assert story.error("second") == "pending" and not story.core.is_free and story.count("stop_program") == 0
+    story.reply("joint_move")
+    story.run(0.7, move=0.8, **MOVING).run(0.2)
+    assert story.error("end of second") is None and story.core.is_free and story.count("stop_program") == 0
+
+
+def test_rest_at_the_last_target_of_a_queue_is_made_sure_of_where_one_before_it_was_not_reached():
+    story = begun(wait=False)
+    for number, target in enumerate((0.9, 0.2)):
+        story.core.move(number, JointMove((target,) + HOME[1:], 1.0, 1.0), False, story.now, "end of %d" % number)
+    story.run(1.1, move=0.5, **MOVING).run(0.7, move=0.2, **MOVING).run(0.5)
+    assert not story.core.is_free and story.count("stop_program") == 0, "0.9 rad may still be approached"
+    story.run(1.0)
+    assert story.core.is_free and story.count("stop_program") == 1
+    assert story.cause("end of 0") is StopCause.STOPPED
 
 
 def line_to(story, call, end, x, y, radius=0.0):

@@ -171,6 +171,20 @@ def test_a_stop_during_the_audit_ends_it_before_anything_is_sent():
         assert story.run(0.5).count("moveL") == 0 and story.told == [] and story.core.is_free
 
 
+@pytest.mark.parametrize("how", ["stop", "cancel"])
+def test_a_stop_during_the_last_question_of_the_audit_ends_it_too(how):
+    story = OnPath()
+    story.replies["kine_inverse"] = None
+    story.begin("path", SQUARE[0]).run(0.1)
+    if how == "stop":
+        story.core.stop("stop", story.now)
+    else:
+        story.cancelled = True
+    story.reply("kine_inverse")
+    assert story.cause("path") is (StopCause.STOPPED if how == "stop" else StopCause.CANCELLED)
+    assert story.run(0.5).count("moveL") == 0 and story.told == [] and story.core.is_free
+
+
 def test_an_arm_that_has_moved_during_the_audit_is_not_sent_anywhere():
     story = OnPath()
     story.replies["kine_inverse"] = None
@@ -277,3 +291,27 @@ def test_the_rounded_corner_counts_as_passed():
     assert story.glide(500.0, 200.0).run(0.5).error("path") is None
 
 
+@pytest.mark.parametrize("beside, is_there", [(1.0, True), (3.0, False)])
+def test_a_path_may_end_two_millimetres_beside_its_target(beside, is_there):
+    story = OnPath().begin("path", line(0.5, 0.1)).run(0.1)
+    story.glide(500.0 - beside, 100.0).run(1.5)
+    assert (story.error("path") is None) is is_there and story.core.is_free
+
+
+def test_a_corner_may_be_rounded_by_half_of_the_shorter_segment_beside_it():
+    for radius, is_taken in ((0.05, True), (0.0501, False)):
+        story = OnPath().begin("path", line(0.5, 0.1, radius=radius), line(0.5, 0.3)).run(0.1)
+        assert isinstance(story.error("path"), InvalidCommand) is not is_taken
+
+
+def test_a_turn_in_place_is_followed_by_its_angle():
+    story = OnPath()
+    turned = LinearMove(Pose((0.4, 0.1, 0.3), (math.pi, 0.0, 1.0)), 0.1, 1.0, 0.0)
+    story.begin("path", turned).run(0.1)
+    seen = []
+    for degree in range(58):
+        story.tcp[5] = float(degree)
+        story.joints[0] += 0.001
+        story.run(0.2, inpos=False)
+        seen.append(story.core.path.fraction if story.core.path else 1.0)
+    assert seen == sorted(seen) and seen[28] == pytest.approx(0.49, abs=0.05) and seen[-1] > 0.95

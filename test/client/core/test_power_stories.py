@@ -91,6 +91,19 @@ def test_what_disturbs_the_powering_ends_it_for_good(disturb):
     assert switches(story) == ["power_on"]
 
 
+@pytest.mark.parametrize("before, worse", [
+    ({"powered_on": 0, "enabled": True}, {"enabled": False}),
+    ({"powered_on": 1, "enabled": False}, {"powered_on": 0})], ids=["disabled", "no power"])
+def test_drives_that_go_off_meanwhile_end_the_powering_for_good(before, worse):
+    story = asked(power.auto_enable, **before).run(0.1)
+    begun = switches(story)
+    assert len(begun) == 1
+    story.run(0.05, **worse)
+    story.fields.update(powered_on=1, enabled=False)
+    story.run(0.5)
+    assert switches(story) == begun and "drives went off" in story.core.last_disturbance
+
+
 def test_an_arm_without_drives_is_not_moved():
     for fields in (OFF, {"enabled": False}, {"emergency_stop": 1}, {"protective_stop": 1}):
         story = Story()
@@ -119,3 +132,24 @@ def test_disabling_in_mid_move_stops_the_arm_and_waits_for_its_rest():
     assert story.count("stop_program") == 1 and story.count("disable_robot") == 0
     story.run(0.2)
     assert story.count("disable_robot") == 1 and isinstance(story.error("move"), MotionInterrupted)
+
+
+@pytest.mark.parametrize("on, off, requests, state", [
+    (power.set_power, power.set_power, ["power_on", "power_off"], OFF),
+    (power.set_enabled, power.set_enabled, ["enable_robot", "disable_robot"], {"enabled": False}),
+    (power.set_enabled, power.set_power, ["enable_robot", "disable_robot", "power_off"], {"enabled": False})])
+def test_drives_that_are_coming_on_are_switched_off_though_they_are_off_still(on, off, requests, state):
+    """Else the call would be answered "off", and they would come on behind it."""
+    story = asked(lambda core: on(core, True), **state).run(0.2)
+    story.core.run("off", off(story.core, False), story.now)
+    story.run(0.3)
+    story.fields["powered_on"] = 0
+    story.run(0.3)
+    assert [name for name in story.names() if name in ("power_on", "power_off", "enable_robot", "disable_robot")
+            ] == requests
+    assert story.error("off") is None
+
+
+def test_drives_that_are_off_are_not_switched_off_again():
+    story = asked(lambda core: power.set_power(core, False), **OFF).run(0.3)
+    assert story.error("call") is None and not {"power_off", "disable_robot"} & set(story.names())

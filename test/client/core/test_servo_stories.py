@@ -116,6 +116,15 @@ def test_a_silent_client_leaves_servo_mode_and_the_arm_held():
         story.core.set_servo_target(ServoJoint(HOME), story.now)
 
 
+def test_targets_that_are_refused_do_not_keep_servo_mode():
+    story = streaming(servo_timeout=0.5)
+    for _ in range(70):
+        with pytest.raises(InvalidCommand):
+            story.core.set_servo_target(ServoJoint((HOME[0] + 1.0,) + HOME[1:]), story.now)
+        story.run(PERIOD)
+    assert not story.servo_mode and story.core.is_free
+
+
 def test_a_stop_leaves_servo_mode_first_and_no_frame_follows():
     story = streaming()
     story.core.stop("stop", story.now)

@@ -1,4 +1,7 @@
 """Evidence that the arm rests: every joint, over fresh frames without a gap."""
+import math
+import random
+
 import pytest
 
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S, Stillness
@@ -74,3 +77,64 @@ def test_what_was_seen_before_the_sight_was_lost_does_not_count():
     stillness.lose_sight()
     assert stillness.duration() == 0.0
     assert seen(stillness, 100.408, 100.448).duration() == pytest.approx(0.04)
+
+
+NOISE = 2e-5
+"""rad; more than the readings of these joints are known to differ at rest."""
+QUANTUM = math.radians(1e-4)
+
+
+def rests(angle, period, seconds, noise=0.0, is_still=Stillness):
+    """Times at which an arm counts as at rest, whose joint 1 is at ``angle(t)``, as the feed writes it."""
+    chance, stillness, found = random.Random(1), is_still(), []
+    for n in range(int(seconds / period)):
+        told = [q + chance.uniform(-noise, noise) for q in (angle(n * period), 0.5)]
+        joints = [round(q / QUANTUM) * QUANTUM for q in told] + [0.0] * 4
+        stillness.observe(RobotState(tuple(joints), True, True, True, False, False, received_at=100.0 + n * period))
+        if stillness.duration() >= REST_TIME_S:
+            found.append(n * period)
+    return found
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+@pytest.mark.parametrize("period", [0.008, 0.03, 0.1])
+@pytest.mark.parametrize("speed", [0.0005, 0.0007, 0.001, 0.0024])
+def test_an_arm_that_creeps_does_not_rest(speed, period, noise):
+    rested = rests(lambda t: speed * t, period, 30.0, noise)
+    assert not [t for t in rested if t > 1.2], rested[:5]
+
+
+@pytest.mark.parametrize("period", [0.008, 0.03, 0.1])
+def test_an_arm_whose_readings_are_noisy_rests(period):
+    rested = rests(lambda t: 0.0, period, 30.0, NOISE)
+    assert len(rested) >= 29.5 / period
+
+
+class _WithoutCreep(Stillness):
+    """Rest as it was before creeping counted."""
+
+    def observe(self, state):
+        super().observe(state)
+        self._step_time = 0.0
+
+
+ENDS = {
+    "4 rad/s2": lambda t: -2.0 * t * t, "0.5 rad/s2": lambda t: -0.25 * t * t, "0.1 rad/s2": lambda t: -0.05 * t * t,
+    "20 rad/s3": lambda t: -20.0 * t ** 3 / 6.0, "1 rad/s3": lambda t: -t ** 3 / 6.0,
+    "a filter of 0.05 s": lambda t: 0.02 * (1.0 - math.exp(t / 0.05)) if t < 0.0 else 0.0}
+SOFT = ("0.1 rad/s2", "1 rad/s3")
+"""They are slower than 0.005 rad/s for long enough to look like a creep for a moment."""
+
+
+@pytest.mark.parametrize("period", [0.008, 0.03, 0.1])
+@pytest.mark.parametrize("end", ENDS)
+def test_a_motion_that_ends_as_motions_do_rests_no_later_or_hardly(end, period):
+    def angle(t):
+        left = 1.0 - t
+        return -abs(ENDS[end](-left)) if left > 0.0 else 0.0
+    now, before = [rests(angle, period, 3.0, NOISE, kind)[0] for kind in (Stillness, _WithoutCreep)]
+    assert 0.0 <= now - before <= (0.12 if end in SOFT else 0.0) + 0.5 * PERIOD
+
+
+def test_a_jump_is_no_creep():
+    assert seen(seen(Stillness(), 100.0, 100.4), 100.408, 100.488, (0.001,) * 6).duration() == pytest.approx(0.08)

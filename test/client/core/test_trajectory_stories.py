@@ -136,6 +136,21 @@ def test_late_cycles_are_left_out_and_made_up_for_without_a_jump():
     assert times[last + 1] - times[first] == pytest.approx(2.0, abs=0.02)
 
 
+def test_no_more_than_a_tenth_of_a_second_of_late_cycles_is_made_up_for():
+    story = following(to(4.0, 0.5)).run(0.8)
+    for _ in range(10):
+        story.now += 0.056
+        story.frame()
+        story.core.tick(story.now)
+        story.perform()
+    late = PERIOD * story.core.late_servo_cycles
+    assert late > 0.4
+    story.run(4.5)
+    times = [at for at, request in story.sent if request["cmdName"] == "servo_j"]
+    moving = [i for i, step in enumerate(moves(story)) if abs(step) > 1e-12]
+    assert times[moving[-1] + 1] - times[moving[0]] == pytest.approx(4.0 + late - 0.1, abs=0.05)
+
+
 def test_a_cancelled_trajectory_brakes_on_its_path_and_ends_at_rest():
     story = following(to(1.0, 1.0, 0.5)).run(0.6)
     assert story.core.cancel_trajectory("goal", story.now)
@@ -219,7 +234,7 @@ def test_a_stop_ends_a_trajectory_that_was_asked_for_before_it(when):
     story.run(0.3)
     story.core.follow("goal", path, start, LOOSE, 0, story.now)
     story.perform()
-    assert story.cause("goal") is StopCause.STOPPED and story.run(0.3).count("servo_move") == 0
+    assert story.cause("goal") is StopCause.STOPPED and not story.run(0.3).servo_mode and not frames(story)
 
 
 @pytest.mark.parametrize("fields, cause", [
@@ -353,6 +368,16 @@ def test_pause_rests_on_the_path_and_resume_goes_on():
     assert story.error("resume") is None and story.error("goal") is None
 
 
+def test_a_trajectory_is_paused_by_its_stream_and_not_by_the_controller():
+    story = following().run(0.8)
+    story.core.run("pause", pause(story.core), story.now)
+    story.run(0.5)
+    assert story.error("pause") is None and story.count("pause_program") == 0
+    held = frames(story)[-1]
+    story.run(0.3)
+    assert frames(story)[-1] == held and 0.0 < held[0] < 0.5
+
+
 def test_a_paused_trajectory_that_is_stopped_does_not_resume():
     story = following(to(1.5, 1.0)).run(0.7)
     story.core.run("pause", pause(story.core), story.now)
@@ -373,3 +398,23 @@ def test_resume_without_a_pause_and_pause_without_a_motion_are_refused():
     story.perform()
     idle.perform()
     assert "is not paused" in str(story.error("resume")) and "moves nothing" in str(idle.error("pause"))
+
+
+def test_the_cause_that_the_feed_shows_is_told_when_the_stop_is_accepted():
+    story = following().run(0.8)
+    story.replies.update({"servo_j": "-8", "stop_program": None})
+    story.run(0.03)
+    story.run(0.03, emergency_stop=1)
+    assert story.error("goal") == "pending"
+    story.reply("stop_program")
+    assert story.run(0.2).cause("goal") is StopCause.EMERGENCY_STOP
+
+
+def test_a_cancelled_trajectory_whose_arm_is_not_seen_at_rest_is_stopped():
+    story = following(to(2.0, 0.5)).run(0.6)
+    assert story.core.cancel_trajectory("goal", story.now)
+    for n in range(300):
+        story.run(PERIOD)
+        story.is_held = True
+        story.joints[0] += 0.002 * (-1) ** n
+    assert story.count("stop_program") >= 1 and story.cause("goal") is StopCause.CANCELLED

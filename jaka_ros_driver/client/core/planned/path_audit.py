@@ -52,7 +52,6 @@ def audit(commands: Sequence[PathCommand], state: RobotState, audited: Callable[
             before = yield from _joints_at(command.via, before, audited, number, "via")
         places.append(Place((yield from _joints_at(command.target, before, audited, number, "target")),
                             command.target))
-    check()
     return SegmentPath(commands, places)
 
 

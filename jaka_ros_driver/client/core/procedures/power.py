@@ -8,7 +8,7 @@ from jaka_ros_driver.client.core.motion import event_text
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Tell, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
-from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState
 
 CLEAR_TIMEOUT_S = 3.0
 """s; how long alarms may take to go, and the arm to come to rest."""
@@ -43,8 +43,7 @@ def set_power(core: ArmCore, on: bool) -> Procedure:
         yield from switch_power(core, True)
         return
     yield from _come_to_rest(core)
-    if (yield from _state(core)).is_enabled:
-        yield from switch_drives(core, False)
+    yield from switch_drives(core, False)
     yield from switch_power(core, False)
 
 
@@ -132,28 +131,37 @@ def switch_power(core: ArmCore, on: bool, check: Callable[[], None] = lambda: No
 
     ``check`` may end it by raising, before the command and while the arm is waited for. MotionInterrupted: not in time.
     """
-    return _switch(core, c.SetPower(on), lambda s: s.is_powered is on, core.settings.power_timeout,
+    return _switch(core, c.SetPower(on), on, lambda s: s.is_powered is on, core.settings.power_timeout,
                    "power on" if on else "power off", check)
 
 
 def switch_drives(core: ArmCore, on: bool, check: Callable[[], None] = lambda: None) -> Procedure:
     """Release or engage the brakes; as ``switch_power``."""
-    return _switch(core, c.SetEnabled(on), lambda s: s.is_enabled is on, core.settings.enable_timeout,
+    return _switch(core, c.SetEnabled(on), on, lambda s: s.is_enabled is on, core.settings.enable_timeout,
                    "enable" if on else "disable", check)
 
 
-def _switch(core: ArmCore, command: c.Command, is_done: Callable[[RobotState], bool], timeout: float, what: str,
-            check: Callable[[], None]) -> Procedure:
+def _switch(core: ArmCore, command: c.Command, on: bool, is_done: Callable[[RobotState], bool], timeout: float,
+            what: str, check: Callable[[], None]) -> Procedure:
     """Send the command unless the state has it already, and wait until it has; ``check`` may raise before each step.
+
+    Drives that are off while an earlier call is switching them on are switched off all the same: they would come on.
 
     The feed tells when it is done, and only it: the reply comes at once or not before that
     (docs/controller-protocol.md section 5.1).
     """
     check()
-    if is_done((yield from _state(core))):
+    begun, kind = (yield Now()), type(command)
+    comes_on = begun - core.switched_on_at.get(kind, -_NEVER) < timeout
+    if is_done((yield from _state(core))) and (on or not comes_on):
+        core.switched_on_at.pop(kind, None)
         return
+    core.switched_on_at.pop(kind, None)
+    if on:
+        core.switched_on_at[kind] = begun
     yield Tell(command)
     if (yield from core.seen(is_done, timeout, check)):
+        core.switched_on_at.pop(kind, None)
         core.channel.done(command, (yield Now()))
         return
     state = core.state
@@ -170,12 +178,12 @@ def _refuse_under_stop(state: RobotState, what: str) -> None:
 
 def _come_to_rest(core: ArmCore) -> Procedure:
     """The controller disables an arm at rest only (docs/controller-protocol.md section 5.1)."""
-    if not core.custody.is_free or not (yield from _state(core)).is_in_position:
-        now = yield Now()
-        core.stop_own(now)
-
-    def rests(now: float) -> bool:
+    def rests(_now: float) -> bool:
         return core.custody.is_free and core.custody.stillness.duration() >= REST_TIME_S
+    state = yield from _state(core)
+    now = yield Now()
+    if not rests(now) or not state.is_in_position or state.program_state in PROGRAM_UNDER_WAY:
+        core.stop_own(now)
     if not (yield Until(rests, CLEAR_TIMEOUT_S)):
         raise MotionInterrupted(StopCause.TIMEOUT, "the arm did not come to rest within %.0f s" % CLEAR_TIMEOUT_S)
 

@@ -11,9 +11,10 @@ return value is its result::
 from functools import partial
 from typing import Any, Callable, Generator, NamedTuple, Optional, Union
 
-from jaka_ros_driver.client.core.channel import Requests
+from jaka_ros_driver.client.core.channel import Channel, Requests
 from jaka_ros_driver.commands import Command
 from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.protocol import codec
 
 _NEVER = float("inf")
 
@@ -52,13 +53,15 @@ OnEnd = Callable[[Any, Optional[JakaError], float], None]
 class Running:
     """One procedure under way."""
 
-    def __init__(self, procedure: Procedure, channel: Requests, on_end: OnEnd) -> None:
+    def __init__(self, procedure: Procedure, channel: Requests, on_end: OnEnd, gate: Optional[Channel] = None) -> None:
         """Prepare; ``begin`` begins.
 
         Args:
             procedure: What is to be done.
             channel: Where its requests go.
             on_end: Gets result, error and time, once.
+            gate: The channel whose slow replies it does not wait for: what they would hold up is not sent, and refused
+                as soon as that is known. None: it waits for them.
         """
         self._procedure = procedure
         self._channel = channel
@@ -66,6 +69,8 @@ class Running:
         self._until: Optional[Until] = None
         self._deadline = _NEVER
         self._asked = 0
+        self._gate = gate
+        self._held: Optional[Ask] = None
         self.has_ended = False
 
     @property
@@ -87,16 +92,36 @@ class Running:
         except JakaError as error:
             self.throw(error, now)
             return
-        if holds or now >= self._deadline:
-            self._until, self._deadline = None, _NEVER
+        if not holds and now < self._deadline:
+            return
+        held = self._held
+        self._until, self._deadline, self._held = None, _NEVER, None
+        if held is None:
             self._resume(lambda: self._procedure.send(holds), now)
+        elif holds:
+            self._resume(lambda: held, now)
+        else:
+            self._refuse(held, now)
 
     def throw(self, error: JakaError, now: float) -> None:
         """End it with this error, unless it handles it."""
         if not self.has_ended:
-            self._until, self._deadline = None, _NEVER
+            self._until, self._deadline, self._held = None, _NEVER, None
             self._asked += 1
             self._resume(lambda: self._procedure.throw(error), now)
+
+    def _hold(self, ask: Ask, gate: Channel, now: float) -> None:
+        """Wait until it is known whether a slow reply holds up the one to this."""
+        self._held, self._deadline = ask, gate.held_up_until or now
+        self._until = Until(lambda _: gate.held_up_until is None, self._deadline - now)
+        self.tick(now)
+
+    def _refuse(self, ask: Ask, now: float) -> None:
+        assert self._gate is not None
+        try:
+            self._gate.require_prompt(codec.command_name(ask.command))
+        except JakaError as error:
+            self.throw(error, now)
 
     def _ask(self, command: Command, now: float) -> None:
         self._asked += 1
@@ -125,6 +150,9 @@ class Running:
                 if isinstance(wanted, Until):
                     self._until, self._deadline = wanted, now + wanted.timeout
                     self.tick(now)
+                    return
+                if isinstance(wanted, Ask) and self._gate is not None and self._gate.held_up_until is not None:
+                    self._hold(wanted, self._gate, now)
                     return
                 try:
                     if isinstance(wanted, Ask):

@@ -12,7 +12,7 @@ FRESH_S = 0.2
 """s; a message counts for so long, from its stamp and from its arrival."""
 ALONE_S = 0.5
 """s; a publisher is there until so long after its last message, whatever that said."""
-_AHEAD_S = 0.05
+AHEAD_S = 0.05
 """s; a stamp that is farther in the future shows that the clocks of the two computers differ: its age is not known."""
 _NEVER_HELD = "nothing has been held yet"
 
@@ -101,7 +101,7 @@ class DeadMan:
     def _require_fresh(self, message: JogMessage, now: float) -> None:
         if not message.stamp_ns:
             raise InvalidCommand("refused: header.stamp is 0; the publisher must stamp each message with the time")
-        if message.age < -_AHEAD_S:
+        if message.age < -AHEAD_S:
             raise InvalidCommand("refused: header.stamp is %.3f s in the future; the computers' clocks differ"
                                  % -message.age)
         if now > _counts_until(message):

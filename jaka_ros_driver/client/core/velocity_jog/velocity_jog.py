@@ -1,13 +1,13 @@
 """A velocity jog: streamed as joint frames while the dead-man is held; braked, and servo mode left, when it is not."""
 import logging
-from typing import List, Optional
+from typing import Optional
 
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.streaming import MAX_JOINT_DEVIATION, OnMode, Streaming, commanded_joints
 from jaka_ros_driver.client.core.velocity_jog.dead_man import DeadMan
 from jaka_ros_driver.client.core.velocity_jog.ramp import JogRamp, JogSpeeds
-from jaka_ros_driver.commands import Command, ServoJoint
+from jaka_ros_driver.commands import JogStop, ServoJoint
 from jaka_ros_driver.errors import JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState, Vector
@@ -41,9 +41,9 @@ class VelocityJog(Streaming):
 
     # ---- life ----
 
-    def halts(self) -> List[Command]:
+    def halt(self) -> Optional[JogStop]:
         self._dead_man.let_go("the jog was stopped")
-        return super().halts()
+        return super().halt()
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         reason = self._leave_reason or "" if outcome is None else str(outcome)

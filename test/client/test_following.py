@@ -1,0 +1,117 @@
+"""Trajectories through the client: when they begin, how they are joined, cancelled, and what stands against them."""
+import math
+import time
+
+import pytest
+from arm_bench import eventually
+
+from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
+from jaka_ros_driver.errors import ConnectionLost, MotionInterrupted, StopCause
+from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, Tolerances, TrajectoryPoint
+
+HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
+REST = (0.0,) * 6
+LOOSE = Tolerances((None,) * 6, (0.01,) * 6, 5.0)
+
+
+def to(first, seconds, starts_at=None):
+    """Joint 1 to here, at rest there after so many seconds."""
+    return JointTrajectory((TrajectoryPoint(seconds, (first,) + HOME[1:], REST),), starts_at)
+
+
+@pytest.fixture
+def arm(bench):
+    return bench().connect()
+
+
+def joint(arm):
+    return arm.state.joint_position[0]
+
+
+def test_a_trajectory_ends_at_rest_on_its_last_point(arm):
+    assert arm.trajectory is None
+    goal = arm.follow(to(0.2, 0.8), LOOSE)
+    assert eventually(lambda: arm.trajectory is not None and arm.trajectory.call is goal)
+    goal.result(20.0)
+    assert joint(arm) == pytest.approx(0.2, abs=1e-3) and arm.motion_owner is None
+
+
+def test_one_that_starts_later_starts_then_and_is_over_in_its_time(arm):
+    starts_at = time.monotonic() + 1.0
+    goal = arm.follow(to(0.2, 0.8, starts_at), LOOSE)
+    assert eventually(lambda: arm.is_servo_active)
+    while time.monotonic() < starts_at - 0.1:
+        assert abs(joint(arm)) < 1e-3
+        time.sleep(0.02)
+    goal.result(20.0)
+    assert time.monotonic() - starts_at > 0.75
+
+
+def test_of_one_that_started_in_the_past_the_rest_is_followed(arm):
+    """Its first point lies in the past: the arm must be where it leads from there."""
+    points = (TrajectoryPoint(0.5, HOME, REST), TrajectoryPoint(1.5, (0.2,) + HOME[1:], REST))
+    starts_at = time.monotonic() - 0.4
+    arm.follow(JointTrajectory(points, starts_at), LOOSE).result(20.0)
+    assert joint(arm) == pytest.approx(0.2, abs=1e-3)
+    with pytest.raises(InvalidTrajectory):
+        arm.follow(JointTrajectory(points, time.monotonic() - 10.0), LOOSE)
+
+
+def test_the_next_one_takes_over_where_the_arm_then_is(arm):
+    first = arm.follow(to(0.5, 2.0), LOOSE)
+    assert eventually(lambda: joint(arm) > 0.05)
+    second = arm.follow(to(0.1, 1.5), LOOSE)
+    with pytest.raises(MotionInterrupted) as caught:
+        first.result(20.0)
+    assert caught.value.cause is StopCause.REPLACED
+    second.result(20.0)
+    assert joint(arm) == pytest.approx(0.1, abs=1e-3)
+
+
+def test_one_that_starts_later_is_joined_when_it_starts(arm):
+    first = arm.follow(to(0.4, 1.6), LOOSE)
+    assert eventually(lambda: joint(arm) > 0.02)
+    starts_at = time.monotonic() + 0.5
+    second = arm.follow(to(0.0, 2.0, starts_at), LOOSE)
+    with pytest.raises(MotionInterrupted):
+        first.result(20.0)
+    second.result(20.0)
+    assert joint(arm) == pytest.approx(0.0, abs=1e-3)
+    assert time.monotonic() - starts_at == pytest.approx(2.0, abs=0.6)
+
+
+def test_a_goal_is_cancelled_once_and_no_other_with_it(arm):
+    goal = arm.follow(to(0.5, 2.0), LOOSE)
+    assert eventually(lambda: joint(arm) > 0.05)
+    assert not arm.cancel_trajectory(object())
+    assert arm.cancel_trajectory(goal)
+    with pytest.raises(MotionInterrupted) as caught:
+        goal.result(20.0)
+    assert caught.value.cause is StopCause.CANCELLED and joint(arm) < 0.45
+    assert not arm.cancel_trajectory(goal)
+
+
+def test_a_stop_since_it_was_asked_for_ends_it_before_anything_is_sent(bench):
+    one = bench()
+    arm = one.connect()
+    asked_with = arm.stops
+    arm.stop()
+    with pytest.raises(MotionInterrupted) as caught:
+        arm.follow(to(0.2, 0.8), LOOSE, asked_with)
+    assert caught.value.cause is StopCause.STOPPED and one.requests("servo_j") == 0
+
+
+def test_one_that_breaks_a_limit_is_refused_and_nothing_is_sent(bench):
+    one = bench()
+    arm = one.connect()
+    with pytest.raises(InvalidTrajectory):
+        arm.follow(to(3.0, 0.1), LOOSE)
+    assert one.requests("servo_move") == 0 and arm.motion_owner is None
+
+
+def test_after_the_end_of_the_driver_a_jog_message_is_refused(bench):
+    one = bench()
+    arm = one.connect()
+    arm.close()
+    with pytest.raises(ConnectionLost):
+        arm.jog_velocity(JogMessage("/pad", 1, 0.0, time.monotonic(), None, ""))
