@@ -12,6 +12,7 @@ frame_table   the tool and user frames that the controller has stored
 model_check   whether the controller's pose agrees with the arm model
 connections   how many connections this node serves, and which are closed when there are too many
 driver_lock, single_name   one driver for each controller, one node for each name
+start_checks  refuses to start where no client can reach the node, time stands still, or a topic is used twice
 master_watch  registers again with a ROS master that was restarted
 log_bridge    log records of the package to rosout, the screen and the node's log file
 """

@@ -1,17 +1,26 @@
-"""A lock that lets only one driver on this machine use a controller; a second driver refuses to start.
+"""A lock that lets only one driver of this network use a controller; a second driver refuses to start.
 
-It is a kernel lock on a file that is named after the controller's address and network namespace, whichever of its host
-names is used. The kernel releases it when the process ends, however that happens.
+It is an abstract Unix socket, named after the controller's address, whichever of its host names is used. Such a name
+belongs to the network namespace, as the controller's address does: no folder, user or container setting of the file
+system leads around it. The kernel frees it when the process ends, however that happens.
 """
 import contextlib
-import fcntl
+import errno
+import hashlib
 import ipaddress
-import os
-import re
 import socket
-import tempfile
+import struct
+import threading
+import time
+from typing import List, Set
 
 from jaka_ros_driver.errors import JakaError
+
+_ANSWER_TIMEOUT_S = 1.0
+_RETRY_S = 0.1
+_LONGEST_NAME = 80
+"""bytes of an address within a socket's name, which has 107."""
+_CREDENTIALS = struct.Struct("3i")
 
 
 class AlreadyDriven(JakaError):
@@ -21,47 +30,96 @@ class AlreadyDriven(JakaError):
 class DriverLock:
     """The lock. It is held from its creation until ``release`` or the end of the process."""
 
-    def __init__(self, host: str, port: int, holder: str, folder: str = "") -> None:
+    def __init__(self, host: str, port: int, holder: str) -> None:
         """Take it.
 
         Args:
             host: The controller's address.
             port: Its command port.
             holder: Name of the driver, for the message to a second one.
-            folder: Where the lock files are; None for the system's folder for temporary files.
 
         Raises:
             AlreadyDriven: Another driver holds it; the message says which.
-            OSError: The file can be neither opened nor created.
+            OSError: There is no socket to be had.
         """
-        name = "jaka_ros_driver.%s_%d%s.lock" % (re.sub(r"[^A-Za-z0-9.-]", "_", _address(host)), port, _network())
-        path = os.path.join(folder or tempfile.gettempdir(), name)
-        self._file = _open(path)
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            other = os.pread(self._file, 200, 0).decode("utf-8", "replace").strip()
-            os.close(self._file)
-            raise AlreadyDriven("the controller %s:%d is already driven by %s; one controller, one driver (lock %s)"
-                                % (host, port, other or "another driver", path)) from None
-        with contextlib.suppress(OSError):  # another user's file, open for reading: our name cannot be written into it
-            os.ftruncate(self._file, 0)
-            os.pwrite(self._file, ("%s (pid %d)\n" % (holder, os.getpid())).encode("utf-8"), 0)
+        self._sockets: List[socket.socket] = []
+        self._threads: List[threading.Thread] = []
+        for address in sorted(_addresses(host)):
+            name = _socket_name(address, port)
+            taken = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            taken.settimeout(None)  # rospy gives new sockets a time limit, under which shutdown() wakes no accept()
+            self._sockets.append(taken)
+            try:
+                taken.bind(name)
+            except OSError as error:
+                self.release()
+                if error.errno != errno.EADDRINUSE:
+                    raise
+                raise AlreadyDriven("the controller %s:%d is already driven by %s; one controller, one driver"
+                                    % (host, port, _holder_of(name))) from None
+            taken.listen(8)
+            thread = threading.Thread(target=_answer, args=(taken, holder.encode("utf-8", "replace")),
+                                      name="driver lock", daemon=True)
+            thread.start()
+            self._threads.append(thread)
 
     def release(self) -> None:
-        os.close(self._file)
+        """Free the names, before this returns."""
+        for taken in self._sockets:
+            with contextlib.suppress(OSError):  # not listening yet
+                taken.shutdown(socket.SHUT_RDWR)
+        for thread in self._threads:  # one that is still in accept() would keep its name taken
+            thread.join()
+        for taken in self._sockets:
+            taken.close()
 
 
-def _address(host: str) -> str:
-    """The same text for all names of a host; an unknown name itself."""
+def _socket_name(address: str, port: int) -> bytes:
+    text = address.encode("utf-8", "replace")
+    if len(text) > _LONGEST_NAME:
+        text = hashlib.sha256(text).hexdigest().encode()
+    return b"\0jaka_ros_driver/%s:%d" % (text, port)
+
+
+def _answer(listening: socket.socket, holder: bytes) -> None:
+    """Tell everyone who connects who holds the lock, until it is released."""
+    while True:
+        try:
+            connection, _ = listening.accept()
+        except OSError as error:
+            if error.errno in (errno.EINVAL, errno.EBADF):
+                return
+            time.sleep(_RETRY_S)  # no descriptor is left; the lock holds all the same
+            continue
+        with connection, contextlib.suppress(OSError):
+            connection.setblocking(False)
+            connection.sendall(holder)
+
+
+def _holder_of(name: bytes) -> str:
+    """Return name and process id of the driver that holds a lock, as far as they can be had."""
+    with contextlib.closing(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)) as asking:
+        asking.settimeout(_ANSWER_TIMEOUT_S)
+        try:
+            asking.connect(name)
+            pid = _CREDENTIALS.unpack(asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))[0]
+        except OSError:
+            return "another driver"
+        try:
+            holder = asking.recv(256).decode("utf-8", "replace").strip()
+        except OSError:  # it is frozen
+            holder = ""
+    return "%s (pid %d)" % (holder or "another driver, which does not answer", pid)
+
+
+def _addresses(host: str) -> Set[str]:
+    """Return the same text for all names of a host: its addresses; of an unknown name itself."""
     try:
         found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError, ValueError):
-        return host.lower()
+        return {host.lower()}
     addresses = {_unmapped(str(entry[4][0])) for entry in found}
-    if any(map(_is_here, addresses)):
-        return "this_machine"
-    return min(addresses)
+    return {"this_machine" if _is_here(address) else address for address in addresses}
 
 
 def _unmapped(address: str) -> str:
@@ -87,19 +145,3 @@ def _is_here(address: str) -> bool:
     except OSError:
         return False
     return True
-
-
-def _network() -> str:
-    """Identifies the network namespace: the same address may be another controller in another namespace."""
-    try:
-        return "_net%d" % os.stat("/proc/self/ns/net").st_ino
-    except OSError:
-        return ""
-
-
-def _open(path: str) -> int:
-    """Open the file for writing, or another user's for reading, which is enough for a lock."""
-    try:
-        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
-    except PermissionError:
-        return os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)

@@ -6,7 +6,7 @@ from typing import Iterator, Optional, Tuple
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.errors import InvalidCommand, JakaError
 from jaka_ros_driver.kinematics.rotations import IDENTITY, Transform, transform_from_pose
 from jaka_ros_driver.state import RobotState
 
@@ -15,6 +15,7 @@ _LOG = logging.getLogger(__name__)
 _CHECK_PERIOD_S = 0.2
 _READ_PERIOD_S = 5.0
 """s; a frame that was changed at the controller's own panel is noticed after this time at most."""
+_RETRY_S = 1.0
 
 Frames = Tuple[Transform, ...]
 
@@ -75,22 +76,28 @@ class FrameTable:
             connections = self._arm.link_health.connections
             if waited >= _READ_PERIOD_S or self._wake.is_set() or connections != self._connections:
                 self._wake.clear()
-                waited = 0.0
                 self._connections = connections
-                self._read_all()
+                waited = 0.0 if self._read_all() else _READ_PERIOD_S - _RETRY_S
             self._wake.wait(_CHECK_PERIOD_S)
             waited += _CHECK_PERIOD_S
 
-    def _read_all(self) -> None:
+    def _read_all(self) -> bool:
+        """Read both tables; returns False, and forgets none, where the controller holds its replies back."""
         changes = self._changes
-        tools, users = self._read(c.Query.TOOL_FRAMES), self._read(c.Query.USER_FRAMES)
+        try:
+            tools, users = self._read(c.Query.TOOL_FRAMES), self._read(c.Query.USER_FRAMES)
+        except InvalidCommand:
+            return False
         with self._lock:
             if changes == self._changes and changes % 2 == 0:
                 self._tools, self._users = tools, users
+        return True
 
     def _read(self, query: c.Query) -> Optional[Frames]:
         try:
             return tuple(transform_from_pose(pose) for pose in self._arm.execute(query))
+        except InvalidCommand:
+            raise
         except JakaError as error:
             _LOG.debug("%s: %s", query, error)
             return None

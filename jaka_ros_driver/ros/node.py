@@ -6,12 +6,15 @@ import os
 import select
 import signal
 import sys
-from typing import List, Optional
+import threading
+import time
+from typing import Callable, List, Optional
 
 import rospy
 from std_msgs.msg import Bool
 
 from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.custody_file import CustodyFile
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -31,6 +34,12 @@ from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
 from jaka_ros_driver.ros.services.service_server import take_connection
 from jaka_ros_driver.ros.services.service_table import Services
 from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
+from jaka_ros_driver.ros.start_checks import (
+    refuse_taken_topics,
+    refuse_topics_used_twice,
+    refuse_unreachable_node,
+    wait_for_time,
+)
 from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
 from jaka_ros_driver.ros.topics.io_states import IoPublisher
 from jaka_ros_driver.ros.topics.jog_topics import JogTopics
@@ -49,6 +58,8 @@ _SWITCH_INTERVAL_S = 0.0005
 _ANSWER_TIMEOUT_S = 0.3
 _DRAIN_TIMEOUT_S = 0.5
 _LOOK_ROUND_S = 0.1
+_END_TIMEOUT_S = 5.0
+"""s; stopping the arm and answering the calls takes 2 s at most, the rest is the master's."""
 _NAME = "jaka_driver"
 _DESCRIPTION = "robot_description"
 
@@ -62,7 +73,8 @@ class Driver:
         self._model = model
         self._lock = DriverLock(config.ip, config.command_port, "node " + rospy.get_name())
         self._guard = Guard(config.ip, config.command_port, config.status_port) if config.guard else None
-        self._arm = ArmClient(config.client_settings(), model, self._guard)
+        self._arm = ArmClient(config.client_settings(), model, self._guard,
+                              CustodyFile(config.ip, config.command_port))
         self._frames = FrameTable(self._arm)
         decoder = RequestDecoder(model, config.is_vendor, config.is_vendor_2025, not config.blocking)
         self._publishers = StatePublishers(self._arm, config, self._frames)
@@ -82,6 +94,8 @@ class Driver:
         self._master_watch = MasterWatch(self._set_description)
         self._simulated = rospy.Publisher("~simulated", Bool, queue_size=1, latch=True)
         self._is_simulated: Optional[bool] = None
+        self._closing = threading.Lock()
+        self._is_closed = False
 
     @property
     def has_failed(self) -> bool:
@@ -89,7 +103,11 @@ class Driver:
         return self._arm.has_failed
 
     def start(self) -> None:
-        """Begin; returns at once. The controller need not be reachable yet."""
+        """Begin. The controller need not be reachable yet; a master that does not answer holds this up.
+
+        Raises:
+            WrongParameter: A topic would be used for two things.
+        """
         self._set_description()
         keep_serving(take_connection)
         self._publishers.start()
@@ -104,12 +122,16 @@ class Driver:
         self._trajectories.offer()
         self._topics.start()
         self._jog_topics.start()
-        self._arm.start()
-        self._frames.start()
-        self._diagnostics.start()
-        self._master_watch.start()
-        if self._config.auto_enable:
-            self._arm.auto_enable()
+        refuse_topics_used_twice()
+        with self._closing:
+            if self._is_closed:
+                return
+            self._arm.start()
+            self._frames.start()
+            self._diagnostics.start()
+            self._master_watch.start()
+            if self._config.auto_enable:
+                self._arm.auto_enable()
         _LOG.info("driving a JAKA %s at %s:%d and %d, interface %s", self._model.name, self._config.ip,
                   self._config.command_port, self._config.status_port, self._config.interface)
 
@@ -131,19 +153,26 @@ class Driver:
             _LOG.info("REAL ARM: the controller at %s:%d", self._config.ip, self._config.command_port)
 
     def close(self) -> None:
-        """Stop what this driver moves, answer every pending call, disconnect, and release the controller's lock."""
-        self._arm.close()
-        self._services.finish_calls(_ANSWER_TIMEOUT_S)
-        self._recover.finish_goals(_ANSWER_TIMEOUT_S)
-        self._paths.finish_goals(_ANSWER_TIMEOUT_S)
-        self._trajectories.finish_goals(_ANSWER_TIMEOUT_S)
-        self._ends.close()
-        self._master_watch.close()
-        self._diagnostics.close()
-        self._frames.close()
-        if self._guard is not None:
-            self._guard.close()
-        self._lock.release()
+        """Stop what this driver moves, answer every pending call, disconnect, and release the controller's lock.
+
+        Whoever calls it while another thread does so waits for that.
+        """
+        with self._closing:
+            if self._is_closed:
+                return
+            self._is_closed = True
+            self._arm.close()
+            self._services.finish_calls(_ANSWER_TIMEOUT_S)
+            self._recover.finish_goals(_ANSWER_TIMEOUT_S)
+            self._paths.finish_goals(_ANSWER_TIMEOUT_S)
+            self._trajectories.finish_goals(_ANSWER_TIMEOUT_S)
+            self._ends.close()
+            self._master_watch.close()
+            self._diagnostics.close()
+            self._frames.close()
+            if self._guard is not None:
+                self._guard.close()
+            self._lock.release()
 
     def _set_description(self) -> None:
         """Set ``robot_description``, unless another program has set it."""
@@ -187,26 +216,84 @@ def main(argv: Optional[List[str]] = None) -> int:
     rospy.init_node(_NAME, disable_signals=True)
     drain_log = log_to_ros()
     signals = _Signals()
-    try:
-        config = config_from(rospy.get_param("~", {}))
-        _set_scheduler(config.realtime_priority)
-        driver = Driver(config, config.arm_model())
-    except (JakaError, OSError) as error:
-        rospy.logfatal("%s cannot start: %s", rospy.get_name(), error)
-        drain_log(_DRAIN_TIMEOUT_S)
-        rospy.signal_shutdown("could not start")
-        return 1
-    rospy.on_shutdown(driver.close)
-    rospy.on_shutdown(lambda: drain_log(_DRAIN_TIMEOUT_S))
-    driver.start()
-    while not signals.received and not rospy.is_shutdown() and not driver.has_failed:
+    life = _Life(drain_log)
+    life.start()
+    while life.is_running and not signals.received:
         signals.wait(_LOOK_ROUND_S)
-        driver.tell_kind()
-        driver.offer_sensors()
-    rospy.signal_shutdown("signal %s" % signals.received)
-    if not drain_log(_DRAIN_TIMEOUT_S):
-        os._exit(0)  # a terminal that does not read any more would keep the process from ending
-    return 1 if driver.has_failed else 0
+    is_over = life.end("signal %s" % signals.received)
+    if not drain_log(_DRAIN_TIMEOUT_S) or not is_over:
+        os._exit(life.exit_code)  # a terminal or a master that does not answer would keep the process from ending
+    return life.exit_code
+
+
+class _Life:
+    """The driver's life in a thread of its own, so that the main thread, which takes the signals, never waits for the
+    master.
+
+    Attributes:
+        exit_code: 0, or 1 where the driver could not start or has failed.
+    """
+
+    def __init__(self, drain_log: Callable[[float], bool]) -> None:
+        self.exit_code = 0
+        self._drain_log = drain_log
+        self._driver: Optional[Driver] = None
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="driver", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    @property
+    def is_running(self) -> bool:
+        """False where it is over, or where the node was told to end."""
+        driver = self._driver
+        return (self._thread.is_alive() and not rospy.core.is_shutdown_requested() and not rospy.is_shutdown()
+                and not (driver is not None and driver.has_failed))
+
+    def end(self, reason: str) -> bool:
+        """Stop the arm at once, then leave the ROS graph; False where that is not done in time."""
+        self._ending.set()
+        deadline = time.monotonic() + _END_TIMEOUT_S
+        ending = threading.Thread(target=self._shut_down, args=(reason,), name="shutdown", daemon=True)
+        ending.start()
+        ending.join(_END_TIMEOUT_S)
+        while not rospy.is_shutdown() and time.monotonic() < deadline:  # another thread does it, told by rosnode kill
+            time.sleep(_LOOK_ROUND_S)
+        if self._driver is not None and self._driver.has_failed:
+            self.exit_code = 1
+        if not ending.is_alive() and rospy.is_shutdown():
+            return True
+        _LOG.error("the ROS master does not answer; ending without it")
+        return False
+
+    def _shut_down(self, reason: str) -> None:
+        if self._driver is not None:
+            self._driver.close()
+        rospy.signal_shutdown(reason)
+
+    def _run(self) -> None:
+        try:
+            config = config_from(rospy.get_param("~", {}))
+            _set_scheduler(config.realtime_priority)
+            refuse_unreachable_node()
+            refuse_taken_topics(config)
+            driver = self._driver = Driver(config, config.arm_model())
+            rospy.on_shutdown(driver.close)
+            rospy.on_shutdown(lambda: self._drain_log(_DRAIN_TIMEOUT_S))
+            wait_for_time(self._ending)
+            if not self._ending.is_set():
+                driver.start()
+            while not self._ending.wait(_LOOK_ROUND_S):
+                driver.tell_kind()
+                driver.offer_sensors()
+        except (JakaError, OSError) as error:
+            self.exit_code = 1
+            rospy.logfatal("%s cannot start: %s", rospy.get_name(), error)
+        except Exception:
+            self.exit_code = 1
+            _LOG.exception("a defect of the node")
 
 
 class _Signals:

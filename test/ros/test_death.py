@@ -9,10 +9,10 @@ import time
 
 import pytest
 import rosgraph
-import rospy
 from arm_bench import fill
+from launching import ArmOfAnotherMaster
 from live_driver import LiveDriver, begin
-from ros_bench import HOME, TYPES, WAIT, Arm, SimulatorProcess, eventually
+from ros_bench import HOME, WAIT, Arm, SimulatorProcess, eventually
 
 IN_TIME = 3.0
 """s; on a quiet host it is a tenth of that."""
@@ -135,27 +135,6 @@ def test_a_driver_told_to_end_at_any_moment_of_its_start_ends(ros_node, tmp_path
             live.process.communicate(timeout=WAIT)
             assert eventually(lambda: live.guards() == [])
             live.start()
-
-
-class ArmOfAnotherMaster(Arm):
-    """Calls without asking this process's own master where the services are."""
-
-    def __init__(self, simulator, name, uri):
-        super().__init__(simulator, name)
-        self._master = rosgraph.Master("/asking", uri)
-        assert eventually(lambda: self._ask("lookupService", name + "/enable"))
-        self._uris = {service: self._ask("lookupService", "%s/%s" % (name, service)) for service in TYPES}
-
-    def _ask(self, method, *arguments):
-        try:
-            return getattr(self._master, method)(*arguments)
-        except (OSError, rosgraph.MasterException):
-            return None
-
-    def call(self, service, **fields):
-        proxy = rospy.ServiceProxy("%s/%s" % (self.name, service), TYPES[service])
-        proxy._get_service_uri = lambda request: self._uris[service]
-        return proxy(**fields)
 
 
 def test_a_terminal_that_stops_reading_stops_nothing_else(live):

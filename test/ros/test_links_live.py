@@ -8,7 +8,7 @@ SEED = 20260727
 
 @pytest.fixture
 def live(ros_node, tmp_path):
-    with LiveDriver(tmp_path, name="linked", guard=False) as running:
+    with LiveDriver(tmp_path, name="linked", simulator=("--single-client", "replace"), guard=False) as running:
         running.arm.wait_until_ready()
         yield running
 

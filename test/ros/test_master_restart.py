@@ -1,57 +1,14 @@
 """A real roscore, killed and started again on the same port: the driver is found again, and old connections stay."""
 import contextlib
-import os
-import signal
 import subprocess
 
 import pytest
-import rosgraph
+from launching import Roscore
 from ros_bench import HOME, WAIT, DriverProcess, SimulatorProcess, eventually, on
 
 from jaka_ros_driver.ros.services.service_table import SERVICES
 
 FIELDS = "{joint: %s}" % HOME
-
-
-class Roscore:
-    """A master of this test's own: the session's must not be touched."""
-
-    def __init__(self, port, home):
-        self.uri = "http://127.0.0.1:%d" % port
-        self.environment = dict(os.environ, ROS_MASTER_URI=self.uri, ROS_HOME=str(home), ROS_LOG_DIR=str(home))
-        self._port = port
-        self._process = None
-
-    def start(self):
-        self._process = subprocess.Popen(["roscore", "-p", str(self._port)], env=self.environment,
-                                         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        assert eventually(lambda: self.ask("getParam", "/run_id"))
-
-    def kill(self):
-        """The master first: roscore runs it in a process group of its own."""
-        if self._process is not None and self._process.poll() is None:
-            children = subprocess.run(["pgrep", "-P", str(self._process.pid)], stdout=subprocess.PIPE, text=True).stdout
-            for pid in [int(word) for word in children.split()] + [self._process.pid]:
-                os.kill(pid, signal.SIGKILL)
-            self._process.wait(WAIT)
-            assert eventually(lambda: self.ask("getPid") is None)
-
-    def ask(self, method, *args):
-        """The master's answer, None while there is none."""
-        try:
-            return getattr(rosgraph.Master("/asking", self.uri), method)(*args)
-        except (OSError, rosgraph.MasterException):
-            return None
-
-    def run(self, *words):
-        done = subprocess.run(words, env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                              timeout=60)
-        return done.stdout
-
-    def registered(self):
-        published, subscribed, services = self.ask("getSystemState") or ([], [], [])
-        return tuple({name for name, nodes in rows if "/jaka_driver" in nodes}
-                     for rows in (published, subscribed, services))
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ from jaka_ros_driver.ros.params import DriverConfig, WrongParameter, config_from
 
 WRONG = [
     ("ip", "", "host name"), ("ip", "10.5.5.256", "host name"), ("ip", "10.5.5", "host name"), ("ip", 10, "host name"),
+    ("ip", ("a" * 62 + ".") * 4 + "ab", "host name"),
     ("ip", "10.5.5.100:10001", "host name"), ("ip", "arm one", "host name"), ("ip", "-arm", "host name"),
     ("command_port", 0, "1 to 65535"), ("command_port", 65536, "1 to 65535"), ("command_port", "10001", "1 to 65535"),
     ("command_port", 10001.0, "1 to 65535"), ("command_port", True, "1 to 65535"), ("status_port", -1, "1 to 65535"),
@@ -130,3 +131,8 @@ def test_frames_are_activated_as_the_interface_says_unless_told_otherwise():
 def test_the_documentation_is_what_the_code_says():
     written = (import_graph.ROOT / "docs" / "parameters.md").read_text(encoding="utf-8")
     assert written == params.markdown(), "run: python3 -m jaka_ros_driver.ros.params > docs/parameters.md"
+
+
+def test_the_longest_host_name_is_taken():
+    """Of 253 characters (RFC 1035)."""
+    assert len(config_from({"ip": ("a" * 62 + ".") * 4 + "a"}).ip) == 253

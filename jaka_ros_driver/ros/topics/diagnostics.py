@@ -75,7 +75,7 @@ class Diagnostics:
     def _tasks(self) -> Tuple[Tuple[str, Task], ...]:
         return (
             ("controller link", self._link), ("arm", self._arm_kind), ("guard", self._guard),
-            ("status feed", self._feed), ("controller state", self._of_state(self._state)),
+            ("custody", self._custody), ("status feed", self._feed), ("controller state", self._of_state(self._state)),
             ("emergency stop", self._of_state(_flag("emergency_stop", ERROR, "pressed", "released"))),
             ("protective stop", self._of_state(_flag("protective_stop", ERROR, "stands: clear_err", "none"))),
             ("soft limit", self._of_state(_flag("on_soft_limit", WARN, "a joint stands at its soft limit", "none"))),
@@ -132,6 +132,12 @@ class Diagnostics:
         self._guard_replacements = health.replacements
         status.add("replacements", str(health.replacements))
         status.add("last trouble", health.last_trouble)
+
+    def _custody(self, status: DiagnosticStatusWrapper) -> None:
+        foreign = self._arm.foreign_motion
+        owner = self._arm.motion_owner
+        status.summary(WARN if foreign else OK, foreign or "nobody moves the arm" if owner is None or foreign
+                       else owner.value)
 
     def _feed(self, status: DiagnosticStatusWrapper) -> None:
         health = self._arm.feed_health

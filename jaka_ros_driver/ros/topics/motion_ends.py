@@ -31,6 +31,7 @@ class MotionEnds:
         self._ids = itertools.count(1)
         self._waiting: SimpleQueue[Optional[Tuple[Any, Any]]] = SimpleQueue()
         self._shown: Optional[int] = None
+        self._foreign = ""
         self._program = ""
         self._reason = ""
         self._lock = threading.Lock()
@@ -47,6 +48,7 @@ class MotionEnds:
     def start(self) -> None:
         """Begin to publish."""
         self._thread.start()
+        self._look_for_foreign_motion()
         self._arm.add_listener(self._arrived)
 
     def close(self) -> None:
@@ -89,7 +91,15 @@ class MotionEnds:
             self._reason = "completed" if error is None else str(error)
         self._tell_program()
 
+    def _look_for_foreign_motion(self) -> None:
+        """Publish when an arm begins to move in nobody's custody, or what a dead driver left is found, and its end."""
+        text, before = self._arm.foreign_motion, self._foreign
+        if text != before:
+            self._foreign = text
+            self._tell_move("", "FOREIGN" if text else "FOREIGN_ENDED", text or "ended: " + before)
+
     def _arrived(self, state: RobotState, is_new: bool) -> None:
+        self._look_for_foreign_motion()
         if is_new and state.program_state is not None and state.program_state != self._shown:
             self._shown = state.program_state
             self._tell_program()

@@ -1,7 +1,8 @@
 """Servo targets by topic: streaming without the cost of a service call each.
 
 Targets are absolute and in SI units in both interfaces. A refused target moves nothing; the refusal is logged and
-counted.
+counted. A target whose stamp is old, or from a clock that is ahead, is refused: it may come from a played bag or from a
+buffer that was held up. Many clients stamp nothing; a stamp of zero tells no age and counts.
 """
 from typing import Any, Callable
 
@@ -10,7 +11,8 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.client.core.velocity_jog.dead_man import AHEAD_S, FRESH_S
+from jaka_ros_driver.errors import InvalidCommand, JakaError
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 
@@ -39,8 +41,23 @@ class ServoTopics:
     def _taker(self, name: str, to_command: Callable[[Any], Any]) -> Callable[[Any], None]:
         def take(message: Any) -> None:
             try:
+                require_fresh(message.header.stamp, rospy.Time.now())
                 self._arm.servo_target(to_command(message))
             except JakaError as error:
                 self.refused += 1
                 rospy.logwarn_throttle(_LOG_PERIOD_S, "%s: %s" % (name, error))
         return take
+
+
+def require_fresh(stamp: rospy.Time, now: rospy.Time) -> None:
+    """Refuse a stamp that is older than ``FRESH_S`` or more than ``AHEAD_S`` in the future; zero passes.
+
+    Raises:
+        InvalidCommand: The message says how old it is.
+    """
+    if stamp.is_zero():
+        return
+    age = (now - stamp).to_sec()
+    if not -AHEAD_S <= age <= FRESH_S:
+        raise InvalidCommand("refused: header.stamp is %.3f s %s; valid: 0, or at most %g s old and %g s ahead" % (
+            abs(age), "old" if age > 0.0 else "in the future", FRESH_S, AHEAD_S))

@@ -29,11 +29,15 @@ class StampClock:
         self._last = 0
 
     def stamp(self, received_at: float) -> rospy.Time:
-        """The ROS time for the monotonic time ``received_at``, s; later than the stamp before."""
+        """The ROS time for the monotonic time ``received_at``, s; later than the stamp before, and never zero.
+
+        While the time is 0, a simulated clock that does not run, stamps go on in steps as well.
+        """
         ago = self._monotonic() - received_at
-        nanoseconds = max(0, self._now_ns() - int(ago * NS_PER_S))
+        now = self._now_ns()
+        nanoseconds = max(_TICK_NS, now - int(ago * NS_PER_S))
         if nanoseconds <= self._last:
-            if self._last - nanoseconds > _SET_BACK_NS:
+            if now > 0 and self._last - nanoseconds > _SET_BACK_NS:
                 _LOG.warning("the system's clock was set back by %.3f s; stamps follow it",
                              (self._last - nanoseconds) / NS_PER_S)
             else:

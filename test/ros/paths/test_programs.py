@@ -78,7 +78,8 @@ def test_it_owns_the_motion_and_stop_move_ends_it(arm, log_file):
     arm.call("stop_move")
     assert eventually(lambda: last(arm).state == IDLE and "stopped by request" in last(arm).reason)
     sent = WireVerdict(log_file)
-    assert not [at for name in ("joint_move", "servo_move", "jog") for at in sent.times_of(name, begun)]
+    assert not sent.times_of("joint_move", begun) + sent.times_of("servo_move", begun, relFlag=1) + sent.times_of(
+        "jog", begun, jog_mode=1)
     assert arm.call("joint_move", pose=HOME, mvvelo=3.0, mvacc=12.0).ret == 1
     assert rospy.get_time() > since
 

@@ -2,6 +2,7 @@
 import math
 import re
 import struct
+from types import SimpleNamespace
 
 import pytest
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
@@ -388,3 +389,24 @@ def test_transforms_are_unit_quaternions_of_the_same_rotation(vector):
     assert 1.0 - 2.0 * (q.y * q.y + q.z * q.z) == pytest.approx(matrix[0], abs=1e-9)
     assert 2.0 * (q.x * q.y + q.z * q.w) == pytest.approx(matrix[3], abs=1e-9)
     assert 2.0 * (q.y * q.z - q.x * q.w) == pytest.approx(matrix[5], abs=1e-9)
+
+
+@pytest.mark.parametrize("fraction, is_taken", [
+    (convert.SLOWEST, True), (0.5, True), (1.0, True), (0.0, False), (0.5 * convert.SLOWEST, False), (1.01, False),
+    (-0.5, False), (NAN, False)])
+def test_a_speed_is_a_share_of_the_programmed_one(fraction, is_taken):
+    request = SimpleNamespace(speed_slider_fraction=fraction)
+    if is_taken:
+        assert DOCUMENTED.speed(request) == fraction
+    else:
+        with pytest.raises(InvalidCommand, match="speed_slider_fraction"):
+            DOCUMENTED.speed(request)
+
+
+def test_a_negative_blend_radius_is_refused_and_another_taken():
+    def decoded(radius):
+        return RequestDecoder(MODEL, False, False, True).joint_move(
+            MoveRequest(pose=HOME, mvvelo=0.5, mvacc=0.5, mvradii=radius))
+    with pytest.raises(InvalidCommand, match="mvradii"):
+        decoded(-1.0)
+    assert decoded(0.0).tolerance == 0.0 and decoded(10.0).tolerance == pytest.approx(0.01)

@@ -49,3 +49,16 @@ def test_a_result_that_float32_cannot_hold_fails_the_call(service, value, is_ven
 def test_other_results_are_told(service, value):
     response, is_success = response_of(service, value, False)
     assert is_success and response.message == "read"
+
+
+def test_services_that_only_our_own_messages_have_are_offered():
+    assert {"set_speed_slider", "program/load"} <= set(SPECS)
+
+
+def test_the_end_waits_for_calls_under_way_and_says_when_one_is_left(caplog):
+    services = Services(None, None, None)
+    services.finish_calls(0.01)
+    assert not caplog.records
+    with services._calls.one():
+        services.finish_calls(0.01)
+    assert "not answered" in caplog.text

@@ -4,13 +4,15 @@ import re
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from diagnostic_updater import DiagnosticStatusWrapper
+from raw_client import RawClient
 from ros_bench import collecting, eventually
 
+from jaka_msgs.msg import MotionState
 from jaka_ros_driver.ros.topics import diagnostics
 
 OK, WARN, ERROR, STALE = range(4)
 CHECKS = {"controller link", "arm", "guard", "status feed", "controller state", "emergency stop", "protective stop",
-          "soft limit", "temperature", "servo stream", "velocity jog", "kinematic model", "versions"}
+          "soft limit", "temperature", "servo stream", "velocity jog", "kinematic model", "versions", "custody"}
 
 
 @pytest.fixture(scope="module")
@@ -108,3 +110,19 @@ def test_a_failing_check_says_so_and_stops_at_that(caplog):
         raise KeyError("nothing there")
     status = diagnostics._guarded("broken", broken)(DiagnosticStatusWrapper())
     assert status.level == DiagnosticStatus.ERROR and "nothing there" in status.message
+
+
+def test_an_arm_that_moves_in_nobodys_custody_is_reported_until_it_rests(reports, healthy):
+    arm = healthy
+    assert newest(reports)["custody"] == (OK, "nobody moves the arm")
+    with collecting(arm.name + "/motion_state", MotionState) as told:
+        with RawClient(arm.simulator.command_port) as client:
+            client.ask("jog", jog_mode=1, coord_map=1, jnum=0, jogvel=3.0)
+        assert eventually(lambda: newest(reports)["custody"][0] == WARN)
+        assert "nobody's custody" in newest(reports)["custody"][1]
+        assert [message.state for _, message in told] == [MotionState.FOREIGN]
+        assert eventually(lambda: newest(reports)["controller link"][0] == OK)
+        arm.call("stop_move")
+        assert eventually(lambda: newest(reports)["custody"] == (OK, "nobody moves the arm"))
+        assert [(message.state, message.id) for _, message in told] == [
+            (MotionState.FOREIGN, ""), (MotionState.FOREIGN_ENDED, "")]

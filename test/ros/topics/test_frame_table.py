@@ -116,3 +116,14 @@ def test_frames_that_cannot_be_read_are_unknown_and_the_others_are_not(table, co
     read(table)
     assert table.base_t_user(state_with(user=1)) is None
     assert table.flange_t_tool(state_with(tool=1)) == transform_from_pose(TOOLS[1])
+
+
+def test_closing_waits_for_the_thread():
+    controller = Controller()
+    controller.may_answer.clear()
+    table = FrameTable(controller)
+    table.start()
+    assert controller.was_asked.wait(WAIT_S)
+    threading.Timer(0.3, controller.may_answer.set).start()
+    table.close()
+    assert "frame table" not in {thread.name for thread in threading.enumerate()}

@@ -49,3 +49,16 @@ def test_a_clock_that_is_set_back_is_followed_with_a_warning(caplog):
     with caplog.at_level("WARNING", "jaka_ros_driver.ros.topics.stamps"):
         after = clock.stamp(host.monotonic)
     assert (before - after).to_sec() > 3599 and "set back by 3599.99" in caplog.text
+
+
+def test_a_stamp_is_never_zero_and_increases_also_while_a_simulated_clock_stands_at_zero():
+    now_ns = [0]
+    clock = StampClock(lambda: now_ns[0], lambda: 50.0)
+    stamps = [clock.stamp(50.0), clock.stamp(50.0)]
+    now_ns[0] = 5 * 10 ** 9
+    stamps.append(clock.stamp(49.9))
+    now_ns[0] = 0
+    stamps.append(clock.stamp(49.9))
+    assert all(a < b for a, b in zip(stamps, stamps[1:])) and not stamps[0].is_zero()
+    now_ns[0] = 10 ** 7  # the simulation begins anew
+    assert not clock.stamp(49.9).is_zero()

@@ -10,6 +10,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from jaka_ros_driver.ros import other_messages
 from jaka_ros_driver.ros.params import config_from
+from jaka_ros_driver.ros.trajectories import action
 from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder, fill_states
 from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import InvalidTrajectory
@@ -187,3 +188,8 @@ def test_installed_packages_are_taken(monkeypatch):
     monkeypatch.setitem(sys.modules, "industrial_msgs.srv", installed)
     assert other_messages.message_type(ACTION) == "the action"
     assert other_messages.stop_motion_type() == "the service"
+
+
+def test_the_codes_of_results_are_those_of_control_msgs():
+    assert (action.SUCCESSFUL, action.INVALID_GOAL, action.INVALID_JOINTS, action.OLD_HEADER_TIMESTAMP,
+            action.PATH_TOLERANCE_VIOLATED, action.GOAL_TOLERANCE_VIOLATED) == (0, -1, -2, -3, -4, -5)

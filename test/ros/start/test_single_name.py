@@ -10,6 +10,7 @@ import rosgraph
 from import_graph import ROOT
 from ros_bench import WAIT, eventually
 
+from jaka_ros_driver.ros import single_name
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven
 from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
 
@@ -101,3 +102,16 @@ def test_a_port_that_another_node_has_now_is_no_node_of_this_name(ros_master):
 def test_without_a_master_nothing_is_refused(monkeypatch, uri):
     monkeypatch.setenv("ROS_MASTER_URI", uri)
     refuse_second_node("/first")
+
+
+@pytest.mark.parametrize("known_as, is_refused", [("/first", True), ("/another", False), (None, True), (7, True)])
+def test_a_port_that_another_node_has_taken_over_is_no_second_node(monkeypatch, known_as, is_refused):
+    """What does not tell its name may be a stopped node of this one."""
+    answers = {"lookupNode": "http://127.0.0.1:9/", "getName": known_as, "getPid": 1234}
+    monkeypatch.setattr(single_name, "_ask", lambda uri, method, *arguments: answers[method])
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")
+    if is_refused:
+        with pytest.raises(AlreadyDriven, match="/first"):
+            refuse_second_node("/first")
+    else:
+        refuse_second_node("/first")

@@ -1,0 +1,152 @@
+"""Checks of the ROS graph before anything is powered: clients can reach the node, time runs, each topic has one use.
+
+Where one of them fails, an arm could move that nobody can stop through this node, or whose stamps and topics mislead
+those who look at it.
+"""
+import http.client
+import logging
+import os
+import socket
+import threading
+import time
+from typing import Any, Callable, Dict
+from urllib.parse import urlsplit
+from xml.parsers.expat import ExpatError
+from xmlrpc.client import Error as XmlRpcError
+from xmlrpc.client import ServerProxy, Transport
+
+import rosgraph
+import rospy
+from rospy.impl import registration, tcpros_base
+
+from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.ros.params import DriverConfig, WrongParameter
+
+_LOG = logging.getLogger(__name__)
+
+_CONNECT_TIMEOUT_S = 3.0
+_LOOK_S = 0.05
+_LOG_PERIOD_S = 10.0
+_OF_ROS = ("/rosout", "/rosout_agg", "/clock", "/tf", "/tf_static", "/diagnostics", "/diagnostics_agg")
+
+
+class Unreachable(JakaError):
+    """Clients cannot reach this node at the address that it gives them."""
+
+
+# ---- clients can reach this node ----
+
+def refuse_unreachable_node() -> None:
+    """Connect to this node at the address that the master gives to clients; call after ``rospy.init_node``.
+
+    Raises:
+        Unreachable: Its host name does not resolve, or nobody or somebody else answers there.
+    """
+    uri = rospy.get_node_uri()
+    parts = urlsplit(uri)
+    host, port = parts.hostname or "", parts.port or 0
+    try:
+        socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        raise Unreachable("clients are told to reach this node at %s, but %r has no address (%s); %s"
+                          % (uri, host, error, _settings())) from None
+    try:
+        with ServerProxy(uri, transport=_ShortTransport()) as proxy:
+            answer: Any = proxy.getPid(rospy.get_name())
+    except (OSError, XmlRpcError, http.client.HTTPException, ExpatError, ValueError) as error:
+        raise Unreachable("clients are told to reach this node at %s, but it does not answer there (%s); %s"
+                          % (uri, error, _settings())) from None
+    if not isinstance(answer, (list, tuple)) or list(answer[::2]) != [1, os.getpid()]:
+        raise Unreachable("clients are told to reach this node at %s, but another program answers there; %s"
+                          % (uri, _settings()))
+    address = tcpros_base.get_tcpros_server_address()
+    try:
+        socket.create_connection(address, _CONNECT_TIMEOUT_S).close()
+    except (OSError, UnicodeError) as error:
+        raise Unreachable("clients are told to connect to %s:%d for topics and services, but nothing answers there "
+                          "(%s); %s" % (address[0], address[1], error, _settings())) from None
+
+
+def _settings() -> str:
+    """Name the setting that the address comes from."""
+    for name in ("ROS_HOSTNAME", "ROS_IP"):
+        if os.environ.get(name):
+            return "the address comes from %s=%s" % (name, os.environ[name])
+    return "the address is this computer's name; set ROS_IP or ROS_HOSTNAME"
+
+
+class _ShortTransport(Transport):
+    """A transport with a time limit."""
+
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        connection = super().make_connection(host)
+        connection.timeout = _CONNECT_TIMEOUT_S
+        return connection
+
+
+# ---- time runs ----
+
+def wait_for_time(ending: threading.Event, now: Callable[[], rospy.Time] = rospy.Time.now) -> None:
+    """Wait while the ROS time is zero: ``/use_sim_time`` is set, and nobody publishes ``/clock``.
+
+    Args:
+        ending: Ends the wait.
+        now: The ROS time.
+    """
+    told_at = float("-inf")
+    while now().is_zero() and not ending.is_set():
+        if time.monotonic() - told_at > _LOG_PERIOD_S:
+            told_at = time.monotonic()
+            _LOG.error("/use_sim_time is true and no /clock has come: the time stands at 0. The arm is neither powered "
+                       "nor moved, and no service is offered, until time runs")
+        ending.wait(_LOOK_S)
+
+
+# ---- each topic is for one thing ----
+
+def refuse_taken_topics(config: DriverConfig) -> None:
+    """Refuse a parameter that names a topic which is used for something else; call before anything is published.
+
+    Raises:
+        WrongParameter: The message names parameter and topic.
+    """
+    controller = config.trajectory_controller_name
+    known = _known_types()
+    for parameter, name, kind in (
+            ("joint_states_topic", config.joint_states_topic, "sensor_msgs/JointState"),
+            ("trajectory_controller", controller + "/command", "trajectory_msgs/JointTrajectory"),
+            ("trajectory_controller", controller + "/state", "control_msgs/JointTrajectoryControllerState")):
+        topic = rospy.resolve_name(name)
+        why = ("ROS itself uses it" if topic in _OF_ROS
+               else "it has the type %s already" % known[topic] if known.get(topic, "*") not in ("*", kind) else "")
+        if why:
+            raise WrongParameter("parameter ~%s: the topic %s cannot be used for %s: %s"
+                                 % (parameter, topic, kind, why))
+
+
+def _known_types() -> Dict[str, str]:
+    """Return the topics that the master knows, with their types."""
+    try:
+        return dict(rosgraph.Master(rospy.get_name()).getTopicTypes())
+    except (OSError, rosgraph.MasterException):
+        return {}
+
+
+def refuse_topics_used_twice() -> None:
+    """Refuse to go on where this node uses one topic for two things; call when all are registered, before it moves.
+
+    A parameter or a remapping can bring that about: joint states that are published on ``~servo_j_command`` would be
+    servo targets.
+
+    Raises:
+        WrongParameter: The message names the topics.
+    """
+    topics = registration.get_topic_manager()
+    uses: Dict[str, int] = {}
+    for implementations in (topics.pubs, topics.subs):
+        for name, implementation in list(implementations.items()):
+            uses[name] = uses.get(name, 0) + implementation.ref_count
+    twice = sorted(name for name, count in uses.items() if count > 1)
+    if twice:
+        raise WrongParameter("the node would use %s for two things at once; look at ~joint_states_topic, "
+                             "~trajectory_controller and the remappings" % ", ".join(twice))

@@ -1,0 +1,138 @@
+"""What the driver finds out before it powers anything, and how it ends where the master does not answer."""
+import contextlib
+import signal
+import subprocess
+import threading
+import time
+
+import pytest
+import rospy
+from launching import ArmOfAnotherMaster, Roscore
+from ros_bench import WAIT, DriverProcess, SimulatorProcess, eventually, on
+from std_msgs.msg import Bool
+
+from jaka_ros_driver.ros.services.service_table import SERVICES
+from jaka_ros_driver.ros.start_checks import wait_for_time
+
+ENDS_WITHIN_S = 12.0
+"""A driver that waits for the master ends never; the bound is the driver's own, 5 s, on a busy host."""
+
+
+@pytest.fixture
+def roscore(ros_master, free_ports, tmp_path):
+    core = Roscore(free_ports(1)[0], tmp_path)
+    core.start()
+    yield core
+    core.kill()
+
+
+def refusal(simulator, environment=None, **parameters):
+    """The words of a driver that does not start."""
+    with DriverProcess("refused", environment, **on(simulator), **parameters) as driver:
+        code, said = driver.wait()
+    rospy.delete_param("/refused")  # the master keeps what this one was given
+    assert code == 1 and "Traceback" not in said, said
+    return said
+
+
+def untouched(simulator):
+    state = simulator.state()
+    return not state["is_powered"] and not state["is_enabled"]
+
+
+@pytest.mark.parametrize("name, value", [("ROS_HOSTNAME", "nobody.invalid"), ("ROS_IP", "192.0.2.7")])
+def test_a_node_that_no_client_can_reach_refuses_to_start_and_powers_nothing(ros_node, name, value):
+    with contextlib.closing(SimulatorProcess()) as simulator:
+        said = refusal(simulator, {name: value})
+        assert "/refused cannot start: clients are told to reach this node at http://%s:" % value in said
+        assert "the address comes from %s=%s" % (name, value) in said
+        assert untouched(simulator)
+
+
+@pytest.mark.parametrize("name, value, words", [
+    ("joint_states_topic", "/rosout", "ROS itself uses it"), ("joint_states_topic", "/tf", "ROS itself uses it"),
+    ("joint_states_topic", "~tool_position", "/refused/tool_position"),
+    ("joint_states_topic", "~joint_position", "/refused/joint_position"),
+    ("joint_states_topic", "~servo_j_command", "/refused/servo_j_command"),
+    ("joint_states_topic", "~jog_joints", "/refused/jog_joints"),
+    ("joint_states_topic", "jaka_zu7_controller/state", "/jaka_zu7_controller/state"),
+    ("joint_states_topic", "/of_a_camera", "it has the type std_msgs/Bool already"),
+    ("trajectory_controller", "of_a_cell", "it has the type std_msgs/Bool already")])
+def test_a_topic_that_is_used_for_something_else_is_refused(ros_node, name, value, words):
+    others = [rospy.Publisher(topic, Bool, queue_size=1) for topic in ("/of_a_camera", "/of_a_cell/command")]
+    with contextlib.closing(SimulatorProcess()) as simulator:
+        said = refusal(simulator, **{name: value})
+        assert "cannot start: " in said and words in said and "~" + name in said, said
+        assert untouched(simulator)
+    for other in others:
+        other.unregister()
+
+
+def test_a_remapping_that_makes_two_topics_one_is_refused(ros_node):
+    with contextlib.closing(SimulatorProcess()) as simulator:
+        said = refusal(simulator, remappings=["joint_states:=/refused/jog_joints"])
+        assert "would use /refused/jog_joints for two things at once" in said
+        assert untouched(simulator)
+
+
+def test_without_time_nothing_is_powered_or_offered_until_it_runs(roscore):
+    roscore.run("rosparam", "set", "/use_sim_time", "true")
+    with contextlib.closing(SimulatorProcess()) as simulator, \
+            DriverProcess("jaka_driver", roscore.environment, **on(simulator, guard=False)) as driver:
+        said = next(line for line in driver.process.stdout if "ERROR" in line)
+        assert "/use_sim_time is true and no /clock has come" in said
+        assert untouched(simulator) and "/jaka_driver/stop_move" not in roscore.registered()[2]
+        clock = subprocess.Popen(["rostopic", "pub", "-r", "50", "/clock", "rosgraph_msgs/Clock", "clock: {secs: 5}"],
+                                 env=roscore.environment, stdout=subprocess.DEVNULL)
+        try:
+            assert eventually(lambda: {"/jaka_driver/" + spec.name for spec in SERVICES} <= roscore.registered()[2])
+            assert eventually(lambda: simulator.state()["is_enabled"])
+            printed = roscore.run("rostopic", "echo", "-n1", "/jaka_driver/joint_position/header/stamp/secs")
+            assert printed.split()[0] in ("4", "5"), "the time of arrival, some ms ago"
+        finally:
+            clock.terminate()
+            clock.wait(WAIT)
+
+
+def test_a_driver_that_waits_for_time_ends_when_it_is_told_to(roscore):
+    roscore.run("rosparam", "set", "/use_sim_time", "true")
+    with contextlib.closing(SimulatorProcess()) as simulator, \
+            DriverProcess("jaka_driver", roscore.environment, **on(simulator, guard=False)) as driver:
+        next(line for line in driver.process.stdout if "no /clock has come" in line)
+        code, _ = driver.end()
+    assert code == 0
+
+
+def test_the_wait_for_time_is_over_with_the_first_time_that_is_not_zero():
+    times = [rospy.Time(1), rospy.Time(0), rospy.Time(0)]
+    wait_for_time(threading.Event(), times.pop)
+    assert times == []
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_with_a_frozen_master_the_arm_is_stopped_at_once_and_the_driver_ends(roscore, how):
+    with contextlib.closing(SimulatorProcess("--start", "enabled")) as simulator, \
+            DriverProcess("jaka_driver", roscore.environment, **on(simulator, guard=False)) as driver:
+        arm = ArmOfAnotherMaster(simulator, "/jaka_driver", roscore.uri)
+        assert eventually(lambda: arm.call("jog", mvvelo=0.2, coord_mode=0, index=0).ret == 1)
+        assert eventually(simulator.is_moving)
+        with roscore.frozen():
+            told_at = time.monotonic()
+            driver.process.send_signal(how)
+            assert eventually(lambda: not simulator.is_moving())
+            stopped_at = time.monotonic()
+            code, said = driver.wait()
+            assert time.monotonic() - told_at < ENDS_WITHIN_S
+    assert stopped_at - told_at < 2.0, "the jog's own watchdog would stop it after 3 s"
+    assert code == 0 and "Traceback" not in said, said
+
+
+def test_a_driver_in_the_middle_of_its_start_ends_where_the_master_is_frozen(roscore):
+    with contextlib.closing(SimulatorProcess()) as simulator, \
+            DriverProcess("jaka_driver", roscore.environment, **on(simulator, guard=False)) as driver:
+        assert eventually(lambda: roscore.registered()[0])
+        with roscore.frozen():
+            driver.process.send_signal(signal.SIGTERM)
+            told_at = time.monotonic()
+            driver.wait()
+            assert time.monotonic() - told_at < ENDS_WITHIN_S
