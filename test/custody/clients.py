@@ -93,6 +93,16 @@ class Clients:
         self.calls: List[Call] = []
         self.are_gone = False
 
+    def has_lost_driver(self) -> None:
+        """The driver's process has died: who waits is told by the connection."""
+        self._busy = {}
+        self._jogger += 1
+        self._streams += 1
+
+    def has_driver(self, driver: DriverProcess) -> None:
+        """Another one has been started."""
+        self._driver = driver
+
     # ---- one call ----
 
     def ask(self, kind: str, command: Any, give: Callable[[Any, Call, float], None], caller: int = STOP_BUTTON,
@@ -262,8 +272,8 @@ class Clients:
 
     # ---- many calls ----
 
-    def maintenance(self, every: float) -> None:
-        """Somebody who gets the arm going again whenever it cannot move: clear_error, power, enable."""
+    def maintenance(self, every: float, recovers: bool = False) -> None:
+        """Somebody who gets the arm going again whenever it cannot move: clear_error, power, enable; or recover."""
         def next_step(call: Optional[Call], steps: List[Tuple[str, Any]]) -> None:
             if steps and (call is None or call.error is None):
                 name, value = steps[0]
@@ -272,7 +282,8 @@ class Clients:
         def look() -> None:
             state = self._state()
             if state is not None and not (state.is_enabled and not state.protective_stop and not state.has_fault):
-                next_step(None, [("clear_error", None), ("power", True), ("enable", True)])
+                next_step(None, [("recover", None)] if recovers else [
+                    ("clear_error", None), ("power", True), ("enable", True)])
             if not self.are_gone:
                 self._clock.after(every, look)
         look()

@@ -1,12 +1,13 @@
 """The controller's side of the world: the simulated controller's core, its two ports, and what goes wrong there.
 
-The core is the product's own. What is put around it here are the faults of a real one that a clean simulation has
-not: a stop that is refused, a reply that is late or lost, a motion that begins long after it was accepted, a feed
-that says what is not so.
+The core is the product's own, in the dialect of the scenario. What is put around it here are the faults of a real one
+that a clean simulation has not: a stop that is refused, a reply that is late or lost, a queue that hesitates between
+two motions, a feed that says what is not so.
 """
 import contextlib
 import random
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+from collections import deque
+from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional
 
 from status_feed import FeedFaults, StatusFeed, noise
 from virtual_clock import Clock
@@ -14,18 +15,23 @@ from wire import Arrival, Cable, Network
 
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.kinematics.arm_models import ArmModel
-from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
-from jaka_ros_driver.simulation.controller.controller import Controller, RequestResult
+from jaka_ros_driver.simulation.controller.command_spec import LINK_LOSS_COMMAND
+from jaka_ros_driver.simulation.controller.controller import Controller, ReplyLine, RequestResult
 from jaka_ros_driver.simulation.controller.controller_state import Options, ProgramState
 from jaka_ros_driver.simulation.controller.firmware import Firmware
-from jaka_ros_driver.simulation.controller.replies import Refused
+from jaka_ros_driver.simulation.controller.replies import Refused, accepted, refused
+from jaka_ros_driver.simulation.dialect.dialect import COEXISTS, REFUSED
 from jaka_ros_driver.simulation.server.request_parser import RequestParser
+from jaka_ros_driver.units import deg_to_rad
 
-DRIVER, GUARD, PENDANT, HAND, NOBODY = "driver", "guard", "pendant", "hand", "nobody"
-"""Who moves the arm."""
+DRIVER, GUARD, RIVAL, ORPHAN = "driver", "guard", "rival", "driver that is dead"
+PENDANT, HAND, NOBODY = "pendant", "hand", "nobody"
+"""Who moves the arm. The first four are clients of the command port; an orphan is what a dead driver has left."""
 
+FINDS_DEAD_CLIENT_AFTER = 1.0
+"""s; a controller that serves its first client only looks so long for one that may be gone. Not known of real ones."""
 PLANNED = frozenset(("joint_move", "moveL", "movc"))
 STREAMED = frozenset(("servo_j", "servo_p"))
 
@@ -42,11 +48,23 @@ def is_motion(request: Dict[str, Any]) -> bool:
 
 def succeeded(reply: bytes) -> bool:
     """The reply of the simulated controller says that it took the command."""
-    return b'"errorCode": "0"' in reply
+    return b'"errorCode": "0"' in reply or b'"errorCode": 0,' in reply
 
 
-def _refused(name: str) -> bytes:
-    return encode_object({"errorCode": "2", "errorMsg": "call %s failed" % name, "cmdName": name})
+class Reply(NamedTuple):
+    """What a client learns when a reply has arrived whole.
+
+    Attributes:
+        command: Its ``cmdName``.
+        is_accepted: The controller says that it took the command.
+        request: What it answers.
+        text: The reply itself.
+    """
+
+    command: str
+    is_accepted: bool
+    request: Any
+    text: bytes
 
 
 class _Held(NamedTuple):
@@ -56,6 +74,18 @@ class _Held(NamedTuple):
     rest: float
     request: Dict[str, Any]
     who: str
+
+
+class _Client:
+    """One connection to the command port: requests that are not carried out, and replies that are not sent yet."""
+
+    def __init__(self, cable: Cable) -> None:
+        self.cable = cable
+        self.parser = RequestParser()
+        self.inbox: Deque[Any] = deque()
+        self.replies = ReplyLine()
+        self.requests: Dict[int, Any] = {}
+        self.last_reply_at = 0.0
 
 
 class Faults:
@@ -72,6 +102,7 @@ class Faults:
         self.late_start = 0.0
         self.starts_late_until = 0.0
         self.noise_until = 0.0
+        self.denies_servo_until = 0.0
 
 
 class ControllerRoom:
@@ -87,11 +118,11 @@ class ControllerRoom:
         resumed_at: When motion was last let go on at the pendant, s.
         motion_executed_at: When it last began to carry a motion out, s.
         player: Who began the program that runs.
+        way: How far the newest joint motion leads, rad; infinite for other motions.
     """
 
     def __init__(self, clock: Clock, network: Network, chance: random.Random, model: ArmModel, firmware: Firmware,
-                 options: Options, forced_feed_period: Optional[float], full_frames: bool,
-                 note: Callable[..., None]) -> None:
+                 options: Options, full_frames: bool, note: Callable[..., None]) -> None:
         self.clock, self._network, self._chance, self._note = clock, network, chance, note
         self.controller = Controller(model, firmware, options)
         self.faults = Faults()
@@ -101,18 +132,18 @@ class ControllerRoom:
         self.resumed_at = -1e9
         self.motion_executed_at = -1e9
         self.player = NOBODY
+        self.way = float("inf")
         self.controller.state.memory.program_name = "weld.ngc"
         self.on_executed: Callable[[Dict[str, Any], bool, str], None] = lambda request, taken, who: None
         self.on_lost_reply: Callable[[], None] = lambda: None
         self.on_refused_stop: Callable[[], None] = lambda: None
-        self._parser = RequestParser()
-        self._client: Optional[Cable] = None
-        self._line: List[Tuple[str, RequestResult]] = []
-        self._slow_requests = 0
+        self._clients: List[_Client] = []
+        self._first: Optional[_Client] = None
+        self._loss_matters_of: Optional[_Client] = None
         self._held: List[_Held] = []
+        self._is_held_paused = False
         self._moved_at = -1e9
-        self._last_reply_at = 0.0
-        self.feed = StatusFeed(clock, network, chance, self.controller, forced_feed_period, full_frames)
+        self.feed = StatusFeed(clock, network, chance, self.controller, full_frames)
 
     # ---- time ----
 
@@ -124,9 +155,8 @@ class ControllerRoom:
         if self._held:
             self._begin_held(now)
         self.controller.step(CYCLE_TIME_S)
-        while self._line and self._client is not None and self._line[0][1].is_due():
-            name, result = self._line.pop(0)
-            self._post(self._client, name, result.due_reply())
+        for client in list(self._clients):
+            self._carry_out(client)
         if not self.controller.state.plant.is_moving:
             if self.mover is not NOBODY and self.is_idle:
                 self.mover = NOBODY
@@ -137,6 +167,8 @@ class ControllerRoom:
     def _begin_held(self, now: float) -> None:
         """Begin with what was accepted before, once its time has come and the arm has rested for a while."""
         held = self._held[0]
+        if self._is_held_paused:
+            return
         if held.due <= now and now - self._moved_at >= held.rest:
             self._held.pop(0)
             self._execute(held.request, held.who)
@@ -152,64 +184,111 @@ class ControllerRoom:
         """Nothing is wrong any more, and no button is pressed."""
         self.faults, self.feed.faults = Faults(), FeedFaults()
         self.controller.state.release_emergency_stop()
+        if not self.controller.state.dialect.stop_ends_program:  # somebody must
+            self.stop_at_pendant()
 
     # ---- the command port ----
 
     def accepted(self, cable: Cable) -> None:
-        """A client has connected; the newest has the command port (docs/controller-protocol.md section 1)."""
+        """A client has connected (docs/controller-protocol.md section 1)."""
         if cable.port is not Port.COMMAND:
             return
-        for other in self._network.on(Port.COMMAND):
-            if other is not cable and other.controller_knows:
-                other.close_by_controller()
-        self._client = cable
-        self._line = []
-        self._parser = RequestParser()
+        if self._second_client == REFUSED and self._first is not None:
+            first = self._first.cable
+            cable.close_by_controller()
+            self.clock.after(FINDS_DEAD_CLIENT_AFTER, first.controller_finds_it_dead)
+            return
+        client = _Client(cable)
+        self._clients.append(client)
+        if self._first is None and (self._second_client != COEXISTS or len(self._clients) == 1):
+            self._take_over(client)
+
+    @property
+    def _second_client(self) -> str:
+        return self.controller.state.dialect.second_client
+
+    def _take_over(self, client: _Client) -> None:
+        """From now on this is the only client."""
+        for other in self._clients:
+            if other is not client:
+                other.cable.close_by_controller()
+        self._clients, self._first, self._loss_matters_of = [client], client, None
         self.controller.state.client_connected()
 
     def lost(self, cable: Cable) -> None:
         """A client's connection has ended."""
-        if cable is self._client:
-            self._client = None
+        client = self._client_of(cable)
+        if client is None:
+            return
+        self._clients.remove(client)
+        if client is self._first:
+            self._first = None
+        if client is self._loss_matters_of:
+            self._loss_matters_of = None
             self.controller.state.client_lost()
+
+    def _client_of(self, cable: Cable) -> Optional[_Client]:
+        for client in self._clients:
+            if client.cable is cable:
+                return client
+        return None
 
     def arrived(self, cable: Cable, arrival: Arrival) -> None:
         """Bytes of a client."""
-        if cable.port is not Port.COMMAND or self.is_off or cable is not self._client:
-            return
-        for request in self._parser.feed(arrival.data, self.clock.now):
-            if cable is not self._client:
-                return  # one of them turned the controller off
-            result = self._answer(request, DRIVER)
-            name = request.get("cmdName", "") if isinstance(request, dict) else ""
-            if self._line or self._is_held_back(result):
-                self._line.append((name, result))
-            else:
-                self._post(cable, name, result.reply)
+        client = self._client_of(cable)
+        if client is not None and not self.is_off:
+            client.inbox.extend(client.parser.feed(arrival.data, self.clock.now))
+            self._carry_out(client)
 
-    def _is_held_back(self, result: RequestResult) -> bool:
-        """Whether the reply waits until it is done; controllers are of both kinds, so every second one does."""
-        if result.is_due():
+    def _carry_out(self, client: _Client) -> None:
+        """Carry out what a client asks for, unless it waits for a reply, and send the replies that are due."""
+        self._send_due(client)
+        while client.inbox and not client.replies.is_blocked and client in self._clients and not self.is_off:
+            request = client.inbox.popleft()
+            if client is not self._first:
+                if self._second_client != COEXISTS:
+                    self._take_over(client)
+                elif self._first is None:
+                    self._first = client
+            result = self._answer(request, client.cable.host.name)
+            if result.command == LINK_LOSS_COMMAND:
+                self._loss_matters_of = client
+            client.replies.add(result)
+            client.requests[id(result)] = request
+            self._send_due(client)
+
+    def _send_due(self, client: _Client) -> None:
+        for result in client.replies.take_due():
+            self._post(client, client.requests.pop(id(result)), result.due_reply())
+
+    @property
+    def keeps_driver_waiting(self) -> bool:
+        """No request of the driver's is carried out now: a reply is not there yet, or another client has the port."""
+        if any(client.replies.is_blocked for client in self._clients if client.cable.host.name in (DRIVER, ORPHAN)):
+            return True
+        first = self._first
+        if first is None or self._second_client == COEXISTS:
             return False
-        self._slow_requests += 1
-        return self._slow_requests % 2 == 1
+        return first.cable.host.name is RIVAL or (self._second_client == REFUSED and not first.cable.works)
 
-    def _post(self, cable: Cable, name: str, reply: bytes) -> None:
+    def _post(self, client: _Client, request: Any, reply: bytes) -> None:
         faults, now = self.faults, self.clock.now
+        name = str(request.get("cmdName", "")) if isinstance(request, dict) else ""
         if faults.lost_replies.get(name, faults.lost_replies.get("", 0)) > 0:
             key = name if name in faults.lost_replies else ""
             faults.lost_replies[key] -= 1
             self._note("lost reply", name)
             self.on_lost_reply()
             return
+        mark = Reply(name, succeeded(reply), request, reply)
         if now < faults.noise_until:
             reply = noise(self._chance, 5) + reply if self._chance.random() < 0.5 else reply + reply
         at = now + (faults.reply_delay * self._chance.random() if now < faults.delays_until else 0.0)
-        self._last_reply_at = at = max(at, self._last_reply_at)
+        client.last_reply_at = at = max(at, client.last_reply_at)
         if at > now:
-            self.clock.at(at, lambda: cable.to_driver.send(reply))
+            self.clock.at(at, lambda: client.cable.to_driver.send(reply, mark))
         else:
-            cable.to_driver.send(reply)
+            client.cable.to_driver.send(reply, mark)
 
     def _answer(self, request: Any, who: str) -> RequestResult:
         """Carry a request out, or pretend to, or refuse it."""
@@ -226,7 +305,9 @@ class ControllerRoom:
         if now < faults.lies_until.get(name, 0.0) and is_motion(request):
             self._execute(request, who)
             self._note("says that it did not")
-            return RequestResult(name, _refused(name))
+            return RequestResult(name, refused(self.controller.state.dialect, name, Refused()))
+        if name == "is_in_servomove" and now < faults.denies_servo_until:
+            return RequestResult(name, accepted(self.controller.state.dialect, name, {"in_servomove": False}))
         can_wait = is_motion(request) and (name in PLANNED or name == "jog")
         if can_wait and (self._held or now < faults.starts_late_until):
             return self._hold(request, who)
@@ -236,7 +317,7 @@ class ControllerRoom:
         name = str(request.get("cmdName"))
         self._note("refuses", name)
         self.on_executed(request, False, who)
-        return RequestResult(name, _refused(name))
+        return RequestResult(name, refused(self.controller.state.dialect, name, Refused()))
 
     def _hold(self, request: Dict[str, Any], who: str) -> RequestResult:
         """Say yes now and begin later; a motion that could not begin now is refused as ever."""
@@ -247,20 +328,27 @@ class ControllerRoom:
         held = _Held(self.clock.now + late * self._chance.random(), late * self._chance.random(), request, who)
         self._held.append(held)
         self._note("begins later", name, "by %.4f s, after rest of %.4f s" % (held.due - self.clock.now, held.rest))
-        return RequestResult(name, encode_object({"errorCode": "0", "errorMsg": "", "cmdName": name}))
+        return RequestResult(name, accepted(state.dialect, name, {}))
 
     def _execute(self, request: Dict[str, Any], who: str) -> RequestResult:
+        joints = self.controller.state.plant.joint_position
         result = self.controller.execute(request)
         taken = succeeded(result.reply)
         name = request.get("cmdName")
         if taken:
             if name in ("play_program", "resume_program"):
                 self.player = who
+            if name in ("resume_program", "stop_program"):
+                self._is_held_paused = False
+            elif name == "pause_program" and self._held and self.controller.state.dialect.pause_pauses_moves:
+                self._is_held_paused = True
             if name == "stop_program" or (name == "jog" and request.get("jog_mode") == 0):
                 self._held = []  # what has not begun never will
             if name == "stop_program":
                 self.stop_executed_at = self.clock.now
             elif is_motion(request):
+                self.way = (max([abs(a - deg_to_rad(b)) for a, b in zip(joints, request["jointPosition"])])
+                            if name == "joint_move" else float("inf"))
                 self.motion_executed_at = self.clock.now
                 self.mover = who
         self.on_executed(request, taken, who)
@@ -268,18 +356,13 @@ class ControllerRoom:
 
     # ---- people beside it ----
 
-    def guard_stops(self) -> bool:
-        """The driver's guard takes the command port over and stops the arm; False where it cannot, or is refused."""
-        if self.is_off or not self._network.carries(Port.COMMAND):
-            return False
-        for cable in self._network.on(Port.COMMAND):
-            if cable.controller_knows:
-                cable.close_by_controller()
-        self._client = None
-        self._answer({"cmdName": "servo_move", "relFlag": 0}, GUARD)
-        is_stopped = succeeded(self._answer({"cmdName": "stop_program"}, GUARD).reply)
-        self.controller.state.client_lost()
-        return is_stopped
+    def driver_has_died(self, name: str) -> None:
+        """What the driver's process has begun is nobody's now; what it had sent may still be on its way."""
+        if self.mover is DRIVER:
+            self.mover = name
+        if self.player is DRIVER:
+            self.player = name
+        self._held = [held._replace(who=name) if held.who is DRIVER else held for held in self._held]
 
     def press_emergency_stop(self) -> None:
         """The button."""
@@ -346,7 +429,7 @@ class ControllerRoom:
             for cable in self._network.on(port):
                 cable.cut(driver_learns=not silent, controller_learns=False)
                 cable.controller_knows = False
-        self._client = None
+        self._clients, self._first, self._loss_matters_of = [], None, None
         self.clock.after(down, self._boot)
 
     def _boot(self) -> None:

@@ -1,437 +1,254 @@
-"""Defects put around a good core: each must be found by the rules that it breaks, or a rule finds nothing.
+"""Defects that are had inside the core only, those of the guard, and the table of all planted defects.
 
-They work at the contract of core and shell alone: what the core is told, what it asks for, what it says of itself.
+Each must be found by the rule that it breaks, or that rule finds nothing.
 """
 import contextlib
 import json
+import re
 from typing import Any, Callable, Dict, List, NamedTuple, Tuple
 
+from core_defects import (
+    AnswersGood,
+    AnswersNever,
+    AnswersTwice,
+    BesidePath,
+    ConnectsOnce,
+    DoesNotSeeSilence,
+    ForgetsStops,
+    FreeAtOnce,
+    GuardIsNotTold,
+    GuardIsToldTooSoon,
+    JogsOn,
+    JumpsInServo,
+    KeepsHold,
+    LeavesLimits,
+    LeavesPrograms,
+    LeavesSegmentsOut,
+    NeedsNoRest,
+    NeverFree,
+    PausesNothing,
+    PowersAgain,
+    Raises,
+    SendsAgain,
+    SendsWithoutLink,
+    ShowsOldAsNew,
+    StopsForCallsOnly,
+    StopsLater,
+    StopsOnce,
+    StreamsOn,
+    TalksToStrangers,
+    Wrapped,
+)
 from sent_rules import requests_in
 
-from jaka_ros_driver.client.core.actions import Answer, Open, Port, Send, Show, Tell
-from jaka_ros_driver.client.core.arm_core import ArmCore
-from jaka_ros_driver.client.core.motion import MotionOwner
-from jaka_ros_driver.errors import JakaError, MotionInterrupted
-
-_MOTIONS = ("joint_move", "moveL", "jog")
+from jaka_ros_driver.client.core.actions import Close, Open, Port, Send, Show
+from jaka_ros_driver.client.stopping import Step, Stopping
 
 
-class Wrapped:
-    """A core, to be made worse by overriding what is to go wrong."""
-
-    def __init__(self, settings: Any, model: Any) -> None:
-        self.good = ArmCore(settings, model)
-        self.settings = settings
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.good, name)
-
-    def take_actions(self) -> List[Any]:
-        """The good core's actions, each changed, left out or doubled."""
-        return [made for action in self.good.take_actions() for made in self.change(action)]
-
-    def change(self, action: Any) -> List[Any]:
-        """What comes out instead of this action."""
-        return self.change_requests(action) if isinstance(action, Send) else [action]
+class StopsHalf(StopsForCallsOnly):
+    """A stop ends moves and programs only; that jogs and servo mode are ended is taken for granted."""
 
     def change_requests(self, action: Send) -> List[Any]:
-        """The requests of one Send, each changed or left out."""
-        kept = [request for request in requests_in(action.data) if self.lets_pass(request)]
-        return [Send(b"".join([json.dumps(request).encode() for request in kept]))] if kept else []
-
-    def lets_pass(self, request: Dict[str, Any]) -> bool:
-        """May change the request."""
-        return True
-
-
-class FreeAtOnce(Wrapped):
-    """Custody is given away as soon as it is taken."""
-
-    @property
-    def is_free(self) -> bool:
-        return True
+        requests = requests_in(action.data)
+        if not any(request["cmdName"] == "stop_program" for request in requests):
+            return [action]
+        self.swallowed += tuple(request["cmdName"] for request in requests if request["cmdName"] != "stop_program")
+        return [Send(b'{"cmdName": "stop_program"}')] * sum(
+            request["cmdName"] == "stop_program" for request in requests)
 
 
-class NeverFree(Wrapped):
-    """Custody that was taken once does not end."""
-
-    has_begun = False
-
-    @property
-    def is_free(self) -> bool:
-        self.has_begun = self.has_begun or not self.good.is_free
-        return not self.has_begun
-
-
-class StopsForCallsOnly(Wrapped):
-    """A stop of the driver's own (watchdog, link, feed, repetition) does not go out, and is taken for accepted."""
-
-    is_in_call = False
-    swallowed: Tuple[str, ...] = ()
-
-    def stop(self, call: Any, now: float) -> None:
-        self.is_in_call = True
-        self.good.stop(call, now)
-
-    def take_actions(self) -> List[Any]:
-        actions = super().take_actions()
-        self.is_in_call = False
-        return actions
-
-    def lets_pass(self, request: Dict[str, Any]) -> bool:
-        is_stop = request["cmdName"] == "stop_program" or (request["cmdName"] == "jog" and not request["jog_mode"])
-        if is_stop and self.swallows():
-            self.swallowed += (request["cmdName"],)
-            return False
-        return True
-
-    def swallows(self) -> bool:
-        """This stop does not go out."""
-        return not self.is_in_call
-
-    def tick(self, now: float) -> None:
-        swallowed, self.swallowed = self.swallowed, ()
-        for name in swallowed:
-            reply = {"errorCode": "0", "errorMsg": "", "cmdName": name}
-            self.good.received(Port.COMMAND, json.dumps(reply).encode(), now)
-        self.good.tick(now)
-
-
-class StopsOnce(StopsForCallsOnly):
-    """A stop that was refused or lost is not repeated."""
-
-    has_stopped = False
-
-    def change(self, action: Any) -> List[Any]:
-        if isinstance(action, Tell) and action.is_moving:
-            self.has_stopped = False
-        made = super().change(action)
-        if isinstance(action, Send) and b"stop_program" in action.data:
-            self.has_stopped = True
-        return made
-
-    def swallows(self) -> bool:
-        return self.has_stopped and not self.is_in_call
-
-
-class JogsOn(Wrapped):
-    """The jog's watchdog is disarmed: the jog is called for by the driver itself."""
-
-    command: Any = None
-    next_at = 0.0
-
-    def jog(self, call: Any, command: Any, now: float) -> None:
-        self.command, self.next_at = command, now + 0.5
-        self.good.jog(call, command, now)
-
-    def stop(self, call: Any, now: float) -> None:
-        self.command = None
-        self.good.stop(call, now)
-
-    def tick(self, now: float) -> None:
-        self.good.tick(now)
-        if self.command is not None and now >= self.next_at and not self.good.is_free:
-            self.next_at = now + 0.5
-            self.good.jog(None, self.command, now)
-
-    def change(self, action: Any) -> List[Any]:
-        return [] if isinstance(action, Answer) and action.call is None else [action]
-
-
-class StopsLater(Wrapped):
-    """A stop waits for the next turn of a loop."""
-
-    waiting: Tuple[Any, ...] = ()
-
-    def stop(self, call: Any, now: float) -> None:
-        self.waiting += (call,)
-
-    def tick(self, now: float) -> None:
-        waiting, self.waiting = self.waiting, ()
-        for call in waiting:
-            self.good.stop(call, now)
-        self.good.tick(now)
-
-
-class SendsAgain(Wrapped):
-    """What a lost link swallowed is sent once more on the next one."""
-
-    motion = b""
-
-    def lets_pass(self, request: Dict[str, Any]) -> bool:
-        if request["cmdName"] == "joint_move":
-            self.motion = json.dumps(request).encode()
-        return True
-
-    def opened(self, port: Port, now: float) -> None:
-        self.good.opened(port, now)
-        if port is Port.COMMAND and self.motion:
-            self.good.actions.add(Tell(True))
-            self.good.actions.add(Send(self.motion))
-
-
-class ForgetsStops(Wrapped):
-    """A move that waits for its turn outlives a stop: it is asked for again behind it."""
+class WaitsForStart(Wrapped):
+    """A motion that does not begin is waited for."""
 
     def __init__(self, settings: Any, model: Any) -> None:
         super().__init__(settings, model)
-        self.moves: Dict[Any, Any] = {}
+        stop = self.good.custody.stop
 
-    def move(self, call: Any, command: Any, wait: bool, now: float) -> None:
-        self.moves[call] = command, wait, now
-        self.good.move(call, command, wait, now)
-
-    def take_actions(self) -> List[Any]:
-        actions = []
-        for action in super().take_actions():
-            asked = self.moves.pop(action.call, None) if isinstance(action, Answer) else None
-            if asked and isinstance(action.error, MotionInterrupted):
-                self.good.move(action.call, asked[0], asked[1], asked[2])
-            else:
-                actions.append(action)
-        return actions + self.good.take_actions()
+        def patient(outcome: Any, now: float, *more: Any, **others: Any) -> None:
+            if "did not move" not in str(outcome):
+                stop(outcome, now, *more, **others)
+        self.good.custody.stop = patient  # type: ignore[method-assign]
 
 
-class AnswersTwice(Wrapped):
-    """A call is answered twice."""
-
-    def change(self, action: Any) -> List[Any]:
-        return [action] * 2 if isinstance(action, Answer) else [action]
-
-
-class AnswersNever(Wrapped):
-    """A move that was interrupted is not answered."""
-
-    def change(self, action: Any) -> List[Any]:
-        is_lost = isinstance(action, Answer) and isinstance(action.error, MotionInterrupted)
-        return [] if is_lost else [action]
-
-
-class AnswersGood(Wrapped):
-    """An interrupted move is said to be completed."""
-
-    def change(self, action: Any) -> List[Any]:
-        if isinstance(action, Answer) and isinstance(action.error, MotionInterrupted):
-            return [Answer(action.call, None, None)]
-        return [action]
-
-
-class PowersAgain(Wrapped):
-    """After a lost link the arm is made ready again, kindly."""
-
-    connections = 0
-
-    def opened(self, port: Port, now: float) -> None:
-        self.good.opened(port, now)
-        if port is Port.COMMAND:
-            self.connections += 1
-            if self.connections > 1:
-                self.good.actions.add(Send(b'{"cmdName": "enable_robot"}'))
-
-
-class JumpsInServo(Wrapped):
-    """Now and then a servo frame is far from the one before."""
-
-    count = 0
-
-    def lets_pass(self, request: Dict[str, Any]) -> bool:
-        if request["cmdName"] == "servo_j":
-            self.count += 1
-            if self.count % 50 == 0:
-                request["jointPosition"][0] += 2.0
-        return True
-
-
-class StreamsOn(Wrapped):
-    """Servo frames repeat the last step when no target comes."""
-
-    before: Any = None
-
-    def lets_pass(self, request: Dict[str, Any]) -> bool:
-        if request["cmdName"] == "servo_j":
-            joints = request["jointPosition"]
-            if self.before is not None and max([abs(a - b) for a, b in zip(joints, self.before)]) < 1e-9:
-                joints[5] += 0.01
-            else:
-                self.before = list(joints)
-        return True
-
-
-class BesidePath(Wrapped):
-    """Servo frames lie a little beside where they should."""
-
-    def lets_pass(self, request: Dict[str, Any]) -> bool:
-        if request["cmdName"] == "servo_j":
-            request["jointPosition"][3] += 0.3
-        return True
-
-
-class LeavesSegmentsOut(StopsForCallsOnly):
-    """Now and then a segment of a path is not sent, and taken for accepted."""
-
-    count = 0
-
-    def lets_pass(self, request: Dict[str, Any]) -> bool:
-        if self.good.path is not None and request["cmdName"] in _MOTIONS + ("movc",):
-            self.count += 1
-            if self.count % 3 == 2:
-                self.swallowed += (request["cmdName"],)
-                return False
-        return True
-
-
-class LeavesPrograms(Wrapped):
-    """A program that was played has the arm no more."""
-
-    @property
-    def is_free(self) -> bool:
-        return self.good.is_free or self.good.motion_owner is MotionOwner.PROGRAM
-
-
-class PausesNothing(Wrapped):
-    """A pause is said to be done, and the trajectory goes on."""
-
-    def run(self, call: Any, procedure: Any, now: float, exclusive: bool = False) -> None:
-        if call is not None and call.command == ("pause", None):
-            self.good.actions.answer(call, "paused")
-        else:
-            self.good.run(call, procedure, now, exclusive)
-
-
-class KeepsHold(Wrapped):
-    """The last message of a velocity jog counts for ever."""
-
-    message: Any = None
-
-    def jog_velocity(self, message: Any, now: float) -> None:
-        self.message = message
-        self.good.jog_velocity(message, now)
-
-    def tick(self, now: float) -> None:
-        if self.message is not None and self.message.wish is not None and self.good.dead_man.is_held:
-            with contextlib.suppress(JakaError):
-                self.good.jog_velocity(self.message._replace(stamp_ns=int(1e9 * now), age=0.0, received_at=now), now)
-        self.good.tick(now)
-
-
-class NeedsNoRest(Wrapped):
-    """A velocity jog is begun by whatever message comes first."""
-
-    def jog_velocity(self, message: Any, now: float) -> None:
-        if message.wish is not None and not self.good.dead_man.is_held:
-            with contextlib.suppress(JakaError):
-                self.good.jog_velocity(message._replace(
-                    stamp_ns=message.stamp_ns - 1, wish=message.wish._replace(velocity=(0.0,) * 6)), now)
-        self.good.jog_velocity(message, now)
-
-
-class LeavesLimits(Wrapped):
-    """Targets are not held against the joint limits."""
-
-    def lets_pass(self, request: Dict[str, Any]) -> bool:
-        if request["cmdName"] == "joint_move":
-            request["jointPosition"][2] = 300.0
-        return True
-
-
-class ShowsOldAsNew(Wrapped):
-    """Every frame that is read is shown as new."""
-
-    def change(self, action: Any) -> List[Any]:
-        return [Show(action.state, True)] if isinstance(action, Show) else [action]
-
-
-class GuardIsNotTold(Wrapped):
-    """The guard never hears that the arm moves."""
-
-    def change(self, action: Any) -> List[Any]:
-        return [] if isinstance(action, Tell) and action.is_moving else [action]
-
-
-class GuardIsToldTooSoon(Wrapped):
-    """The guard hears that the arm rests when a stop is sent, not when it rests."""
-
-    def change(self, action: Any) -> List[Any]:
-        made = [action]
-        if isinstance(action, Send) and b"stop_program" in action.data:
-            made.append(Tell(False))
-        return made
-
-
-class DoesNotSeeSilence(Wrapped):
-    """A feed that has fallen silent is not noticed: the last frame is read again and again."""
-
-    frame = b""
-    fed_at = 0.0
+class IgnoresFaults(Wrapped):
+    """Stops, faults and drives that are off are not seen."""
 
     def received(self, port: Port, data: bytes, now: float) -> None:
         if port is Port.STATUS:
-            whole = data.rfind(b'{"len"')
-            self.frame, self.fed_at = data[whole:] if data.endswith(b"}") and whole >= 0 else self.frame, now
+            data = data.replace(b'"enabled": false', b'"enabled": true ')
+            data = data.replace(b'"powered_on": 0', b'"powered_on": 1')
+            data = data.replace(b'"emergency_stop": 1', b'"emergency_stop": 0')
+            data = data.replace(b'"protective_stop": 1', b'"protective_stop": 0')
+            data = re.sub(rb'"errcode": "0x[0-9a-fA-F]+"',
+                          lambda found: b'"errcode": "0x0"'.ljust(len(found.group())), data)
         self.good.received(port, data, now)
 
+
+class IgnoresRefusedFrames(Wrapped):
+    """What the controller says of servo frames is not looked at."""
+
+    def received(self, port: Port, data: bytes, now: float) -> None:
+        if port is Port.COMMAND and b'"servo_' in data:
+            with contextlib.suppress(ValueError):
+                replies = requests_in(data)
+                for reply in replies:
+                    if isinstance(reply, dict) and reply.get("cmdName") in ("servo_j", "servo_p"):
+                        reply["errorCode"] = "0"
+                data = b"".join([json.dumps(reply).encode() for reply in replies])
+        self.good.received(port, data, now)
+
+
+class StreamsAfterStop(Wrapped):
+    """One more servo frame goes out behind a stop."""
+
+    frame: Any = None
+
+    def stop(self, call: Any, now: float) -> None:
+        self.good.stop(call, now)
+        if self.frame is not None and not self.good.is_free:
+            self.good.actions.add(Send(json.dumps(self.frame).encode()))
+
+    def lets_pass(self, request: Dict[str, Any]) -> bool:
+        if request["cmdName"] == "servo_move":
+            self.frame = None
+        elif request["cmdName"] == "servo_j":
+            self.frame = request
+        return True
+
+
+class SendsInBursts(Wrapped):
+    """Servo frames are kept, and go out a dozen at a time."""
+
+    kept: Tuple[Dict[str, Any], ...] = ()
+
+    def change_requests(self, action: Send) -> List[Any]:
+        requests = requests_in(action.data)
+        if any(request["cmdName"] != "servo_j" for request in requests):
+            self.kept = ()
+            return [action]
+        self.kept += tuple(requests)
+        if len(self.kept) < 12:
+            return []
+        kept, self.kept = self.kept, ()
+        return [Send(json.dumps(request).encode()) for request in kept]
+
+
+class RecoversTwice(Wrapped):
+    """Each step of a recovery is sent twice, to be sure."""
+
+    def change_requests(self, action: Send) -> List[Any]:
+        is_step = any(request["cmdName"] in ("clear_error", "power_on", "enable_robot")
+                      for request in requests_in(action.data))
+        return [action] * 2 if is_step else [action]
+
+
+class LeavesMoving(Wrapped):
+    """A driver that is told to end gives custody up, and stops nothing."""
+
+    def close(self, now: float) -> None:
+        self.good.close(now)
+        if not self.good.custody.is_free:
+            self.good.custody._release(now)
+
+    def lets_pass(self, request: Dict[str, Any]) -> bool:
+        return not self.good._is_closing
+
+
+class ForgetsOwedStop(Wrapped):
+    """A stop that was refused is not due again."""
+
     def tick(self, now: float) -> None:
-        if self.frame and now - self.fed_at > 0.03:
-            self.fed_at = now
-            self.good.received(Port.STATUS, self.frame, now)
+        if self.good.custody.must_stop:
+            self.good.custody._retry_at = float("inf")
         self.good.tick(now)
 
-    def change(self, action: Any) -> List[Any]:
-        return [Show(action.state, False)] if isinstance(action, Show) else [action]
 
+class KeepsBacklog(Wrapped):
+    """A status connection that is to be made anew is kept, with all that waits in it, and believed."""
 
-class ConnectsOnce(Wrapped):
-    """A status port that was lost is not connected again."""
-
-    has_opened = False
+    is_kept = False
 
     def change(self, action: Any) -> List[Any]:
-        if isinstance(action, Open) and action.port is Port.STATUS:
-            if self.has_opened:
-                return []
-            self.has_opened = True
-        return [action]
-
-
-class TalksToStrangers(Wrapped):
-    """The controller is asked for its version before it has said who it is."""
-
-    def opened(self, port: Port, now: float) -> None:
-        self.good.opened(port, now)
-        if port is Port.COMMAND:
-            self.good.actions.add(Send(b'{"cmdName": "get_version"}'))
-
-
-class Raises(Wrapped):
-    """An error of the core's own comes out of it."""
-
-    def jog(self, call: Any, command: Any, now: float) -> None:
-        raise KeyError("jog")
-
-
-class SendsWithoutLink(Wrapped):
-    """Bytes for a port that is closed."""
+        if isinstance(action, Close) and action.port is Port.STATUS:
+            self.is_kept = True
+            return []
+        if isinstance(action, Open) and action.port is Port.STATUS and self.is_kept:
+            return []
+        return [Show(action.state, True)] if isinstance(action, Show) else [action]
 
     def closed(self, port: Port, reason: str, now: float) -> None:
+        self.is_kept = self.is_kept and port is not Port.STATUS
         self.good.closed(port, reason, now)
-        if port is Port.COMMAND:
-            self.good.actions.add(Send(b'{"cmdName": "stop_program"}'))
+
+    def received(self, port: Port, data: bytes, now: float) -> None:
+        if self.is_kept and port is Port.STATUS:
+            self.is_kept = False
+            self.good.opened(port, now)
+        self.good.received(port, data, now)
+
+
+class IsReadyOnce(Wrapped):
+    """After a lost link the driver says for ever that it is not ready."""
+
+    has_lost = False
+
+    def closed(self, port: Port, reason: str, now: float) -> None:
+        self.has_lost = True
+        self.good.closed(port, reason, now)
+
+    def is_ready(self, now: float) -> bool:
+        return not self.has_lost and self.good.is_ready(now)
+
+
+class BlindGuard(Stopping):
+    """The guard stands by and watches."""
+
+    def step(self, now: float, driver: Any) -> Step:
+        return Step.WAIT
+
+
+class GuardStopsOnce(Stopping):
+    """The guard sends one stop, and goes home."""
+
+    has_sent = False
+
+    def step(self, now: float, driver: Any) -> Step:
+        if self.has_sent:
+            return Step.FINISH
+        step = super().step(now, driver)
+        self.has_sent = step is Step.SEND
+        return step
 
 
 class Defect(NamedTuple):
-    """A defective core, and the rules of which one must be found broken."""
+    """A defective core, or guard.
 
-    make: Callable[[Any, Any], Any]
-    rules: str
+    Attributes:
+        make: Makes it.
+        rule: It must be found broken.
+        also: Others, separated by blanks, that may be found broken on the way to it.
+        is_guard: It is what decides how the guard stops an arm.
+    """
+
+    make: Callable[..., Any]
+    rule: str
+    also: str = ""
+    is_guard: bool = False
 
 
 DEFECTS: Tuple[Defect, ...] = (
-    Defect(FreeAtOnce, "a"), Defect(NeverFree, "k"), Defect(StopsOnce, "cm"), Defect(StopsForCallsOnly, "cejm"),
-    Defect(JogsOn, "bc"), Defect(StopsLater, "i"), Defect(SendsAgain, "b"), Defect(ForgetsStops, "b"),
-    Defect(AnswersTwice, "e"), Defect(AnswersNever, "be"), Defect(AnswersGood, "e"), Defect(PowersAgain, "dn"),
-    Defect(JumpsInServo, "f"), Defect(StreamsOn, "ft"), Defect(LeavesLimits, "f"), Defect(ShowsOldAsNew, "g"),
-    Defect(GuardIsNotTold, "h"), Defect(GuardIsToldTooSoon, "h"), Defect(DoesNotSeeSilence, "fhj"),
-    Defect(ConnectsOnce, "kl"), Defect(TalksToStrangers, "n"), Defect(Raises, "contract"),
-    Defect(SendsWithoutLink, "contract"), Defect(BesidePath, "ft"), Defect(PausesNothing, "p"),
-    Defect(KeepsHold, "bv"), Defect(NeedsNoRest, "v"),
-    Defect(LeavesSegmentsOut, "q"), Defect(LeavesPrograms, "r"))
+    Defect(FreeAtOnce, "a"), Defect(NeverFree, "k"), Defect(StopsOnce, "m", "c e"),
+    Defect(StopsForCallsOnly, "j", "a c e h m q v late against"), Defect(JogsOn, "c", "b"), Defect(StopsLater, "i"),
+    Defect(SendsAgain, "b"), Defect(ForgetsStops, "b"), Defect(AnswersTwice, "e"), Defect(AnswersNever, "e", "b t"),
+    Defect(AnswersGood, "e"), Defect(PowersAgain, "d", "n"), Defect(JumpsInServo, "f"), Defect(StreamsOn, "f", "t"),
+    Defect(LeavesLimits, "f"), Defect(ShowsOldAsNew, "g", "age"), Defect(GuardIsNotTold, "h", "state"),
+    Defect(GuardIsToldTooSoon, "state", "h"), Defect(DoesNotSeeSilence, "j", "contract f h"),
+    Defect(ConnectsOnce, "k", "contract l"),
+    Defect(IsReadyOnce, "l"),
+    Defect(TalksToStrangers, "n"), Defect(Raises, "contract"), Defect(SendsWithoutLink, "contract"),
+    Defect(BesidePath, "t", "f"), Defect(PausesNothing, "p"), Defect(KeepsHold, "v", "b"), Defect(NeedsNoRest, "v"),
+    Defect(LeavesSegmentsOut, "q"), Defect(LeavesPrograms, "r"), Defect(StopsHalf, "whole"),
+    Defect(WaitsForStart, "late"), Defect(IgnoresFaults, "against", "d v"), Defect(IgnoresRefusedFrames, "against"),
+    Defect(StreamsAfterStop, "b"), Defect(SendsInBursts, "burst", "t f v e"), Defect(RecoversTwice, "recovery"),
+    Defect(LeavesMoving, "goodbye", "state"), Defect(ForgetsOwedStop, "state"), Defect(KeepsBacklog, "age", "g"),
+    Defect(BlindGuard, "guard", is_guard=True), Defect(GuardStopsOnce, "guard", is_guard=True))

@@ -2,12 +2,14 @@
 
 Connections are made and dropped as the core asks, bytes go out at once, and the core is ticked when it wants to be,
 and every 20 ms at least. The process may stand still for a while, as every process can: then bytes pile up unread,
-calls wait, and nothing is ticked.
+calls wait, and nothing is ticked. It may die; then the kernel closes its connections.
 """
 import random
 import traceback
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
+from controller_room import DRIVER
+from core_invariants import broken_invariant
 from verdict import RuleBroken
 from virtual_clock import Clock
 from wire import Arrival, Cable, Network
@@ -21,9 +23,6 @@ LONGEST_TICK = 0.02
 READ_BYTES = 1 << 16
 KERNEL_BYTES = 1 << 18
 """So much of the status feed waits in the kernel of a host whose reader stands still; further frames are lost."""
-GUARD_SILENCE = 0.25
-GUARD_PERIOD = 0.05
-GUARD_TRIES_FOR = 10.0
 _SHORTEST_TICK = 5e-5
 _TOO_MANY_TURNS = 1000
 
@@ -46,6 +45,7 @@ class Call:
         stops: The core's number of stops then.
         next_segment, passed: Of a path: how many segments were sent, and how many corners the arm has come to.
         is_cancelled: Of a path: its client wants it no more.
+        blindness: Why the driver could not see how far the arm came, as ``StatusFeed.blindness`` has it.
     """
 
     def __init__(self, kind: str, command: Any, give: Callable[[Any, "Call", float], None], waits: bool = False,
@@ -65,6 +65,7 @@ class Call:
         self.stops = 0
         self.next_segment = self.passed = 0
         self.is_cancelled = False
+        self.blindness = ""
 
     @property
     def is_given(self) -> bool:
@@ -87,18 +88,21 @@ class DriverProcess:
     """One driver.
 
     Attributes:
+        name: Who it is for the controller: "driver", or what is said of it once it is dead.
         core: What is tested.
         shown: The newest state that was shown as new.
         is_moving_told: The last word to the guard.
         paused_until: It stands still until then, s.
         is_gone: It has ended.
+        guard: Its guard; None where it has none.
         cables: Its connections.
         next_tick: When the core is ticked next, s.
     """
 
     def __init__(self, clock: Clock, network: Network, chance: random.Random, core: Any, settings: ClientSettings,
-                 judge: Any, lateness: float, has_turns: bool, has_guard: bool, guard_stops: Callable[[], bool],
-                 note: Callable[..., None]) -> None:
+                 judge: Any, lateness: float, has_turns: bool, guard: Any, note: Callable[..., None]) -> None:
+        self.name = DRIVER
+        self.guard = guard
         self.core = core
         self.shown: Optional[RobotState] = None
         self.is_moving_told = False
@@ -109,7 +113,7 @@ class DriverProcess:
         self._clock, self._network, self._chance = clock, network, chance
         self._settings, self._judge, self._lateness = settings, judge, lateness
         self._has_turns, self._lost_in_turn = has_turns, False
-        self._has_guard, self._guard_stops, self._note = has_guard, guard_stops, note
+        self._note = note
         self._last_tick = clock.now
         self._tries = dict.fromkeys(Port, 0)
         self._unread: List[_Unread] = []
@@ -122,7 +126,7 @@ class DriverProcess:
 
     def start(self) -> None:
         """The process starts."""
-        self._do(lambda now: self.core.start(now))
+        self._do(self.core.start)
 
     def tick(self) -> None:
         """The shell's timer."""
@@ -152,12 +156,19 @@ class DriverProcess:
         self.paused_until = now + duration
         self._judge.paused(now, self.paused_until)
         self._clock.at(self.paused_until, self._wake_up)
-        if self._has_guard and self.is_moving_told and duration > GUARD_SILENCE:
-            self._clock.after(GUARD_SILENCE, lambda: self._guard(now + GUARD_SILENCE + GUARD_TRIES_FOR))
+        if self.guard is not None:
+            self.guard.driver_is_silent()
+
+    def die(self, name: str) -> None:
+        """The process is killed; ``name``: who the controller's motions are of from now on."""
+        self.name = name
+        self.leave()
 
     def leave(self) -> None:
-        """The process ends: its connections end with it."""
+        """The process ends: its connections end with it, and the pipe to its guard."""
         self.is_gone = True
+        if self.guard is not None:
+            self.guard.driver_has_ended()
         self.next_tick = float("inf")
         for port, cable in self.cables.items():
             if cable is not None:
@@ -193,7 +204,11 @@ class DriverProcess:
 
     def _wake_up(self) -> None:
         """What waits is taken up: which of it first is chance, as it is between a program's threads."""
+        if self.is_gone:
+            return
         self._note("process goes on")
+        if self.guard is not None:
+            self.guard.is_told(self.is_moving_told)  # it says so 50 times a second
         self._judge.resumed(self._clock.now)
         turns = [self._read_all, self._give_all]
         if not self._has_turns:
@@ -262,6 +277,8 @@ class DriverProcess:
             if event.data is not None:
                 if cable.port is Port.STATUS:
                     self._judge.reads_frames(event.marks, now)
+                else:
+                    self._judge.reads_replies(event.marks, now)
                 self.core.received(cable.port, event.data, now)
                 return
             self.cables[cable.port] = None
@@ -289,6 +306,9 @@ class DriverProcess:
             for action in actions:
                 self._perform(action, now)
             actions = self.core.take_actions()
+        trouble = self._of_core(lambda: broken_invariant(self.core, self.is_moving_told, now))
+        if trouble:
+            raise RuleBroken("state", now, trouble)
         due = min(self._of_core(self.core.next_deadline), self._last_tick + LONGEST_TICK)
         self.next_tick = max(due, now + _SHORTEST_TICK) + self._lateness * self._chance.random()
 
@@ -314,6 +334,9 @@ class DriverProcess:
             self._answer(action, now)
         elif isinstance(action, Tell):
             self.is_moving_told = action.is_moving
+            if self.guard is not None:
+                self.guard.is_told(action.is_moving)
+            self._judge.tells(action.is_moving, now)
             self._note("tells guard", "moving" if action.is_moving else "at rest")
         elif isinstance(action, Log):
             self._note("log", action.level, action.text)
@@ -341,7 +364,7 @@ class DriverProcess:
         call.result, call.error = action.result, action.error
         self._judge.answered(call, was_answered, now)
         if call.on_answer is not None and not was_answered:
-            call.on_answer(call)
+            self._clock.after(0.0, lambda: call.on_answer(call))  # its thread runs when the core's lock is free
 
     def _open(self, port: Port) -> None:
         if self.cables[port] is not None:
@@ -351,7 +374,7 @@ class DriverProcess:
 
         def done(cable: Optional[Cable], reason: str) -> None:
             self._when_awake(lambda: self._opened(port, number, cable, reason))
-        self._network.connect(port, self._settings.connect_timeout, done)
+        self._network.connect(self, port, self._settings.connect_timeout, done)
 
     def _opened(self, port: Port, number: int, cable: Optional[Cable], reason: str) -> None:
         if number != self._tries[port]:
@@ -376,12 +399,3 @@ class DriverProcess:
         if cable is not None:
             cable.close_by_driver()
             self._judge.link_lost(port, now)
-
-    def _guard(self, until: float) -> None:
-        """The guard process has heard nothing for too long while the arm was being moved."""
-        if not self.is_paused or self.is_gone:
-            return
-        if self._guard_stops():
-            self._note("guard stops the arm")
-        elif self._clock.now < until:
-            self._clock.after(GUARD_PERIOD, lambda: self._guard(until))

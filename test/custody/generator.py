@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
 
 from jaka_ros_driver.commands import JogFrame
+from jaka_ros_driver.simulation.dialect.dialect import Dialect
 
 
 class Event(NamedTuple):
@@ -32,8 +33,7 @@ class Scenario:
         settings: Of the driver, over its defaults.
         firmware: Of the controller.
         start: "off", "powered" or "enabled".
-        power_delay, enable_delay: Of the controller, s.
-        forced_feed_period: What the controller sends whatever it was asked for, s; None: what it was asked for.
+        dialect: What the controller does on open points, where that is not its firmware's default.
         full_frames: Frames have all fields; they cost ten times as much.
         latency: Of the wire, from, to, s.
         lateness: Of the driver's timer, at most, s.
@@ -50,9 +50,7 @@ class Scenario:
     settings: Dict[str, Any] = field(default_factory=dict)
     firmware: str = "1.5.14"
     start: str = "enabled"
-    power_delay: float = 0.5
-    enable_delay: float = 0.3
-    forced_feed_period: Any = None
+    dialect: Dict[str, Any] = field(default_factory=dict)
     full_frames: bool = False
     latency: Tuple[float, float] = (0.0001, 0.001)
     lateness: float = 0.0
@@ -231,6 +229,9 @@ WIRE_FAULTS: _Weighted = (
     (1.5, _with("refuse", port=("COMMAND", "STATUS", "both"), duration=_BRIEF)),
     (1.5, _with("unreachable", port=("COMMAND", "STATUS", "both"), duration=_BRIEF)),
     (1.0, _with("cut_and_refuse", port=("COMMAND", "STATUS", "both"), duration=_BRIEF)),
+    (1.5, _with("slow_link", port=("STATUS", "STATUS", "COMMAND", "both"), carries=(0.5, 0.85, 0.93, 0.98),
+                duration={"low": 1.0, "high": 20.0})),
+    (0.7, _with("rival", step=(0.0, 0.2, -0.3), duration={"low": 0.1, "high": 8.0})),
     (1.0, _with("split", duration=_BRIEF)),
     (1.0, _with("noise", duration=_BRIEF)),
     (2.0, _with("lose_replies", count=(1, 1, 2, 5), command=("", "joint_move", "stop_program", "jog", "servo_move",
@@ -246,6 +247,9 @@ FEED_FAULTS: _Weighted = (
                                     {"errcode": "0x7abcde"}), duration={"low": 0.1, "high": 20.0})),
     (1.0, _with("feed_drops", fields=(("inpos",), ("joint_actual_position",), ("actual_position",), ("enabled",),
                                       ("drag_status",), ("errcode",)), duration=_BRIEF)),
+    (0.7, _with("feed_frozen", duration={"low": 0.1, "high": 5.0})),
+    (0.7, _with("feed_repeats", frames=(1, 3, 10), age=(0.1, 0.5, 2.0))),
+    (0.7, _with("feed_jumps", by=(1.0, 2.0, -1.5), frames=(1, 1, 5))),
     (1.5, _with("feed_silent", duration={"low": 0.05, "high": 5.0})),
     (2.0, _with("feed_mangled", how=("noise", "noise before", "cut off", "twice", "wrong byte"),
                 frames=(1, 1, 3, 20))))
@@ -257,6 +261,7 @@ CONTROLLER_FAULTS: _Weighted = (
                                            "play_program", "resume_program"), duration=_BRIEF)),
     (3.0, _with("slow_replies", delay=(0.05, 0.3, 0.7, 1.5), duration=_BRIEF)),
     (4.0, _with("late_start", delay=(0.1, 0.5, 1.5), duration={"low": 0.5, "high": 8.0})),
+    (0.7, _with("deny_servo_mode", duration={"low": 0.1, "high": 2.0})),
     (1.0, _with("restart", down=(0.3, 1.0, 3.0), silent=(True, False))),
     (1.5, _with("emergency_stop", held={"low": 0.1, "high": 3.0})),
     (2.0, _with("hit", force=(150.0,))),
@@ -270,7 +275,8 @@ CONTROLLER_FAULTS: _Weighted = (
     (1.0, _with("lying_refusal", command=("joint_move", "moveL", "jog", "servo_move", "movc", "play_program"),
                 duration=_BRIEF)))
 DRIVER_FAULTS: _Weighted = ((1.0, _with("pause", duration={"low": 0.02, "high": 2.0})),
-                            (0.05, _with("pause", duration={"low": 1.0, "high": 30.0})))
+                            (0.05, _with("pause", duration={"low": 1.0, "high": 30.0})),
+                            (0.15, _with("kill", restart_after={"low": 0.3, "high": 5.0})))
 
 
 def _drawn(chance: random.Random, choices: _Weighted) -> Tuple[str, Dict[str, Any]]:
@@ -314,6 +320,29 @@ def _aimed(chance: random.Random, events: Sequence[Event], jog_timeout: float) -
     return aimed
 
 
+_QUICK_DRIVES = {"power_delay": 0.5, "enable_delay": 0.3}
+"""s; where drives take 12 s, little else happens in a scenario."""
+_CALMED: Dict[str, float] = {"start_delay": 0.75, "frame_bytes": 0.9, "missing_frame_fields": 0.5,
+                             "missing_commands": 0.5}
+"""Dimensions that are left at their defaults so often. An arm that begins seconds late is stopped each time, and shows
+nothing else; frames of 15 kB cost ten times the time of others."""
+
+
+def _dialect(chance: random.Random, seed: int, firmware: str) -> Dict[str, Any]:
+    """What the controller does on every open point, where that is not its firmware's default."""
+    usual, drawn = Dialect.default(firmware), Dialect.from_seed(seed, firmware)
+    values = {name: value for name, value in drawn.as_dict().items() if value != usual.as_dict()[name]}
+    if chance.random() < 0.7:
+        values.update(_QUICK_DRIVES)
+    calm = {name for name, share in _CALMED.items() if chance.random() < share}
+    return {name: value for name, value in values.items() if name not in calm}
+
+
+def dialect_of(scenario: Scenario) -> Dialect:
+    """The controller's dialect."""
+    return Dialect.default(scenario.firmware).replaced(scenario.dialect)
+
+
 def generate(seed: int) -> Scenario:
     """The scenario of a seed."""
     chance = random.Random(seed)
@@ -339,7 +368,8 @@ def generate(seed: int) -> Scenario:
             at += chance.expovariate(1.0 / chance.choice((1.0, 4.0)))
             events.append(Event(at, "stop", {"caller": 9}))
     if chance.random() < 0.85:
-        events.append(Event(0.5, "maintenance", {"every": chance.choice((0.7, 2.0))}))
+        events.append(Event(0.5, "maintenance", {"every": chance.choice((0.7, 2.0)),
+                                                 "recovers": chance.random() < 0.3}))
     for faults in (WIRE_FAULTS, FEED_FAULTS, CONTROLLER_FAULTS, DRIVER_FAULTS):
         apart = chance.choice((0.0, 0.0, 0.0, 0.0, 1.0, 2.5, 2.5, 6.0, 6.0, 6.0))
         at = chance.expovariate(1.0 / apart) if apart else length
@@ -360,12 +390,11 @@ def generate(seed: int) -> Scenario:
         settings["simulator"] = chance.choice(("twin", "twin", "another"))
     is_foreign = settings.get("simulator") == "another"
     is_off = chance.random() < 0.15
-    has_slow_drives = chance.random() < 0.3
+    firmware = chance.choice(("1.5.14", "1.5.14", "1.7.1", "1.7.2"))
     return Scenario(
         seed, length, tuple(sorted(events, key=lambda event: event.at)), settings,
-        firmware=chance.choice(("1.5.14", "1.5.14", "1.7")), start="off" if is_off else "enabled",
-        power_delay=8.0 if has_slow_drives else 0.5, enable_delay=4.0 if has_slow_drives else 0.3,
-        forced_feed_period=chance.choice((None, None, None, 0.03, 0.1)), full_frames=chance.random() < 0.03,
+        firmware=firmware, start="off" if is_off else "enabled", dialect=_dialect(chance, seed, firmware),
+        full_frames=chance.random() < 0.03,
         latency=chance.choice(((0.0001, 0.0005), (0.0001, 0.001), (0.0005, 0.005))),
         lateness=chance.choice((0.0, 0.0002, 0.002)), identity="twin" if is_simulator else "",
         auto_enable=is_off or chance.random() < 0.1, has_turns=chance.random() < 0.5, has_guard=chance.random() < 0.5,

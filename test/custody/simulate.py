@@ -1,15 +1,22 @@
 """Runs seeds of the custody simulation, says which of them break a rule, and how to run one of them again."""
 import argparse
 import gc
+import hashlib
 import multiprocessing
 import os
+import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parents[1])]
+ALWAYS = range(1, 201)
+"""Seeds that are run with every change, and never change themselves."""
+NIGHT = 100_000
+_DRAWN_FROM = 1_000_000
+_PROGRESS_S = 60.0
+sys.path[:0] = [str(HERE), str(HERE / "rules"), str(HERE.parents[1])]
 
 from generator import Scenario, generate  # noqa: E402
 from world import Result, World  # noqa: E402
@@ -21,10 +28,32 @@ class Outcome(NamedTuple):
     seed: int
     broken: str
     rule: str
+    awaited: Tuple[str, ...]
+    used: Dict[str, float]
     simulated: float
     moving: float
     answers: Dict[Tuple[str, str], int]
     took: float
+
+
+def drawn_seeds(count: int = 200) -> range:
+    """Return seeds that are others with every commit: nobody can mend the known ones only."""
+    return range(_first_of(_state_of_the_tree()), _first_of(_state_of_the_tree()) + count)
+
+
+def _first_of(text: bytes) -> int:
+    return _DRAWN_FROM + int(hashlib.sha256(text).hexdigest()[:8], 16)
+
+
+def _state_of_the_tree() -> bytes:
+    """The commit, or the text of what is tested where there is no git."""
+    root = HERE.parents[1]
+    try:
+        return subprocess.run(["git", "-C", str(root), "rev-parse", "HEAD"], stdout=subprocess.PIPE,
+                              stderr=subprocess.DEVNULL, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        files = sorted([*(root / "jaka_ros_driver").rglob("*.py"), *HERE.glob("*.py")])
+        return hashlib.sha256(b"".join([path.read_bytes() for path in files])).digest()
 
 
 def run_seed(seed: int) -> Outcome:
@@ -36,7 +65,8 @@ def run_seed(seed: int) -> Outcome:
     finally:
         gc.enable()
     broken = result.broken
-    return Outcome(seed, str(broken or ""), broken.rule if broken else "", result.simulated, result.moving,
+    return Outcome(seed, str(broken or ""), broken.rule if broken else "", tuple(result.awaited), result.used,
+                   result.simulated, result.moving,
                    result.answers, time.process_time() - began)
 
 
@@ -49,6 +79,8 @@ def report_one(seed: int, scenario: Scenario, result: Result) -> int:
     """The last words about one seed."""
     print("%d events, %.1f s simulated, %.1f s of motion, trace %s" % (
         len(scenario.events), result.simulated, result.moving, result.digest[:16]))
+    for check, broken in result.awaited.items():
+        print("awaited, %s: %s" % (check, broken))
     print(result.broken or "every rule holds")
     return 1 if result.broken else 0
 
@@ -64,19 +96,26 @@ def shortened(scenario: Scenario) -> Scenario:
         position, has_shrunk = 0, False
         while position < len(events):
             fewer = events[:position] + events[position + size:]
-            if _rule(_with_events(scenario, fewer)) == rule:
+            if _rule(_with(scenario, events=tuple(fewer))) == rule:
                 events, has_shrunk = fewer, True
             else:
                 position += size
         if size == 1 and not has_shrunk:
-            return _with_events(scenario, events)
+            return _usual_dialect(_with(scenario, events=tuple(events)), rule)
         size = max(1, size // 2)
 
 
-def _with_events(scenario: Scenario, events: List[object]) -> Scenario:
-    values = dict(vars(scenario))
-    values["events"] = tuple(events)
-    return Scenario(**values)
+def _usual_dialect(scenario: Scenario, rule: str) -> Scenario:
+    """The scenario with as few dimensions of the dialect beside their defaults as still break the rule."""
+    for name in list(scenario.dialect):
+        fewer = _with(scenario, dialect={key: value for key, value in scenario.dialect.items() if key != name})
+        if _rule(fewer) == rule:
+            scenario = fewer
+    return scenario
+
+
+def _with(scenario: Scenario, **changed: Any) -> Scenario:
+    return Scenario(**dict(vars(scenario), **changed))
 
 
 def _rule(scenario: Scenario) -> Optional[str]:
@@ -84,18 +123,29 @@ def _rule(scenario: Scenario) -> Optional[str]:
     return broken.rule if broken else None
 
 
-def simulate(first: int, count: int, jobs: int) -> int:
+def told(outcome: Outcome) -> str:
+    """A seed that has failed: the rule, the controller that it was seen with, how to see it again."""
+    return "seed %d: %s\n    dialect %s\n    %s" % (
+        outcome.seed, outcome.broken, generate(outcome.seed).dialect, rerun_command(outcome.seed))
+
+
+def simulate(first: int, count: int, jobs: int, tells_progress: bool = False) -> int:
     """Run many seeds and say how they did."""
     began = time.monotonic()
     outcomes: List[Outcome] = []
     failures: List[Outcome] = []
-    seeds = range(first, first + count)
+    seeds, told_at = range(first, first + count), began
     with multiprocessing.Pool(jobs) as pool:
         for outcome in pool.imap_unordered(run_seed, seeds, chunksize=5):
             outcomes.append(outcome)
             if outcome.broken:
                 failures.append(outcome)
-                print("seed %d: %s\n    %s" % (outcome.seed, outcome.broken, rerun_command(outcome.seed)), flush=True)
+                print(told(outcome), flush=True)
+            if tells_progress and time.monotonic() - told_at > _PROGRESS_S:
+                told_at = time.monotonic()
+                share = len(outcomes) / count
+                print("%d of %d seeds, %d failures, %.0f min to go" % (
+                    len(outcomes), count, len(failures), (told_at - began) * (1.0 - share) / share / 60.0), flush=True)
     took = time.monotonic() - began
     answers: Dict[Tuple[str, str], int] = {}
     for outcome in outcomes:
@@ -106,6 +156,17 @@ def simulate(first: int, count: int, jobs: int) -> int:
     if rules:
         print("broken rules: " + ", ".join("%s %d" % (
             rule, sum(outcome.rule == rule for outcome in failures)) for rule in rules))
+    awaited = sorted({check for outcome in outcomes for check in outcome.awaited})
+    if awaited:
+        print("awaited: " + ", ".join("%s %d (seed %d)" % (
+            check, sum(check in outcome.awaited for outcome in outcomes),
+            min(outcome.seed for outcome in outcomes if check in outcome.awaited)) for check in awaited))
+    used: Dict[str, Tuple[float, int]] = {}
+    for outcome in outcomes:
+        for slack, amount in outcome.used.items():
+            used[slack] = max(used.get(slack, (0.0, 0)), (amount, outcome.seed))
+    print("slack needed at most: " + ", ".join(
+        "%s %.3f s (seed %d)" % (slack, *most) for slack, most in sorted(used.items())))
     simulated = sum(outcome.simulated for outcome in outcomes)
     print("%d seeds, %.2f simulated hours (%.2f of motion), %d failures, %.1f s wall time, %.0f times real time a core"
           % (count, simulated / 3600.0, sum(outcome.moving for outcome in outcomes) / 3600.0, len(failures), took,
@@ -116,8 +177,10 @@ def simulate(first: int, count: int, jobs: int) -> int:
 def main(arguments: Optional[List[str]] = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog="simulate", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=300, metavar="N", help="how many seeds (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=400, metavar="N", help="how many seeds (default: %(default)s)")
     parser.add_argument("--first", type=int, default=1, metavar="S", help="the first of them (default: %(default)s)")
+    parser.add_argument("--night", action="store_true",
+                        help="%d seeds from --first on, with a line of progress a minute" % NIGHT)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="J",
                         help="processes at a time (default: one a core)")
     parser.add_argument("--seed", type=int, metavar="S", help="run this one alone")
@@ -128,7 +191,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
     if options.seed is None:
         if options.trace or options.shorten:
             parser.error("--trace and --shorten need --seed")
-        return simulate(options.first, options.seeds, options.jobs)
+        return simulate(options.first, NIGHT if options.night else options.seeds, options.jobs, options.night)
     scenario = generate(options.seed)
     if options.shorten:
         scenario = shortened(scenario)

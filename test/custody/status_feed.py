@@ -1,14 +1,16 @@
 """The status feed of the world's controller: its honest frames, and those that lie, lack something or are damaged."""
 import random
-from typing import Any, Dict, NamedTuple, Optional, Tuple
+from collections import deque
+from typing import Any, Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from virtual_clock import Clock
-from wire import Network
+from wire import Cable, Network
 
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.simulation.controller.controller import Controller
 from jaka_ros_driver.simulation.controller.status_frame import all_field_names
 from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES
+from jaka_ros_driver.units import rad_to_deg
 
 _NEEDED_FIELDS = frozenset((
     "drag_status", "errcode", "errmsg", "joint_actual_position", "actual_position", "interp_state", "enabled",
@@ -17,6 +19,12 @@ _NEEDED_FIELDS = frozenset((
 _ESSENTIAL_FIELDS = frozenset((
     "joint_actual_position", "powered_on", "enabled", "inpos", "emergency_stop", "protective_stop"))
 _SAME_MOMENT = 1e-6
+_AFTER_FREEZE = 1.5
+"""s; what was begun by frozen frames is under way for a while, and callers that waited for rest begin."""
+_AFTER_JUMP = 1.0
+"""s; so long may a driver go by a frame in which the joints jumped: until it has begun what it was asked for then."""
+_KEPT_S = 3.0
+"""s; frames so old may be sent again."""
 
 
 class Frame(NamedTuple):
@@ -27,12 +35,16 @@ class Frame(NamedTuple):
         is_readable: It is whole and has all that a driver needs.
         shows_fault: An emergency or protective stop stands in it.
         restarts: How often the controller that made it had been started anew.
+        is_old: It comes on time, with what was true at another moment, or never.
+        jumps: It shows the joints far from where they were a moment ago.
     """
 
     made_at: float
     is_readable: bool
     shows_fault: bool
     restarts: int
+    is_old: bool = False
+    jumps: bool = False
 
 
 class FeedFaults:
@@ -47,6 +59,12 @@ class FeedFaults:
         self.silent_until = 0.0
         self.mangled_frames = 0
         self.mangle = ""
+        self.frozen_until = -10.0
+        self.frozen: Optional[Tuple[bytes, Frame]] = None
+        self.old_frames = 0
+        self.old_by = 0.0
+        self.jumping_frames = 0
+        self.jump_by = 0.0
 
 
 class StatusFeed:
@@ -58,20 +76,20 @@ class StatusFeed:
     """
 
     def __init__(self, clock: Clock, network: Network, chance: random.Random, controller: Controller,
-                 forced_period: Optional[float], has_all_fields: bool) -> None:
-        """``forced_period``: s, whatever is asked for; None: what is asked for."""
+                 has_all_fields: bool) -> None:
         self.faults = FeedFaults()
         self.restarts = -1
         self._clock, self._network, self._chance, self._controller = clock, network, chance, controller
-        self._forced_period, self._has_all_fields = forced_period, has_all_fields
+        self._has_all_fields = has_all_fields
         self._next_frame = clock.now
         self._kept_text: Tuple[Any, bytes] = (None, b"")
+        self._sent: Deque[Tuple[bytes, Frame]] = deque()
+        self._jumped_at = -1e9
         self.start()
 
     def start(self) -> None:
         """The controller has been started."""
         state = self._controller.state
-        state.slow_feed(self._forced_period)
         if not self._has_all_fields:
             for name in all_field_names(state.firmware):
                 if name not in _NEEDED_FIELDS:
@@ -94,9 +112,52 @@ class StatusFeed:
         state = self._controller.state
         text, is_readable, shows_fault = self._frame_text(now)
         frame = Frame(now, is_readable, shows_fault or state.emergency_stop or state.protective_stop, self.restarts)
+        if now < faults.frozen_until:
+            if faults.frozen is None:
+                faults.frozen = text, frame
+            text, frame = faults.frozen[0], faults.frozen[1]._replace(made_at=now, is_old=True)
+        else:
+            faults.frozen = None
+        if faults.jumping_frames > 0:
+            faults.jumping_frames -= 1
+            text, frame = self._jumped(), frame._replace(is_old=True, jumps=True, is_readable=True, shows_fault=False)
+        self._put(clients, text, frame)
+        if faults.old_frames > 0:
+            old = next(((text, old) for text, old in self._sent if old.made_at >= now - faults.old_by), None)
+            if old is not None:
+                faults.old_frames -= 1
+                self._put(clients, old[0], old[1]._replace(is_old=True))
+        self._sent.append((text, frame))
+        while self._sent[0][1].made_at < now - _KEPT_S:
+            self._sent.popleft()
+
+    @staticmethod
+    def _put(clients: List[Cable], text: bytes, frame: Frame) -> None:
         for cable in clients:
             if cable.to_driver.unsent_bytes <= FRAME_BACKLOG_BYTES:
                 cable.to_driver.send(text, frame)
+
+    def _jumped(self) -> bytes:
+        """A frame in which the joints are somewhere else, as from a sensor that has lost count."""
+        self._jumped_at = self._clock.now
+        frame, joints = self._controller.feed_frame, self._controller.state.plant.joint_position
+        frame.added = {"joint_actual_position": [rad_to_deg(value + self.faults.jump_by) for value in joints]}
+        text = frame.text()
+        frame.added = {}
+        return text
+
+    def blindness(self) -> str:
+        """Which check fails where a driver believes this feed at present; "" where it may."""
+        if self._clock.now < self.faults.frozen_until + _AFTER_FREEZE:
+            return "frozen"
+        if self._clock.now < self._jumped_at + _AFTER_JUMP:
+            return "jump"
+        return "rest on a slow link" if self._network.is_slow(Port.STATUS, False) else ""
+
+    @property
+    def frame_bytes(self) -> int:
+        """Size of a frame."""
+        return len(self._honest_text())
 
     def _frame_text(self, now: float) -> Tuple[bytes, bool, bool]:
         """The text, whether it is whole, and whether it shows a stop that there is not."""
@@ -126,7 +187,8 @@ class StatusFeed:
         key = (plant.joint_position, plant.is_in_position, plant.is_hand_guided, plant.is_moving, state.is_powered,
                state.is_enabled, state.emergency_stop, state.protective_stop, state.program_state,
                state.is_paused, memory.tools.active, memory.user_frames.active, state.alarms.shown(),
-               plant.queue.motion_line, plant.add_error_line, memory.tools.frames[memory.tools.active],
+               state.in_position, plant.queue.motion_line, plant.add_error_line,
+               memory.tools.frames[memory.tools.active],
                memory.user_frames.frames[memory.user_frames.active], self.restarts)
         if key != self._kept_text[0]:
             self._kept_text = key, self._controller.feed_frame.text()

@@ -1,20 +1,30 @@
-"""Scenarios of the custody simulation: so many seeds, those that once failed, and such shortened to a few events."""
+"""Scenarios of the custody simulation: seeds that never change, those of this commit, and some that once failed."""
 import generator
 import kept_scenarios
 import pytest
 import simulate
+import verdict
 import world
 
-CHUNKS, CHUNK = 30, 10
+CHUNK = 10
+DRAWN = simulate.drawn_seeds()
 
 
-@pytest.mark.parametrize("chunk", range(CHUNKS))
-def test_no_seed_breaks_a_rule(chunk):
-    first = 1 + chunk * CHUNK
-    outcomes = [simulate.run_seed(seed) for seed in range(first, first + CHUNK)]
-    broken = ["seed %d: %s\n    %s" % (one.seed, one.broken, simulate.rerun_command(one.seed))
-              for one in outcomes if one.broken]
-    assert not broken, "\n".join(broken)
+def no_seed_breaks_a_rule(seeds):
+    outcomes = [simulate.run_seed(seed) for seed in seeds]
+    assert not any(one.broken for one in outcomes), "\n".join([simulate.told(one) for one in outcomes if one.broken])
+
+
+@pytest.mark.parametrize("first", simulate.ALWAYS[::CHUNK])
+def test_no_seed_breaks_a_rule(first):
+    no_seed_breaks_a_rule(range(first, first + CHUNK))
+
+
+@pytest.mark.parametrize("place", range(0, len(DRAWN), CHUNK))
+def test_no_seed_of_this_commit_breaks_a_rule(place):
+    """They run again with ``tools/dev simulate --seed S``, also under another commit."""
+    print("seeds from %d on" % DRAWN[place])
+    no_seed_breaks_a_rule(DRAWN[place:place + CHUNK])
 
 
 @pytest.mark.parametrize("name", sorted(kept_scenarios.KEPT))
@@ -22,5 +32,13 @@ def test_what_once_failed_in_short(name):
     assert not world.World(kept_scenarios.KEPT[name]).run().broken
 
 
+@pytest.mark.parametrize("check", sorted(verdict.AWAITED))
+@pytest.mark.xfail(strict=True, reason="the product does not pass yet; when it does, the check leaves verdict.AWAITED")
+def test_what_is_awaited(check):
+    result = world.World(kept_scenarios.AWAITED[check]).run()
+    assert check not in result.awaited
+
+
 def test_seeds_differ():
     assert len({str(generator.generate(seed)) for seed in range(1, 6)}) == 5
+    assert not set(simulate.ALWAYS) & set(DRAWN)

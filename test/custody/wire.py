@@ -1,17 +1,20 @@
 """The wire between driver and controller: TCP connections that are late, stand still, break, or never come about.
 
 What TCP keeps is kept: bytes of one direction stay in order and whole, and nothing arrives that was not sent. What
-it does not promise is not: how bytes are cut into pieces, how late they are, and whether both ends learn of an end.
+it does not promise is not: how bytes are cut into pieces, how late they are, how many a second get through, and whether
+both ends learn of an end.
 """
 import random
 from collections import deque
-from typing import Any, Callable, Deque, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Deque, List, NamedTuple, Optional, Protocol, Tuple
 
 from virtual_clock import Clock
 
 from jaka_ros_driver.client.core.actions import Port
 
 CONNECT_ROUND_TRIPS = 1.0
+_AFTER_BACKLOG = 0.3
+"""s; the last bytes of a backlog were late like those before them, and they may be read a little later."""
 _PIECE_GAPS = (0.0001, 0.002)
 PORTS = (Port.COMMAND, Port.STATUS)
 
@@ -23,12 +26,16 @@ class Terms:
         latency: From, to, s.
         stalled_until: Nothing arrives before; then all of it at once.
         splits_until: Until then what arrives comes in random pieces.
+        slow_until: Until then only ``rate`` bytes a second get through; the others queue up behind them.
+        rate: Bytes a second.
     """
 
     def __init__(self, latency: Tuple[float, float]) -> None:
         self.latency = latency
         self.stalled_until = 0.0
         self.splits_until = 0.0
+        self.slow_until = 0.0
+        self.rate = 0.0
 
 
 class Arrival(NamedTuple):
@@ -58,8 +65,14 @@ class Pipe:
         self._deliver, self._ended = deliver, ended
         self._queue: Deque[_Message] = deque()
         self._is_waiting = False
+        self._busy_until = 0.0
         self.is_dead = False
         self.unsent_bytes = 0
+
+    @property
+    def is_backed_up(self) -> bool:
+        """True while bytes wait for others that a slow link has not carried yet, or did a moment ago."""
+        return not self.is_dead and self._busy_until + _AFTER_BACKLOG > self._clock.now
 
     def send(self, data: Optional[bytes], mark: Any = None) -> None:
         """Put bytes in; None ends the stream behind what was sent before."""
@@ -67,6 +80,9 @@ class Pipe:
             return
         low, high = self._terms.latency
         at = self._clock.now + low + (high - low) * self._chance.random()
+        if self._clock.now < self._terms.slow_until:
+            self._busy_until = max(self._busy_until, self._clock.now) + len(data or b"") / self._terms.rate
+            at += self._busy_until - self._clock.now
         if self._queue and at < self._queue[-1].at:
             at = self._queue[-1].at
         self.unsent_bytes += len(data or b"")
@@ -126,23 +142,40 @@ class Pipe:
         return b"".join(pieces), tuple(marks)
 
 
+class Host(Protocol):
+    """A process that connects to the controller: a driver, its guard, or somebody else's.
+
+    Attributes:
+        name: Who it is, for whatever the controller does at its request.
+    """
+
+    name: str
+
+    def arrived(self, cable: "Cable", arrival: Arrival) -> None:
+        """Bytes have come to this host."""
+
+    def lost(self, cable: "Cable") -> None:
+        """This host learns that a connection has ended."""
+
+
 class Cable:
     """One TCP connection, as both ends see it.
 
     Attributes:
+        host: Who made it.
         port: Which of the controller's.
         number: Counts connections.
-        driver_knows, controller_knows: That end believes that it is open.
+        driver_knows, controller_knows: That end believes that it is open; "driver" is its host, whoever that is.
     """
 
-    def __init__(self, network: "Network", port: Port, number: int) -> None:
-        self.port, self.number = port, number
+    def __init__(self, network: "Network", host: Host, port: Port, number: int) -> None:
+        self.host, self.port, self.number = host, port, number
         self.driver_knows = self.controller_knows = True
         clock, chance = network.clock, network.chance
         self.to_controller = Pipe(clock, chance, network.terms[port, True],
                                   lambda arrival: network.at_controller(self, arrival), self._controller_learns)
         self.to_driver = Pipe(clock, chance, network.terms[port, False],
-                              lambda arrival: network.at_driver(self, arrival), self._driver_learns)
+                              lambda arrival: host.arrived(self, arrival), self._driver_learns)
         self._network = network
 
     @property
@@ -171,10 +204,15 @@ class Cable:
         if controller_learns:
             self._controller_learns()
 
+    def controller_finds_it_dead(self) -> None:
+        """The controller's host has found out that nobody is at the other end."""
+        if not self.works:
+            self._controller_learns()
+
     def _driver_learns(self) -> None:
         if self.driver_knows:
             self.driver_knows = False
-            self._network.driver_lost(self)
+            self.host.lost(self)
 
     def _controller_learns(self) -> None:
         if self.controller_knows:
@@ -186,8 +224,8 @@ class Network:
     """Makes connections, and knows those that are.
 
     Attributes:
-        at_controller, at_driver: Called with a cable and what has arrived at that end.
-        driver_lost, controller_lost: Called when that end learns that its connection is over.
+        at_controller: Called with a cable and what has arrived at the controller.
+        controller_lost: Called when the controller learns that a connection is over.
         accepted: Called with a new cable at the controller.
         refused_until, unreachable_until: By port; refused at once, or no answer at all.
         is_off: The controller is without power: nobody listens.
@@ -201,13 +239,11 @@ class Network:
         self.unreachable_until = dict.fromkeys(PORTS, 0.0)
         self.is_off = False
         self.at_controller: Callable[[Cable, Arrival], None] = lambda cable, arrival: None
-        self.at_driver: Callable[[Cable, Arrival], None] = lambda cable, arrival: None
-        self.driver_lost: Callable[[Cable], None] = lambda cable: None
         self.controller_lost: Callable[[Cable], None] = lambda cable: None
         self.accepted: Callable[[Cable], None] = lambda cable: None
         self._count = 0
 
-    def connect(self, port: Port, timeout: float, done: Callable[[Optional[Cable], str], None]) -> None:
+    def connect(self, host: Host, port: Port, timeout: float, done: Callable[[Optional[Cable], str], None]) -> None:
         """Try to connect; ``done`` gets the cable, or None and the reason."""
         if self.clock.now < max(self.unreachable_until[port], self.terms[port, True].stalled_until,
                                 self.terms[port, False].stalled_until):
@@ -215,14 +251,14 @@ class Network:
             return
         low, high = self.terms[port, True].latency
         delay = 2.0 * CONNECT_ROUND_TRIPS * (low + (high - low) * self.chance.random())
-        self.clock.after(delay, lambda: self._connected(port, done))
+        self.clock.after(delay, lambda: self._connected(host, port, done))
 
-    def _connected(self, port: Port, done: Callable[[Optional[Cable], str], None]) -> None:
+    def _connected(self, host: Host, port: Port, done: Callable[[Optional[Cable], str], None]) -> None:
         if self.is_off or self.clock.now < max(self.refused_until[port], self.unreachable_until[port]):
             done(None, "connection refused")
             return
         self._count += 1
-        cable = Cable(self, port, self._count)
+        cable = Cable(self, host, port, self._count)
         self.cables = [other for other in self.cables if other.driver_knows or other.controller_knows] + [cable]
         self.accepted(cable)
         done(cable, "")
@@ -236,6 +272,11 @@ class Network:
         return not self.is_off and self.clock.now >= max(self.refused_until[port], self.unreachable_until[port],
                                      self.terms[port, True].stalled_until, self.terms[port, False].stalled_until)
 
+    def is_slow(self, port: Port, to_controller: bool) -> bool:
+        """Bytes of this direction queue up, or did and are still on their way."""
+        return self.clock.now < self.terms[port, to_controller].slow_until or any(
+            (cable.to_controller if to_controller else cable.to_driver).is_backed_up for cable in self.on(port))
+
     def heal(self) -> None:
         """Nothing stands against a connection any more; connections that broke stay broken."""
         now = self.clock.now
@@ -245,6 +286,7 @@ class Network:
         for terms in self.terms.values():
             terms.stalled_until = min(terms.stalled_until, now)
             terms.splits_until = min(terms.splits_until, now)
+            terms.slow_until = min(terms.slow_until, now)
         for cable in self.cables:
             cable.to_controller.wake()
             cable.to_driver.wake()

@@ -1,4 +1,4 @@
-"""A whole world in one process: driver core, wire and simulated controller, under virtual time and one seed.
+"""A whole world in one process: driver core, guard, wire and simulated controller, under virtual time and one seed.
 
 The same scenario runs the same everywhere: every draw comes from the seed, nothing looks at a clock of the host.
 """
@@ -8,10 +8,12 @@ import zlib
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from clients import Clients
-from controller_room import ControllerRoom
+from controller_room import ORPHAN, ControllerRoom
 from driver_process import Call, DriverProcess
-from generator import Event, Scenario
+from generator import Event, Scenario, dialect_of
+from guard_process import GuardProcess, MakeStopping
 from invariants import FREE_AFTER, REST_AFTER_STOP, Judge
+from rival import Rival
 from verdict import RuleBroken
 from virtual_clock import Clock
 from wire import Network
@@ -19,6 +21,7 @@ from wire import Network
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.client.stopping import Stopping
 from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.controller_state import Options, Start
@@ -30,6 +33,12 @@ BEGIN = 1000.0
 LONGEST_GOOD_BYE = 1.0
 """s; a driver that shuts down waits so long for the arm to rest, as ``ArmClient`` does."""
 QUIET_WAIT = 4.0
+GIVES_WAY_FOR = 12.0
+"""s; so long may a driver stay away from a port that another client seemed to want."""
+RESTART_AFTER = 1.0
+"""s; so soon is a driver started again that its guard has killed."""
+SERVO_FRAME_BYTES = 120
+"""About; a link slower than a servo stream."""
 TRIES_TO_STOP = 5
 _NEVER = float("inf")
 
@@ -41,6 +50,8 @@ class Result(NamedTuple):
 
     Attributes:
         broken: The rule that was broken; None for none.
+        awaited: Breaks of checks that the product does not pass yet, by their names.
+        used: How much of each slack was needed at most.
         simulated: Virtual time, s.
         moving: Of it with the arm in motion by the driver, s.
         answers: By kind of call and how it ended.
@@ -48,6 +59,8 @@ class Result(NamedTuple):
     """
 
     broken: Optional[RuleBroken]
+    awaited: Dict[str, RuleBroken]
+    used: Dict[str, float]
     simulated: float
     moving: float
     answers: Dict[Tuple[str, str], int]
@@ -62,34 +75,50 @@ class World:
     """
 
     def __init__(self, scenario: Scenario, make_core: MakeCore = ArmCore,
-                 on_line: Optional[Callable[[str], None]] = None) -> None:
-        """Build it; ``run`` runs it. ``on_line`` gets the trace, line by line."""
-        model = load_model(MODEL)
-        settings = ClientSettings("10.5.5.100", **scenario.settings)
+                 on_line: Optional[Callable[[str], None]] = None, make_stopping: MakeStopping = Stopping) -> None:
+        """Build it; ``run`` runs it.
+
+        Args:
+            scenario: What happens.
+            make_core: Gives the driver's core.
+            on_line: Gets the trace, line by line.
+            make_stopping: Gives what decides how the guard stops an arm.
+        """
+        self._model = model = load_model(MODEL)
+        self._settings = settings = ClientSettings("10.5.5.100", **scenario.settings)
         self._scenario = scenario
         self._on_line = on_line
         self._digest = hashlib.sha256()
         self._clock = clock = Clock(BEGIN)
         self._chance = chance = random.Random(zlib.crc32(b"world %d" % scenario.seed))
         self._network = network = Network(clock, chance, scenario.latency)
-        options = Options(scenario.power_delay, scenario.enable_delay, Start(scenario.start),
-                          identity=scenario.identity)
+        options = Options(dialect_of(scenario), Start(scenario.start), identity=scenario.identity)
         self._room = room = ControllerRoom(clock, network, chance, model, FIRMWARES[scenario.firmware], options,
-                                        scenario.forced_feed_period, scenario.full_frames, self.note)
+                                           scenario.full_frames, self.note)
         self._judge = judge = Judge(clock, network, room, model, settings, scenario.lateness, scenario.identity,
                                     self.note)
-        self._driver = driver = DriverProcess(
-            clock, network, chance, make_core(settings, model), settings, judge, scenario.lateness,
-            scenario.has_turns, scenario.has_guard, room.guard_stops, self.note)
-        judge.driver = driver
+        self._make_core, self._make_stopping = make_core, make_stopping
         room.on_lost_reply, room.on_refused_stop = judge.obstacle, judge.stop_is_refused
         network.at_controller, network.controller_lost, network.accepted = room.arrived, room.lost, room.accepted
-        network.at_driver, network.driver_lost = driver.arrived, driver.lost
+        self._driver = driver = self._new_driver()
         self._clients = Clients(clock, driver, model)
         self._closing_until: Optional[float] = None
         self._is_over = False
         if on_line is not None:
             room.on_executed = self._note_executed
+
+    def _new_driver(self) -> DriverProcess:
+        """A process with a guard of its own."""
+        scenario, guard = self._scenario, None
+        if scenario.has_guard:
+            guard = GuardProcess(self._clock, self._network, self.note, self._make_stopping)
+            guard.on_send, guard.kill_driver = self._judge.guard_sends, self._kill
+        driver = DriverProcess(self._clock, self._network, self._chance, self._make_core(self._settings, self._model),
+                               self._settings, self._judge, scenario.lateness, scenario.has_turns, guard, self.note)
+        if guard is not None:
+            guard.driver = driver
+        self._judge.driver, self._judge.guard = driver, guard
+        return driver
 
     def note(self, what: str, *details: Any) -> None:
         """A line of the trace."""
@@ -119,15 +148,18 @@ class World:
         except RuleBroken as error:
             broken = error
             self.note("BROKEN", error)
-        return Result(broken, clock.now - BEGIN, self._judge.cycles_moving * CYCLE_TIME_S, self._judge.answers,
+        verdicts = self._judge.verdicts
+        return Result(broken, verdicts.awaited, verdicts.used, clock.now - BEGIN,
+                      self._judge.cycles_moving * CYCLE_TIME_S, self._judge.answers,
                       self._digest.hexdigest())
 
     def _loop(self) -> None:
-        clock, driver = self._clock, self._driver
+        clock = self._clock
         run_cycle, judge_cycle, next_due = self._room.cycle, self._judge.cycle, clock.next_due
         cycles = 1
         next_cycle = BEGIN + CYCLE_TIME_S
         while not self._is_over:
+            driver = self._driver
             next_tick = driver.next_tick if clock.now >= driver.paused_until else _NEVER
             due = next_due()
             if due <= next_tick and due <= next_cycle:
@@ -176,23 +208,29 @@ class World:
             if call.error is None:
                 self._clock.after(REST_AFTER_STOP + CYCLE_TIME_S, self._judge.must_rest)
                 self._clock.after(FREE_AFTER, self._judge.must_be_free)
-                self._clock.after(FREE_AFTER, self._judge.must_be_ready)
-                self._clock.after(FREE_AFTER + CYCLE_TIME_S, self._close)
-            elif tries > 1:
+                patience = GIVES_WAY_FOR if self._clock.now < self._judge.may_give_way_until else FREE_AFTER
+                self._clock.after(patience, self._judge.must_be_ready)
+                self._clock.after(patience + CYCLE_TIME_S, self._close)
+            elif tries > 1 or self._clock.now < self._given_way_until():
                 self._clock.after(1.0, lambda: self._last_stop(tries - 1))
             else:
                 self._judge.broken("no stop is delivered though all is well: %s" % call.error)
-        if self._driver.is_paused:
-            self._clock.at(self._driver.paused_until + 1.0, lambda: self._last_stop(tries))
+        if self._driver.is_paused or self._driver.is_gone:
+            self._clock.at(max(self._clock.now, self._driver.paused_until) + 1.0, lambda: self._last_stop(tries))
             return
         self._clients.are_gone = False
         self._clients.stop(on_answer=answered)
         self._clients.are_gone = True
 
+    def _given_way_until(self) -> float:
+        """Until when a driver may still leave the command port to another client that is gone."""
+        is_giving_way = BEGIN + self._scenario.length < self._judge.may_give_way_until
+        return BEGIN + self._scenario.length + QUIET_WAIT + (GIVES_WAY_FOR if is_giving_way else 0.0)
+
     def _close(self) -> None:
         """The driver is told to shut down, and does so as its shell does."""
-        if self._driver.is_paused:
-            self._clock.at(self._driver.paused_until + 0.1, self._close)
+        if self._driver.is_paused or self._driver.is_gone:
+            self._clock.at(max(self._clock.now, self._driver.paused_until) + 0.1, self._close)
             return
         self.note("close")
         self._judge.closes(self._clock.now)
@@ -211,7 +249,7 @@ class World:
         self.note("the driver has ended", "its guard stops the arm" if driver.is_moving_told else "")
         self._judge.all_are_answered()
         if not driver.is_moving_told:
-            self._judge.must_rest()
+            self._judge.must_rest("goodbye")
         self._is_over = True
 
     # ---- what happens: calls ----
@@ -254,8 +292,8 @@ class World:
     def do_procedure(self, caller: int, **args: Any) -> None:
         self._clients.procedure(caller, **args)
 
-    def do_maintenance(self, every: float) -> None:
-        self._clients.maintenance(every)
+    def do_maintenance(self, every: float, recovers: bool = False) -> None:
+        self._clients.maintenance(every, recovers)
 
     def do_stop(self, caller: int) -> None:
         self._clients.stop()
@@ -298,6 +336,19 @@ class World:
         self.do_refuse(port, duration)
         self.do_cut(port, True, True)
 
+    def do_slow_link(self, port: str, carries: float, duration: float) -> None:
+        """So much of the feed gets through, or of a servo stream; the rest queues up behind it."""
+        until, state = self._clock.now + duration, self._room.controller.state
+        for one in self._ports(port):
+            rate = (self._room.feed.frame_bytes / state.feed_period if one is Port.STATUS
+                    else SERVO_FRAME_BYTES / CYCLE_TIME_S)
+            for to_controller in (True, False):
+                terms = self._network.terms[one, to_controller]
+                terms.slow_until, terms.rate = until, carries * rate
+
+    def do_rival(self, step: float, duration: float) -> None:
+        Rival(self._clock, self._network, self._clock.now + duration, step, self.note)
+
     def do_split(self, duration: float) -> None:
         for terms in self._network.terms.values():
             terms.splits_until = self._clock.now + duration
@@ -320,6 +371,15 @@ class World:
     def do_feed_silent(self, duration: float) -> None:
         self._room.feed.faults.silent_until = self._clock.now + duration
 
+    def do_feed_frozen(self, duration: float) -> None:
+        self._room.feed.faults.frozen_until = self._clock.now + duration
+
+    def do_feed_repeats(self, frames: int, age: float) -> None:
+        self._room.feed.faults.old_frames, self._room.feed.faults.old_by = frames, age
+
+    def do_feed_jumps(self, by: float, frames: int) -> None:
+        self._room.feed.faults.jump_by, self._room.feed.faults.jumping_frames = by, frames
+
     def do_feed_mangled(self, how: str, frames: int) -> None:
         self._room.feed.faults.mangle, self._room.feed.faults.mangled_frames = how, frames
 
@@ -336,6 +396,9 @@ class World:
 
     def do_slow_replies(self, delay: float, duration: float) -> None:
         self._room.faults.reply_delay, self._room.faults.delays_until = delay, self._clock.now + duration
+
+    def do_deny_servo_mode(self, duration: float) -> None:
+        self._room.faults.denies_servo_until = self._clock.now + duration
 
     def do_late_start(self, delay: float, duration: float) -> None:
         self._room.faults.late_start, self._room.faults.starts_late_until = delay, self._clock.now + duration
@@ -380,3 +443,28 @@ class World:
 
     def do_pause(self, duration: float) -> None:
         self._driver.pause(duration)
+
+    def do_kill(self, restart_after: float) -> None:
+        if not self._driver.is_gone:
+            self._clock.after(restart_after, self._start_again)
+            self._kill()
+
+    def _kill(self) -> None:
+        """The driver's process dies; its guard kills one that nobody starts again but this."""
+        self.note("the driver is killed")
+        if self._driver.is_gone:
+            return
+        if self._driver.is_paused:
+            self._clock.after(RESTART_AFTER, self._start_again)
+        self._judge.died(self._clock.now)
+        self._room.driver_has_died(ORPHAN)
+        self._driver.die(ORPHAN)
+        self._clients.has_lost_driver()
+
+    def _start_again(self) -> None:
+        if self._driver.is_gone and not self._is_over:
+            self.note("a driver starts")
+            self._driver = self._new_driver()
+            self._judge.starts(self._clock.now)
+            self._clients.has_driver(self._driver)
+            self._driver.start()

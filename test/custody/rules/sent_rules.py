@@ -4,14 +4,15 @@ Judged by the requests themselves and the calls that were made; not by what the 
 """
 import json
 import math
-from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
+from collections import deque
+from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, Tuple
 
 from controller_room import STREAMED, ControllerRoom, is_motion
 from driver_process import Call
 from jog_rules import JogRules
 from path_rules import sent_for_path
 from trajectory_rules import TrajectoryRules
-from verdict import RuleBroken
+from verdict import RuleBroken, Verdicts
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.settings import ClientSettings
@@ -26,10 +27,20 @@ FIRST_FRAME_NEAR = 0.05
 """rad; the first frame of a stream is this near to where the arm is."""
 SERVO_LATENESS = 0.05
 """s; over ``servo_ahead``, until a stream rests on its last target."""
+BURST_WINDOW = 0.04
+"""s; in so long a time a stream has 5 cycles, a late frame at its begin, and one at each end."""
+BURST_FRAMES = 8
+_STEPS_OF_RECOVERY = ("clear_error", "power_on", "enable_robot")
 _SAME = 1e-6
 _WIRE_ROUNDING = 2e-6
 _JOG_FRAMES = {0: c.JogFrame.BASE, 1: c.JogFrame.JOINT, 2: c.JogFrame.TOOL}
 _DECODER = json.JSONDecoder()
+
+
+def is_whole_stop(requests: Sequence[Dict[str, Any]]) -> bool:
+    """Whether these requests, sent at once, end a jog, servo mode, moves and programs."""
+    halts = {(request["cmdName"], request.get("jog_mode", request.get("relFlag"))) for request in requests}
+    return {("jog", 0), ("servo_move", 0), ("stop_program", None)} <= halts
 
 
 def requests_in(data: bytes) -> List[Dict[str, Any]]:
@@ -49,6 +60,7 @@ class SentRules:
         last_stop: Number of the newest stop call; what was asked before it is not sent any more.
         is_closed: The driver has been told to shut down.
         knows_controller: Something else was asked on this connection than who the controller is.
+        is_confirmed: On this connection the controller has said that it is the one that was meant.
         open_calls: Those that are not answered, by their numbers.
         stops_seen: So many stops went out.
         jog: Rules about velocity jogs.
@@ -56,10 +68,14 @@ class SentRules:
     """
 
     def __init__(self, room: ControllerRoom, model: ArmModel, settings: ClientSettings, lateness: float,
-                 identity: str) -> None:
+                 identity: str, verdicts: Verdicts) -> None:
         self._room, self._model, self._settings, self._lateness = room, model, settings, lateness
+        self._verdicts = verdicts
         self._is_foreign = bool(settings.simulator) and settings.simulator != identity
         self.knows_controller = False
+        self.is_confirmed = not settings.simulator
+        self._frames_at: Deque[float] = deque()
+        self._steps: Dict[str, int] = {}
         self.last_motion = 0
         self.last_stop = 0
         self.is_closed = False
@@ -100,6 +116,7 @@ class SentRules:
             self._power_wish["enable_robot"] = self._orders
         elif call.command == ("recover", None):
             self._recovery = self._orders
+            self._steps = {}
 
     def alarmed(self, is_fault: bool, is_standing: bool = False) -> None:
         """The driver learns of a fault, a restart or a lost link.
@@ -134,11 +151,18 @@ class SentRules:
     def sends(self, data: bytes, is_told_moving: bool, now: float) -> List[Dict[str, Any]]:
         """Judge one Send; returns its requests."""
         requests = requests_in(data)
+        if any(request["cmdName"] == "stop_program" for request in requests) and not is_whole_stop(requests):
+            self._verdicts.breaks("whole stop", "whole", now, "a stop goes out that is only %s" % ", ".join(
+                [request["cmdName"] for request in requests]))
         for request in requests:
             name = request["cmdName"]
             if name == "get_simulator_identity":
                 continue
             self.knows_controller = True
+            if not self.is_confirmed:
+                raise RuleBroken("n", now, "%s is sent before the controller has said who it is" % name)
+            if name in _STEPS_OF_RECOVERY:
+                self._recovers(name, now)
             if self._is_foreign:
                 raise RuleBroken("n", now, "%s is sent to a controller that says it is another one" % name)
             if name == "stop_program":
@@ -150,6 +174,17 @@ class SentRules:
                     raise RuleBroken("h", now, "%s is sent before the guard is told" % name)
                 self._motion(name, request, now)
         return requests
+
+    def _recovers(self, name: str, now: float) -> None:
+        """A step of a recovery, where only that can be the reason for it."""
+        wishes = [call.command for call in self.open_calls.values() if call.kind == "run"]
+        others = [wish for wish in wishes if wish[0] in ("power", "enable", "clear_error")]
+        if ("recover", None) not in wishes or others or (self._auto or 0) > self._alarm:
+            self._steps = {}
+            return
+        self._steps[name] = self._steps.get(name, 0) + 1
+        if self._steps[name] > 1:
+            raise RuleBroken("recovery", now, "%s is sent twice in one recovery" % name)
 
     def _energises(self, name: str, now: float) -> None:
         if max(self._power_wish[name], self._recovery) > self._alarm:
@@ -216,7 +251,8 @@ class SentRules:
     def _within_limits(self, name: str, joints: Sequence[float], now: float) -> None:
         for index, (value, (low, high)) in enumerate(zip(joints, self._model.joint_limits)):
             if not low - _WIRE_ROUNDING <= value <= high + _WIRE_ROUNDING:
-                raise RuleBroken("f", now, "%s takes joint %d to %.6f rad, outside its limits" % (
+                check = self._room.feed.blindness() if name in STREAMED else ""
+                self._verdicts.breaks(check, "f", now, "%s takes joint %d to %.6f rad, outside its limits" % (
                     name, index + 1, value))
 
     # ---- servo frames ----
@@ -224,6 +260,7 @@ class SentRules:
     def _servo_frame(self, name: str, request: Dict[str, Any], now: float) -> None:
         if self._servo_call < self.last_stop:
             raise RuleBroken("b", now, "%s is sent in a servo mode that was asked for before the stop" % name)
+        self._comes_in_a_burst(now)
         if request.get("relFlag"):
             raise RuleBroken("f", now, "%s is relative: what is lost on the way would move the arm elsewhere" % name)
         if name == "servo_j":
@@ -235,11 +272,20 @@ class SentRules:
             values = tuple(all_mm_to_m(wire[:3])) + tuple(all_deg_to_rad(wire[3:]))
         self._rests_on_target(name, values, now)
         self._frame, self._kind = values, name
-        goals = [call for call in self.open_calls.values() if call.kind == "trajectory" and call.path is not None]
+        goals = [call for call in self.open_calls.values() if call.kind == "trajectory" and call.path is not None
+                 and (call.was_sent or call.start.running is not None)]  # others wait until the arm rests
         if goals:
             goals[-1].was_sent = True
             self.last_motion = max(self.last_motion, goals[-1].number)
         self.trajectory.sends(values, goals[-1] if goals else None, now)
+
+    def _comes_in_a_burst(self, now: float) -> None:
+        self._frames_at.append(now)
+        while self._frames_at[0] < now - BURST_WINDOW:
+            self._frames_at.popleft()
+        if len(self._frames_at) > BURST_FRAMES:
+            raise RuleBroken("burst", now, "%d servo frames within %.3f s" % (
+                len(self._frames_at), now - self._frames_at[0]))
 
     def _joint_frame(self, joints: Tuple[float, ...], cycles: int, now: float) -> None:
         self._within_limits("servo_j", joints, now)
@@ -247,8 +293,8 @@ class SentRules:
         if before is None:
             measured = self._room.controller.state.plant.joint_position
             if not _near(measured, joints, FIRST_FRAME_NEAR):
-                raise RuleBroken("f", now, "the first servo frame is %.3f rad from the arm" % max(
-                    [abs(a - b) for a, b in zip(measured, joints)]))
+                self._verdicts.breaks(self._room.feed.blindness(), "f", now, "the first servo frame is %.3f rad from "
+                                      "the arm" % max([abs(a - b) for a, b in zip(measured, joints)]))
             return
         for index, (old, new, top) in enumerate(zip(before, joints, self._model.joint_max_speed)):
             reach = min(top, SERVO_SPEED_CEILING) * SERVO_CYCLE * cycles * SPEED_SLACK

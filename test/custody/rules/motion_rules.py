@@ -1,0 +1,149 @@
+"""Rules about a motion in custody: it begins in time, and whatever contradicts it stops it.
+
+Judged by what the driver has read and what it sends. What it has not read it cannot know.
+"""
+from typing import Any, Dict, Optional, Set, Tuple
+
+from controller_room import STREAMED, ControllerRoom, Reply, is_motion
+from status_feed import Frame
+from verdict import Verdicts
+
+from jaka_ros_driver.state import ProgramState, RobotState, Vector
+
+START_WINDOW = 1.0
+"""s; a motion that was accepted begins within this time, or is stopped."""
+START_SLACK = 0.35
+"""s; over the window: three frames of the slowest feed (0.1 s), which show that the arm still rests, and this judge's
+own look."""
+REACTION = 0.05
+"""s; from a frame or reply that contradicts the motion to the stop: one event, or the next turn of the timer."""
+_BEGUN = 1e-5
+_QUICK_FEED = 0.04
+_STANDS_FOR = 3
+"""Frames; what one frame alone says may be damage, where it is no stop and no fault."""
+
+
+class MotionRules:
+    """Follows one motion after the other, from the word to the guard that the arm moves to the word that it rests."""
+
+    def __init__(self, room: ControllerRoom, verdicts: Verdicts, lateness: float) -> None:
+        self._room, self._verdicts = room, verdicts
+        self._reaction = REACTION + 8.0 * lateness
+        self._is_under_way = False
+        self._told_at = -1e9
+        self._kind = ""
+        self._start: Vector = ()
+        self._accepted_at: Optional[float] = None
+        self._has_begun = False
+        self._is_confirmed = False
+        self._code = 0
+        self._due: Dict[str, Tuple[float, str]] = {}
+        self._seen: Dict[str, int] = {}
+        self._codes: Set[int] = set()
+        self._is_paused = False
+        self._frame: Optional[Frame] = None
+
+    # ---- what happens ----
+
+    def tells(self, is_moving: bool, now: float) -> None:
+        """The driver takes custody of a motion, or gives it up."""
+        self._told_at = now
+        self._is_under_way = is_moving
+        self._kind, self._accepted_at = "", None
+        self._start = self._room.controller.state.plant.joint_position
+        self._has_begun = self._is_confirmed = self._is_paused = False
+        self._due, self._seen = {}, {}
+        self._codes = {0, self._code}
+
+    def sends(self, request: Dict[str, Any], now: float) -> None:
+        """A request goes out."""
+        name = request["cmdName"]
+        if name == "stop_program" or (name == "servo_move" and not request["relFlag"]):
+            if self._is_under_way:
+                for due, _ in self._due.values():
+                    self._verdicts.uses("REACTION", now - due + self._reaction)
+                if self._accepted_at is not None and not self._has_begun:
+                    self._verdicts.uses("START_SLACK", now - self._accepted_at - START_WINDOW)
+            self.ended()
+        elif is_motion(request) and not self._kind:
+            self._kind = name
+        elif name == "pause_program":
+            self._is_paused = True
+
+    def ended(self) -> None:
+        """The motion is being stopped, or left, or its link is lost: other rules see to the rest."""
+        self._is_under_way = False
+        self._due = {}
+
+    def reads_reply(self, reply: Reply, now: float) -> None:
+        """The driver has read a reply."""
+        request = reply.request
+        if not self._is_under_way or not isinstance(request, dict):
+            return
+        if reply.command in STREAMED:
+            if not reply.is_accepted and self._is_confirmed:
+                self._contradicts("refused frame", now, "a servo frame was refused")
+        elif is_motion(request) and reply.is_accepted:
+            if not self._has_begun:
+                self._accepted_at = now
+        elif reply.command == "is_in_servomove" and self._kind == "servo_move":
+            is_in = b'"in_servomove": true' in reply.text or b'"in_servomove": 1' in reply.text
+            if self._is_confirmed and not is_in and reply.is_accepted:
+                self._contradicts("not in servo mode", now, "the controller says that servo mode is off")
+            self._is_confirmed = self._is_confirmed or is_in
+
+    def reads_frame(self, frame: Frame) -> None:
+        """The driver is about to take a frame."""
+        self._frame = frame
+
+    def shown(self, state: RobotState, now: float) -> None:
+        """A frame was taken for new."""
+        self._code = state.error_code
+        if now == self._told_at:
+            self._codes.add(self._code)  # the motion was begun because of this frame, and with it
+        is_accepted = self._accepted_at is not None and now > self._accepted_at
+        if not self._is_under_way or not is_accepted:
+            return
+        if self._frame is not None and self._frame.shows_fault:
+            self._contradicts("stop", now, "an emergency or protective stop was shown")
+        elif not state.is_powered or not state.is_enabled:
+            self._contradicts("drives off", now, "drives were shown to be off")
+        if state.error_code not in self._codes and state.has_fault and not state.has_warning:
+            self._contradicts("fault", now, "fault 0x%X was shown" % state.error_code)
+        is_program = self._kind in ("play_program", "resume_program")
+        self._stands("hand guiding", bool(state.is_hand_guided), now, "hand guiding was shown")
+        self._stands("program", state.program_state is ProgramState.RUNNING and not is_program, now,
+                     "a program was shown that this driver does not play")
+        self._stands("jump", self._frame is not None and self._frame.jumps, now, "the joints were shown to jump", 1)
+
+    def _stands(self, check: str, holds: bool, now: float, text: str, frames: int = _STANDS_FOR) -> None:
+        self._seen[check] = self._seen.get(check, 0) + 1 if holds else 0
+        if self._seen[check] >= frames:
+            self._contradicts(check, now, text)
+
+    def _contradicts(self, check: str, now: float, text: str) -> None:
+        self._due.setdefault(check, (now + self._reaction, text))
+
+    # ---- each look ----
+
+    def look(self, now: float, excused_until: float) -> None:
+        """Judge what is due; ``excused_until``: until then the driver could not see, or not act."""
+        if not self._is_under_way:
+            return
+        for check, (due, text) in list(self._due.items()):
+            if now > max(due, excused_until):
+                del self._due[check]
+                self._verdicts.breaks(check, "against", now, "%s %.3f s ago in a motion begun by %s, and no stop was "
+                                      "sent" % (text, now - due + self._reaction, self._kind))
+        if self._accepted_at is None or self._has_begun or self._is_paused:
+            return
+        joints = self._room.controller.state.plant.joint_position
+        if max([abs(a - b) for a, b in zip(joints, self._start)]) > _BEGUN:
+            self._has_begun = True
+        elif self._kind in ("joint_move", "moveL", "movc", "jog") and now > max(
+                self._accepted_at + START_WINDOW, excused_until) + START_SLACK:
+            self._has_begun = True
+            is_slow = self._room.controller.state.feed_period > _QUICK_FEED
+            self._verdicts.breaks("late on a slow feed" if is_slow else "", "late", now,
+                                  "%s was accepted %.3f s ago, the arm has not begun to move, and no stop was sent" % (
+                                      self._kind, now - self._accepted_at))

@@ -1,0 +1,93 @@
+"""How a broken rule is told, which rules there are, and which of them the product does not keep yet."""
+from typing import Dict
+
+RULES: Dict[str, str] = {
+    "a": "the arm does not move without custody",
+    "b": "what was asked before an answered stop moves nothing after it",
+    "c": "a jog ends when it is called for no more",
+    "d": "nothing powers or enables after a fault, a restart or a lost link without a call",
+    "e": "every call is answered once, in time, and the answer is true",
+    "f": "no frame on the wire leaves the limits",
+    "g": "what is shown as new was true a moment ago",
+    "h": "the guard knows whenever the arm moves",
+    "i": "a stop goes out at once",
+    "j": "the arm does not move unseen",
+    "k": "an arm at rest is free again",
+    "l": "when all is well, the driver is ready again",
+    "m": "what the driver began to stop comes to rest, however often the stop is refused or lost",
+    "n": "a controller that is not the one that was meant is left alone",
+    "p": "what is paused rests until it is resumed",
+    "q": "a path's segments are run in order, each once, and what is told of them is true",
+    "r": "a program that the driver began runs in its custody only",
+    "t": "a trajectory's frames are on its path, and smooth",
+    "v": "a velocity jog begins after rest was said, and rests 0.3 s after its last message that counts",
+    "age": "what is shown as new is at most 0.8 s old, on a link slower than the feed, too",
+    "late": "a motion that has not begun 1 s after it was accepted is stopped",
+    "against": "whatever contradicts a motion stops it",
+    "whole": "a stop is the whole stop: of a jog, of servo mode, of moves and programs",
+    "guard": "a driver that dies or freezes leaves no arm in motion behind",
+    "goodbye": "a driver that ends in good order leaves the arm at rest",
+    "recovery": "a recovery takes each step at most once",
+    "burst": "servo frames never come in a burst",
+    "state": "the core's own invariants hold after every event",
+    "contract": "the core keeps its contract with the shell",
+}
+
+
+class RuleBroken(Exception):
+    """A rule does not hold.
+
+    Attributes:
+        rule: One of RULES.
+        at: Virtual time, s.
+        text: What happened.
+    """
+
+    def __init__(self, rule: str, at: float, text: str) -> None:
+        super().__init__("rule %s (%s) broken at %.4f s: %s" % (rule, RULES[rule], at, text))
+        self.rule, self.at, self.text = rule, at, text
+
+
+AWAITED: Dict[str, str] = {
+    "late on a slow feed": "rest is counted by 0.04 s a frame, so that 1 s of it takes 2.5 s of frames at 10 Hz",
+    "jump": "joints that jump are believed",
+    "rest on a slow link": "frames of before the motion are taken for rest after it",
+    "near queue": "queued moves with targets within a tolerance of each other are taken for run when one of them is",
+    "paused near its target": "a move held near its target is completed, where inpos is early and paused not told",
+    "frozen": "a feed that repeats itself on time is believed; no second witness is asked",
+    "age": "a backlog is not noticed where the process stood still for less than 0.8 s on top of it",
+}
+"""Checks that the product does not pass yet, by their names, with the reason. Their breaks are noted and end no seed.
+
+Each has a scenario in ``kept_scenarios.AWAITED``, whose test fails as soon as the product passes: then its line here
+goes.
+"""
+
+
+class Verdicts:
+    """Takes what is found; the first broken rule ends the world.
+
+    Attributes:
+        awaited: The first break of each check in ``AWAITED``.
+        used: How much of each slack was needed at most, by its name: what a slack may be shrunk to.
+    """
+
+    def __init__(self) -> None:
+        self.awaited: Dict[str, RuleBroken] = {}
+        self.used: Dict[str, float] = {}
+
+    def uses(self, slack: str, amount: float) -> None:
+        """So much of a slack is needed."""
+        if amount > self.used.get(slack, 0.0):
+            self.used[slack] = amount
+
+    def breaks(self, check: str, rule: str, at: float, text: str) -> None:
+        """A check has failed.
+
+        Raises:
+            RuleBroken: It is none of those that are awaited.
+        """
+        broken = RuleBroken(rule, at, text)
+        if check not in AWAITED:
+            raise broken
+        self.awaited.setdefault(check, broken)
