@@ -23,7 +23,7 @@ OF_JOGS: Tuple[Mutant, ...] = (
     Mutant("a repeated stamp counts", "client/core/velocity_jog/dead_man.py",
            "message.stamp_ns <= self._stamp_ns:", "message.stamp_ns < self._stamp_ns:", DEAD_MAN),
     Mutant("a stamp in the future counts", "client/core/velocity_jog/dead_man.py",
-           "        if message.age < -_AHEAD_S:\n", "        if False:\n", DEAD_MAN),
+           "        if message.age < -AHEAD_S:\n", "        if False:\n", DEAD_MAN),
     Mutant("two publishers are one", "client/core/velocity_jog/dead_man.py",
            "        if len(self._heard) > 1:\n", "        if False:\n", DEAD_MAN),
     Mutant("what is not understood is overheard", "client/core/velocity_jog/dead_man.py",

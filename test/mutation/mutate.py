@@ -167,12 +167,21 @@ def main() -> int:
                         help="mutants in whose name or file this text stands; may be repeated")
     parser.add_argument("--jobs", metavar="J", type=int, default=max(1, min(4, os.cpu_count() or 1)),
                         help="mutants at a time (default %(default)s)")
+    parser.add_argument("--generated", metavar="N", type=int, default=0,
+                        help="so many mutants made from the source in place of the listed ones")
+    parser.add_argument("--seed", metavar="S", type=int, default=1, help="which of them (default %(default)s)")
     options = parser.parse_args()
     mutants = chosen(options.only)
-    if not mutants or options.jobs < 1:
-        parser.error("no mutant is called so" if not mutants else "--jobs must be 1 or more")
+    if options.jobs < 1:
+        parser.error("--jobs must be 1 or more")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # so that the copies are removed
     try:
+        if options.generated:
+            import generated  # which needs the functions of this module
+
+            return generated.report(options.generated, options.seed, options.jobs, options.only)
+        if not mutants:
+            parser.error("no mutant is called so")
         return report(mutants, options.jobs)
     except CannotTell as error:
         print(error, file=sys.stderr)
@@ -196,4 +205,5 @@ def report(mutants: Sequence[Mutant], jobs: int) -> int:
 
 
 if __name__ == "__main__":
+    sys.modules["mutate"] = sys.modules["__main__"]
     sys.exit(main())

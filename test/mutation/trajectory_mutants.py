@@ -11,6 +11,8 @@ CLOCK = ("test/trajectory/test_clock.py",)
 RULES = ("test/trajectory/test_path_rules.py",)
 DECODER = ("test/ros/trajectories/test_decoder.py",)
 ENDS = ("test/ros/trajectories/test_action_ends.py",)
+PATHS = ("test/client/core/test_path_stories.py",)
+PATH_GOAL = ("test/ros/paths/test_path_goal.py",)
 
 OF_TRAJECTORIES: Tuple[Mutant, ...] = (
     Mutant("a trajectory's speed changes at once", "trajectory/clock.py",
@@ -29,6 +31,15 @@ OF_TRAJECTORIES: Tuple[Mutant, ...] = (
            "self._prepared is not None and self._prepared[0] == on_wire:", "self._prepared is not None:", STORIES),
     Mutant("another path is joined before its place", "trajectory/clock.py",
            "self._next = time, path", "self._next = self.time, path", STORIES),
+    Mutant("a trajectory hurries until all that was late is made up for", "client/core/trajectory.py",
+           "self._clock.rate, _LONGEST_CATCH_UP_S)", "self._clock.rate, 1e9)", STORIES),
+    Mutant("an arm that is early for a turn hurries all the same", "trajectory/clock.py",
+           "wanted = 1.0 if asked > 1.0 and not self._has_room_ahead() else asked", "wanted = asked", CLOCK + RULES),
+    Mutant("a cancel or stop during the last question of an audit is overlooked", "client/core/arm_core.py",
+           "                    check()\n                    self._begin_path", "                    self._begin_path",
+           PATHS),
+    Mutant("a cancel between audit and begin of a path is forgotten", "ros/services/path_action.py",
+           "if goal.is_cancelled.is_set() and not is_cancelled:", "if False:", PATH_GOAL),
     Mutant("a path is not audited", "trajectory/build.py",
            "    counts = np.clip(np.ceil(np.diff(path.breaks)",
            "    return\n    counts = np.clip(np.ceil(np.diff(path.breaks)",

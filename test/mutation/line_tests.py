@@ -1,0 +1,225 @@
+"""The tests that run a line: recorded once with coverage, file of tests by file of tests, and kept in ``build/``.
+
+A file of tests is recorded again when it, or any module of the package, has changed. As a program: ``FILE OUT`` records
+one run of pytest into OUT; that is done in a process of its own.
+"""
+import functools
+import hashlib
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
+
+import pytest
+from source_mutants import ROOMS, SourceMutant
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "jaka_ros_driver"
+KEPT = ROOT / "build" / "mutation" / "lines.json"
+RECORDED = ("test/client", "test/kinematics", "test/trajectory", "test/custody/test_seeds.py", "test/ros")
+_SEEDS = re.compile(r"test_no_seed_breaks_a_rule\[(\d+)\]")
+_SLOW = ("test/ros/pages/", "test/ros/panel", "test/trajectory/test_planner.py", "test/kinematics/test_oracle.py")
+LIVE: Dict[str, Tuple[str, ...]] = {
+    "client/arm_stopper.py": ("test/client/test_guard.py",),
+    "client/driver_pipe.py": ("test/client/test_guard.py",),
+    "client/guard.py": ("test/client/test_guard.py",),
+    "client/guard_post.py": ("test/client/test_guard.py",),
+    "client/guard_process.py": ("test/client/test_guard.py",),
+    "ros/action_server.py": ("test/ros/services/test_action_server.py",),
+    "ros/connections.py": ("test/ros/test_connections.py",),
+    "ros/convert.py": ("test/ros/services/test_services.py", "test/ros/topics/test_publishing.py"),
+    "ros/log_bridge.py": ("test/ros/test_log_bridge.py",),
+    "ros/master_watch.py": ("test/ros/test_master_restart.py",),
+    "ros/node.py": ("test/ros/test_node.py", "test/ros/services/test_stop.py"),
+    "ros/other_messages.py": ("test/ros/test_external_messages.py",),
+    "ros/services/call_publisher.py": ("test/ros/services/test_services.py",),
+    "ros/services/path_action.py": ("test/ros/paths/test_move_path.py",),
+    "ros/services/recover_action.py": ("test/ros/services/test_recover_action.py",),
+    "ros/services/service_handlers.py": ("test/ros/services/test_services.py",),
+    "ros/services/service_server.py": ("test/ros/services/test_services.py",),
+    "ros/services/service_table.py": ("test/ros/services/test_services.py",),
+    "ros/single_name.py": ("test/ros/start/test_single_name.py",),
+    "ros/topics/diagnostics.py": ("test/ros/topics/test_diagnostics.py",),
+    "ros/topics/motion_ends.py": ("test/ros/test_completion.py", "test/ros/paths/test_queue.py"),
+    "ros/topics/robot_status.py": ("test/ros/topics/test_robot_status.py",),
+    "ros/topics/servo_topics.py": ("test/ros/topics/test_servo_live.py",),
+    "ros/topics/speed.py": ("test/ros/topics/test_publishing.py",),
+    "ros/topics/stamps.py": ("test/ros/topics/test_publishing.py",),
+    "ros/topics/velocity.py": ("test/ros/topics/test_publishing.py",),
+    "ros/trajectories/topics.py": ("test/ros/trajectories/test_goals.py",),
+}
+"""What notices a mutant of a line that is run in processes of their own only, beside a ROS master."""
+_FAST_S = 0.5
+_CHUNKS_OF_SEEDS = 3
+"""Of ten seeds each."""
+
+
+class LineTests(NamedTuple):
+    """What is known of the tests.
+
+    Attributes:
+        seconds: How long each test takes, by its pytest id.
+        lines: Which tests run a line, by the file below the package, then by the line.
+    """
+
+    seconds: Dict[str, float]
+    lines: Dict[str, Dict[int, Set[str]]]
+
+    def of(self, mutant: SourceMutant, package: Optional[Path] = None) -> List[str]:
+        """The tests that may notice a mutant: fast ones of its module, then the fastest first.
+
+        Of a line that none runs, whole files of slow tests.
+        """
+        lines = self.lines.get(mutant.file, {})
+        found = self._at(lines, mutant.lines)
+        if not mutant.lines:  # run at import; it is noticed where its name is used, or anywhere in its file
+            name = re.match(r"(\w+)", mutant.code)
+            found = self._at(lines, lines)
+            if name:
+                found |= self._users(name.group(1), mutant.file, package or PACKAGE)
+            module = Path(mutant.file).stem  # a test of a table, say, runs no line of its module
+            found |= {test for test, seconds in self.seconds.items()
+                      if seconds < _FAST_S and module in _words(ROOT / test.split("::")[0])}
+        own = "/test_%s.py" % Path(mutant.file).stem  # the likeliest to notice
+        found = found or {test for test in self._at(lines, lines) if own in test}
+        ordered = sorted(found, key=lambda test: (own not in test or self.seconds[test] > _FAST_S,
+                                                  self.seconds[test], test))
+        return ordered or list(LIVE.get(mutant.file, ()))
+
+    @staticmethod
+    def _at(lines: Dict[int, Set[str]], numbers: Iterable[int]) -> Set[str]:
+        return {test for number in numbers for test in lines.get(number, ())}
+
+    def _users(self, name: str, home: str, package: Path) -> Set[str]:
+        """The tests of the lines that use a name of a module; a private one is used in its module only."""
+        found: Set[str] = set()
+        for file, lines in self.lines.items():
+            if name.startswith("_") and file != home:
+                continue
+            found |= self._at(lines, _words(package / file).get(name, ()))
+        return found
+
+
+@functools.lru_cache(maxsize=None)
+def _words(path: Path) -> Dict[str, List[int]]:
+    """The lines of a file in which each word stands."""
+    found: Dict[str, List[int]] = {}
+    for number, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        for word in set(re.findall(r"\w+", text)):
+            found.setdefault(word, []).append(number)
+    return found
+
+
+class _Recorder:
+    """A plugin of pytest that names the context of each test, and leaves out what needs a ROS master or takes long."""
+
+    def __init__(self, measured: Any) -> None:
+        self._measured = measured
+        self.seconds: Dict[str, float] = {}
+
+    def pytest_collection_modifyitems(self, items: List[pytest.Item]) -> None:
+        items[:] = [item for item in items if "ros_master" not in getattr(item, "fixturenames", ())
+                    and not any(int(number) >= _CHUNKS_OF_SEEDS for number in _SEEDS.findall(item.name))]
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterable[None]:
+        self._measured.switch_context(item.nodeid)
+        yield
+        self._measured.switch_context("")
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "call" and report.passed or report.when != "call" and report.nodeid in self.seconds:
+            self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
+
+
+def record(files: Sequence[str]) -> Dict[str, Any]:
+    """Run these files of tests in this process; returns what is known of each, ready for JSON.
+
+    That is the seconds of each test, and for each line of a module the tests by their place among the seconds.
+    """
+    import coverage
+
+    measured = coverage.Coverage(data_file=None, include=["%s/%s/*" % (PACKAGE, room) for room in ROOMS],
+                                 config_file=False)
+    recorder = _Recorder(measured)
+    measured.start()
+    pytest.main(["-q", "--tb=line", "-p", "no:cacheprovider", *files], plugins=[recorder])
+    measured.stop()
+    found: Dict[str, Any] = {file: {"seconds": {}, "lines": {}} for file in files}
+    for test, seconds in recorder.seconds.items():
+        found[test.split("::")[0]]["seconds"][test] = round(seconds, 4)
+    numbers = {test: number for one in found.values() for number, test in enumerate(one["seconds"])}
+    data = measured.get_data()
+    for path in data.measured_files():
+        name = Path(path).relative_to(PACKAGE).as_posix()
+        for line, tests in data.contexts_by_lineno(path).items():
+            for test in tests:
+                if test in numbers:
+                    lines = found[test.split("::")[0]]["lines"].setdefault(name, {})
+                    lines.setdefault(str(line), []).append(numbers[test])
+    return found
+
+
+def _mark(paths: Iterable[Path]) -> str:
+    mark = hashlib.sha256()
+    for path in sorted(paths):
+        mark.update(path.read_bytes())
+    return mark.hexdigest()
+
+
+def _files() -> List[str]:
+    found = []
+    for name in RECORDED:
+        path = ROOT / name
+        found += [path] if path.is_file() else path.rglob("test_*.py")
+    names = sorted(path.relative_to(ROOT).as_posix() for path in found)
+    return [name for name in names if not name.startswith(_SLOW)]
+
+
+def known() -> LineTests:
+    """Record what has changed, and read the rest."""
+    package = _mark(PACKAGE.rglob("*.py"))
+    kept = read(KEPT) if KEPT.exists() else {}
+    marks = {file: package + _mark([ROOT / file]) for file in _files()}
+    stale = [file for file, mark in marks.items() if kept.get(file, {}).get("mark") != mark]
+    if stale:
+        print("recording which lines %d files of tests run ..." % len(stale), flush=True)
+        KEPT.parent.mkdir(parents=True, exist_ok=True)
+        new = KEPT.with_suffix(".new")
+        subprocess.run([sys.executable, __file__, str(new), *stale], cwd=str(ROOT), stdout=subprocess.DEVNULL,
+                       check=True)
+        for file, found in read(new).items():
+            kept[file] = {"mark": marks[file], **found}
+        KEPT.write_text(json.dumps({file: kept[file] for file in marks}), encoding="utf-8")
+    return joined(kept[file] for file in marks if file in kept)
+
+
+def read(path: Path) -> Dict[str, Any]:
+    """What was recorded into a file."""
+    found: Dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def joined(parts: Iterable[Dict[str, Any]]) -> LineTests:
+    """Put what was recorded of several files of tests together."""
+    known = LineTests({}, {})
+    for part in parts:
+        known.seconds.update(part["seconds"])
+        names = list(part["seconds"])
+        for file, lines in part["lines"].items():
+            target = known.lines.setdefault(file, {})
+            for line, tests in lines.items():
+                target.setdefault(int(line), set()).update(names[number] for number in tests)
+    return known
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Record files of tests into the file that comes first."""
+    Path(arguments[0]).write_text(json.dumps(record(arguments[1:])), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
