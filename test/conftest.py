@@ -5,7 +5,9 @@ the package that it imports, imports a ROS package. What was left out is said at
 """
 import importlib.util
 import os
+import shutil
 import signal
+import tempfile
 from pathlib import Path
 from typing import List
 
@@ -25,7 +27,8 @@ left_out: List[str] = []
 def pytest_configure(config):
     """A shell starts what it puts in the background with SIGINT ignored, which programs inherit; ours are sent it.
 
-    Programs that tests start find the packages of this checkout, as the tests do.
+    Programs that tests start find the packages of this checkout, as the tests do. What they keep while they run is in a
+    folder of the tests' own.
 
     Each worker of a parallel run is a session of its own: Linux shares the processors among sessions first
     (autogroups). In one session with all other workers, and with what else the shell runs, drivers and simulated
@@ -33,10 +36,15 @@ def pytest_configure(config):
     """
     if hasattr(config, "workerinput") and os.getsid(0) != os.getpid():
         os.setsid()
+    config.jaka_runtime_folder = os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="jaka_test_runtime_")
     folders = [str(import_graph.ROOT), str(import_graph.ROOT / "tools"), os.environ.get("PYTHONPATH", "")]
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, folders))
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_unconfigure(config):
+    shutil.rmtree(config.jaka_runtime_folder, ignore_errors=True)
 
 
 def pytest_ignore_collect(collection_path, config):
