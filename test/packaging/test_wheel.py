@@ -1,16 +1,15 @@
 """The log tools by themselves: a wheel in a venv without ROS records from a roscore of the system and plays into it."""
 import contextlib
 import re
-import shutil
 import signal
 import socket
 import subprocess
-import sys
 
 import pytest
 from import_graph import ROOT
 from live_ros import SYSTEM_PYTHON, Process
 from live_samples import wait_until
+from program_places import wheel_venv
 
 PUBLISH = """
 import rospy
@@ -53,20 +52,7 @@ for topic, message, time in rosbag.Bag(sys.argv[1]).read_messages():
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
     """The ``bin`` folder of a venv that has the wheel and what it needs, and nothing of the system."""
-    folder = tmp_path_factory.mktemp("wheel")
-    shutil.copytree(str(ROOT / "tools"), str(folder / "tools"), ignore=shutil.ignore_patterns("__pycache__", "build"))
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--no-input"]
-
-    def run(*command):
-        done = subprocess.run([str(word) for word in command], cwd=str(folder), stdin=subprocess.DEVNULL, text=True,
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=280)
-        assert done.returncode == 0, done.stdout
-
-    run(*pip, "wheel", "--no-deps", "--wheel-dir", folder, folder / "tools")
-    wheel, = folder.glob("jaka_bag-*.whl")
-    run(SYSTEM_PYTHON, "-m", "venv", "--without-pip", folder / "venv")
-    run(*pip, "--python", folder / "venv" / "bin" / "python", "install", "--no-compile", wheel)
-    return folder / "venv" / "bin"
+    return wheel_venv(tmp_path_factory.mktemp("wheel"), extras="") / "bin"
 
 
 @pytest.fixture

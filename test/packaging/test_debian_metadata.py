@@ -1,0 +1,150 @@
+"""Dependencies of the Debian packages against what the code imports: nothing that is imported is missing."""
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+from import_graph import PACKAGES, ROOT, at_import, imported_names, parse
+
+DEBIAN = ROOT / "tools" / "debian" / "package"
+CONTENTS = {"python3-jaka-bag": ["jaka_bag"], "python3-jaka-ros-driver": ["jaka_ros_driver", "jaka_regression"],
+            "jaka-panel": ["jaka_panel"]}
+NOT_IN_DEBIAN = {
+    "control_msgs", "industrial_msgs",  # their messages are made from definitions where they are missing
+    "dask", "duckdb", "fsspec", "ray",  # data sets of jaka_bag; distributed, which Debian has, brings dask and fsspec
+    "ompl", "ruckig", "toppra",  # the simulated arm moves in trapezoids without ruckig
+}
+GUARDED = {  # imported by modules that are imported for a part which says so where they are missing
+    "python3-jaka-bag": {"aiohttp", "cryptography", "distributed", "matplotlib", "mpl_toolkits", "pyarrow"},
+    "python3-jaka-ros-driver": {"pytest", "rosunit"},  # the plugin of pytest, the program of rostest
+    "jaka-panel": set(),
+}
+OF_PYTHON3_ROSLIB = {"roslib"}  # which rospy depends on
+
+
+def paragraphs():
+    """Binary package to the values of its fields."""
+    found = {}
+    for text in (DEBIAN / "control").read_text(encoding="utf-8").split("\n\n")[1:]:
+        fields = dict(re.findall(r"^([\w-]+):((?:.*\n?)(?: .*\n?)*)", text, re.MULTILINE))
+        found[fields["Package"].strip()] = fields
+    return found
+
+
+@pytest.fixture(scope="module")
+def substituted():
+    """Values of the variables in debian/control, as far as the packages' own metadata give them."""
+    printed = subprocess.run([sys.executable, str(DEBIAN / "ros_depends.py"), str(ROOT / "package.xml")], check=True,
+                             stdout=subprocess.PIPE, text=True).stdout
+    return dict(line.split("=", 1) for line in printed.splitlines())
+
+
+def wheel_requirements():
+    text = (ROOT / "tools" / "pyproject.toml").read_text(encoding="utf-8")
+    block = re.search(r"^dependencies = \[\n(.*?)^\]", text, re.MULTILINE | re.DOTALL).group(1)
+    names = re.findall(r'^  "([\w-]+)', block, re.MULTILINE)
+    return {"python3-" + {"pyyaml": "yaml"}.get(name, name) for name in names}
+
+
+def names_in(package, fields, substituted):
+    """Names of packages in these fields, and in those of this project's packages that it depends on."""
+    names = set()
+    for field in fields:
+        value = paragraphs()[package].get(field, "")
+        value = re.sub(r"\$\{([\w:]+)\}", lambda found: substituted.get(found.group(1), ""), value)
+        names |= {part.split()[0] for part in value.split(",") if part.strip()}
+    if package == "python3-jaka-bag" and "Depends" in fields:
+        names |= wheel_requirements()
+    for other in names & set(CONTENTS):
+        if other != "jaka-panel":
+            names |= names_in(other, fields, substituted)
+    return names
+
+
+STANDARD = frozenset(getattr(sys, "stdlib_module_names", ()))
+needs_standard = pytest.mark.skipif(not STANDARD, reason="Python names the modules of its own library since 3.10")
+
+
+def roots(package, tree_of):
+    """Top-level modules from outside this project and the standard library, each with a file that imports it."""
+    found = {}
+    for name in CONTENTS[package]:
+        for path in sorted(PACKAGES[name].rglob("*.py")):
+            tree = tree_of(parse(path))
+            words = set(imported_names(tree, path.parent))
+            words |= set(re.findall(r'import_module\("([\w.]+)"\)', path.read_text(encoding="utf-8")))
+            found.update((word.split(".")[0], path) for word in words)
+    own = set(PACKAGES) | STANDARD | {"jaka_msgs"} | OF_PYTHON3_ROSLIB
+    return {root: path for root, path in found.items() if root not in own}
+
+
+def debian_name(root):
+    return "python3-" + {"mpl_toolkits": "matplotlib"}.get(root, root).replace("_", "-")
+
+
+@needs_standard
+@pytest.mark.parametrize("package", sorted(CONTENTS))
+def test_what_a_module_imports_when_it_is_imported_is_a_dependency(package, substituted):
+    depends = names_in(package, ["Depends"], substituted)
+    needed = roots(package, at_import)
+    assert len(needed) >= 2
+    assert not {root: str(path) for root, path in needed.items()
+                if debian_name(root) not in depends and root not in NOT_IN_DEBIAN | GUARDED[package]}
+
+
+@needs_standard
+@pytest.mark.parametrize("package", sorted(CONTENTS))
+def test_what_a_function_imports_is_at_least_suggested(package, substituted):
+    known = names_in(package, ["Depends", "Recommends", "Suggests"], substituted)
+    missing = {root: str(path) for root, path in roots(package, lambda tree: tree).items()
+               if debian_name(root) not in known and root not in NOT_IN_DEBIAN}
+    assert not missing
+
+
+def test_every_variable_and_every_key_of_package_xml_is_known(substituted):
+    used = set(re.findall(r"\$\{(ros:\w+)\}", (DEBIAN / "control").read_text(encoding="utf-8")))
+    assert used == set(substituted) and "python3-rospy" in substituted["ros:Depends"]
+
+
+def test_the_vendored_wheels_are_pinned_by_hash():
+    lines = [line for line in (DEBIAN / "vendor.txt").read_text(encoding="utf-8").splitlines() if line[0] != "#"]
+    names = [re.match(r"([\w-]+)==[\d.]+ --hash=sha256:[0-9a-f]{64}$", line).group(1) for line in lines]
+    assert names == ["mcap", "rosbags"]
+
+
+@pytest.fixture(scope="module")
+def unit():
+    path, = DEBIAN.glob("*.service")
+    return path
+
+
+def test_the_service_powers_no_arm_and_leaves_the_guard_alone(unit):
+    lines = unit.read_text(encoding="utf-8").splitlines()
+    start, = (line for line in lines if line.startswith("ExecStart="))
+    assert start.split()[-1] == "_auto_enable:=false"  # the last value of a parameter is the one that counts
+    assert "KillMode=process" in lines
+
+
+@pytest.mark.parametrize("given", [{}, {"IP": "10.5.5.100"}, {"IP": "10.5.5.100", "MODEL": ""},
+                                   {"IP": "10.5.5.100", "MODEL": "zu7"}])
+def test_the_service_starts_no_driver_without_address_and_model(unit, given):
+    script, = re.findall(r"^ExecStartPre=/bin/sh -c '(.*)'$", unit.read_text(encoding="utf-8"), re.MULTILINE)
+    script = script.replace("$$", "$").replace("%i", "left")
+    done = subprocess.run(["sh", "-c", script], env={"PATH": "/usr/bin:/bin", **given},
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    is_complete = all(given.get(name) for name in ("IP", "MODEL"))
+    assert (done.returncode == 0) is is_complete and ("/etc/jaka/left.conf" in done.stdout) is not is_complete
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
+def test_systemd_finds_no_mistake_in_the_service_and_few_rights(unit, tmp_path):
+    copy = tmp_path / "jaka-driver@arm.service"
+    text = unit.read_text(encoding="utf-8")
+    copy.write_text(text.replace("/usr/bin/jaka_driver", "/bin/true"), encoding="utf-8")  # it need not be installed
+    verified = subprocess.run(["systemd-analyze", "verify", "--man=no", str(copy)], stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, text=True)
+    assert verified.returncode == 0 and "jaka" not in verified.stdout, verified.stdout
+    done = subprocess.run(["systemd-analyze", "security", "--offline=true", "--no-pager", "--threshold=15", str(copy)],
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert done.returncode == 0 and "Overall exposure level" in done.stdout, done.stdout
