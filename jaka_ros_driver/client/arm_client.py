@@ -1,6 +1,7 @@
 """One arm for any number of threads: a lock around ``core``, and one thread for its sockets and timers."""
 import contextlib
 import logging
+import math
 import threading
 import time
 import weakref
@@ -48,6 +49,7 @@ _BUILD_TIME_S = 5e-6
 _LONGEST_LEAD_S = 1.0
 
 StateListener = Callable[[RobotState, bool], None]
+CustodyListener = Callable[[Tell], None]
 
 
 class LoopTask:
@@ -85,8 +87,9 @@ class ArmClient:
         self._transport = Transport(settings.host, {Port.COMMAND: settings.command_port,
                                                     Port.STATUS: settings.status_port}, settings.connect_timeout)
         self._lock = threading.Lock()
-        self._wakes_at = 0.0
+        self._wakes_at = math.inf
         self._listeners: List[StateListener] = []
+        self._custody_listeners: List[CustodyListener] = []
         self._tasks: List[LoopTask] = []
         self._shows: List[Show] = []
         self._is_closing = False
@@ -152,6 +155,10 @@ class ArmClient:
         ``is_new`` is False for a frame that was delayed and tells of an earlier time.
         """
         self._listeners.append(listener)
+
+    def add_custody_listener(self, listener: CustodyListener) -> None:
+        """Call ``listener`` whenever this driver begins to move the arm, and when that has ended; it must not block."""
+        self._custody_listeners.append(listener)
 
     def add_task(self, task: LoopTask) -> None:
         """Let the client's thread run a task, from now on."""
@@ -498,6 +505,8 @@ class ArmClient:
                     self._guard.tell(action.is_moving)
                 if self._keeper is not None:
                     self._keeper.note(action)
+                for listener in self._custody_listeners:
+                    listener(action)
             elif isinstance(action, Open):
                 self._transport.open(action.port)
             elif isinstance(action, Close):

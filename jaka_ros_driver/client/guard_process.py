@@ -37,7 +37,7 @@ def watch(pipe: DriverPipe, stopper: ArmStopper, say: Say) -> None:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the guard process."""
-    parser = argparse.ArgumentParser(prog="jaka_guard", description=(__doc__ or "").split("\n", 1)[0])
+    parser = argparse.ArgumentParser(prog="jaka_guard", description="Stops the arm when its driver dies or freezes.")
     parser.add_argument("--host", required=True, help="address of the controller")
     parser.add_argument("--port", required=True, type=int, help="its command port")
     parser.add_argument("--status-port", required=True, type=int, help="its status port")

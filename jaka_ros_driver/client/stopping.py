@@ -52,9 +52,9 @@ class Step(enum.Enum):
 
 
 class _Link(enum.Enum):
-    DOWN = 0
-    CONNECTING = 1
-    UP = 2
+    DOWN = enum.auto()
+    CONNECTING = enum.auto()
+    UP = enum.auto()
 
 
 class Stopping:

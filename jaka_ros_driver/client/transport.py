@@ -2,6 +2,7 @@
 import contextlib
 import errno
 import ipaddress
+import itertools
 import os
 import select
 import socket
@@ -82,6 +83,7 @@ class Transport:
         self._events: Deque[Event] = deque()
         self._resolved: Deque[Tuple[Port, int, Union[str, OSError]]] = deque()
         self._tries: Dict[Port, int] = {}
+        self._numbers = itertools.count()
 
     def fileno(self) -> int:
         """The descriptor, for ``select``: readable when ``read`` has something to do."""
@@ -89,7 +91,7 @@ class Transport:
 
     def open(self, port: Port, address: str = "") -> None:
         """Begin to connect; ``read`` tells how it went. ``address``: one of the host's, where it is known already."""
-        self._tries[port] = self._tries.get(port, 0) + 1
+        self._tries[port] = next(self._numbers)
         try:
             ipaddress.ip_address(address or self._host)
         except ValueError:
@@ -100,7 +102,7 @@ class Transport:
 
     def close(self, port: Port) -> None:
         """Close the connection or end the attempt to connect; ``read`` tells nothing more of it."""
-        self._tries[port] = self._tries.get(port, 0) + 1
+        self._tries[port] = next(self._numbers)
         connection = self._connections.pop(port, None)
         if connection is not None:
             self._forget(connection)
@@ -183,8 +185,8 @@ class Transport:
             self._fail(port, str(error))
             return
         sock.setblocking(False)
-        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, True)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, True)
         connection = _PortSocket(port, sock, time.monotonic() + self._connect_timeout)
         self._connections[port] = connection
         self._by_descriptor[sock.fileno()] = connection

@@ -169,7 +169,7 @@ def load_model(name: str) -> ArmModel:
         key = key[4:]
     models = _data()["models"]
     if key not in models:
-        near = difflib.get_close_matches(key, models, n=1, cutoff=0.0)
+        near = difflib.get_close_matches(key, models, cutoff=0.0)
         raise InvalidCommand("unknown arm model %r; nearest is %r; known: %s" % (name, near[0], ", ".join(models)))
     return _model_from_entry(key, models[key], _data()["meta"]["dh_confidence"])
 
@@ -220,7 +220,7 @@ def _model_from_entry(name: str, entry: Mapping[str, Any], confidence_words: Map
     for key in map(str, entry):
         if key not in known:
             raise InvalidCommand("unknown key %s; nearest known is %s"
-                                 % (key, difflib.get_close_matches(key, known, n=1, cutoff=0.0)[0]))
+                                 % (key, difflib.get_close_matches(key, known, cutoff=0.0)[0]))
     rows = _list(entry, "dh_standard", JOINT_COUNT)
     dh = tuple(_dh_row("dh_standard row %d" % (n + 1), row) for n, row in enumerate(rows))
     limits = tuple(_limit_pair("joint_limits_deg of joint %d" % (n + 1), pair)

@@ -54,9 +54,10 @@ def three_parallel(dh: Sequence[DhRow], base_t_flange: Transform, free_q6: float
     height = pz - d6 * zz - dh[0].d
     found: List[Angles] = []
     obstacle = ""
-    shoulders, is_clamped = _shoulder_angles(wx, wy, row2.d + row3.d + row4.d)
+    offset = row2.d + row3.d + row4.d
+    shoulders, is_clamped = _shoulder_angles(wx, wy, offset)
     if not shoulders:
-        return Branches([], False, _too_near_the_axis(wx, wy, row2.d + row3.d + row4.d))
+        return Branches([], False, _too_near_the_axis(wx, wy, offset))
     for q1 in shoulders:
         c1, s1 = math.cos(q1), math.sin(q1)
         u, v = s1 * xx - c1 * xy, s1 * yx - c1 * yy
@@ -89,9 +90,10 @@ def spherical_wrist(dh: Sequence[DhRow], base_t_flange: Transform, free_q6: floa
     height = pz - row6.d * zz - row1.d
     found: List[Angles] = []
     obstacle = ""
-    shoulders, is_clamped = _shoulder_angles(wx, wy, row2.d + row3.d)
+    offset = row2.d + row3.d
+    shoulders, is_clamped = _shoulder_angles(wx, wy, offset)
     if not shoulders:
-        return Branches([], False, _too_near_the_axis(wx, wy, row2.d + row3.d))
+        return Branches([], False, _too_near_the_axis(wx, wy, offset))
     for q1 in shoulders:
         c1, s1 = math.cos(q1), math.sin(q1)
         elbows, at_limit, miss = _two_link(c1 * wx + s1 * wy, height, row2.a, row4.d)

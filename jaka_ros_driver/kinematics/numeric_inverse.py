@@ -195,8 +195,7 @@ def _brackets(search: _JointSixSearch) -> Iterator[Tuple[int, float, float]]:
         for n in np.flatnonzero(valid[:-1] != valid[1:]):
             inside, outside = (n, n + 1) if valid[n] else (n + 1, n)
             edge = _edge_of_domain(search, choice, float(grid[inside]), float(grid[outside]))
-            towards = 1.0 if inside < outside else -1.0
-            fine = edge - towards * np.linspace(0.0, math.sqrt(2.0 * (grid[1] - grid[0])), _EDGE_GRID) ** 2
+            fine = edge + (inside - outside) * np.linspace(0.0, math.sqrt(2.0 * (grid[1] - grid[0])), _EDGE_GRID) ** 2
             for low, high in _scan(search, choice, fine, search.residuals(fine)[choice]):
                 yield choice, low, high
 
@@ -249,7 +248,7 @@ def _lowest(search: _JointSixSearch, choice: int, low: float, high: float) -> fl
             low, left, at_left = left, right, at_right
             right = low + shrink * (high - low)
             at_right = search.residual(right, choice)
-    return left if abs(at_left) < abs(at_right) else right
+    return left
 
 
 def _root(search: _JointSixSearch, choice: int, low: float, high: float) -> float:

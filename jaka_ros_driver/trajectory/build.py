@@ -94,8 +94,7 @@ def audit(path: Path, model: ArmModel) -> None:
     ends = np.cumsum(counts)
     first = 0
     while first < len(counts):
-        until = int(np.searchsorted(ends, ends[first] + _SAMPLES_AT_ONCE, side="left"))
-        until = max(first + 1, min(until, len(counts)))
+        until = int(np.searchsorted(ends, ends[first] + _SAMPLES_AT_ONCE))  # the next piece at least
         pieces = np.repeat(np.arange(first, until), counts[first:until])
         share = np.concatenate([np.arange(n) / n for n in counts[first:until]])
         _audit_at(path, model, path.breaks[pieces] + share * np.diff(path.breaks)[pieces])

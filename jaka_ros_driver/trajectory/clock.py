@@ -101,7 +101,7 @@ class PathClock:
 
     def _from_here(self, asked: float) -> _Step:
         wanted = 1.0 if asked > 1.0 and not self._has_room_ahead() else asked
-        rate = max(self.rate, min(wanted, 1.0))
+        rate = self.rate
         for _ in range(_TRIES):  # another stretch of the path: its mean speed is not quite the same
             expected, rate = rate, self._possible(wanted, rate)
             if abs(rate - expected) <= _SAME_RATE:

@@ -22,6 +22,12 @@ _TURN_LEVER = 0.1
 _SLACK_S = 0.05
 _FASTEST = 1.2
 """An arm comes no further between two frames than so many times the time between them, and the slack."""
+_BESIDE = 0.003
+"""m; so far an arm that is on its path may be beside it, where no corner is rounded."""
+_ASIDE_SHARE = 0.3
+_FAR_ASIDE = 0.02
+"""A place is reached only by an arm that has come nearer to it: what is left is at most this share of its way, and so
+many m. An arm that comes by farther away is moved by something else."""
 _ROUNDS = 5
 _BEHIND_CORNER = 1e-3
 """m; an arm counts as behind a corner when it is nearer by so much to what follows: two segments may lie close."""
@@ -182,12 +188,12 @@ class Tracker:
     def __init__(self, path: SegmentPath, now: float) -> None:
         self._path = path
         self._seen_at = now
+        self._rounded = max([segment.command.tolerance for segment in path.segments])
         self.time = 0.0
 
     def observe(self, state: RobotState) -> None:
-        """Take a fresh state into account."""
+        """Take a fresh state into account; an arm beside its path has come no further."""
         elapsed = max(0.0, state.received_at - self._seen_at)
-        self._seen_at = state.received_at
         low = self.time
         high = min(self._path.duration, low + _FASTEST * elapsed + _SLACK_S)
         turned = None if state.tcp_rpy is None else matrix_from_rpy(state.tcp_rpy)
@@ -197,7 +203,9 @@ class Tracker:
             if away < nearest - _BEHIND_CORNER:
                 nearest, best = away, time
             low = end
-        self.time = best
+        way = self._path.distance(self.time, state, turned)
+        if nearest <= self._rounded + max(_BESIDE, min(_FAR_ASIDE, _ASIDE_SHARE * way)):
+            self.time, self._seen_at = best, state.received_at
 
     def _nearest(self, low: float, high: float, state: RobotState, turned: Optional[Matrix]) -> Tuple[float, float]:
         """The nearest place between these times of one segment, as a time, and how far it is, m."""

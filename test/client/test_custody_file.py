@@ -170,3 +170,13 @@ def test_a_disk_that_fails_is_told_once(tmp_path, caplog):
         assert eventually(lambda: not keeper._is_due)
     keeper.close()
     assert caplog.text.count("cannot be noted on disk") == 1
+
+
+def test_nobody_else_may_read_or_write_it(file, folder):
+    before = os.umask(0)
+    try:
+        file.write(left_by(1))
+    finally:
+        os.umask(before)
+    name, = os.listdir(folder)
+    assert os.stat(os.path.join(folder, name)).st_mode & 0o7777 == 0o600

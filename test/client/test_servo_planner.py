@@ -3,7 +3,7 @@ import contextlib
 import math
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaka_ros_driver.client.core.servo_planner import JointServo, PoseServo
@@ -67,7 +67,7 @@ def test_a_long_way_is_driven_at_the_joints_highest_speed_and_no_faster(joint):
     assert max(steps) == pytest.approx(min(SPEEDS[joint], JOINT_SPEED_CEILING) * PERIOD, rel=1e-9)
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=50)
 @given(st.lists(st.tuples(st.integers(1, 5), st.lists(st.floats(-0.1, 0.1), min_size=6, max_size=6)), max_size=40))
 def test_whatever_targets_come_no_step_breaks_the_limits(stream):
     servo, last, before = joint_servo(), HOME, (0.0,) * 6

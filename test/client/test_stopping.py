@@ -1,13 +1,15 @@
 """How the guard stops an arm, step by step: what it does next, after what it was told."""
 import pytest
 
-from jaka_ros_driver.client.stopping import GIVE_UP_AFTER_S, LOCKED_OUT_AFTER_S, STILL_FOR_S, Driver, Step, Stopping
+from jaka_ros_driver.client.stopping import Driver, Step, Stopping
 from jaka_ros_driver.commands import JogFrame, JogStop
 from jaka_ros_driver.errors import FramingError
 from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.state import RobotState
 
 PERIOD = 0.008
+STILL_FOR_S, LOCKED_OUT_AFTER_S, GIVE_UP_AFTER_S = 0.12, 0.25, 60.0
+"""As docs/safety.md has them."""
 REFUSED = "command port: connection refused"
 
 
@@ -242,3 +244,13 @@ def test_a_connection_lost_after_the_stop_is_not_made_anew_while_the_arm_comes_t
     story.turn_away()
     story.until(Step.FINISH, Driver.BACK, timeout=0.4, speed=0.0)
     assert story.said[-1] == "the arm is at rest"
+
+
+def test_an_arm_that_was_last_seen_half_a_second_ago_is_not_seen(story):
+    story.connect()
+    for _ in range(3):
+        story.until(Step.SEND, speed=1.0)
+        story.send()
+        story.reply()
+    assert story.until(Step.FINISH) == pytest.approx(0.5, abs=3 * PERIOD)
+    assert "could not be seen" in story.said[-1]

@@ -70,13 +70,16 @@ def test_what_the_network_does_not_take_at_once_is_sent_later_and_in_order(peer)
 
 
 def test_a_controller_that_does_not_read_is_left(peer):
-    peer.connect(Port.COMMAND)
-    count = 0
+    end = peer.connect(Port.COMMAND)
+    end.settimeout(10.0)
+    sent = taken = 0
     while not [one for one in peer.transport.read() if isinstance(one, Closed) and "does not read" in one.reason]:
         peer.transport.send(b"x" * 8192)
-        count += 1
-        assert count < 5000, "it goes on for ever"
-    assert count * 8192 > 1 << 20, "a moment's delay is no reason"
+        sent += 8192
+        assert sent < 1 << 26, "it goes on for ever"
+    for piece in iter(lambda: end.recv(1 << 16), b""):
+        taken += len(piece)
+    assert 1 << 20 < sent - taken < 5 << 18, "so much waits for the network; a moment's delay is no reason"
 
 
 def test_without_a_connection_nothing_is_sent(peer):
@@ -94,3 +97,4 @@ def test_the_other_end_of_a_connection_that_ends_is_told_once(peer):
         peer.read()
     closed = [one for one in peer.events if isinstance(one, Closed)]
     assert len(closed) == 1 and "closed by the controller" in closed[0].reason
+    assert not [one for one in peer.events if isinstance(one, Received)], "nothing has come"

@@ -24,7 +24,6 @@ from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.replies import Refused, accepted, refused
 from jaka_ros_driver.simulation.dialect.dialect import COEXISTS, REFUSED
 from jaka_ros_driver.simulation.server.request_parser import RequestParser
-from jaka_ros_driver.units import deg_to_rad
 
 DRIVER, GUARD, RIVAL, ORPHAN = "driver", "guard", "rival", "driver that is dead"
 PENDANT, HAND, NOBODY = "pendant", "hand", "nobody"
@@ -132,7 +131,6 @@ class ControllerRoom:
         self.resumed_at = -1e9
         self.motion_executed_at = -1e9
         self.player = NOBODY
-        self.way = float("inf")
         self.controller.state.memory.program_name = "weld.ngc"
         self.on_executed: Callable[[Dict[str, Any], bool, str], None] = lambda request, taken, who: None
         self.on_lost_reply: Callable[[], None] = lambda: None
@@ -184,7 +182,11 @@ class ControllerRoom:
         """Nothing is wrong any more, and no button is pressed."""
         self.faults, self.feed.faults = Faults(), FeedFaults()
         self.controller.state.release_emergency_stop()
-        if not self.controller.state.dialect.stop_ends_program:  # somebody must
+        self.end_program()
+
+    def end_program(self) -> None:
+        """Somebody ends at the pendant what no command of a client ends in this dialect."""
+        if not self.controller.state.dialect.stop_ends_program:
             self.stop_at_pendant()
 
     # ---- the command port ----
@@ -331,7 +333,6 @@ class ControllerRoom:
         return RequestResult(name, accepted(state.dialect, name, {}))
 
     def _execute(self, request: Dict[str, Any], who: str) -> RequestResult:
-        joints = self.controller.state.plant.joint_position
         result = self.controller.execute(request)
         taken = succeeded(result.reply)
         name = request.get("cmdName")
@@ -347,8 +348,6 @@ class ControllerRoom:
             if name == "stop_program":
                 self.stop_executed_at = self.clock.now
             elif is_motion(request):
-                self.way = (max([abs(a - deg_to_rad(b)) for a, b in zip(joints, request["jointPosition"])])
-                            if name == "joint_move" else float("inf"))
                 self.motion_executed_at = self.clock.now
                 self.mover = who
         self.on_executed(request, taken, who)

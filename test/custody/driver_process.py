@@ -16,6 +16,7 @@ from wire import Arrival, Cable, Network
 
 from jaka_ros_driver.client.core.actions import Answer, Close, Log, Open, Port, Send, Show, Tell
 from jaka_ros_driver.client.settings import ClientSettings
+from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.state import RobotState
 
@@ -106,6 +107,7 @@ class DriverProcess:
         self.core = core
         self.shown: Optional[RobotState] = None
         self.is_moving_told = False
+        self._jog_stop: Optional[JogStop] = None
         self.paused_until = 0.0
         self.is_gone = False
         self.cables: Dict[Port, Optional[Cable]] = dict.fromkeys(Port)
@@ -208,7 +210,7 @@ class DriverProcess:
             return
         self._note("process goes on")
         if self.guard is not None:
-            self.guard.is_told(self.is_moving_told)  # it says so 50 times a second
+            self.guard.is_told(self.is_moving_told, self._jog_stop)  # it says so 50 times a second
         self._judge.resumed(self._clock.now)
         turns = [self._read_all, self._give_all]
         if not self._has_turns:
@@ -333,9 +335,9 @@ class DriverProcess:
         elif isinstance(action, Answer):
             self._answer(action, now)
         elif isinstance(action, Tell):
-            self.is_moving_told = action.is_moving
+            self.is_moving_told, self._jog_stop = action.is_moving, action.jog_stop
             if self.guard is not None:
-                self.guard.is_told(action.is_moving)
+                self.guard.is_told(action.is_moving, action.jog_stop)
             self._judge.tells(action.is_moving, now)
             self._note("tells guard", "moving" if action.is_moving else "at rest")
         elif isinstance(action, Log):

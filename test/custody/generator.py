@@ -249,7 +249,7 @@ FEED_FAULTS: _Weighted = (
                                       ("drag_status",), ("errcode",)), duration=_BRIEF)),
     (0.7, _with("feed_frozen", duration={"low": 0.1, "high": 5.0})),
     (0.7, _with("feed_repeats", frames=(1, 3, 10), age=(0.1, 0.5, 2.0))),
-    (0.7, _with("feed_jumps", by=(1.0, 2.0, -1.5), frames=(1, 1, 5))),
+    (0.7, _with("feed_jumps", by=(2.0, 2.5, -2.0), frames=(1, 1, 5))),
     (1.5, _with("feed_silent", duration={"low": 0.05, "high": 5.0})),
     (2.0, _with("feed_mangled", how=("noise", "noise before", "cut off", "twice", "wrong byte"),
                 frames=(1, 1, 3, 20))))

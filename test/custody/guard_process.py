@@ -12,6 +12,7 @@ from wire import Arrival, Cable, Network
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.driver_pipe import SILENCE_TIMEOUT_S
 from jaka_ros_driver.client.stopping import Driver, Step, Stopping
+from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.errors import FramingError, StatusFrameError
 from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream
 from jaka_ros_driver.protocol.status import parse_status
@@ -19,7 +20,7 @@ from jaka_ros_driver.protocol.status import parse_status
 _TURN = 0.02
 _CONNECT_TIMEOUT = 1.0
 _FEED_PERIOD, _FEED_TIMEOUT = 0.25, 1.0
-MakeStopping = Callable[[float, Callable[[str], None]], Any]
+MakeStopping = Callable[[float, Callable[[str], None], Optional[JogStop]], Any]
 
 
 class GuardProcess:
@@ -40,6 +41,7 @@ class GuardProcess:
         self._clock, self._network, self._note, self._make_stopping = clock, network, note, make_stopping
         self._stopping: Any = None
         self._is_moving = False
+        self._jog_stop: Optional[JogStop] = None
         self._cables: Dict[Port, Optional[Cable]] = dict.fromkeys(Port)
         self._tries = dict.fromkeys(Port, 0)
         self._replies = ObjectStream()
@@ -54,9 +56,9 @@ class GuardProcess:
 
     # ---- what the driver says ----
 
-    def is_told(self, is_moving: bool) -> None:
-        """The driver's word."""
-        self._is_moving = is_moving
+    def is_told(self, is_moving: bool, jog_stop: Optional[JogStop] = None) -> None:
+        """Take the driver's word; ``jog_stop`` is what its custody file says of a jog."""
+        self._is_moving, self._jog_stop = is_moving, jog_stop
 
     def driver_is_silent(self) -> None:
         """The driver's process stands still from now on; perhaps it wakes up in time."""
@@ -70,7 +72,8 @@ class GuardProcess:
         if self._is_moving and self._stopping is None and self._driver() is not Driver.BACK:
             self._note("guard", "the driver is", self._driver().value)
             self._is_moving = False
-            self._stopping = self._make_stopping(self._clock.now, lambda text: self._note("guard says", text))
+            self._stopping = self._make_stopping(self._clock.now, lambda text: self._note("guard says", text),
+                                                 self._jog_stop)
             self._turn(self._stopping)
 
     def _driver(self) -> Driver:

@@ -1,7 +1,9 @@
 """The table that holds the simulation to docs/safety.md: for each promise its rules, and the defects that show it.
 
 A promise that no simulation of the core can judge has its live tests instead, with the reason. Run as a program, this
-writes the table into the page.
+writes the table into the page:
+
+    build/venv/bin/python3 test/custody/promises.py
 """
 import re
 import sys
@@ -155,5 +157,10 @@ def rule_of(name: str) -> str:
     return next(defect.rule for defect in defects.DEFECTS if defect.make.__name__ == name)
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Write the table into the page."""
     PAGE.write_text(written(PAGE.read_text()))
+
+
+if __name__ == "__main__":
+    main()

@@ -25,7 +25,7 @@ class Rival:
         self._clock, self._network, self._until, self._step, self._note = clock, network, until, step, note
         self._cable: Optional[Cable] = None
         self._connect()
-        clock.at(until, self._leave)
+        clock.at(until, self.leave)
 
     def _connect(self) -> None:
         if self._clock.now < self._until:
@@ -45,7 +45,9 @@ class Rival:
                              "speed": 10.0, "accel": 100.0, "tol": 0.0})
         cable.to_controller.send(b"".join(map(encode_object, requests)))
 
-    def _leave(self) -> None:
+    def leave(self) -> None:
+        """Want the port no more."""
+        self._until = min(self._until, self._clock.now)
         if self._cable is not None:
             self._cable.close_by_driver()
             self._cable = None

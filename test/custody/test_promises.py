@@ -50,4 +50,4 @@ def test_every_rule_has_a_planted_defect():
 
 
 def test_the_page_has_the_table():
-    assert promises.written(TEXT) == TEXT, "python3 test/custody/promises.py writes it"
+    assert promises.written(TEXT) == TEXT, "build/venv/bin/python3 test/custody/promises.py writes it"

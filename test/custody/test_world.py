@@ -38,11 +38,12 @@ def test_a_trace_changes_nothing():
     assert told
 
 
+@pytest.mark.timeout(1200)
 @pytest.mark.parametrize("defect", defects.DEFECTS, ids=lambda defect: defect.make.__name__)
 def test_a_planted_defect_is_found(defect):
     """By its own rule; seeds that another rule ends first are passed over where that is to be expected."""
     planted = {"make_stopping" if defect.is_guard else "make_core": defect.make}
-    for seed in SEEDS:
+    for seed in [*SEEDS[defect.first - 1:], *SEEDS[:defect.first - 1]]:
         result = world.World(generator.generate(seed), **planted).run()
         broken = [*([result.broken] if result.broken else []), *result.awaited.values()]
         if defect.rule in [one.rule for one in broken]:

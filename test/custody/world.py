@@ -33,8 +33,6 @@ BEGIN = 1000.0
 LONGEST_GOOD_BYE = 1.0
 """s; a driver that shuts down waits so long for the arm to rest, as ``ArmClient`` does."""
 QUIET_WAIT = 4.0
-GIVES_WAY_FOR = 12.0
-"""s; so long may a driver stay away from a port that another client seemed to want."""
 RESTART_AFTER = 1.0
 """s; so soon is a driver started again that its guard has killed."""
 SERVO_FRAME_BYTES = 120
@@ -102,6 +100,7 @@ class World:
         network.at_controller, network.controller_lost, network.accepted = room.arrived, room.lost, room.accepted
         self._driver = driver = self._new_driver()
         self._clients = Clients(clock, driver, model)
+        self._rivals: List[Rival] = []
         self._closing_until: Optional[float] = None
         self._is_over = False
         if on_line is not None:
@@ -199,6 +198,8 @@ class World:
     def _heal(self) -> None:
         self.note("all is well again")
         self._judge.obstacle()
+        for rival in self._rivals:
+            rival.leave()
         self._room.heal()
         self._network.heal()
 
@@ -206,12 +207,12 @@ class World:
         """Somebody stops what is still under way; a driver that does not know yet that all is well gets time."""
         def answered(call: Call) -> None:
             if call.error is None:
+                self._room.end_program()
                 self._clock.after(REST_AFTER_STOP + CYCLE_TIME_S, self._judge.must_rest)
                 self._clock.after(FREE_AFTER, self._judge.must_be_free)
-                patience = GIVES_WAY_FOR if self._clock.now < self._judge.may_give_way_until else FREE_AFTER
-                self._clock.after(patience, self._judge.must_be_ready)
-                self._clock.after(patience + CYCLE_TIME_S, self._close)
-            elif tries > 1 or self._clock.now < self._given_way_until():
+                self._clock.after(FREE_AFTER, self._judge.must_be_ready)
+                self._clock.after(FREE_AFTER + CYCLE_TIME_S, self._close)
+            elif tries > 1:
                 self._clock.after(1.0, lambda: self._last_stop(tries - 1))
             else:
                 self._judge.broken("no stop is delivered though all is well: %s" % call.error)
@@ -221,11 +222,6 @@ class World:
         self._clients.are_gone = False
         self._clients.stop(on_answer=answered)
         self._clients.are_gone = True
-
-    def _given_way_until(self) -> float:
-        """Until when a driver may still leave the command port to another client that is gone."""
-        is_giving_way = BEGIN + self._scenario.length < self._judge.may_give_way_until
-        return BEGIN + self._scenario.length + QUIET_WAIT + (GIVES_WAY_FOR if is_giving_way else 0.0)
 
     def _close(self) -> None:
         """The driver is told to shut down, and does so as its shell does."""
@@ -347,7 +343,7 @@ class World:
                 terms.slow_until, terms.rate = until, carries * rate
 
     def do_rival(self, step: float, duration: float) -> None:
-        Rival(self._clock, self._network, self._clock.now + duration, step, self.note)
+        self._rivals.append(Rival(self._clock, self._network, self._clock.now + duration, step, self.note))
 
     def do_split(self, duration: float) -> None:
         for terms in self._network.terms.values():

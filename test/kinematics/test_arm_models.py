@@ -181,3 +181,14 @@ def test_files_that_cannot_be_read(tmp_path):
 
 def test_every_confidence_word_is_explained():
     assert {values["dh_confidence"] for values in DATA["models"].values()} <= set(DATA["meta"]["dh_confidence"])
+
+
+@pytest.mark.parametrize("beside, is_taken", [(1.9, True), (2.1, False)])
+def test_a_calibrated_angle_may_be_two_degrees_beside_its_familys(tmp_path, beside, is_taken):
+    values = entry()
+    values["dh_standard"][3]["alpha"] += math.radians(beside)
+    if is_taken:
+        assert not load_model_file(write(tmp_path, values)).is_exact
+    else:
+        with pytest.raises(InvalidCommand, match="row 4"):
+            load_model_file(write(tmp_path, values))

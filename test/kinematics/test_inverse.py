@@ -273,3 +273,32 @@ def test_the_a12_finds_every_original_where_roots_lie_close_too():
         joints = dh_oracle.random_joints(A12, rng)
         branches = inverse.inverse_all(A12, forward(A12, joints))
         assert min((dh_oracle.distance(joints, branch) for branch in branches), default=math.inf) < 1e-7, number
+
+
+@pytest.mark.parametrize("nominal, ways", [(ZU7, (0.02, 0.11, -0.03, 0.1, 0.09, 0.08)),
+                                           (MINICOBO, (0.1, 0.04, 0.03, 0.2, 0.0, 0.07))], ids=["zu7", "minicobo"])
+def test_offsets_of_the_shoulder_add_up_wherever_along_it_they_are(nominal, ways):
+    """A file of the user's may have them in other rows than the models that are known."""
+    free = [row.d != 0.0 or n in (1, 2) for n, row in enumerate(nominal.dh)]
+    rows = tuple(DhRow(row.a, way if is_free else 0.0, row.alpha, row.theta_offset)
+                 for row, way, is_free in zip(nominal.dh, ways, free))
+    model = ArmModel(name="other", family=nominal.family, dh=rows, joint_limits=nominal.joint_limits,
+                     joint_max_speed=nominal.joint_max_speed)
+    assert model.has_closed_form
+    rng = random.Random(15)
+    for _ in range(20):
+        joints = dh_oracle.random_joints(model, rng)
+        branches = inverse.inverse_all(model, forward(model, joints))
+        assert min((dh_oracle.distance(joints, branch) for branch in branches), default=math.inf) < 1e-7
+    target = rotations.transform(rotations.matrix_from_rpy((0.0, 0.0, 0.0)), (0.0, 0.0, 0.6))
+    with pytest.raises(UnreachablePose, match="axis"):
+        inverse.inverse(model, target, HOME)
+
+
+@pytest.mark.parametrize("turn", [600.0, 200.0, -200.0, -600.0])
+def test_a_joint_of_more_turns_than_one_stays_beside_the_reference(turn):
+    limit = math.radians(720.0)
+    model = narrowed(ZU7, 5, -limit, limit)
+    joints = HOME[:5] + (math.radians(turn),)
+    reference = joints[:5] + (joints[5] + 0.1,)
+    assert inverse.inverse(model, forward(model, joints), reference) == pytest.approx(joints, abs=1e-9)

@@ -145,3 +145,10 @@ def test_wrapped_angle_is_the_same_direction_in_the_half_open_circle(angle):
     assert -math.pi < wrapped <= math.pi
     assert math.isclose(math.cos(wrapped), math.cos(angle), abs_tol=1e-10)
     assert math.isclose(math.sin(wrapped), math.sin(angle), abs_tol=1e-10)
+
+
+@pytest.mark.parametrize("angle, wrapped", [
+    (0.5, 0.5), (math.pi, math.pi), (-math.pi, math.pi), (0.5 + math.tau, 0.5), (0.5 - math.tau, 0.5),
+    (3.0 + 5.0 * math.tau, 3.0), (-3.0 - 5.0 * math.tau, -3.0), (3.0 * math.pi, math.pi), (3.5, 3.5 - math.tau)])
+def test_an_angle_is_wrapped_to_more_than_minus_half_a_turn_and_up_to_half_a_turn(angle, wrapped):
+    assert rotations.wrap_angle(angle) == pytest.approx(wrapped, abs=1e-12)

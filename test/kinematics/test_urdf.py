@@ -133,3 +133,24 @@ def test_base_and_flange_are_flat_discs_on_their_frames(link, is_above):
     assert 0.0 < height < radius < 0.2
     sizes = [float(one.get("radius")) for one in robot.iter("cylinder")]
     assert radius == pytest.approx(max(sizes) if is_above else 0.5 * max(sizes)), "the base is the widest"
+
+
+def cylinders(robot, link):
+    """(radius, bottom, top) of each cylinder of a link, m, in the frame of the link."""
+    found = []
+    for visual in robot.find("link[@name='%s']" % link).iter("visual"):
+        cylinder = visual.find("geometry/cylinder")
+        if cylinder is not None:
+            middle, half = numbers(visual.find("origin").get("xyz"))[2], 0.5 * float(cylinder.get("length"))
+            found.append((float(cylinder.get("radius")), middle - half, middle + half))
+    return found
+
+
+@pytest.mark.parametrize("name", ["zu3", "zu7", "minicobo", "a12"])
+def test_the_arm_stands_on_a_foot_wider_than_itself_and_ends_in_a_flat_flange(name):
+    robot = ElementTree.fromstring(urdf_from_model(load_model(name)))
+    radius = cylinders(robot, "link_1")[0][0]
+    (foot, bottom, top), = cylinders(robot, "base_link")
+    assert radius < foot < 2.0 * radius and bottom == pytest.approx(0.0, abs=1e-12) and 0.0 < top < radius
+    (flange, bottom, top), = cylinders(robot, "tool0")
+    assert 0.0 < flange < radius and top == pytest.approx(0.0, abs=1e-12) and -0.3 * radius < bottom < 0.0

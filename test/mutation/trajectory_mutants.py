@@ -111,7 +111,7 @@ OF_TRAJECTORIES: Tuple[Mutant, ...] = (
            "if not (yield Until(rests_while(core, is_held, motion.rest_time), _TIMEOUT_S + motion.rest_time)):",
            "if False:", STORIES),
     Mutant("rest from before a move counts for its pause", "client/core/procedures/pausing.py",
-           "stillness.duration(since)", "stillness.duration()", ("test/client/core/test_moves.py",)),
+           "custody.rest_since(since)", "custody.rest_since(0.0)", ("test/client/core/test_moves.py",)),
     Mutant("joints are taken in the order of the message", "ros/trajectories/messages.py",
            "return tuple([given[index] for index in order])", "return tuple(given)", DECODER),
     Mutant("a joint may be missing", "ros/trajectories/messages.py", "        if missing:\n", "        if False:\n",

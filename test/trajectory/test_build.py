@@ -144,3 +144,11 @@ def test_the_frames_of_one_path_and_of_the_next_are_smooth(points, rate):
     assert clock.path is path and frames[-1] == pytest.approx(points[-1].position, abs=1e-9)
     speeds = np.diff(frames, axis=0) / 0.008
     assert np.abs(np.diff(speeds, axis=0)).max() / 0.008 <= ACCELERATION * 1.03
+
+
+def test_a_point_that_is_due_now_but_for_rounding_is_not_still_to_be_reached():
+    """Stamps are whole nanoseconds and times floating point: nothing can be done within what is lost between them."""
+    points = [at(1.0, (0.3,), REST), at(2.0, (0.4,), REST)]
+    path = build(points, resting(0.295), elapsed=1.0 - 1e-12)
+    assert path.at(path.begin).position == pytest.approx(joints(0.295), abs=1e-9)
+    assert path.at(path.end).position == pytest.approx(joints(0.4), abs=1e-9)

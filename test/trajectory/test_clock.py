@@ -256,3 +256,18 @@ def test_a_clock_that_hurries_is_never_slower_than_one_that_does_not(name):
         usual.step(1.0)
         hurried.step(1.05)
         assert hurried.time >= usual.time - 0.5 * PERIOD
+
+
+@pytest.mark.parametrize("share", [1.0, 1.019])
+def test_starts_that_need_what_the_audit_allows_above_the_ceiling_lose_no_time(share):
+    """Each would lose 2 ms of a cycle's 8 if the clock kept to the ceiling; ten lose what is seen at the end."""
+    speed, points = 2.5, []
+    length = speed / (share * ACCELERATION)
+    for n in range(10):
+        begin, way = 2.0 * n * length, 0.5 * length * speed
+        first, turn = (0.0, 1.0) if n % 2 == 0 else (2.0 * way, -1.0)
+        points += [at(begin + length, (first + turn * way,), (turn * speed,)),
+                   at(begin + 2.0 * length, (first + turn * 2.0 * way,), REST)]
+    frames = run(PathClock(build(points), MODEL))
+    assert accelerations(frames).max() <= ACCELERATION * SLACK
+    assert moving_cycles(frames) * PERIOD == pytest.approx(20.0 * length, abs=PERIOD)

@@ -10,6 +10,7 @@ stillness       evidence that the arm rests
 motion          what all motions have in common
 contradictions  what forbids a motion to begin and what ends one, as one table
 custody         from before a motion's first byte until evidence that the arm rests; who may take it next
+arrival         evidence that a planned motion has no way left to go
 move            a planned move, or several that are queued
 jog             goes on as long as it is called for
 servo_planner   servo targets to one frame a cycle

@@ -2,7 +2,7 @@
 import dataclasses
 import functools
 import logging
-from typing import Any, Callable, Optional, Protocol, Sequence, Tuple
+from typing import Any, Callable, Mapping, Optional, Protocol, Sequence, Tuple
 
 from jaka_ros_driver.client.core.actions import Actions, Send
 from jaka_ros_driver.client.settings import ClientSettings
@@ -67,7 +67,7 @@ class Introduction:
         """
         if command is not Query.SIMULATOR_IDENTITY or self._channel.introduction is not self:
             raise ConnectionLost("no link to the controller: it has not said yet who it is")
-        self._channel.send_all([command], now, on_reply)
+        self._channel.send_all([command], now, {0: on_reply})
 
 
 class Channel:
@@ -136,20 +136,24 @@ class Channel:
         """
         self.request_all([command], now, on_reply)
 
-    def request_all(self, commands: Sequence[Command], now: float, on_reply: OnReply, judged: int = 0) -> None:
-        """Send the commands in one piece; only the reply to that at place ``judged`` matters; errors as ``request``."""
+    def request_all(self, commands: Sequence[Command], now: float, on_reply: OnReply, judged: int = 0,
+                    besides: Optional[Mapping[int, OnReply]] = None) -> None:
+        """Send the commands in one piece; errors as ``request``.
+
+        Only the reply to that at place ``judged`` matters, and those at the places of ``besides``.
+        """
         if not self.is_open:
             raise ConnectionLost("no link to the controller: " + (
                 self._down_reason if self.introduction is None else "it has not said yet who it is"))
-        self.send_all(commands, now, on_reply, judged)
+        self.send_all(commands, now, {**(besides or {}), judged: on_reply})
 
-    def send_all(self, commands: Sequence[Command], now: float, on_reply: OnReply, judged: int = 0) -> None:
+    def send_all(self, commands: Sequence[Command], now: float, on_reply: Mapping[int, OnReply]) -> None:
         """Put the commands on the connection; for ``request_all`` and an introduction, which know that there is one."""
         texts = [self._encoded(command) for command in commands]
         for place, command in enumerate(commands):
             patience, is_slow = self._patience(command)
             self._exchange.sent(codec.command_name(command), now, patience,
-                                _Pending(command, on_reply) if place == judged else None, is_slow)
+                                _Pending(command, on_reply[place]) if place in on_reply else None, is_slow)
         self._actions.add(Send(b"".join(texts)))
 
     @property

@@ -4,6 +4,7 @@ Start checks and the watch over a motion in custody read the same rows, so that 
 unnoticed once it moves. A cell that is no refusal and no stop has its reason beside it.
 """
 import enum
+import math
 from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_ros_driver.client.core.motion import MotionOwner, event_text
@@ -15,6 +16,10 @@ _JUMP_SLACK = 0.05
 _JUMP_FACTOR = 1.2
 _LATE_FRAME_S = 0.15
 """s; a frame may be late by so much before the feed counts as silent (feed.SILENCE_S): the arm moved on meanwhile."""
+_TOOL_SLACK = 0.02
+"""m"""
+_TOOL_REACH = 3.0
+"""m; a joint's turn moves the tool by at most so much a rad, tool included."""
 
 STREAMS = (MotionOwner.SERVO, MotionOwner.TRAJECTORY, MotionOwner.VELOCITY_JOG)
 """Motions in servo mode."""
@@ -32,6 +37,7 @@ class Evidence(NamedTuple):
         servo_mode: What the controller answered lately to the question whether it is in servo mode; None for nothing.
         wants_servo_mode: Whether the motion needs servo mode; None while it enters or leaves it.
         jump: Which joint has jumped, in words; "" for none.
+        frames: Which tool or user frame has changed since the motion began, in words; "" for none.
         is_new_event: The event in the state was not there when the motion began.
     """
 
@@ -40,6 +46,7 @@ class Evidence(NamedTuple):
     servo_mode: Optional[bool] = None
     wants_servo_mode: Optional[bool] = None
     jump: str = ""
+    frames: str = ""
     is_new_event: bool = False
 
 
@@ -102,6 +109,10 @@ def _jump(seen: Evidence) -> Optional[MotionInterrupted]:
     return MotionInterrupted(StopCause.FAULT, seen.jump) if seen.jump else None
 
 
+def _frames(seen: Evidence) -> Optional[MotionInterrupted]:
+    return MotionInterrupted(StopCause.FAULT, seen.frames) if seen.frames else None
+
+
 _STANDING: Tuple[Row, ...] = (
     Row("emergency stop", _if(lambda s: s.emergency_stop, StopCause.EMERGENCY_STOP)),
     Row("protective stop", _if(lambda s: s.protective_stop, StopCause.PROTECTIVE_STOP, event_text)),
@@ -123,7 +134,11 @@ TABLE: Tuple[Row, ...] = (
         except_for=dict.fromkeys((*PLANNED, *STREAMS), "its end is seen in the joints")),
     Row("servo mode", _servo_mode, AtStart.WAITS,
         "refused: the controller is in servo mode, for another client; stop_move leaves it"),
-    Row("joints jump", _jump, AtStart.ALLOWS, why_at_start="the arm must have been seen at rest before it begins"))
+    Row("joints jump", _jump, AtStart.ALLOWS,
+        why_at_start="no frame counts until it shows the arm where the controller says it is, and then at rest"),
+    Row("another frame", _frames, AtStart.ALLOWS,
+        except_for={MotionOwner.PROGRAM: "a program selects its frames itself"},
+        why_at_start="its targets mean the frames that are active when it begins"))
 
 
 def standing_cause(state: RobotState) -> Optional[MotionInterrupted]:
@@ -204,17 +219,47 @@ class JumpWatch:
 class Watch:
     """Looks at every fresh state of one motion, from before its first byte."""
 
-    def __init__(self, owner: MotionOwner, known_event: int) -> None:
-        """known_event: The event's number that stood before the motion, 0 for none."""
+    def __init__(self, owner: MotionOwner, before: Optional[RobotState]) -> None:
+        """before: The newest state before the motion."""
         self._owner = owner
-        self._known_event = known_event
+        self._known_event = 0 if before is None else before.error_code
+        self._last = before
+        self._frames: Dict[str, Optional[int]] = {"tool": None, "user frame": None}
+        if before is not None:
+            self._frames_changed(before)
 
-    def cause(self, state: RobotState, jump: str) -> Optional[MotionInterrupted]:
-        """Return why the motion must be stopped; None where this state does not contradict it."""
+    def cause(self, state: RobotState, jump: str = "") -> Optional[MotionInterrupted]:
+        """Return why the motion must be stopped; None where this state does not contradict it.
+
+        ``jump``: which joint has jumped to it, in words.
+        """
         is_new = state.error_code != self._known_event
         if is_new:
             self._known_event = 0
-        return cause_of_stop(self._owner, Evidence(state, bool(state.is_hand_guided), jump=jump, is_new_event=is_new))
+        return cause_of_stop(self._owner, Evidence(state, bool(state.is_hand_guided), jump=jump, is_new_event=is_new,
+                                                   frames=self._frames_changed(state) or self._pose_jump(state)))
+
+    def _frames_changed(self, state: RobotState) -> str:
+        for name, shown in (("tool", state.tool_id), ("user frame", state.user_frame_id)):
+            known = self._frames[name]
+            if known is None:
+                self._frames[name] = shown
+            elif shown is not None and shown != known:
+                return "the active %s changes from %d to %d" % (name, known, shown)
+        return ""
+
+    def _pose_jump(self, state: RobotState) -> str:
+        """Notice what the ids may not tell: the tool's pose is another one, and the joints have not moved it there."""
+        if state.tcp_position is None:
+            return ""
+        last, self._last = self._last, state
+        if last is None or last.tcp_position is None:
+            return ""
+        turned = sum([abs(a - b) for a, b in zip(last.joint_position, state.joint_position)])
+        way = math.dist(last.tcp_position, state.tcp_position)
+        if way <= _TOOL_SLACK + _TOOL_REACH * turned:
+            return ""
+        return "the tool's pose jumps by %.3f m, and its joints do not: another tool or user frame is active" % way
 
 
 def described() -> List[Dict[str, str]]:

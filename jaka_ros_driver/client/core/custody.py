@@ -87,7 +87,8 @@ class Custody:
         self._on_free = on_free
         self._jumps = JumpWatch(joint_max_speed)
         self._state: Optional[RobotState] = None
-        self._watch = Watch(MotionOwner.MOVE, 0)
+        self._shown_until = _NEVER
+        self._watch = Watch(MotionOwner.MOVE, None)
         self._phase = _Phase.FREE
         self._number = 0
         self._outcome: Optional[MotionInterrupted] = None
@@ -139,6 +140,13 @@ class Custody:
         if self._phase is _Phase.HELD:
             return self.motion.due()
         return min(self._retry_at, _NEVER if self._is_told else self._began_at + _TELL_AFTER_S)
+
+    def rest_since(self, moment: float) -> float:
+        """Return for how long the arm has been seen at rest since then (monotonic, s), in s.
+
+        It is 0 where the frames may be older than that moment.
+        """
+        return self.stillness.duration(moment) if self._shown_until > moment else 0.0
 
     # ---- the life of a motion ----
 
@@ -202,16 +210,16 @@ class Custody:
 
     # ---- events ----
 
-    def observe(self, state: RobotState, now: float) -> None:
-        """Take a fresh state into account."""
+    def observe(self, state: RobotState, now: float, shown_until: float = _NEVER) -> None:
+        """Take a fresh state into account; ``shown_until``: a feed that may lag has certainly shown that moment, s."""
+        self._shown_until = shown_until
         self.stillness.observe(state)
-        jump = self._jumps.jump(state)
         self._state = state
         motion = self.motion
         if motion is None:
             return
         if self._phase is _Phase.HELD:
-            cause = self._watch.cause(state, jump)
+            cause = self._watch.cause(state)
             if cause is None:
                 motion.observe(state, now)
             else:
@@ -219,7 +227,7 @@ class Custody:
         elif self._phase is _Phase.SETTLING:
             if self.stillness.has_moved_since(self._began_at):
                 self.stop(MotionInterrupted(StopCause.FAULT, "the arm moves though the motion was refused"), now)
-            elif self.stillness.duration(self._began_at) >= REST_TIME_S:
+            elif self.rest_since(self._began_at) >= REST_TIME_S:
                 if motion.may_be_left(state):
                     self._release(now)
                 else:
@@ -231,13 +239,28 @@ class Custody:
             motion.observe_stop(state)
         if self._phase is _Phase.STOPPING and self._accepted_at is not None:
             coasts_until = self._sent_at + max(_COASTING_TIME_S, motion.rest_time)
-            goes_on = now >= coasts_until and not motion.may_be_left(state)
-            if self.stillness.duration(self._accepted_at) >= motion.rest_time and motion.may_be_left(state):
+            goes_on = now >= coasts_until and motion.goes_on(state)
+            if self.rest_since(self._accepted_at) >= motion.rest_time and motion.may_be_left(state):
                 self._release(now)
             elif self.stillness.has_moved_since(coasts_until) or goes_on:
-                self._say(logging.ERROR, "the arm moves on after an accepted stop; stopping it again", now)
+                self._say(logging.ERROR, "the arm %s after an accepted stop; stopping it again" % (
+                    "moves on" if self.stillness.has_moved_since(coasts_until) else "rests, and %s goes on"
+                    % motion.name), now)
                 self._accepted_at, self._moves_on = None, True
                 self._send_stop(now)
+
+    def notice_jump(self, state: RobotState, now: float) -> str:
+        """Take a state that has come in time; return which joint has jumped, in words: then it may not be believed.
+
+        A motion is stopped; what the arm did before says nothing of what it does now.
+        """
+        jump = self._jumps.jump(state)
+        if jump:
+            self.stillness.lose_sight()
+            cause = self._watch.cause(state, jump)
+            if cause is not None and self._phase is _Phase.HELD:
+                self.stop(cause, now)
+        return jump
 
     def heard_servo_mode(self, is_active: bool, asked_at: float, now: float) -> None:
         """Take the controller's answer to a question of ``asked_at``, s: whether it is in servo mode."""
@@ -300,7 +323,7 @@ class Custody:
         self.motion, self._phase = motion, phase
         self._outcome, self._is_told, self._is_guess = None, False, False
         self._accepted_at, self._retry_at, self._outstanding, self._moves_on = None, _NEVER, 0, False
-        self._watch = Watch(motion.owner, 0 if self._state is None else self._state.error_code)
+        self._watch = Watch(motion.owner, self._state)
         self._held_since = now
         self.actions.add(Tell(True, motion.name, motion.jog_stop))
 
@@ -314,19 +337,29 @@ class Custody:
             if number == self._number and self._phase is _Phase.STOPPING:
                 self._stop_replied(error, at)
 
+        def jog_end_replied(_result: Any, error: Optional[JakaError], at: float) -> None:
+            """Send the stop again, where its end of the jog was refused, until the arm rests."""
+            if number == self._number and self._phase is _Phase.STOPPING and isinstance(error, CommandRejected):
+                self._retry_at = at + _RETRY_PERIOD_S
+
+        jog = self.motion.halt()
         try:
-            self.channel.request_all(whole_stop(self.motion.halt(), self._moves_on), now, replied, STOP_REPLY)
+            self.channel.request_all(whole_stop(jog, self._moves_on), now, replied, STOP_REPLY,
+                                     {} if jog is None or self._moves_on else {STOP_REPLY + 1: jog_end_replied})
         except JakaError as error:
+            self._retry_at = _NEVER
             self._say(logging.ERROR, "the arm could not be stopped: %s" % error, now)
             answer(error)
             return
         self._outstanding += 1
-        self._sent_at, self._retry_at = now, _NEVER
+        self._retry_at = _NEVER
+        if self._accepted_at is None:
+            self._sent_at = now
 
     def _stop_replied(self, error: Optional[JakaError], now: float) -> None:
         self._outstanding = max(0, self._outstanding - 1)
         if error is None:
-            self._accepted_at = now
+            self._accepted_at = now if self._accepted_at is None else self._accepted_at
             if not self._is_guess and not self._waits_for_rest:
                 self._tell_end()
         elif not isinstance(error, ConnectionLost) and self._accepted_at is None:

@@ -9,7 +9,7 @@ a slow link or is made more slowly than the controller says, arrivals do not tel
 """
 from collections import deque
 from dataclasses import dataclass
-from typing import Deque, List, Optional, Tuple
+from typing import Callable, Deque, List, Optional, Tuple
 
 from jaka_ros_driver.errors import FramingError, StatusFrameError
 from jaka_ros_driver.protocol.framing import FrameStream
@@ -124,6 +124,12 @@ class Feed:
         self._is_given_up = True
 
     @property
+    def may_lag(self) -> bool:
+        """Frames are owed, or come more slowly than the controller confirmed: what they show may be old."""
+        due = self._due_period
+        return due is None or self.owed > _MISSING_S or self._mean > (1.0 + _CLOCKS_DIFFER) * due
+
+    @property
     def is_flooded(self) -> bool:
         """The connection brings so much that is no frame that it is not read any more."""
         return self._stream.is_flooded
@@ -137,8 +143,12 @@ class Feed:
         """Nobody read for a while: what has piled up is old news."""
         self._was_held_up = True
 
-    def received(self, data: bytes, now: float) -> List[Tuple[RobotState, bool]]:
-        """Take bytes of the port; returns the states that they complete, and whether each tells of now."""
+    def received(self, data: bytes, now: float, is_believed: Callable[[RobotState], bool] = lambda state: True
+                 ) -> List[Tuple[RobotState, bool]]:
+        """Take bytes of the port; returns the states that they complete, and whether each tells of now.
+
+        ``is_believed``: asked for each that has come in time, in their order; others are no news.
+        """
         self.last_byte_at = now
         states: List[RobotState] = []
         items = self._stream.feed(data)
@@ -155,12 +165,14 @@ class Feed:
             return []
         new = self._count_new(len(states), len(items), now)
         self._frames += len(states)
-        if new:
-            self.state = states[-1]
-            self._is_given_up = False
-            self._arrivals.extend([state.received_at for state in states])
         oldest_new = len(states) - new
-        return [(state, index >= oldest_new) for index, state in enumerate(states)]
+        told = [(state, index >= oldest_new and is_believed(state)) for index, state in enumerate(states)]
+        believed = [state for state, is_new in told if is_new]
+        if believed:
+            self.state = believed[-1]
+            self._is_given_up = False
+        self._arrivals.extend([state.received_at for state in states[max(0, oldest_new):]])
+        return told
 
     def fresh_state(self, max_age: float, now: float) -> Optional[RobotState]:
         """The newest state, or None when it is older than ``max_age`` s."""

@@ -4,14 +4,15 @@ from typing import Any, List, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import Motion, MotionOwner, rest_time_at
-from jaka_ros_driver.client.core.move import START_WINDOW_S
+from jaka_ros_driver.client.core.move import NOT_SEEN_TO_BEGIN, START_WINDOW_S, UNSEEN_START_S
+from jaka_ros_driver.client.core.stillness import MOVEMENT
 from jaka_ros_driver.commands import Jog as JogCommand
 from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.errors import JakaError, MotionInterrupted, StopCause
-from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.state import RobotState, Vector
 
 _OVER_TIME_S = 0.5
-"""s; a jog whose arm rests for so long has ended, or has not begun in time, whatever ``inpos`` says."""
+"""s; a jog whose arm has moved and rests for so long has ended, whatever ``inpos`` says."""
 
 
 class Jog(Motion):
@@ -30,6 +31,8 @@ class Jog(Motion):
         self._custody = custody
         self._calls: List[Any] = [call]
         self._accepted_at: Optional[float] = None
+        self._start: Optional[Vector] = None
+        self._has_moved = False
         self.rest_time = rest_time_at(abs(command.velocity), command.is_linear)
 
     def begin(self, now: float) -> None:
@@ -47,8 +50,15 @@ class Jog(Motion):
     def observe(self, state: RobotState, now: float) -> None:
         if self._accepted_at is None or state.received_at <= self._accepted_at:
             return
-        if (now - self._accepted_at > START_WINDOW_S
-                and self._custody.stillness.duration(self._accepted_at) >= max(_OVER_TIME_S, self.rest_time)):
+        if self._start is None:
+            self._start = state.joint_position
+        self._has_moved = self._has_moved or max(
+            [abs(a - b) for a, b in zip(self._start, state.joint_position)]) > MOVEMENT
+        if now - self._accepted_at <= max(START_WINDOW_S, self.rest_time):
+            return
+        if not self._has_moved:
+            self._custody.stop(MotionInterrupted(StopCause.FAULT, "accepted, but the arm did not move"), now)
+        elif self._custody.stillness.elapsed(self._accepted_at) >= max(_OVER_TIME_S, self.rest_time):
             self._custody.stop(MotionInterrupted(StopCause.STOPPED, "the jog has ended by itself"), now)
 
     def tick(self, now: float) -> None:
@@ -57,6 +67,9 @@ class Jog(Motion):
                                       % self._custody.settings.jog_timeout)
             self._custody.stop(MotionInterrupted(
                 StopCause.STOPPED, "no jog call for %.3g s" % self._custody.settings.jog_timeout), now)
+        elif (self._accepted_at is not None and not self._has_moved
+              and now - self._accepted_at >= max(UNSEEN_START_S, self.rest_time)):
+            self._custody.stop(MotionInterrupted(StopCause.FAULT, NOT_SEEN_TO_BEGIN), now)
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         self._custody.actions.answer_all(self._calls, outcome)

@@ -97,14 +97,19 @@ class Link:
         """Return whether another client was seen to take the port, and has not been seen to be gone."""
         return self._way > 0.0 and not (self.is_up and self.lasted(now) > _RIVALS_GONE_S)
 
+    @property
+    def is_left_to_others(self) -> bool:
+        """It is down because another client was seen to take the port."""
+        return self._way > 0.0 and not self.is_up and not self._is_stopped
+
     def lasted(self, now: float) -> float:
         """Return how long the present connection has lasted, s."""
         return now - self._opened_at
 
-    def hurry(self) -> None:
-        """Give way to nobody with the next try: a stop is owed."""
+    def hurry(self, at: float = _NEVER) -> None:
+        """Give way to nobody with the next try: a stop is owed. ``at``: when it is due at the latest, s."""
         if self._way and self.retry_at != _NEVER:
-            self.retry_at = min(self.retry_at, self._ended_at + self._pause)
+            self.retry_at = min(self.retry_at, self._ended_at + self._pause, at)
 
     def tick(self, now: float) -> None:
         """Ask for a connection when that is due."""

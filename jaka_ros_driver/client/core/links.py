@@ -22,6 +22,10 @@ from jaka_ros_driver.state import RobotState
 _BEAT_PERIOD_S = 0.25
 _GUARD_ACTS_S = 1.0
 """s; so long after this process was held up, a connection that has ended may have been the guard's doing."""
+_JUMP_SETTLES_S = 1.0
+"""s; joints that have not jumped for so long are believed where the controller cannot be asked where they are."""
+_WITNESS_LASTS_S = 1.0
+"""s; a witness that has not been heard for longer, as without a command port, excuses no debt."""
 _NEVER = float("inf")
 
 
@@ -78,6 +82,7 @@ class Links:
         self._held_up_at = -_NEVER
         self._takeovers = Takeovers()
         self._has_sight = False
+        self._jumped_at = 0.0
         self._health = _HealthWatch()
         self._is_closing = False
         self.is_ready = False
@@ -115,7 +120,8 @@ class Links:
         """
         state = self._feed.fresh_state(self._settings.stale_after, now)
         if state is None:
-            raise ConnectionLost("no fresh status of the arm: " + (self.last_error or "the status feed is silent"))
+            raise ConnectionLost("no fresh status of the arm: " + (
+                self.last_error or self._witness.dispute or "the status feed is silent"))
         return state
 
     def health(self) -> LinkHealth:
@@ -143,7 +149,8 @@ class Links:
         if gap > SILENCE_S:
             self._held_up, self._held_up_at = gap, now
             self._feed.held_up()
-            self._witness.forget()
+            if self._next_beat < _NEVER:
+                self._next_beat = now
 
     def opened(self, port: Port, now: float) -> None:
         if port is Port.STATUS:
@@ -179,7 +186,7 @@ class Links:
                 self._drop_command("command port: nothing that comes answers a request", now)
             return
         doubt = ""
-        for state, is_new in self._feed.received(data, now):
+        for state, is_new in self._feed.received(data, now, self._is_believed):
             trouble = self._health.trouble(state)
             if trouble:
                 self._on_disturbed(trouble)
@@ -187,13 +194,20 @@ class Links:
             is_new = is_new and not doubt
             if is_new:
                 self._has_sight = True
-                self._custody.observe(state, now)
+                is_asked = self._witness.is_trusted and self._feed.may_lag
+                self._custody.observe(state, now, self._witness.agreed_at if is_asked else _NEVER)
             self._actions.add(Show(state, is_new))
+        if self.is_ready and self._witness.wants_to_ask:
+            self._witness.ask(now)
         if self._witness.take_motion_seen():
             self._feed.refute_debt()
-        elif not doubt and not self._witness.is_trusted and self._feed.owed > LONGEST_DEBT_S:
+        elif not doubt and self._feed.owed > LONGEST_DEBT_S and not (
+                self._witness.is_trusted and now - self._witness.confirmed_at < _WITNESS_LASTS_S):
             doubt = "frames of %.2f s have not come, though it never fell silent" % self._feed.owed
+        if self._witness.dispute:
+            self._feed.give_up()
         if doubt:
+            self._jumped_at = 0.0
             self._feed.give_up()
             self._drop_feed("status port: old news: " + doubt, now)
         elif self._feed.is_flooded:
@@ -214,8 +228,13 @@ class Links:
             self._next_beat = _NEVER
             self._channel.request(Query.SERVO_MODE, now, lambda result, error, at: self._beat_replied(
                 result, error, now, at))
-            if self._has_sight:
+            if self._has_sight or self._witness.dispute:
                 self._witness.ask(now)
+
+    def take_port(self, now: float) -> bool:
+        """Connect at once where the command port was left to another client; return whether it was."""
+        self._command.hurry(now)
+        return self._command.is_left_to_others
 
     def close(self) -> None:
         """The driver is about to end."""
@@ -259,7 +278,8 @@ class Links:
 
     def _beat_replied(self, result: Any, error: Optional[JakaError], asked_at: float, now: float) -> None:
         """Asking now and then shows a port that has fallen silent, and whether servo mode is on."""
-        self._next_beat = now + _BEAT_PERIOD_S if self.is_ready else _NEVER
+        pause = _BEAT_PERIOD_S if asked_at > self._held_up_at else 0.0  # what piled up must be compared at once
+        self._next_beat = now + pause if self.is_ready else _NEVER
         if error is None:
             self.is_servo_active = bool(result)
             self._custody.heard_servo_mode(self.is_servo_active, asked_at, now)
@@ -300,6 +320,21 @@ class Links:
             self._status.stop("it is not known whose it is")
             self._sight_lost(reason, now)
 
+    def _is_believed(self, state: RobotState) -> bool:
+        """Return whether a frame that has come in time may be taken for true; joints that jump may not.
+
+        Where no witness can settle that, joints that have not jumped for a while do.
+        """
+        now, witness = state.received_at, self._witness
+        jump = self._custody.notice_jump(state, now)
+        if jump:
+            self._jumped_at = now
+            witness.distrust(jump, now)
+        elif witness.dispute and now - self._jumped_at > _JUMP_SETTLES_S:
+            if not witness.can_tell or (self._jumped_at and not self._channel.is_open):
+                witness.settle()
+        return not witness.dispute
+
     def _watch_feed(self, now: float) -> None:
         held_up, self._held_up = self._held_up, 0.0
         silent = now - self._feed.last_byte_at
@@ -309,7 +344,8 @@ class Links:
                       else "status port: silent for %.1f s" % silent)
             self._drop_feed(reason, now)
         elif self._has_sight and self._feed.fresh_state(timeout, now) is None:
-            self._sight_lost("no readable status frame for %.1f s" % timeout, now)
+            self._sight_lost("no status frame that can be believed for %.1f s: %s" % (timeout, self._witness.dispute)
+                             if self._witness.dispute else "no readable status frame for %.1f s" % timeout, now)
 
     def _drop_feed(self, reason: str, now: float) -> None:
         self._status.drop(reason, now)

@@ -82,6 +82,10 @@ class Motion:
         """After an accepted stop or a refusal, with the joints at rest: this state does not say that it goes on."""
         return True
 
+    def goes_on(self, state: RobotState) -> bool:
+        """After an accepted stop, with the joints at rest: it is known to go on, and must be stopped again."""
+        return not self.may_be_left(state)
+
     def halt(self) -> Optional[JogStop]:
         """Send nothing any more: the motion is being stopped. Returns what ends its jog, where it is one."""
         return self.jog_stop

@@ -2,6 +2,7 @@
 import math
 from typing import Any, List, Optional
 
+from jaka_ros_driver.client.core.arrival import NO_DISTANCE, SETTLE_TIME_S, InPosition, has_settled
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import Motion, MotionOwner, is_held, rest_time_at
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
@@ -13,8 +14,9 @@ from jaka_ros_driver.state import RobotState
 
 START_WINDOW_S = 1.0
 """s; a motion that is accepted and not seen to begin within this time is stopped: it may not begin later."""
-SETTLE_TIME_S = 0.3
-"""s; an arm that rests away from its target for so long has been stopped by somebody else."""
+UNSEEN_START_S = START_WINDOW_S + 0.2
+"""s; the same where no frame comes that would show it: two of the slowest feed."""
+NOT_SEEN_TO_BEGIN = "accepted, but the arm was not seen to move"
 _JOINT_TOLERANCE = 0.01
 _POSITION_TOLERANCE = 0.002
 _ANGLE_TOLERANCE = 0.02
@@ -22,8 +24,6 @@ _LONGEST_FRAME_TIME_S = 0.1
 """s; a feed in good order has a frame at least so often."""
 _LEVER = 0.1
 """m; a joint whose turning moves the tool at a smaller radius does not count."""
-NO_DISTANCE = 0.03
-"""Of a tolerance: an arm that is as near as this may be there without having moved."""
 
 
 class _Part:
@@ -67,6 +67,8 @@ class Move(Motion):
         self._held_at = 0.0
         self._has_moved = False
         self._must_move = False
+        self._in_position = InPosition()
+        self._met = 0  # so many targets, from the first on, were seen in their turn and without a distance
 
     def begin(self, now: float) -> None:
         self._send(self._parts[0], now)
@@ -86,9 +88,15 @@ class Move(Motion):
             return
         if not self._has_moved:
             self._has_moved = _joint_distance(state, self._start) > MOVEMENT
+        if self._has_moved:
+            self._in_position.observe(state)
         if self.is_paused or (self._has_moved and is_held(state)):
             self._held_at = now
-        self._look_for_the_end(self._target, state, now)
+        self._note_reached(state, now)
+        if not self._has_moved and self._must_move:
+            self._look_for_the_start(self._target, state, now)
+        else:
+            self._look_for_the_end(self._target, state, now)
 
     def tick(self, now: float) -> None:
         if self.is_paused:
@@ -96,6 +104,9 @@ class Move(Motion):
         elif self._target is not None and now >= self.deadline:
             self._custody.stop(MotionInterrupted(
                 StopCause.TIMEOUT, "not completed after %.0f s" % self._custody.settings.motion_timeout), now)
+        elif (self._must_move and not self._has_moved and self._waits_since is not None
+              and now - max(self._waits_since, self._held_at) >= max(UNSEEN_START_S, self.rest_time)):
+            self._custody.stop(MotionInterrupted(StopCause.FAULT, NOT_SEEN_TO_BEGIN), now)
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         for part in self._parts:
@@ -127,12 +138,18 @@ class Move(Motion):
         self._target = part.command
         self._accepted_at = now
         self._waits_since = now if self._waits_since is None else self._waits_since
-        self.deadline = now + self._custody.settings.motion_timeout
+        if not any(other.is_accepted and not other.was_reached for other in self._parts if other is not part):
+            self._begin_turn(now)
         self.rest_time = rest_time_at(part.command.speed, not isinstance(part.command, JointMove))
         distance = relative_distance(part.command, self._start)
-        self._must_move = self._must_move or (distance is not None and distance > NO_DISTANCE)
+        self._must_move = self._must_move or distance is None or distance > NO_DISTANCE
         if not part.waits and not self._custody.is_ending:
             self._answer(part, None)
+
+    def _begin_turn(self, now: float) -> None:
+        """Give the next move of the queue its time; a caller who waits is answered within that of the first one."""
+        if self.deadline == math.inf or not self._parts[0].waits:
+            self.deadline = now + self._custody.settings.motion_timeout
 
     def _answer(self, part: _Part, error: Optional[JakaError]) -> None:
         if not part.is_answered:
@@ -144,36 +161,37 @@ class Move(Motion):
         self._custody.actions.answer(end, None, error)
 
     def _look_for_the_end(self, target: MoveCommand, state: RobotState, now: float) -> None:
-        """Measured positions decide. ``inpos`` delays the end by 1 s at most: what begins later is too late."""
-        self._note_reached(state)
-        still = self._custody.stillness.duration(max(self._accepted_at, self._held_at))
-        if still < self.rest_time or not all(part.is_accepted for part in self._parts):
+        """Measured positions decide; ``inpos`` only where it has followed the motion. After 1 s of rest a stop makes
+        sure of the end: what begins later is too late.
+        """
+        since, custody = max(self._accepted_at, self._held_at), self._custody
+        if custody.rest_since(since) < self.rest_time or not all(part.is_accepted for part in self._parts):
             return
+        resting = custody.stillness.elapsed(since)
         distance = relative_distance(target, state)
-        has_run = self._has_moved or not self._must_move
-        is_late = still >= max(START_WINDOW_S, self.rest_time)
-        if has_run and distance is not None and distance <= 1.0:
-            is_sure = self._was_run_through(distance)
-            if is_sure and (state.is_in_position or (
-                    distance <= NO_DISTANCE and still >= self.rest_time + SETTLE_TIME_S)):
+        is_late = resting >= max(START_WINDOW_S, self.rest_time)
+        if distance is not None and distance <= 1.0:
+            if self._has_arrived(distance, resting, state):
                 self._custody.finish(now)
             elif is_late:
                 self._custody.stop(None, now)
-        elif not self._has_moved:
-            self._look_for_the_start(target, state, distance, now)
         elif not state.is_in_position and not is_late:
             return
-        elif distance is None and state.is_in_position:
+        elif distance is None and self._in_position.tells_the_end(state):
             self._custody.finish(now)
         elif distance is None:
-            self._custody.stop(MotionInterrupted(
-                StopCause.STOPPED, "the arm came to rest, and is not said to be in position"), now)
-        elif still >= max(SETTLE_TIME_S, self.rest_time):
+            if is_late:
+                self._custody.stop(MotionInterrupted(
+                    StopCause.STOPPED, "the arm came to rest, and the controller does not tell where its tool is"), now)
+        elif resting >= max(SETTLE_TIME_S, self.rest_time):
             self._custody.stop(MotionInterrupted(
                 StopCause.STOPPED, "the arm came to rest %s from the target" % distance_text(target, state)), now)
 
-    def _note_reached(self, state: RobotState) -> None:
+    def _note_reached(self, state: RobotState, now: float) -> None:
         """Of a queue, each target is passed in its turn; all but the last one may be passed beside a rounded corner."""
+        while self._met < len(self._parts) and self._parts[self._met].is_accepted and _is_at(
+                self._parts[self._met].command, state):
+            self._met += 1
         for part in self._parts:
             is_last = part is self._parts[-1]
             if not part.was_reached:
@@ -182,17 +200,38 @@ class Move(Motion):
                                             and (is_last or not _is_beside(part.command, state))):
                     return
                 part.was_reached = True
+                self._begin_turn(now)
             if not is_last:
                 self._end(part, None)
 
-    def _was_run_through(self, distance: float) -> bool:
-        """Of a queue, another part may still begin; a stop makes sure of the end where that cannot be excluded."""
-        return len(self._parts) == 1 or (distance <= NO_DISTANCE and all(part.was_reached for part in self._parts))
+    def _has_arrived(self, distance: float, resting: float, state: RobotState) -> bool:
+        """The arm rests within the tolerance of the last target; Return whether that is the end of the motion."""
+        if len(self._parts) == 1:
+            return has_settled(distance, resting, self.rest_time, state) or self._in_position.tells_the_end(state)
+        return has_settled(distance, resting, self.rest_time, state) and self._was_run_through(state)
 
-    def _look_for_the_start(self, target: MoveCommand, state: RobotState, distance: Optional[float],
-                            now: float) -> None:
-        if self._waits_since is None or now - max(self._waits_since, self._held_at) < START_WINDOW_S:
+    def _was_run_through(self, state: RobotState) -> bool:
+        """The arm rests on the last target of a queue; Return whether no part of the queue can still begin.
+
+        It can where an earlier target, or the place where the arm began, is the same, and what lies between was not
+        seen: a controller that hesitates between two moves rests on a target, too, and may say ``inpos`` there.
+        """
+        if not all(part.was_reached for part in self._parts):
+            return False
+        earlier = [_is_at(part.command, state) for part in self._parts[:-1]]
+        began_here = _joint_distance(state, self._start) <= _JOINT_TOLERANCE * NO_DISTANCE
+        places = [began_here, *earlier, True]  # that are where the arm is now: the start, each target
+        first = len(places) - 1
+        while first and places[first - 1]:  # from the first of them on, the way to the next one is no way
+            first -= 1
+        return self._met >= first or not any(places[self._met:first])
+
+    def _look_for_the_start(self, target: MoveCommand, state: RobotState, now: float) -> None:
+        """By time, not by rest that was seen: frames may be missing at the moment that matters."""
+        if self._waits_since is None or now - max(self._waits_since, self._held_at) < max(
+                START_WINDOW_S, self.rest_time):
             return
+        distance = relative_distance(target, state)
         if distance is not None and distance <= 1.0:
             self._custody.stop(None, now)
             return
@@ -213,6 +252,12 @@ def relative_distance(command: PathCommand, state: RobotState) -> Optional[float
     if away is None:
         return None
     return max(away[0] / _POSITION_TOLERANCE, away[1] / _ANGLE_TOLERANCE)
+
+
+def _is_at(command: MoveCommand, state: RobotState) -> bool:
+    """Return whether the arm is seen where the command leads."""
+    distance = relative_distance(command, state)
+    return distance is not None and distance <= NO_DISTANCE
 
 
 def _is_beside(command: MoveCommand, state: RobotState) -> bool:

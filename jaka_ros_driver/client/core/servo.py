@@ -1,4 +1,5 @@
 """Servo mode for a client that streams targets: held where the arm is until they come, and when they stop."""
+import math
 from typing import Any, List, Optional, Union
 
 from jaka_ros_driver.client.core.custody import Custody
@@ -7,7 +8,7 @@ from jaka_ros_driver.client.core.servo_planner import JointServo, PoseServo
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.client.core.streaming import MAX_JOINT_DEVIATION, Frame, OnMode, Streaming, commanded_joints
-from jaka_ros_driver.commands import JogStop, Pose, ServoJoint
+from jaka_ros_driver.commands import Pose, ServoJoint
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
@@ -38,7 +39,7 @@ class Servo(Streaming):
         self._calls: List[Any] = [call]
         self._stream: Union[JointServo, PoseServo, None] = None
         self._last_target_at = 0.0
-        self._moved_at = 0.0
+        self._moved_at = -math.inf
 
     # ---- calls ----
 
@@ -79,10 +80,6 @@ class Servo(Streaming):
         self._last_target_at = now
 
     # ---- life ----
-
-    def halt(self) -> Optional[JogStop]:
-        self._stream = None
-        return super().halt()
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         self._on_mode(False, str(outcome) if outcome is not None else self._leave_reason or "")
@@ -135,7 +132,7 @@ class Servo(Streaming):
     def _require_rest(self) -> None:
         """A stream of the other kind begins at rest, where the arm is measured: only there do the two agree."""
         if (self._stream is not None and not self._stream.is_at_rest) or (
-                self._custody.stillness.duration(self._moved_at) < REST_TIME_S):
+                self._custody.rest_since(self._moved_at) < REST_TIME_S):
             raise InvalidCommand("refused: joint and pose targets can be changed over at rest only")
 
     def _joint_stream_at_rest(self) -> JointServo:

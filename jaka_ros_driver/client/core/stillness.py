@@ -70,6 +70,13 @@ class Stillness:
         uncounted = sum([max(0.0, end - max(begin, since) - _COUNTED_GAP_S) for begin, end in self._long_gaps])
         return max(0.0, self._last - since - uncounted)
 
+    def elapsed(self, after: float = 0.0) -> float:
+        """Return the time since the arm was last seen to move, s, from ``after`` on; gaps between frames count whole.
+
+        It is longer than ``duration``: for what is stopped because it rests too long, not for evidence of rest.
+        """
+        return 0.0 if self._anchor is None else max(0.0, self._last - max(self._since, after))
+
     def has_moved_since(self, moment: float) -> bool:
         """Fresh frames after this moment (monotonic, s) show the arm somewhere else than before."""
         return self._anchor is not None and self._since > max(moment, self._seen_since)

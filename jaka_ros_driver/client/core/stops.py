@@ -5,10 +5,10 @@ from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.channel import Channel
 from jaka_ros_driver.client.core.custody import Admission, Custody
 from jaka_ros_driver.client.core.links import Links
-from jaka_ros_driver.client.core.procedures.procedure import Now, OnEnd, Procedure, Until
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Until, pause
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.commands import STOP_REPLY, whole_stop
+from jaka_ros_driver.commands import STOP_REPLY, Query, whole_stop
 from jaka_ros_driver.errors import (
     CommandRejected,
     ConnectionLost,
@@ -24,6 +24,9 @@ _COASTING_TIME_S = 0.5
 """s; an arm that still moves so long after a stop was sent is stopped once more."""
 _REPEATED_FOR_S = 10.0
 """s; an arm that this driver does not move is stopped again for so long: somebody may move it on purpose."""
+
+_SERVO_MODE_LASTS_S, _POLL_PERIOD_S = 2.0, 0.02
+"""s; servo mode is asked for so long after a stop, and so often, until it is left."""
 
 CarryOut = Callable[[Procedure, OnEnd, float], None]
 
@@ -81,21 +84,49 @@ class Stops:
     def _stop_free_arm(self, call: Any, now: float) -> None:
         """Stop an arm that this driver does not move: a program, a jog, or servo mode of somebody else."""
         answer = _Once(self._actions, call)
-        stop = _FreeStop(self._channel, self._custody, self._links, self._admission, self._patience, answer)
+        stop = _FreeStop(self._channel, self._custody, self._links, self._admission, self._patience, answer,
+                         self._see_servo_mode_left)
+        if not self._channel.is_open and self._links.take_port(now):
+            self._carry_out(self._sent_when_connected(stop), lambda _, error, _at: answer(error), now)
+            return
         try:
             stop.send(now)
         except JakaError as error:
             answer(error)
             return
         self._newest = stop
-        self._carry_out(self._watched(stop), lambda _, error, _at: answer(error), now)
+        self._carry_out(self._watched(stop, self._patience), lambda _, error, _at: answer(error), now)
 
-    def _watched(self, stop: "_FreeStop") -> Procedure:
+    def _sent_when_connected(self, stop: "_FreeStop") -> Procedure:
+        """Send it on the connection that is made for it; raises ConnectionLost where none comes about in time."""
+        asked = yield Now()
+        yield Until(lambda _now: self._channel.is_open, self._patience)
+        now = yield Now()
+        stop.send(now)
+        self._newest = stop
+        yield from self._watched(stop, max(0.0, asked + self._patience - now))
+
+    def _watched(self, stop: "_FreeStop", patience: float) -> Procedure:
         """Answer when the arm is seen at rest, or in time with what is known; and stop it again while it moves on."""
-        if (yield Until(lambda now: stop.look(now, self._newest is stop), self._patience)):
+        if (yield Until(lambda now: stop.look(now, self._newest is stop), patience)):
             return
         stop.answer(stop.trouble((yield Now())))
         yield Until(lambda now: self._newest is not stop or stop.look(now, True), _REPEATED_FOR_S)
+
+    def _see_servo_mode_left(self, now: float) -> None:
+        self._carry_out(self._servo_mode_left(), lambda _, _error, _at: None, now)
+
+    def _servo_mode_left(self) -> Procedure:
+        """Ask until the controller has left servo mode: the next motion waits for that, the stop's caller does not."""
+        begun = yield Now()
+        while (yield Now()) - begun <= _SERVO_MODE_LASTS_S:
+            is_active = bool((yield Ask(Query.SERVO_MODE)))
+            if not self._custody.is_free:
+                return
+            self._links.is_servo_active = is_active
+            if not is_active:
+                return
+            yield pause(_POLL_PERIOD_S)
 
     def _until(self, holds: Callable[[], bool]) -> Procedure:
         return (yield Until(lambda _now: holds(), self._patience))
@@ -112,8 +143,9 @@ class _FreeStop:
     """
 
     def __init__(self, channel: Channel, custody: Custody, links: Links, admission: Admission, patience: float,
-                 answer: "_Once") -> None:
+                 answer: "_Once", on_accepted: Callable[[float], None]) -> None:
         """patience: the longest time to its answer, s."""
+        self._on_accepted = on_accepted
         self.answer = answer
         self._channel = channel
         self._custody = custody
@@ -186,6 +218,7 @@ class _FreeStop:
         self._admission.stops_under_way -= 1
         if error is None and self._accepted_at is None:
             self._accepted_at = now
+            self._on_accepted(now)
         elif error is not None and (self._accepted_at is None or not isinstance(error, CommandRejected)):
             self._is_over = True
             self.answer(error)

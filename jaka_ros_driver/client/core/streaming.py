@@ -1,6 +1,7 @@
 """What motions in servo mode have in common: entered and confirmed, one frame every 8 ms, left at rest."""
 from typing import Any, Callable, Optional, Union
 
+from jaka_ros_driver.client.core.channel import Channel
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import Motion
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Running, pause
@@ -42,7 +43,7 @@ class Streaming(Motion):
         """
         self._custody = custody
         self._state = state
-        self._observed_at = 0.0
+        self._observed_at = state.received_at
         self._on_mode = on_mode
         self._trace = ServoTrace()
         self._next_frame = _NEVER
@@ -51,6 +52,7 @@ class Streaming(Motion):
         self._is_entered = False
         self._entered_at = _NEVER
         self._left_at: Optional[float] = None
+        self._leaving = _Leaving(custody.channel)
         self.late_cycles = 0
 
     # ---- what a child says ----
@@ -104,7 +106,7 @@ class Streaming(Motion):
         cause = self._contradiction(state) if self.is_streaming else None
         if cause is not None:
             self._custody.stop(cause, now)
-        elif self._left_at is not None and self._custody.stillness.duration(self._left_at) >= self.rest_time:
+        elif self._left_at is not None and self._custody.rest_since(self._left_at) >= self.rest_time:
             self._custody.finish(now)
 
     def tick(self, now: float) -> None:
@@ -119,9 +121,21 @@ class Streaming(Motion):
             return
         self._send_frame(now)
 
+    def observe_stop(self, state: RobotState) -> None:
+        if self._leaving.observe(state.received_at):
+            self._on_mode(False, "")
+
+    def may_be_left(self, state: RobotState) -> bool:
+        """After a stop: servo mode is left, in which the next motion would be refused, or was not within 2 s."""
+        return self._leaving.is_over
+
+    def goes_on(self, state: RobotState) -> bool:
+        return self._leaving.is_told_on
+
     def halt(self) -> Optional[JogStop]:
         self._next_frame = _NEVER
         self._confirming = None
+        self._leaving.begin()
         return None
 
     # ---- inside ----
@@ -170,6 +184,48 @@ class Streaming(Motion):
     def _frame_replied(self, _result: Any, error: Optional[JakaError], now: float) -> None:
         if error is not None and self._custody.motion is self and self.is_streaming:
             self._custody.stop(MotionInterrupted(StopCause.FAULT, "servo stream ended: %s" % error), now, is_guess=True)
+
+
+class _Leaving:
+    """Sees a stop end servo mode, with a question behind each frame of the status feed; holds nothing up.
+
+    Attributes:
+        is_over: Servo mode is left, was not in time, or no stop has begun.
+        is_told_on: The controller has said, since the last stop, that servo mode is on.
+    """
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+        self._began_at: Optional[float] = None
+        self._stop = 0
+        self._is_asking = False
+        self._is_left = False
+        self.is_over = True
+        self.is_told_on = False
+
+    def begin(self) -> None:
+        """Take a stop that is about to be sent: what was asked before it says nothing."""
+        self._stop += 1
+        self._is_asking = False
+        self.is_over = self.is_told_on = self._is_left = False
+
+    def observe(self, now: float) -> bool:
+        """Ask anew where that is due; return, once, whether servo mode has been left."""
+        if self.is_over:
+            return False
+        self._began_at = now if self._began_at is None else self._began_at
+        self.is_over = self._is_left or now - self._began_at > _CONFIRM_TIMEOUT_S
+        self.is_told_on = self.is_told_on and not self.is_over
+        if not self.is_over and not self._is_asking and self._channel.is_open:
+            self._is_asking, number = True, self._stop
+
+            def replied(result: Any, error: Optional[JakaError], _now: float) -> None:
+                if number == self._stop:
+                    self._is_asking = False
+                    self._is_left = error is None and not result
+                    self.is_told_on = error is None and bool(result)
+            self._channel.request(Query.SERVO_MODE, now, replied)
+        return self._is_left
 
 
 def commanded_joints(state: RobotState) -> Vector:

@@ -109,7 +109,7 @@ class Trajectory(Streaming):
         self._end = path.at(path.end).position
         self._trace = ServoTrace(_LONGEST_LAG_S, 0.1 * _LONGEST_LAG_S)
         self._near = ServoTrace(_LAG_S, 0.1 * _LAG_S)
-        self._built_at = 0.0
+        self._built_at = state.received_at
         self._lag = 0.0
         self._rests_since: Optional[float] = None
         self._is_begun = False
@@ -243,7 +243,7 @@ class Trajectory(Streaming):
     def _look_for_the_end(self, state: RobotState, now: float) -> None:
         """The stream has come to rest; the arm must, too, and where it is asked to."""
         assert self._rests_since is not None
-        is_still = self._custody.stillness.duration(self._rests_since) >= REST_TIME_S
+        is_still = self._custody.rest_since(self._rests_since) >= REST_TIME_S
         waited = now - self._rests_since
         if self._is_cancelled:
             if is_still:
@@ -255,7 +255,8 @@ class Trajectory(Streaming):
         far = self._far_from_goal(state)
         if is_still and not far:
             self._leave_reason = "the trajectory is completed"
-        elif tolerances.goal_time is not None and waited > tolerances.goal_time + _SEEN_LATE_S:
+        elif tolerances.goal_time is not None and waited > tolerances.goal_time + _SEEN_LATE_S and (
+                far or self._custody.stillness.duration(self._rests_since) < REST_TIME_S):
             self._custody.stop(GoalToleranceViolated("%.3f s after the end of the trajectory %s" % (
                 waited, "; ".join(far) or "the arm is not at rest")), now)
 

@@ -16,15 +16,22 @@ from jaka_ros_driver.state import RobotState, Vector
 
 NEAR = 0.005
 """rad; answer and feed may differ by so much where both tell of the same moment: one may be measured, one commanded."""
+_TURN = 0.015
+"""rad; a joint that turns back between two frames goes at most so much farther than they show: 12.6 rad/s2 at 10 Hz."""
 _LEAST_AGE_S = 0.25
-_PERIODS = 3.0
-"""A frame of a feed with long pauses is by itself one period old, and may be late once."""
 _AGE_SHARE = 1.0 / 3.0
 """Age at which the feed is given up, as a share of the promise: the next question, and its answer, take time, too."""
+_PERIODS, _LATE_S = 2.0, 0.1
+_MOST_AGE_SHARE = 0.6
+"""A frame of a feed with long pauses is by itself one period old, and may be late once; so much of the promise is left
+to that."""
 _DRIVES_S = 0.5
 """s; the feed may show drives ready for so long after the controller first answered that they are not."""
 _LONGEST_HISTORY = 250
 """Frames; a question whose answer takes longer says nothing."""
+_MOST_QUESTIONS = 4
+_ANEW_S = 2.0
+"""s; a feed that is disputed and stays so is connected anew at most so often."""
 _TRIES = 8
 _MISREAD = 3
 """Replies in a row that cannot be read, after which the question is not put any more."""
@@ -35,13 +42,20 @@ _KEPT_ANSWERS = 4
 class _Answer(NamedTuple):
     joints: Vector
     at: float
+    asked_at: float
 
 
 class Witness:
     """Asks for joints and drives at each beat, and compares each answer with the frames since its question.
 
+    A feed that contradicts a witness which has been right before is disputed: none of its frames is believed until they
+    show an answer again, also on a new connection. So a feed that repeats itself on time starts no motion.
+
     Attributes:
-        is_trusted: An answer of this connection has been found in the feed. Before that its contradiction says nothing.
+        is_trusted: The last answer that could be compared was found in the feed. Else a contradiction says nothing new.
+        agreed_at: When the newest answer that was found in the feed was asked for, s: the feed has shown that moment.
+        confirmed_at: When an answer was found last, s.
+        dispute: Why no frame is believed, in words; "" where they are.
     """
 
     def __init__(self, actions: Actions, channel: Channel, silence_timeout: float) -> None:
@@ -49,11 +63,22 @@ class Witness:
         self._actions = actions
         self._channel = channel
         self._longest_age = max(_LEAST_AGE_S, _AGE_SHARE * silence_timeout)
+        self._most_age = _MOST_AGE_SHARE * silence_timeout
+        self.is_trusted = False
+        self.confirmed_at = 0.0
+        self.dispute = ""
+        self._was_right = False
+        self._generation = 0
+        self._counts_from = 0.0
+        self._began_at: Optional[float] = None
         self.open()
 
     def open(self) -> None:
-        """Begin with a new connection of the command port: another controller may answer there."""
-        self.is_trusted = False
+        """Begin with a new connection of the command port.
+
+        A witness that has been right stays one: where another controller answers now, with joints that are not those of
+        its feed, nothing is believed before the driver is started anew.
+        """
         self._refused: List[Query] = []
         self._misread = dict.fromkeys((Query.JOINTS, Query.DRIVES_READY), 0)
         self._tries = _TRIES
@@ -62,12 +87,40 @@ class Witness:
         self.forget()
 
     def forget(self) -> None:
-        """Drop the open questions: the feed is a new one, or nobody read it for a while."""
-        self._history: List[Vector] = []
-        self._answer: Optional[_Answer] = None
+        """Drop the open questions: the feed is a new one."""
+        self._generation += 1
+        self._asked = 0
+        self._frames: Deque[RobotState] = deque(maxlen=_LONGEST_HISTORY)
+        self._open: List[_Answer] = []
+        self._began_at = None
+        self.agreed_at = 0.0
         self._drives_off_since: Optional[float] = None
         self._answers: Deque[Vector] = deque(maxlen=_KEPT_ANSWERS)
         self._is_telling = self._was_moving = False
+
+    @property
+    def can_tell(self) -> bool:
+        """The controller knows the question, and its answers are not known to be others than its feed."""
+        return Query.JOINTS not in self._refused and (self._was_right or self._tries > 0)
+
+    @property
+    def wants_to_ask(self) -> bool:
+        """The feed is disputed, and no question is under way that could settle it."""
+        return bool(self.dispute) and not self._asked and not self._open and bool(self._frames)
+
+    def distrust(self, why: str, counts_from: float) -> None:
+        """Dispute the feed: what it showed before this moment, s, says nothing."""
+        if not self.dispute:
+            self._actions.log(logging.WARNING, "status feed: not believed until it shows where the controller says the "
+                                               "arm is: " + why)
+        self.dispute, self._counts_from = why, counts_from
+        self.forget()
+
+    def settle(self) -> None:
+        """Believe the feed again."""
+        if self.dispute:
+            self.dispute = ""
+            self._actions.log(logging.INFO, "status feed: believed again")
 
     def ask(self, now: float) -> None:
         """Put the questions, where the command port is open and the feed has shown something."""
@@ -75,28 +128,39 @@ class Witness:
             return
         if Query.DRIVES_READY not in self._refused:
             self._channel.request(Query.DRIVES_READY, now, self._drives_told)
-        if Query.JOINTS not in self._refused and self._answer is None and not self._history:
-            self._history = [self._newest.joint_position]
-            self._channel.request(Query.JOINTS, now, self._joints_told)
+        if Query.JOINTS not in self._refused and self._asked < _MOST_QUESTIONS:
+            self._asked += 1
+            generation = self._generation
+            self._channel.request(Query.JOINTS, now, lambda result, error, at: self._joints_told(
+                result, error, at, generation, now))
 
     def saw(self, state: RobotState, is_new: bool, period: float) -> str:
         """Compare a frame; returns why the feed is too old, "" where nothing says so. ``period``: the usual one, s."""
-        before, self._newest = self._newest, state
+        self._newest, now = state, state.received_at
+        if now < self._counts_from:
+            return ""
+        before = self._frames[-1] if self._frames else state
+        self._began_at = now if self._began_at is None else self._began_at
         if not (state.is_powered and state.is_enabled):
             self._drives_off_since = None
-        if self._history:
-            self._history.append(state.joint_position)
-            if len(self._history) > _LONGEST_HISTORY:
-                self._history = []
-        now, answer = state.received_at, self._answer
-        if answer is not None and before is not None:
+        self._frames.append(state)
+        longest = max(self._longest_age, min(_PERIODS * period + _LATE_S, self._most_age))
+        is_late = bool(self._open) and now - self._open[0].at > longest  # also where it is found now: then this is old
+        at = self._open[0].at if is_late else now
+        for number, answer in reversed(list(enumerate(self._open))):
             if _passes(before.joint_position, state.joint_position, answer.joints):
-                self._confirmed()
-            elif is_new and now - answer.at > max(self._longest_age, _PERIODS * period):
-                self._answer = None
-                if self._is_contradicted():
-                    return ("its frames are more than %.2f s old: they do not show where the controller says the arm is"
-                            % (now - answer.at))
+                if now - answer.at <= longest:
+                    is_late = False
+                    self._confirmed(answer.asked_at, now)
+                del self._open[:number + 1]  # those before it have been passed by
+                break
+        if is_late and (is_new or self.dispute):
+            self._open = [answer for answer in self._open if answer.at > at]
+            text = ("its frames are more than %.2f s old: they do not show where the controller says the arm is"
+                    % (now - at))
+            if self._is_contradicted(now):
+                self.distrust(text, now)
+                return text
         if is_new and self._drives_off_since is not None and now - self._drives_off_since > _DRIVES_S:
             self._drives_off_since, self._knows_drives = None, False
             return ("its frames are more than %.2f s old: they show drives on that the controller says are off"
@@ -110,37 +174,47 @@ class Witness:
 
     # ---- inside ----
 
-    def _joints_told(self, result: Any, error: Optional[JakaError], now: float) -> None:
-        history, self._history = self._history, []
+    def _joints_told(self, result: Any, error: Optional[JakaError], now: float, generation: int, asked_at: float
+                     ) -> None:
         if error is not None:
             self._note_refusal(Query.JOINTS, error)
+        if generation != self._generation:
+            return
+        self._asked -= 1
+        if error is not None:
             return
         self._misread[Query.JOINTS] = 0
-        if not history:
-            return
         joints: Vector = result
         self._is_telling = len(self._answers) == _KEPT_ANSWERS and not any(
             _is_near(earlier, joints, 4.0 * NEAR) for earlier in self._answers)
         self._answers.append(joints)
-        self._answer = _Answer(joints, now)
-        pairs = zip(history, history[1:] or history)
-        if any(_passes(before, after, joints) for before, after in pairs):
-            self._confirmed()
+        frames = list(self._frames)
+        while len(frames) > 1 and frames[1].received_at <= asked_at:
+            del frames[0]
+        pairs = zip(frames, frames[1:] or frames)
+        if any(_passes(before.joint_position, after.joint_position, joints) for before, after in pairs):
+            self._confirmed(asked_at, now)
+            self._open = []
+        else:
+            self._open.append(_Answer(joints, now, asked_at))
 
-    def _confirmed(self) -> None:
-        self._answer = None
-        self.is_trusted = True
+    def _confirmed(self, asked_at: float, now: float) -> None:
+        self.is_trusted = self._was_right = True
+        self.agreed_at, self.confirmed_at = asked_at, now
         self._was_moving = self._was_moving or self._is_telling
+        self.settle()
 
-    def _is_contradicted(self) -> bool:
+    def _is_contradicted(self, now: float) -> bool:
         """Return whether that counts: not of a witness that has not been right yet, or is wrong again at once."""
         was_trusted, self.is_trusted = self.is_trusted, False
-        if not was_trusted and self._tries:
+        if was_trusted:
+            return True
+        if self._tries and not self._was_right:
             self._tries -= 1
             if not self._tries:
                 self._actions.log(logging.WARNING, "the joints that the controller answers with are not those of its "
                                                    "status feed: how old that is shows from its rhythm only")
-        return was_trusted
+        return bool(self.dispute) and self._began_at is not None and now - self._began_at > _ANEW_S
 
     def _drives_told(self, result: Any, error: Optional[JakaError], now: float) -> None:
         if error is not None:
@@ -171,7 +245,7 @@ def _is_near(a: Vector, b: Vector, tolerance: float) -> bool:
 def _passes(before: Vector, after: Vector, joints: Vector) -> bool:
     """Return whether the way between two frames leads by these joints; one may have turned back between them."""
     for a, b, q in zip(before, after, joints):
-        slack = NEAR + abs(b - a)
+        slack = NEAR + min(abs(b - a), _TURN)
         if not min(a, b) - slack <= q <= max(a, b) + slack:
             return False
     return True

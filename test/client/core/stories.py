@@ -78,9 +78,10 @@ class Story:
                 self.asked_to_connect.append((self.now, action))
 
     def _take(self, data):
-        for request in self._stream.feed(data):
+        requests = list(self._stream.feed(data))
+        self.sent += [(self.now, request) for request in requests]
+        for request in requests:
             name = request["cmdName"]
-            self.sent.append((self.now, request))
             code = self.replies.get(name, "0")
             if name == "servo_move" and code == "0":
                 self.servo_mode = bool(request["relFlag"])

@@ -34,7 +34,7 @@ class Cell(Story):
 
     def __init__(self):
         super().__init__()
-        self.fields["interp_state"] = 0
+        self.fields.update(interp_state=0, current_user_id=1)
         self.extra = {"kine_inverse": {"jointPosition": [math.degrees(q) for q in HOME]},
                       "kine_forward": {"cartPosition": [450.0, 100.0, 300.0, 180.0, 0.0, 0.0]}}
         self.run(0.1)
@@ -110,7 +110,7 @@ class Cell(Story):
             "emergency stop": {"emergency_stop": 1}, "protective stop": {"protective_stop": 1},
             "no power": {"powered_on": 0}, "drives disabled": {"enabled": False},
             "new fault": {"errcode": "0x0F0017"}, "hand guiding": {"drag_status": True},
-            "another's program": {"interp_state": 3}}.get(condition, {}))
+            "another's program": {"interp_state": 3}, "another frame": {"current_user_id": 3}}.get(condition, {}))
         if condition == "program not told":
             del self.fields["interp_state"]
         elif condition == "servo mode":

@@ -1,13 +1,15 @@
 """The links: made again at bounded pauses, left when told so, watched, and made sure of whose they are."""
 import json
-import time
+import math
 
 import pytest
 from stories import HOME, Story
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.client.core.actions import Close, Open, Port
+from jaka_ros_driver.client.core.actions import Actions, Close, Open, Port
+from jaka_ros_driver.client.core.link import Link
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, StopCause
+from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.state import IoBank
 
 MOVE = c.JointMove((1.0,) + HOME[1:], 1.0, 1.0)
@@ -172,12 +174,11 @@ def test_a_flood_on_the_status_port_stops_what_moves_and_the_port_is_made_anew()
 
 
 @pytest.mark.parametrize("unit", [b"{}", b"{", b"#", b'{"cmdName": "stop_program", "errorCode": "0"}'])
-def test_a_flood_on_the_command_port_is_not_read_to_its_end_and_the_port_is_made_anew(unit):
-    story = Story()
-    data = unit * ((1 << 20) // len(unit))
-    before = time.process_time()
-    story.core.received(Port.COMMAND, data, story.now)
-    assert time.process_time() - before < 0.2
+def test_a_flood_on_the_command_port_is_not_read_to_its_end_and_the_port_is_made_anew(unit, monkeypatch):
+    story, read, feed = Story(), [], ObjectStream.feed
+    monkeypatch.setattr(ObjectStream, "feed", lambda stream, data: read.append(len(data)) or feed(stream, data))
+    story.core.received(Port.COMMAND, unit * ((1 << 20) // len(unit)), story.now)
+    assert 0 < sum(read) < 1 << 19
     story.perform()
     assert closes(story) == [Port.COMMAND] and not story.core.links.is_ready
     assert "answers" in story.core.links.last_error
@@ -254,6 +255,25 @@ def test_who_owes_a_stop_takes_the_port_for_it_from_whomever():
     assert stop - taken_at < 0.3 and story.names()[:2] == ["servo_move", "stop_program"]
 
 
+@pytest.mark.parametrize("comes_back", [True, False])
+def test_a_stop_takes_the_port_at_once_that_was_left_to_another_client(comes_back):
+    story = Story()
+    rival = Rival(story, 0.4)
+    while not any("giving way" in text for text in story.log):
+        rival.run(0.008)
+    rival.run(0.1)
+    rival.after = 1e9
+    assert not story.core.links.is_ready and story.error("stop") == "pending"
+    asked_at = story.now
+    story.core.stop("stop", story.now)
+    (rival if comes_back else story).run(1.0)
+    assert opens(story, Port.COMMAND)[-1] - asked_at < 0.02
+    if comes_back:
+        assert story.error("stop") is None and story.answers["stop"][0] - asked_at < 0.3
+    else:
+        assert isinstance(story.error("stop"), ConnectionLost) and 0.8 < story.answers["stop"][0] - asked_at < 0.95
+
+
 def test_a_port_that_nobody_takes_any_more_is_a_port_like_any_other():
     story = Story()
     rival = Rival(story).run(20.0)
@@ -282,3 +302,66 @@ def test_ports_that_are_lost_otherwise_are_taken_back_at_once(kind):
         rival.run(1.0)
         assert story.core.links.is_ready
     assert not any("giving way" in text for text in story.log)
+
+
+def test_what_is_no_reply_is_counted():
+    story = Story()
+    for count in range(1, 4):
+        story.core.received(Port.COMMAND, b'{"cmdName" nothing}', story.now)
+        assert story.core.links.health().damaged_replies == count
+
+
+class Mute(dict):
+    """Replies of a controller that answers nothing."""
+
+    def get(self, name, default=None):
+        return None
+
+
+@pytest.mark.parametrize("count, is_flooded", [(1000, False), (1001, True)])
+def test_a_thousand_replies_that_nobody_asked_for_are_read_on_a_new_connection(count, is_flooded):
+    story = Story()
+    story.core.received(Port.COMMAND, b'{"cmdName": "no", "errorCode": "0"}' * 1000, story.now)
+    story.core.closed(Port.COMMAND, "closed by the controller", story.now)
+    story.perform()
+    story.replies = Mute()
+    before = len(opens(story, Port.COMMAND))
+    while len(opens(story, Port.COMMAND)) == before:
+        story.run(0.008)
+    story.core.opened(Port.COMMAND, story.now)
+    story.core.received(Port.COMMAND, b'{"cmdName": "no", "errorCode": "0"}' * count, story.now)
+    story.perform()
+    assert bool(closes(story)) is is_flooded
+
+
+def test_a_connection_that_ends_within_two_seconds_is_made_again_after_longer_and_longer_pauses():
+    link, now, pauses = Link(Port.STATUS, Actions()), 100.0, []
+    link.start(now)
+    for lasted in (1.5, 1.5, 1.5, 2.5):
+        link.opened(now)
+        now += lasted
+        link.lost("closed by the controller", now)
+        pauses.append(link.retry_at - now)
+        now = link.retry_at
+    assert pauses == pytest.approx([0.1, 0.2, 0.4, 0.1])
+
+
+def test_a_link_that_was_stopped_can_be_started_again_and_is_kept_up_then():
+    link = Link(Port.STATUS, Actions())
+    link.start(100.0)
+    link.opened(100.0)
+    link.stop("it is not known whose it is")
+    assert link.retry_at == math.inf and not link.is_up
+    link.start(101.0)
+    link.failed("refused", 101.1)
+    assert 101.1 < link.retry_at < 102.0
+
+
+def test_a_move_waits_a_second_and_a_half_for_an_arm_that_somebody_else_moves():
+    story = Story()
+    story.run(0.2, move=10.0)
+    story.core.move("move", c.JointMove((1.0,) + HOME[1:], 1.0, 1.0), True, story.now)
+    story.run(1.4, move=10.0)
+    assert story.error("move") == "pending" and story.count("joint_move") == 0
+    story.run(0.3, move=10.0)
+    assert isinstance(story.error("move"), InvalidCommand) and story.count("joint_move") == 0

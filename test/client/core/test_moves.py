@@ -77,6 +77,21 @@ def test_a_short_move_is_not_completed_before_it_has_begun(away):
     assert story.run(0.15).error("move") is None
 
 
+@pytest.mark.parametrize("false_for, true_for", [(0.0, 0.2), (0.1, 0.0), (0.2, 0.1)])
+def test_a_move_that_is_held_near_its_target_is_not_completed_without_a_stop(false_for, true_for):
+    """``inpos`` may be true all the time, false for a moment after the acceptance, or true before the arm rests."""
+    speed = 0.096 / (false_for + true_for)
+    story = begun((0.1,) + HOME[1:]).run(false_for, move=0.095, speed=speed, inpos=False)
+    story.run(true_for, move=0.095, speed=speed, inpos=True).run(0.9)
+    assert story.error("move") == "pending" and story.count("stop_program") == 0
+    assert story.run(0.2).error("move") is None and story.count("stop_program") == 1
+
+
+def test_where_inpos_has_followed_the_motion_it_tells_the_end():
+    story = begun((0.1,) + HOME[1:]).run(0.2, move=0.095, **MOVING).run(0.15)
+    assert story.error("move") is None and story.count("stop_program") == 0
+
+
 def test_a_move_that_is_accepted_and_never_begins_is_stopped_before_it_is_called_a_fault():
     story = begun().run(START_WINDOW_S - 0.05)
     assert story.error("move") == "pending"
@@ -100,6 +115,21 @@ def test_a_jog_that_begins_late_is_stopped_whatever_inpos_says(inpos):
     story.run(START_WINDOW_S - 0.05, inpos=inpos)
     assert story.error("jog") is None and story.count("stop_program") == 0
     assert story.run(0.1, inpos=inpos).count("stop_program") == 1
+
+
+@pytest.mark.parametrize("command", [Jog(JogFrame.JOINT, 0, 0.3), JointMove(TARGET, 1.0, 1.0)], ids=["jog", "move"])
+def test_a_gap_in_the_feed_gives_a_late_start_no_more_time(command):
+    story = Story()
+    if isinstance(command, Jog):
+        story.core.jog("call", command, story.now)
+    else:
+        story.core.move("call", command, True, story.now)
+    story.run(0.5)
+    story.feed = False
+    story.run(0.65)
+    story.feed = True
+    assert story.count("stop_program") == 0
+    assert story.run(0.05).count("stop_program") == 1
 
 
 def test_queueing_more_moves_gives_the_first_no_more_time_to_begin():
@@ -180,20 +210,20 @@ def line_begun(away, **settings):
 
 def test_a_line_is_completed_by_the_tool_pose():
     story = line_begun(0.1).run(0.2, move=0.1, **MOVING)
-    story.tcp[0] = 499.9
+    story.joints[0], story.tcp[0] = 0.2, 499.9
     assert story.run(0.3).error("move") is None
 
 
 def test_a_line_that_ends_elsewhere_was_stopped():
     story = line_begun(0.1).run(0.2, move=0.1, **MOVING)
-    story.tcp[0] = 450.0
+    story.joints[0], story.tcp[0] = 0.2, 450.0
     assert story.run(0.5).cause("move") is StopCause.STOPPED
     assert "0.0500 m" in str(story.error("move"))
 
 
 def test_a_line_that_reaches_its_place_in_another_orientation_was_stopped():
     story = line_begun(0.1).run(0.2, move=0.1, **MOVING)
-    story.tcp[0], story.tcp[5] = 500.0, 5.0
+    story.joints[0], story.tcp[0], story.tcp[5] = 0.2, 500.0, 5.0
     assert story.run(0.5).cause("move") is StopCause.STOPPED
     assert "0.0873 rad" in str(story.error("move"))
 
@@ -257,6 +287,32 @@ def test_rest_at_one_target_of_a_queue_is_not_its_end_while_another_is_not_accep
     story.reply("joint_move")
     story.run(0.7, move=0.8, **MOVING).run(0.2)
     assert story.error("end of second") is None and story.core.is_free and story.count("stop_program") == 0
+
+
+@pytest.mark.parametrize("is_seen", [True, False])
+def test_a_queue_of_targets_near_each_other_is_run_when_each_was_seen_in_its_turn(is_seen):
+    story = begun((0.005,) + HOME[1:], wait=False)
+    for number, way in enumerate((0.0, 0.005)):
+        story.core.move("more %d" % number, JointMove((way,) + HOME[1:], 1.0, 1.0), False, story.now)
+        story.perform()
+    story.run(0.1, move=0.005, **MOVING)
+    if is_seen:
+        story.run(0.1, move=0.0, **MOVING).run(0.1, move=0.005, **MOVING)
+        assert story.run(0.2).core.is_free and story.count("stop_program") == 0
+    else:
+        assert not story.run(0.8).core.is_free and story.count("stop_program") == 0
+        assert story.run(0.4).core.is_free and story.count("stop_program") == 1
+
+
+def test_each_move_of_a_queue_has_its_time_and_a_caller_who_waits_is_answered_within_that_of_its_own():
+    for waits in (True, False):
+        story = begun(wait=waits, motion_timeout=2.0)
+        for number, way in enumerate((0.0, 0.5) * 2):
+            story.core.move("more %d" % number, JointMove((way,) + HOME[1:], 1.0, 1.0), False, story.now)
+            story.perform()
+            story.run(0.9, move=0.5 - way, speed=0.6, **MOVING)
+        assert story.cause("move") is (StopCause.TIMEOUT if waits else None)
+        assert (story.count("stop_program") > 0) is waits
 
 
 def test_rest_at_the_last_target_of_a_queue_is_made_sure_of_where_one_before_it_was_not_reached():

@@ -4,11 +4,11 @@ import random
 from collections import deque
 
 import pytest
-from stories import HOME, Story
+from stories import HOME, PERIOD, Story
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.actions import Close, Open, Port
-from jaka_ros_driver.errors import StopCause
+from jaka_ros_driver.errors import ConnectionLost, StopCause
 from jaka_ros_driver.protocol.status import encode_frame
 
 STEP = 0.001
@@ -88,6 +88,8 @@ class SlowLink:
                 story.perform()
             elif isinstance(action, Close) and action.port is Port.STATUS:
                 self.drops.append(story.now)
+                self._queue.clear()  # nothing comes over a connection that is closed
+                self._read = []
         self._seen = len(story.asked_to_connect)
 
 
@@ -109,6 +111,22 @@ def test_a_feed_that_falls_behind_stops_what_moves():
     link.run(6.0)
     assert story.cause("move") is StopCause.LINK_LOST and story.count("stop_program") >= 1
     assert "old" in str(story.error("move")) and any("old" in text for text in story.log)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.85])
+def test_frames_of_before_a_motion_are_no_evidence_of_rest_after_its_stop(share):
+    """The arm has rested while the feed fell behind, so that nothing contradicted it; the motion is a short one."""
+    link = SlowLink(share=share, joint=resting).run(5.0)
+    story, begin = link.story, link.story.now
+    story.core.move("move", MOVE, True, begin)
+    link.joint = lambda t: 0.3 * min(max(t - begin, 0.0), 0.2)
+    link.run(0.2)
+    story.core.stop("stop", story.now)
+    story.perform()
+    while not story.core.is_free:
+        assert story.now < begin + 5.0
+        link.run(0.001)
+    assert abs(story.core.state.joint_position[0] - 0.06) < 0.005
 
 
 @pytest.mark.parametrize("share", [0.85, 0.93])
@@ -205,3 +223,63 @@ def test_an_answer_that_comes_late_is_looked_for_in_what_came_meanwhile():
     story.extra.clear()
     story.replies.clear()
     assert not link.run(3.0).drops, story.log
+
+
+def jumps(story, by=1.5):
+    story.frame(joint_actual_position=[math.degrees(q + by) for q in story.joints])
+
+
+def test_joints_that_jump_while_the_arm_is_free_are_not_believed_until_the_controller_says_so():
+    """Also where they rest there: nothing begins from where they jumped to."""
+    story = Story()
+    true = list(story.joints)
+    story.extra["get_joint_pos"] = {"joint_pos": [math.degrees(q) for q in true]}
+    del story.shown[:]
+    story.joints = [q + 1.5 for q in true]
+    story.run(0.3)
+    assert not [show for show in story.shown if show.is_new]
+    story.core.move("move", MOVE, True, story.now)
+    story.perform()
+    assert isinstance(story.error("move"), ConnectionLost) and "jumps" in str(story.error("move"))
+    story.joints = true
+    story.run(0.1)
+    assert story.shown[-1].is_new and story.core.is_ready(story.now)
+
+
+def test_joints_that_did_jump_are_believed_as_soon_as_the_controller_says_so():
+    story = Story()
+    story.joints = [q + 1.5 for q in story.joints]
+    story.run(0.05)
+    assert story.shown[-1].is_new and story.core.is_ready(story.now)
+
+
+def test_where_the_controller_cannot_say_joints_that_jumped_are_believed_after_a_second():
+    story = Story()
+    story.replies["get_joint_pos"] = "1"
+    story.run(0.5)
+    jumped_at = story.now
+    story.joints = [q + 1.5 for q in story.joints]
+    story.run(0.9)
+    assert not story.shown[-1].is_new
+    story.run(0.2)
+    assert story.shown[-1].is_new and story.now - jumped_at > 1.0
+
+
+def test_a_feed_that_repeats_itself_while_the_arm_moves_is_not_believed_on_a_new_connection_either():
+    story = Story()
+    story.run(0.5)
+    moving = list(story.joints)
+    story.extra["get_joint_pos"] = {"joint_pos": [math.degrees(q) for q in moving]}
+    for _ in range(75):  # joint 1 goes on by 0.3 rad/s, the feed does not show it
+        moving[0] += 0.3 * PERIOD
+        story.extra["get_joint_pos"]["joint_pos"][0] = math.degrees(moving[0])
+        story.run(PERIOD)
+    assert any(action == Close(Port.STATUS, action.reason) for _, action in story.asked_to_connect
+               if isinstance(action, Close))
+    del story.shown[:]
+    story.core.opened(Port.STATUS, story.now)
+    story.run(1.0)
+    assert story.shown and not [show for show in story.shown if show.is_new]
+    story.joints = moving
+    story.run(0.2)
+    assert story.shown[-1].is_new

@@ -86,6 +86,20 @@ def test_a_closed_path_is_not_completed_where_it_begins():
     assert "did not move" in str(story.error("path")) and story.count("stop_program") >= 1
 
 
+def test_a_path_that_has_not_begun_1_s_after_its_first_acceptance_is_stopped_however_slow_the_feed():
+    story = on_square()
+    story.feed = False
+    for _ in range(10):
+        story.run(0.1).frame()
+    assert story.count("stop_program") == 1
+
+
+def test_a_path_that_is_held_near_its_end_is_not_completed_without_a_stop():
+    story = OnPath().begin("path", line(0.5, 0.1)).run(0.05).glide(499.5, 100.0, speed=500.0, inpos=True).run(0.9)
+    assert story.error("path") == "pending" and story.count("stop_program") == 0
+    assert story.run(0.3).error("path") is None and story.count("stop_program") == 1
+
+
 def test_an_arm_that_leaves_segments_out_is_not_called_done():
     story = on_square().glide(450.0, 100.0).glide(400.0, 100.0).run(1.5)
     error = story.error("path")
@@ -315,3 +329,18 @@ def test_a_turn_in_place_is_followed_by_its_angle():
         story.run(0.2, inpos=False)
         seen.append(story.core.path.fraction if story.core.path else 1.0)
     assert seen == sorted(seen) and seen[28] == pytest.approx(0.49, abs=0.05) and seen[-1] > 0.95
+
+
+def test_rest_on_the_path_that_the_controller_confirms_ends_it_after_0_3_s():
+    story = on_square(1).glide(500.0, 150.0).run(0.2)
+    assert story.error("path") == "pending" and story.count("stop_program") == 0
+    assert story.run(0.3).cause("path") is StopCause.STOPPED
+
+
+def test_where_more_could_still_begin_the_end_is_made_sure_by_a_stop_after_1_s():
+    """The arm rests 1 mm beside the end of the last of two segments: near enough, and perhaps not the end."""
+    story = OnPath().begin("path", line(0.5, 0.1), line(0.5, 0.2)).run(0.1)
+    story.glide(500.0, 100.0).glide(500.0, 199.0).run(0.9)
+    assert story.error("path") == "pending" and story.count("stop_program") == 0
+    story.run(0.4)
+    assert story.error("path") is None and story.count("stop_program") == 1 and story.core.is_free

@@ -2,7 +2,7 @@
 import pytest
 from stories import HOME, Story
 
-from jaka_ros_driver.client.core.procedures import power
+from jaka_ros_driver.client.core.procedures import power, recovery
 from jaka_ros_driver.commands import JointMove
 from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
 
@@ -153,3 +153,36 @@ def test_drives_that_are_coming_on_are_switched_off_though_they_are_off_still(on
 def test_drives_that_are_off_are_not_switched_off_again():
     story = asked(lambda core: power.set_power(core, False), **OFF).run(0.3)
     assert story.error("call") is None and not {"power_off", "disable_robot"} & set(story.names())
+
+
+@pytest.mark.parametrize("event, is_ready", [("0x020031", True), ("0x050036", True), ("0x060031", False),
+                                             ("0x027a31", False)])
+def test_recovery_leaves_the_event_of_a_joint_on_its_soft_limit_standing_and_no_other(event, is_ready):
+    """The joint has to be moved away, which the arm lets happen; another event stands against every motion."""
+    story = Story()
+    story.fields["errcode"] = event
+    story.run(0.1)
+    story.core.run("recover", recovery.recover(story.core), story.now)
+    story.perform()
+    story.run(10.0)
+    if is_ready:
+        assert "stands until the joint is moved away" in story.answers["recover"][1]
+    else:
+        assert story.cause("recover") is StopCause.FAULT
+    assert story.count("clear_error") == 1
+
+
+@pytest.mark.parametrize("other", [lambda core: power.set_power(core, False), lambda core: recovery.recover(core)],
+                         ids=["another call", "a second recovery"])
+def test_another_call_ends_a_recovery_and_a_second_recovery_is_refused(other):
+    story = Story()
+    story.fields["errcode"] = "0x7abcde"
+    story.run(0.1)
+    story.core.run("recover", recovery.recover(story.core), story.now)
+    story.run(0.5)
+    story.core.run("other", other(story.core), story.now)
+    story.run(0.1)
+    if isinstance(story.error("other"), InvalidCommand):
+        assert "another recovery is under way" in str(story.error("other")) and story.error("recover") == "pending"
+    else:
+        assert isinstance(story.error("recover"), recovery.RecoveryInterrupted)

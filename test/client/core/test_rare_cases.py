@@ -396,7 +396,7 @@ def test_a_line_may_end_two_millimetres_beside_its_target(beside, is_there):
     story.core.move("move", LinearMove(pose, 0.1, 0.1), True, story.now)
     story.perform()
     story.run(0.2, move=0.1, **MOVING)
-    story.tcp[0] = 500.0 - 1000.0 * beside
+    story.joints[0], story.tcp[0] = 0.2, 500.0 - 1000.0 * beside
     story.run(0.6)
     assert (story.error("move") is None) is is_there
 

@@ -155,3 +155,46 @@ def test_servo_mode_is_not_claimed_while_the_link_is_down(whose):
     assert story.core.links.is_servo_active
     story.core.closed(Port.COMMAND, "cut", story.now)
     assert not story.core.links.is_servo_active
+
+
+def test_a_controller_that_accepts_servo_mode_and_does_not_enter_it_is_told_after_two_seconds():
+    story = Story()
+    story.extra["is_in_servomove"] = {"in_servomove": False}
+    story.core.servo_mode("servo", True, story.now)
+    story.run(1.8)
+    assert story.error("servo") == "pending"
+    assert story.run(0.5).cause("servo") is StopCause.TIMEOUT and not frames(story)
+
+
+def test_a_target_that_comes_while_the_arm_is_being_stopped_is_refused():
+    story = Story()
+    story.core.servo_mode("servo", True, story.now)
+    story.run(0.2)
+    story.replies["stop_program"] = None
+    story.core.stop("stop", story.now)
+    story.perform()
+    count = len(frames(story))
+    with pytest.raises(InvalidCommand):
+        story.core.set_servo_target(ServoJoint(HOME), story.now)
+    assert not story.core.is_free and len(frames(story.run(0.1))) == count
+
+
+def test_only_a_servo_mode_that_was_entered_is_said_to_have_ended():
+    story = Story()
+    story.replies["is_in_servomove"] = None
+    story.core.servo_mode("too early", True, story.now)
+    story.run(0.1)
+    story.core.stop("first", story.now)
+    story.run(0.3)
+    assert story.cause("too early") is StopCause.STOPPED
+    assert not any("servo mode has ended" in text for text in story.log)
+    del story.replies["is_in_servomove"]
+    for _ in range(story.count("is_in_servomove")):
+        story.reply("is_in_servomove")
+    story.run(0.3)
+    assert story.core.is_free
+    story.core.servo_mode("servo", True, story.now)
+    story.run(0.2)
+    story.core.stop("stop", story.now)
+    story.run(0.5)
+    assert sum("servo mode has ended" in text for text in story.log) == 1

@@ -4,7 +4,14 @@ from stories import HOME, WHOLE_STOP, Story
 
 from jaka_ros_driver.client.core.actions import Open, Port
 from jaka_ros_driver.commands import Jog, JogFrame, JointMove, SetEnabled
-from jaka_ros_driver.errors import CommandRejected, ConnectionLost, MotionInterrupted, ReplyTimeout, StopCause
+from jaka_ros_driver.errors import (
+    CommandRejected,
+    ConnectionLost,
+    JakaError,
+    MotionInterrupted,
+    ReplyTimeout,
+    StopCause,
+)
 
 MOVE = JointMove((1.0,) + HOME[1:], 1.0, 1.0)
 JOG = Jog(JogFrame.JOINT, 0, 0.3)
@@ -266,3 +273,86 @@ def test_the_caller_of_a_stop_does_not_wait_for_a_slow_command_before_it():
     assert story.error("stop") == "pending"
     story.run(0.2, move=0.5)
     assert isinstance(story.error("stop"), ReplyTimeout) and not story.core.is_free
+
+
+def test_a_stop_that_is_refused_after_a_lost_link_is_repeated_on_the_next_one():
+    """One was on its way when the link went down; its reply will never come, and holds nothing back."""
+    story = Story()
+    story.core.move("move", MOVE, True, story.now)
+    story.run(0.3, move=1.0, inpos=False)
+    story.replies["stop_program"] = None
+    story.core.stop("stop", story.now)
+    story.run(0.1, move=1.0, inpos=False)
+    story.core.closed(Port.COMMAND, "closed by the controller", story.now)
+    story.run(0.3, move=1.0, inpos=False)
+    story.core.opened(Port.COMMAND, story.now)
+    before = story.count("stop_program")
+    story.replies["stop_program"] = "2"
+    story.perform()
+    story.run(1.0, move=10.0, inpos=False)
+    assert story.count("stop_program") > before + 3
+
+
+STILL_IN_SERVO_MODE = {"is_in_servomove": {"in_servomove": True}}
+
+
+def test_the_next_motion_waits_until_a_stop_has_ended_servo_mode_and_the_stops_caller_does_not():
+    story = Story()
+    story.core.servo_mode("servo", True, story.now)
+    story.run(0.2)
+    story.extra.update(STILL_IN_SERVO_MODE)
+    story.core.stop("stop", story.now)
+    story.perform()
+    assert story.error("stop") is None
+    story.core.move("next", MOVE, True, story.now)
+    assert story.run(0.3).count("joint_move") == 0 and story.count("stop_program") == 1
+    story.extra.clear()
+    assert story.run(0.05).count("joint_move") == 1
+
+
+def test_servo_mode_that_a_stop_does_not_end_is_stopped_again_and_holds_custody_for_two_seconds():
+    story = Story()
+    story.core.servo_mode("servo", True, story.now)
+    story.run(0.2)
+    story.extra.update(STILL_IN_SERVO_MODE)
+    story.core.stop("stop", story.now)
+    story.core.move("next", MOVE, True, story.now)
+    story.run(1.9)
+    assert not story.core.is_free and story.count("stop_program") >= 3
+    story.run(0.8)
+    assert story.core.is_free and isinstance(story.error("next"), JakaError) and story.count("joint_move") == 0
+
+
+def test_a_stop_of_an_arm_that_this_driver_does_not_move_sees_servo_mode_end():
+    story = Story()
+    story.extra.update(STILL_IN_SERVO_MODE)
+    story.core.stop("stop", story.now)
+    story.run(0.2)
+    assert story.error("stop") is None
+    story.core.move("next", MOVE, True, story.now)
+    assert story.run(0.2).count("joint_move") == 0
+    story.extra.clear()
+    assert story.run(0.05).count("joint_move") == 1
+
+
+def test_the_end_of_a_jog_that_is_refused_is_sent_again_until_the_arm_rests():
+    story = Story()
+    story.core.jog("jog", JOG, story.now)
+    story.run(0.3, move=1.0, **MOVING)
+    del story.sent[:]
+    story.replies["jog"] = "1"
+    story.core.stop("stop", story.now)
+    story.run(0.2, move=1.0, **MOVING)
+    assert story.error("stop") is None and 3 <= story.count("stop_program") <= 4 and not story.core.is_free
+    story.run(0.2)
+    assert story.core.is_free
+
+
+def test_a_retry_that_is_due_on_a_lost_link_asks_for_no_ticks_without_end():
+    story = under_way()
+    story.replies["stop_program"] = "1"
+    story.core.stop("stop", story.now)
+    story.perform()
+    story.core.closed(Port.COMMAND, "cut", story.now)
+    story.run(0.1, move=1.0)
+    assert story.core.custody.deadline > story.now

@@ -5,8 +5,9 @@ import pytest
 from stories import HOME, PERIOD, Story
 
 from jaka_ros_driver.client.core.actions import Port
-from jaka_ros_driver.client.core.procedures.pausing import pause, resume
+from jaka_ros_driver.client.core.procedures.pausing import pause, resume, set_speed
 from jaka_ros_driver.client.core.trajectory import StartChanged
+from jaka_ros_driver.commands import ServoJoint
 from jaka_ros_driver.errors import (
     CommandRejected,
     GoalToleranceViolated,
@@ -15,6 +16,7 @@ from jaka_ros_driver.errors import (
     StopCause,
 )
 from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.trajectory.build import build_path
 from jaka_ros_driver.trajectory.points import JointTrajectory, Tolerances, TrajectoryPoint
 
@@ -418,3 +420,41 @@ def test_a_cancelled_trajectory_whose_arm_is_not_seen_at_rest_is_stopped():
         story.is_held = True
         story.joints[0] += 0.002 * (-1) ** n
     assert story.count("stop_program") >= 1 and story.cause("goal") is StopCause.CANCELLED
+
+
+def test_time_that_was_lost_is_made_up_for_at_a_rate_of_five_hundredths_more():
+    steady = [TrajectoryPoint(time, (HOME[0] + way,) + HOME[1:], (0.2,) + REST[1:]) for time, way in (
+        (1.0, 0.1), (4.0, 0.7))]
+    story = following(*steady, to(5.0, 0.8)).run(2.0)
+    step = 0.2 * PERIOD
+    assert moves(story)[-1] == pytest.approx(step, rel=1e-3)
+    sent = len(frames(story))
+    story.now += 0.05
+    story.run(0.5)
+    assert max(moves(story)[sent:]) == pytest.approx(1.05 * step, rel=2e-3)
+
+
+def test_the_next_frame_is_made_ready_before_it_is_due(monkeypatch):
+    story, encoded, encode = following().run(0.5), [], codec.encode
+    monkeypatch.setattr(codec, "encode", lambda command: encoded.append(command) or encode(command))
+    for _ in range(20):
+        story.now += PERIOD
+        story.frame()
+        sent = len(frames(story))
+        del encoded[:]
+        story.core.tick(story.now)
+        story.perform()
+        assert len(frames(story)) == sent + 1 and not any(isinstance(one, ServoJoint) for one in encoded)
+        story.joints = list(frames(story)[-1])
+        story.core.prepare()
+
+
+def test_a_speed_that_the_controller_does_not_take_up_is_told():
+    story = Following()
+    story.core.run("speed", set_speed(story.core, 0.5), story.now)
+    story.run(1.5)
+    assert story.error("speed") == "pending"
+    assert story.run(1.0).cause("speed") is StopCause.TIMEOUT and "still reports 100 %" in str(story.error("speed"))
+    story.core.run("again", set_speed(story.core, 0.5), story.now)
+    story.fields["rapidrate"] = 0.503
+    assert story.run(0.1).error("again") is None

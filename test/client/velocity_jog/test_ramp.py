@@ -1,4 +1,5 @@
 """The ramp of a velocity jog: whatever is asked for, no limit is passed, and it comes to rest in time."""
+import dataclasses
 import math
 
 import numpy as np
@@ -76,7 +77,7 @@ PLACES = st.tuples(*[st.floats(low, high) | st.sampled_from([low, high, 0.5 * (l
                      for low, high in MODEL.joint_limits])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(start=PLACES, changes=st.lists(st.tuples(st.none() | WISHES, st.integers(1, 40), st.floats(0.0, 1.0)),
                                       min_size=1, max_size=5))
 def test_no_limit_is_passed_whatever_is_asked_for_and_it_rests_in_time(start, changes):
@@ -86,7 +87,7 @@ def test_no_limit_is_passed_whatever_is_asked_for_and_it_rests_in_time(start, ch
     assert watched.brake() * CYCLE <= LONGEST_BRAKE_S
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(room=st.floats(0.0, 1.0))
 def test_braking_in_whole_cycles_ends_within_the_room_and_uses_it(room):
     speed, way, change = speed_to_stop_within(room), 0.0, JOINT_ACCELERATION_CEILING * CYCLE
@@ -200,3 +201,45 @@ def test_a_rotation_of_the_tool_is_none_of_its_centre():
     start, end = (compose(forward(MODEL, q), TOOL) for q in (HOME, watched.path[-1]))
     assert math.dist(start[9:], end[9:]) < 2e-3
     assert math.hypot(*rotation_vector_from_matrix(end)) > 0.2
+
+
+def twist_of(watched):
+    """What the tool does in the last cycle, m/s (3,) and rad/s (3,)."""
+    return jacobian(watched.model, watched.path[-2], TOOL) @ np.array(watched.velocity)
+
+
+@pytest.mark.parametrize("first, size, ceiling", [(0, 0.3, TCP_ACCELERATION_CEILING),
+                                                  (3, 0.5, JOINT_ACCELERATION_CEILING)])
+def test_another_direction_is_taken_up_on_a_straight_line_as_fast_as_the_tool_may(first, size, ceiling):
+    before = [0.0] * first
+    watched = Watched().step(of_tool(*before, size), 40)
+    for cycle in range(1, 6):
+        twist = twist_of(watched.step(of_tool(*before, 0.0, size)))
+        gained = cycle * ceiling * CYCLE / math.sqrt(2.0)
+        assert twist[first + 1] == pytest.approx(gained, rel=0.05)
+        assert twist[first] == pytest.approx(size - gained, abs=0.03)
+
+
+def test_way_and_turn_are_taken_up_together_where_one_of_them_takes_longer():
+    watched, cycles = Watched(), 0.5 / (JOINT_ACCELERATION_CEILING * CYCLE)
+    for cycle in range(1, 5):
+        twist = twist_of(watched.step(of_tool(0.05, 0.0, 0.0, 0.0, 0.0, 0.5)))
+        assert twist[5] == pytest.approx(0.5 * cycle / cycles, rel=0.03)
+        assert twist[0] == pytest.approx(0.05 * cycle / cycles, abs=2e-3)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_joint_near_its_limit_slows_the_tool_and_does_not_lead_it_astray(side):
+    joint = 3
+    wish = of_tool(0.0, 0.0, 0.0, 0.0, 0.3)
+    speeds = Watched().step(wish, 20).velocity
+    wish = wish if side * speeds[joint] > 0.0 else of_tool(0.0, 0.0, 0.0, 0.0, -0.3)
+    limits = list(MODEL.joint_limits)
+    near, far = HOME[joint] + side * 0.03, HOME[joint] - side * 2.0
+    limits[joint] = (min(near, far), max(near, far))
+    watched, slowest = Watched(model=dataclasses.replace(MODEL, joint_limits=tuple(limits))), 1.0
+    for _ in range(60):
+        twist = twist_of(watched.step(wish))
+        slowest = min(slowest, abs(twist[4]) if len(watched.path) > 20 else 1.0)
+        assert np.abs(np.delete(twist, 4)).max() < 0.03
+    assert slowest < 0.05, "it has come to the limit"

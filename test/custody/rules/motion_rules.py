@@ -18,7 +18,8 @@ own look."""
 REACTION = 0.05
 """s; from a frame or reply that contradicts the motion to the stop: one event, or the next turn of the timer."""
 _BEGUN = 1e-5
-_QUICK_FEED = 0.04
+_BELIEVED_S = 0.14
+"""s; frames that come after a longer pause may count as old news (feed.SILENCE_S)."""
 _STANDS_FOR = 3
 """Frames; what one frame alone says may be damage, where it is no stop and no fault."""
 
@@ -42,6 +43,7 @@ class MotionRules:
         self._codes: Set[int] = set()
         self._is_paused = False
         self._frame: Optional[Frame] = None
+        self._shown_at = -1e9
 
     # ---- what happens ----
 
@@ -92,13 +94,16 @@ class MotionRules:
                 self._contradicts("not in servo mode", now, "the controller says that servo mode is off")
             self._is_confirmed = self._is_confirmed or is_in
 
-    def reads_frame(self, frame: Frame) -> None:
-        """The driver is about to take a frame."""
+    def reads_frame(self, frame: Frame, now: float) -> None:
+        """The driver is about to take a frame; joints that jump in a feed that is believed stop a motion."""
         self._frame = frame
+        is_accepted = self._accepted_at is not None and now > self._accepted_at
+        if frame.jumps and self._is_under_way and is_accepted and now - self._shown_at < _BELIEVED_S:
+            self._contradicts("jump", now, "the joints were shown to jump")
 
     def shown(self, state: RobotState, now: float) -> None:
         """A frame was taken for new."""
-        self._code = state.error_code
+        self._code, self._shown_at = state.error_code, now
         if now == self._told_at:
             self._codes.add(self._code)  # the motion was begun because of this frame, and with it
         is_accepted = self._accepted_at is not None and now > self._accepted_at
@@ -111,14 +116,13 @@ class MotionRules:
         if state.error_code not in self._codes and state.has_fault and not state.has_warning:
             self._contradicts("fault", now, "fault 0x%X was shown" % state.error_code)
         is_program = self._kind in ("play_program", "resume_program")
-        self._stands("hand guiding", bool(state.is_hand_guided), now, "hand guiding was shown")
+        self._stands("hand guiding", bool(state.is_hand_guided) and not is_program, now, "hand guiding was shown")
         self._stands("program", state.program_state is ProgramState.RUNNING and not is_program, now,
                      "a program was shown that this driver does not play")
-        self._stands("jump", self._frame is not None and self._frame.jumps, now, "the joints were shown to jump", 1)
 
-    def _stands(self, check: str, holds: bool, now: float, text: str, frames: int = _STANDS_FOR) -> None:
+    def _stands(self, check: str, holds: bool, now: float, text: str) -> None:
         self._seen[check] = self._seen.get(check, 0) + 1 if holds else 0
-        if self._seen[check] >= frames:
+        if self._seen[check] >= _STANDS_FOR:
             self._contradicts(check, now, text)
 
     def _contradicts(self, check: str, now: float, text: str) -> None:
@@ -143,7 +147,5 @@ class MotionRules:
         elif self._kind in ("joint_move", "moveL", "movc", "jog") and now > max(
                 self._accepted_at + START_WINDOW, excused_until) + START_SLACK:
             self._has_begun = True
-            is_slow = self._room.controller.state.feed_period > _QUICK_FEED
-            self._verdicts.breaks("late on a slow feed" if is_slow else "", "late", now,
-                                  "%s was accepted %.3f s ago, the arm has not begun to move, and no stop was sent" % (
-                                      self._kind, now - self._accepted_at))
+            self._verdicts.breaks("", "late", now, "%s was accepted %.3f s ago, the arm has not begun to move, and no "
+                                  "stop was sent" % (self._kind, now - self._accepted_at))

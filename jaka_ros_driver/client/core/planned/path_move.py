@@ -5,12 +5,13 @@ at the wrong place.
 """
 from typing import Any, Callable, NamedTuple, Optional
 
+from jaka_ros_driver.client.core.arrival import NO_DISTANCE, SETTLE_TIME_S, InPosition, has_settled
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import Motion, MotionOwner, is_held, rest_time_at
 from jaka_ros_driver.client.core.move import (
-    NO_DISTANCE,
-    SETTLE_TIME_S,
+    NOT_SEEN_TO_BEGIN,
     START_WINDOW_S,
+    UNSEEN_START_S,
     distance_text,
     relative_distance,
 )
@@ -64,16 +65,20 @@ class PathMove(Motion):
         self._call = call
         self._on_begun = on_begun
         self._start = state
+        self._frames = state.tool_id, state.user_frame_id
         self._tracker = Tracker(path, now)
         self._waiting = [segment.command for segment in path.segments if not segment.is_nowhere]
         self._is_single = len(self._waiting) == 1
         self._target = self._waiting[-1]
-        self._has_begun = False
+        self._begun_at: Optional[float] = None
         self._accepted_at: Optional[float] = None
         self._held_at = 0.0
         self._has_moved = False
+        self._must_move = any((relative_distance(command, state) or 0.0) > NO_DISTANCE for command in self._waiting)
+        self._in_position = InPosition()
         self._completed = 0
         self._is_done = False
+        self._has_rested = False
         self.is_paused = False
         self.rest_time = max(rest_time_at(command.speed, not isinstance(command, JointMove))
                              for command in self._waiting)
@@ -94,21 +99,29 @@ class PathMove(Motion):
 
     def observe(self, state: RobotState, now: float) -> None:
         self._follow(state)
-        if not self._has_begun:
+        if self._begun_at is None:
             return
         if not self._has_moved:
             self._has_moved = max([abs(a - b) for a, b in zip(
                 state.joint_position, self._start.joint_position)]) > MOVEMENT
+        if self._has_moved:
+            self._in_position.observe(state)
         if self.is_paused or (self._has_moved and is_held(state)):
             self._held_at = now
         if self._tracker.completed > self._completed:
             self._completed = self._tracker.completed
             self._set_deadline(now)
-        if self._accepted_at is not None and state.received_at > self._accepted_at:
+        if not self._has_moved and self._must_move and state.received_at > self._begun_at:
+            if now - max(self._begun_at, self._held_at) >= START_WINDOW_S:
+                self._end_away(StopCause.FAULT, "accepted, but the arm did not move; it is %s from the end", state, now)
+        elif self._accepted_at is not None and state.received_at > self._accepted_at:
             self._look_for_the_end(self._accepted_at, state, now)
 
     def observe_stop(self, state: RobotState) -> None:
-        self._follow(state)
+        """Follow it until it rests: what moves the arm after that is not this path."""
+        self._has_rested = self._has_rested or self._custody.stillness.duration() >= self.rest_time
+        if not self._has_rested:
+            self._follow(state)
 
     def tick(self, now: float) -> None:
         if self.is_paused:
@@ -116,6 +129,9 @@ class PathMove(Motion):
         elif now >= self.deadline:
             self._custody.stop(MotionInterrupted(
                 StopCause.TIMEOUT, "no segment completed for %.0f s" % self._custody.settings.motion_timeout), now)
+        elif (self._begun_at is not None and self._must_move and not self._has_moved
+              and now - max(self._begun_at, self._held_at) >= UNSEEN_START_S):
+            self._custody.stop(MotionInterrupted(StopCause.FAULT, NOT_SEEN_TO_BEGIN), now)
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         if outcome is None:
@@ -135,15 +151,15 @@ class PathMove(Motion):
         if self._custody.motion is not self or self._custody.is_ending:
             return
         if error is not None:
-            if not self._has_begun:
+            if self._begun_at is None:
                 self._answer(None, error)
                 self._custody.not_accepted(error, now)
             elif self._custody.channel.is_open:
                 self._custody.stop(MotionInterrupted(StopCause.FAULT, str(error)), now)
             return
         self._set_deadline(now)
-        if not self._has_begun:
-            self._has_begun = True
+        if self._begun_at is None:
+            self._begun_at = now
             self._on_begun()
         if self._waiting:
             self._send_next(now)
@@ -154,7 +170,8 @@ class PathMove(Motion):
         self.deadline = now + self._custody.settings.motion_timeout
 
     def _follow(self, state: RobotState) -> None:
-        if self._has_begun:
+        """Take the arm's place on the path; a pose in another frame than its targets' tells nothing of that."""
+        if self._begun_at is not None and (state.tool_id, state.user_frame_id) == self._frames:
             self._tracker.observe(state)
 
     def _answer(self, progress: Optional[PathProgress], error: Optional[JakaError]) -> None:
@@ -163,29 +180,31 @@ class PathMove(Motion):
 
     def _look_for_the_end(self, accepted_at: float, state: RobotState, now: float) -> None:
         """Measured positions decide, as for a single move; and the arm must have come along the path."""
-        still = self._custody.stillness.duration(max(accepted_at, self._held_at))
-        if still < self.rest_time:
+        since = max(accepted_at, self._held_at)
+        if self._custody.rest_since(since) < self.rest_time:
             return
+        resting = self._custody.stillness.elapsed(since)
         distance = relative_distance(self._target, state)
-        is_there = distance is not None and distance <= 1.0 and self._was_followed
-        is_late = still >= max(START_WINDOW_S, self.rest_time)
-        if is_there and self._is_sure(distance or 0.0):
-            if state.is_in_position or still >= self.rest_time + SETTLE_TIME_S:
+        is_late = resting >= max(START_WINDOW_S, self.rest_time)
+        if distance is not None and distance <= 1.0 and self._was_followed:
+            if self._has_arrived(distance, resting, state):
                 self._custody.finish(now)
-        elif is_there:
-            if is_late:
+            elif is_late:
                 self._custody.stop(None, now)
-        elif is_late or (state.is_in_position and self._has_moved and still >= SETTLE_TIME_S):
-            cause = StopCause.STOPPED if self._has_moved else StopCause.FAULT
-            what = "the arm came to rest %s from the end" if self._has_moved else (
-                "accepted, but the arm did not move; it is %s from the end")
-            self._custody.stop(MotionInterrupted(cause, what % distance_text(self._target, state)), now)
+        elif is_late or (state.is_in_position and self._has_moved and resting >= SETTLE_TIME_S):
+            self._end_away(StopCause.STOPPED, "the arm came to rest %s from the end", state, now)
+
+    def _end_away(self, cause: StopCause, text: str, state: RobotState, now: float) -> None:
+        """Stop an arm that rests elsewhere than at the end; the text's "%s" stands for the distance."""
+        self._custody.stop(MotionInterrupted(cause, text % distance_text(self._target, state)), now)
+
+    def _has_arrived(self, distance: float, resting: float, state: RobotState) -> bool:
+        """The arm rests within the tolerance of its end; Return whether no segment can still begin, or go on."""
+        return self._tracker.fraction >= 1.0 and (
+            has_settled(distance, resting, self.rest_time, state)
+            or (self._is_single and self._in_position.tells_the_end(state)))
 
     @property
     def _was_followed(self) -> bool:
         """It has passed every corner."""
         return self._tracker.completed >= len(self._path.segments) - 1
-
-    def _is_sure(self, distance: float) -> bool:
-        """Another segment cannot still begin; where that is not sure a stop is sent before the arm is let go."""
-        return (self._is_single or distance <= NO_DISTANCE) and self._tracker.fraction >= 1.0

@@ -110,7 +110,7 @@ class Program(Motion):
     def _look_for_the_end(self, shown_at: float, now: float) -> None:
         self._over_since = shown_at if self._over_since is None else self._over_since
         if (shown_at - self._over_since >= _OVER_TIME_S
-                and self._custody.stillness.duration(self._over_since) >= REST_TIME_S):
+                and self._custody.rest_since(self._over_since) >= REST_TIME_S):
             self._custody.finish(now)
 
     def _answer(self, error: Optional[JakaError]) -> None:

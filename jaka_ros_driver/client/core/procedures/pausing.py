@@ -85,7 +85,7 @@ def rests_while(core: ArmCore, holds: Callable[[], bool], rest_time: float) -> C
     def rests(now: float) -> bool:
         nonlocal since
         since = min(since, now) if holds() else _NEVER
-        return core.custody.stillness.duration(since) >= rest_time
+        return core.custody.rest_since(since) >= rest_time
     return rests
 
 
