@@ -4,6 +4,7 @@ node          the program jaka_driver: puts everything below together
 params        private parameters, checked, as one DriverConfig
 convert       ROS requests to commands, results and states to ROS messages; no other file here changes units
 services      the services: their table, their server, what each does with the arm, the record of every call
+audit         what of all this is recorded in the audit log
 topics        state topics, transforms, diagnostics, and the topics that take servo targets
 trajectories  FollowJointTrajectory, and trajectories by topic
 action_server    of actionlib, without a traceback at the node's end

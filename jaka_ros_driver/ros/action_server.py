@@ -1,17 +1,45 @@
-"""The action server of actionlib, without a traceback at the node's end."""
+"""The action server of actionlib, without a traceback at the node's end; what comes to it is recorded."""
 import contextlib
-from typing import Any, Iterator
+from typing import Any, Callable, Iterator
 
 import rospy
 from actionlib import ActionServer
 
+from jaka_ros_driver.ros.audit.recorder import Recorder
+
 
 class QuietActionServer(ActionServer):  # type: ignore[misc]
-    """Publishes nothing more, and raises nothing, once the node's end has closed its topics.
+    """Records goals, cancels and results; raises nothing once the node's end has closed its topics.
 
     Its timer publishes the status five times a second. rospy closes all topics before ``rospy.is_shutdown`` says True,
     and actionlib asks only that.
     """
+
+    def __init__(self, name: str, spec: Any, take: Callable[[Any], None], cancel: Callable[[Any], None],
+                 recorder: Recorder) -> None:
+        """Prepare; ``start`` begins.
+
+        Args:
+            name: Of the action, with ``~`` for the node's own.
+            spec: The generated type.
+            take: Gets the handle of each new goal.
+            cancel: Gets the handle of each goal that is to be cancelled.
+            recorder: Gets goals, cancels and results.
+        """
+        self._name = name
+        self._recorder = recorder
+        recorder.offers_action(name)
+        super().__init__(rospy.resolve_name(name), spec, take, cancel, auto_start=False)
+
+    def internal_goal_callback(self, goal: Any) -> None:
+        """Take a goal from the topic."""
+        self._recorder.goal(self._name, goal)
+        super().internal_goal_callback(goal)
+
+    def internal_cancel_callback(self, goal_id: Any) -> None:
+        """Take a cancel from the topic."""
+        self._recorder.cancel(self._name, goal_id)
+        super().internal_cancel_callback(goal_id)
 
     def publish_status(self) -> None:
         """Publish the status of all goals."""
@@ -20,6 +48,7 @@ class QuietActionServer(ActionServer):  # type: ignore[misc]
 
     def publish_result(self, status: Any, result: Any) -> None:
         """Publish the result of a goal, and the status of all."""
+        self._recorder.result(self._name, status, result)
         with _closed_only_at_the_end():
             super().publish_result(status, result)
 

@@ -125,7 +125,7 @@ class _TopicConnections:
     def add(self, sock: socket.socket) -> bool:
         """Add a connection; False where there are too many."""
         with self._lock:
-            self._sockets = [other for other in self._sockets if other.fileno() >= 0]
+            self._sockets = [other for other in self._sockets if other.fileno() != -1]
             if len(self._sockets) >= self.most:
                 return False
             self._sockets.append(sock)

@@ -14,11 +14,14 @@ import rospy
 from std_msgs.msg import Bool
 
 from jaka_ros_driver.client.arm_client import ArmClient
+from jaka_ros_driver.client.core.actions import Tell
 from jaka_ros_driver.client.custody_file import CustodyFile
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.urdf import urdf_from_model
+from jaka_ros_driver.ros.audit.recorder import ClientEvents, Recorder
+from jaka_ros_driver.ros.audit.setting_up import audit_log_of, start_fields
 from jaka_ros_driver.ros.connections import keep_serving, serve_from_the_start
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.driver_lock import DriverLock
@@ -57,6 +60,7 @@ _LOG = logging.getLogger(__name__)
 _SWITCH_INTERVAL_S = 0.0005
 _ANSWER_TIMEOUT_S = 0.3
 _DRAIN_TIMEOUT_S = 0.5
+_AUDIT_TIMEOUT_S = 0.5
 _LOOK_ROUND_S = 0.1
 _END_TIMEOUT_S = 5.0
 """s; stopping the arm and answering the calls takes 2 s at most, the rest is the master's."""
@@ -72,6 +76,10 @@ class Driver:
         self._config = config
         self._model = model
         self._lock = DriverLock(config.ip, config.command_port, "node " + rospy.get_name())
+        self._audit = audit_log_of(config)
+        self._recorder = Recorder(self._audit)
+        self._client_events = ClientEvents(self._recorder)
+        self._moved = ""
         self._guard = Guard(config.ip, config.command_port, config.status_port) if config.guard else None
         self._arm = ArmClient(config.client_settings(), model, self._guard,
                               CustodyFile(config.ip, config.command_port))
@@ -80,17 +88,17 @@ class Driver:
         self._publishers = StatePublishers(self._arm, config, self._frames)
         self._ends = MotionEnds(self._arm)
         self._services = Services(decoder, ServiceHandlers(self._arm, config, self._frames, self._ends),
-                                  CallPublisher())
-        self._recover = RecoverAction(self._arm)
-        self._paths = PathAction(self._arm, decoder)
-        self._trajectories = TrajectoryInterface(self._arm, config, self._publishers.joint_velocity)
+                                  CallPublisher(), self._recorder)
+        self._recover = RecoverAction(self._arm, self._recorder)
+        self._paths = PathAction(self._arm, decoder, self._recorder)
+        self._trajectories = TrajectoryInterface(self._arm, config, self._publishers.joint_velocity, self._recorder)
         self._status = RobotStatusPublisher(self._arm)
         self._speed = SpeedPublisher(self._arm)
         self._io = IoPublisher(self._arm, self._publishers.stamps)
         self._sensors = SensorPublishers(self._arm, self._publishers.stamps, FrameNames(config).flange)
-        self._topics = ServoTopics(self._arm, decoder, FrameNames(config))
-        self._jog_topics = JogTopics(self._arm, FrameNames(config), self._frames)
-        self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames))
+        self._topics = ServoTopics(self._arm, decoder, FrameNames(config), self._recorder)
+        self._jog_topics = JogTopics(self._arm, FrameNames(config), self._frames, self._recorder)
+        self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames), self._audit)
         self._master_watch = MasterWatch(self._set_description)
         self._simulated = rospy.Publisher("~simulated", Bool, queue_size=1, latch=True)
         self._is_simulated: Optional[bool] = None
@@ -109,6 +117,11 @@ class Driver:
             WrongParameter: A topic would be used for two things.
         """
         self._set_description()
+        if self._audit is not None:
+            self._audit.start()
+            self._recorder.event("start", True, **start_fields(self._config))
+            self._client_events.begin()
+            self._arm.add_custody_listener(self._record_custody)
         keep_serving(take_connection)
         self._publishers.start()
         self._status.start()
@@ -126,11 +139,14 @@ class Driver:
         with self._closing:
             if self._is_closed:
                 return
+            self._recorder.event("recorded", names=sorted(map(" ".join, self._recorder.names)))
             self._arm.start()
             self._frames.start()
             self._diagnostics.start()
             self._master_watch.start()
             if self._config.auto_enable:
+                self._recorder.event("driver", True, level="INFO", text="auto_enable: the arm is to be powered and "
+                                     "enabled once it is seen without a fault; asked for by ~auto_enable")
                 self._arm.auto_enable()
         _LOG.info("driving a JAKA %s at %s:%d and %d, interface %s", self._model.name, self._config.ip,
                   self._config.command_port, self._config.status_port, self._config.interface)
@@ -146,6 +162,8 @@ class Driver:
             return
         self._is_simulated = is_simulated
         self._simulated.publish(is_simulated)
+        self._recorder.event("driver", level="INFO", text="the controller is that of a %s arm" % (
+            "SIMULATED" if is_simulated else "REAL"))
         if is_simulated:
             _LOG.warning("SIMULATED ARM: the controller at %s:%d is a simulated one, no real arm moves",
                          self._config.ip, self._config.command_port)
@@ -172,7 +190,22 @@ class Driver:
             self._frames.close()
             if self._guard is not None:
                 self._guard.close()
+            self._end_audit()
             self._lock.release()
+
+    def _record_custody(self, tell: Tell) -> None:
+        """Record in the client's thread that the driver begins to move the arm, or that this has ended."""
+        self._moved = tell.name or self._moved
+        self._recorder.event("motion", state="begins" if tell.is_moving else "has ended", motion=self._moved)
+
+    def _end_audit(self) -> None:
+        if self._audit is None:
+            return
+        self._client_events.end()
+        self._recorder.close_streams()
+        self._recorder.event("end", True, has_failed=self._arm.has_failed)
+        if not self._audit.close(_AUDIT_TIMEOUT_S):
+            _LOG.warning("the audit log in %s could not be written to its end", self._audit.path)
 
     def _set_description(self) -> None:
         """Set ``robot_description``, unless another program has set it."""

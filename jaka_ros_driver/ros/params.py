@@ -1,6 +1,6 @@
 """The node's private parameters: read once, checked, one frozen DriverConfig.
 
-``docs/parameters.md`` is this module's output: ``python3 -m jaka_ros_driver.ros.params``.
+``docs/parameters.md`` is this module's output: ``build/venv/bin/python3 -m jaka_ros_driver.ros.params``.
 """
 import dataclasses
 import difflib
@@ -18,6 +18,7 @@ from jaka_ros_driver.units import ms_to_s, s_to_ms
 
 DOCUMENTED, VENDOR, VENDOR_2025 = "documented", "vendor", "vendor_2025"
 TF_ALL, TF_TOOL, TF_NONE = "all", "tool", "none"
+AUDIT_DIR_AUTO = "auto"
 
 _CLIENT = ClientSettings("")
 _HOST_LABEL = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)\Z")
@@ -101,6 +102,12 @@ def _model_file(value: Any) -> str:
         raise ValueError
     if value:
         load_model_file(value)
+    return value
+
+
+def _audit_dir(value: Any) -> str:
+    if type(value) is not str or "\0" in value or not (value in ("", AUDIT_DIR_AUTO) or value.startswith(("/", "~/"))):
+        raise ValueError
     return value
 
 
@@ -204,6 +211,12 @@ class DriverConfig:
     realtime_priority: int = _integer(
         0, 0, 99, "SCHED_FIFO priority of the driver's threads; needs the right to it (limit rtprio). Servo frames "
         "then keep their interval beside other load. 0 leaves the scheduler as it is.")
+    audit_dir: str = _parameter(
+        AUDIT_DIR_AUTO, "text", "", "auto, empty, or an absolute path", "Folder of the audit logs, which has a folder "
+        "for each controller (audit.md). auto: jaka_audit in ROS_HOME, else in ~/.ros. Empty: no audit log.",
+        _audit_dir)
+    audit_days: float = _number(1826.0, 0.0, 36500.0, "days", "Files of the audit log whose last line is older are "
+                                "deleted, after a line that says so; 0: never.")
 
     @property
     def is_vendor(self) -> bool:
@@ -282,7 +295,7 @@ def _refusal(name: str, value: Any, parameter: Parameter, why: str) -> str:
 def markdown() -> str:
     """The documentation of all parameters: the content of docs/parameters.md."""
     lines = ["# Private parameters of the driver", "",
-             "Made from the code with `python3 -m jaka_ros_driver.ros.params > docs/parameters.md`.",
+             "Made from the code with `build/venv/bin/python3 -m jaka_ros_driver.ros.params > docs/parameters.md`.",
              "They are read once, when the node starts; with a wrong value or an unknown name it does not start.", "",
              "| parameter | type | unit | default | valid | meaning |", "|---|---|---|---|---|---|"]
     for name, default, parameter in table():

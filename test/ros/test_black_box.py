@@ -1,9 +1,7 @@
 """The black box that robot_start_launch.launch starts beside a driver: an emergency stop leaves a complete file."""
 import json
-import os
 import shlex
 
-import pytest
 import roslaunch
 from import_graph import ROOT
 from ros_bench import WAIT, eventually, rosservice
@@ -35,15 +33,6 @@ def triggers_of(path):
     return [read_metadata(index, entry) for entry in index.metadata if entry.name == "jaka_bag.trigger"]
 
 
-@pytest.fixture
-def sourced_shell(monkeypatch):
-    """What is started finds the packages of the devel space only, which are relays, as from a user's shell."""
-    checkout = (str(ROOT), str(ROOT / "tools"))
-    found = [path for path in os.environ["PYTHONPATH"].split(os.pathsep) if path not in checkout]
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(found))
-
-
-@pytest.mark.usefixtures("sourced_shell")
 def test_an_emergency_stop_leaves_a_file_that_is_complete(ros_node, simulator, driven_by, tmp_path, capsys):
     folder = tmp_path / "black box"
     with driven_by(simulator, "black_box:=%s" % folder, "black_box_args:=--before 5s --after 1s") as arm:

@@ -30,7 +30,7 @@ def assert_stopped_in_time(verdict, since):
     """A stop came in after that moment, and the arm came to rest with it; all such moments."""
     stops = verdict.times_of("stop_program", after=since)
     assert stops and stops[0] - since < IN_TIME
-    assert verdict.rest_after(since) - stops[0] < 1.0
+    assert verdict.rest_after(since) - stops[0] < IN_TIME
     return stops
 
 
@@ -130,7 +130,7 @@ def test_nobody_reads_what_the_driver_prints_and_everything_works_all_the_same(l
 def test_a_driver_told_to_end_at_any_moment_of_its_start_ends(ros_node, tmp_path):
     with LiveDriver(tmp_path) as live:
         for delay in (0.3, 0.6, 0.9, 1.2, 1.8):
-            time.sleep(delay)
+            time.sleep(delay)  # another moment of its start
             live.process.send_signal(signal.SIGTERM)
             live.process.communicate(timeout=WAIT)
             assert eventually(lambda: live.guards() == [])

@@ -1,11 +1,14 @@
 """A real roscore, killed and started again on the same port: the driver is found again, and old connections stay."""
 import contextlib
 import subprocess
+import threading
 
 import pytest
+import rosgraph
 from launching import Roscore
 from ros_bench import HOME, WAIT, DriverProcess, SimulatorProcess, eventually, on
 
+from jaka_ros_driver.ros import master_watch
 from jaka_ros_driver.ros.services.service_table import SERVICES
 
 FIELDS = "{joint: %s}" % HOME
@@ -42,3 +45,54 @@ def test_the_driver_registers_with_the_new_master(roscore):
         assert eventually(lambda: '<robot name="zu7">' in (roscore.ask("getParam", "/robot_description") or ""))
         assert "cartesian_pose: [4" in roscore.run("rosservice", "call", "/jaka_driver/get_fk", FIELDS)
         assert "joint_1" in roscore.run("rostopic", "echo", "-n1", "/jaka_driver/joint_position")
+
+
+# ---- with a master that the test plays ----
+
+class Master:
+    """A ROS master; ``run_id``: of its start, None where roscore did not set it. ``knows``: this node is registered."""
+
+    def __init__(self):
+        self.run_id, self.knows = "first", True
+        self.asked = threading.Semaphore(0)
+
+    def hasParam(self, key):
+        return self.run_id is not None
+
+    def getParam(self, key):
+        return self.run_id
+
+    def lookupNode(self, name):
+        self.asked.release()
+        if not self.knows:
+            raise rosgraph.MasterError("unknown node")
+
+
+@pytest.fixture
+def watched(monkeypatch):
+    """The master, and how often this node has registered and set its parameters since."""
+    master, registered, told = Master(), [], []
+    monkeypatch.setattr(master_watch.rosgraph, "Master", lambda name: master)
+    monkeypatch.setattr(master_watch, "register_all", lambda: registered.append(True))
+    watch = master_watch.MasterWatch(lambda: told.append(True), 0.01)
+    watch.start()
+    yield master, registered, told
+    watch.close()
+    watch._thread.join(20.0)
+
+
+def looked(master, times=3):
+    for _ in range(times):
+        assert master.asked.acquire(timeout=20.0)
+
+
+def test_a_master_that_knows_the_node_is_left_alone_and_a_new_one_gets_everything(watched):
+    master, registered, told = watched
+    looked(master)
+    assert not registered and not told
+    master.run_id = "second"
+    assert eventually(lambda: told)
+    looked(master)
+    assert len(registered) == len(told) == 1
+    master.knows = False
+    assert eventually(lambda: len(told) > 1)

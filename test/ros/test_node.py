@@ -12,6 +12,7 @@ from ros_bench import HOME, PROGRAM, Arm, DriverProcess, SimulatorProcess, colle
 from sensor_msgs.msg import JointState
 
 from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.services import service_table as services
 
 
@@ -158,7 +159,7 @@ def test_a_defect_in_a_service_is_a_service_error_with_evidence_and_the_next_cal
         services.ServiceSpec("defective", services.ClearErr, services.RequestDecoder.nothing, defective),))
     publisher = SimpleNamespace(
         failures=[], failed=lambda call, error: publisher.failures.append((call.service, error)))
-    services.Services(services.RequestDecoder(load_model("zu7")), None, publisher).offer()
+    services.Services(services.RequestDecoder(load_model("zu7")), None, publisher, Recorder(None)).offer()
     proxy = rospy.ServiceProxy("~defective", services.ClearErr)
     for _ in range(2):
         with pytest.raises(rospy.ServiceException, match="a defect"):

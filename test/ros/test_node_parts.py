@@ -1,8 +1,12 @@
 """What the node makes of its parameters, with parts that the test plays; without a ROS master."""
+import io
+import threading
+import time
 from unittest import mock
 
 import pytest
 
+from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros import node
 from jaka_ros_driver.ros.params import DriverConfig
@@ -10,7 +14,7 @@ from jaka_ros_driver.ros.params import DriverConfig
 PARTS = ("ArmClient", "CallPublisher", "Diagnostics", "DriverLock", "FrameTable", "Guard", "IoPublisher", "JogTopics",
          "MasterWatch", "ModelCheck", "MotionEnds", "PathAction", "RecoverAction", "RequestDecoder",
          "RobotStatusPublisher", "SensorPublishers", "ServiceHandlers", "Services", "ServoTopics", "SpeedPublisher",
-         "StatePublishers", "TrajectoryInterface", "keep_serving", "rospy")
+          "StatePublishers", "TrajectoryInterface", "audit_log_of", "keep_serving", "refuse_topics_used_twice", "rospy")
 
 
 @pytest.fixture
@@ -68,3 +72,135 @@ def test_whether_the_arm_is_real_is_told_when_it_becomes_known_and_when_it_chang
         parts["ArmClient"].return_value.is_simulated = is_simulated
         one.tell_kind()
     assert told == [True, False, True]
+
+
+# ---- the process ----
+
+class Rospy:
+    """What of rospy the life of a node asks, and is told."""
+
+    def __init__(self):
+        self.is_down = self.is_asked_to_end = False
+        self.reasons, self.fatal = [], []
+        self.core = mock.Mock(is_shutdown_requested=lambda: self.is_asked_to_end)
+
+    def is_shutdown(self):
+        return self.is_down
+
+    def signal_shutdown(self, reason):
+        self.reasons.append(reason)
+        self.is_down = True
+
+    def get_param(self, name, default=None):
+        return {}
+
+    def get_name(self):
+        return "/jaka_driver"
+
+    def on_shutdown(self, call):
+        pass
+
+    def logfatal(self, *arguments):
+        self.fatal.append(arguments[0] % arguments[1:])
+
+
+@pytest.fixture
+def life(monkeypatch):
+    """A life whose driver has started; ``life.made`` is its driver, ``life.rospy`` what it is told."""
+    played, started = Rospy(), threading.Event()
+    made = mock.Mock(has_failed=False)
+    made.start.side_effect = started.set
+    for name, part in (("rospy", played), ("Driver", mock.Mock(return_value=made)), ("wait_for_time", mock.Mock()),
+                       ("refuse_unreachable_node", mock.Mock()), ("refuse_taken_topics", mock.Mock())):
+        monkeypatch.setattr(node, name, part)
+    one = node._Life(lambda timeout: True)
+    one.made, one.rospy, one.started = made, played, started
+    yield one
+    one._ending.set()
+    if one._thread.is_alive():
+        one._thread.join(20.0)
+
+
+def test_a_node_runs_until_it_is_told_to_end_and_ends_with_0(life):
+    assert not life.is_running
+    life.start()
+    assert life.started.wait(20.0) and life.is_running
+    assert life.end("signal 15") and life.exit_code == 0
+    assert life.made.close.call_count == 1 and life.rospy.reasons == ["signal 15"]
+
+
+@pytest.mark.parametrize("ends", [lambda life: setattr(life.rospy, "is_down", True),
+                                  lambda life: setattr(life.rospy, "is_asked_to_end", True),
+                                  lambda life: setattr(life.made, "has_failed", True)],
+                         ids=["the ROS graph was left", "rosnode kill", "a defect of the core"])
+def test_what_ends_a_node(life, ends):
+    life.start()
+    assert life.started.wait(20.0) and life.is_running
+    ends(life)
+    assert not life.is_running
+
+
+def test_a_driver_whose_core_has_failed_ends_with_1(life):
+    life.start()
+    assert life.started.wait(20.0)
+    life.made.has_failed = True
+    assert life.end("a defect") and life.exit_code == 1
+
+
+@pytest.mark.parametrize("error", [InvalidCommand("unknown arm model"), OSError("no such file"), KeyError("a defect")])
+def test_a_driver_that_cannot_start_ends_with_1(life, monkeypatch, error):
+    monkeypatch.setattr(node, "Driver", mock.Mock(side_effect=error))
+    life.start()
+    life._thread.join(20.0)
+    assert not life.is_running and life.exit_code == 1
+    assert bool(life.rospy.fatal) is not isinstance(error, KeyError)
+
+
+def test_a_master_that_does_not_answer_holds_the_end_up_for_a_limited_time(life, monkeypatch):
+    monkeypatch.setattr(node, "_END_TIMEOUT_S", 0.2)
+    life.start()
+    assert life.started.wait(20.0)
+    hangs = threading.Event()
+    monkeypatch.setattr(life.rospy, "signal_shutdown", lambda reason: hangs.wait(20.0))
+    began = time.monotonic()
+    assert not life.end("signal 15") and time.monotonic() - began < 10.0
+    hangs.set()
+    assert life.made.close.call_count == 1, "the arm is stopped first"
+
+
+def test_the_end_waits_for_another_thread_that_leaves_the_graph(life, monkeypatch):
+    life.start()
+    assert life.started.wait(20.0)
+    monkeypatch.setattr(life.rospy, "signal_shutdown", lambda reason: threading.Timer(
+        0.3, lambda: setattr(life.rospy, "is_down", True)).start())
+    assert life.end("signal 15")
+
+
+@pytest.mark.parametrize("arguments, code, told", [
+    (["--urdf", "zu7"], 0, "<robot"), (["--urdf", "zu7", "--frame-prefix", "left_"], 0, 'name="left_'),
+    (["--urdf", "zu8"], 1, "unknown arm model"), (["--urdf", "zu7", "--dh-file", "/nowhere.yaml"], 1, "/nowhere.yaml")])
+def test_the_urdf_of_a_model_is_printed_or_why_not(capsys, arguments, code, told):
+    assert node.main(arguments) == code
+    printed = capsys.readouterr()
+    assert told in (printed.err if code else printed.out) and not (printed.out if code else printed.err)
+
+
+@pytest.mark.parametrize("is_text", [True, False])
+def test_a_log_in_a_file_is_complete_while_the_driver_runs(monkeypatch, is_text):
+    """Standard output is a text file, or whatever else a program that embeds this one has put there."""
+    stdout = io.TextIOWrapper(io.BytesIO()) if is_text else io.StringIO()
+    monkeypatch.setattr(node.sys, "stdout", stdout)
+    monkeypatch.setattr(node, "ask_for_short_slices", lambda: None)
+    monkeypatch.setattr(node.sys, "setswitchinterval", lambda seconds: None)
+    monkeypatch.setattr(node.signal, "signal", lambda *arguments: None)
+    monkeypatch.setattr(node, "refuse_second_node", mock.Mock(side_effect=InvalidCommand("another one runs")))
+    assert node.main([]) == 1
+    assert not is_text or stdout.line_buffering
+
+
+@pytest.mark.parametrize("priority, is_asked", [(0, False), (20, True)])
+def test_real_time_priority_is_taken_where_it_is_wanted_and_is_no_condition(monkeypatch, priority, is_asked):
+    asked = mock.Mock(side_effect=PermissionError(1, "Operation not permitted"))
+    monkeypatch.setattr(node, "set_real_time", asked)
+    node._set_scheduler(priority)
+    assert [call[0] for call in asked.call_args_list] == [(priority,)] * is_asked

@@ -43,6 +43,9 @@ WRONG = [
     ("trajectory_start_tolerance", 0.0, "0.0001 to 1 rad"), ("trajectory_path_tolerance", -0.1, "0 to 1 rad"),
     ("trajectory_goal_tolerance", math.nan, "0 to 1 rad"), ("trajectory_goal_time", 61.0, "0 to 60 s"),
     ("realtime_priority", -1, "0 to 99"), ("realtime_priority", 50.0, "0 to 99"), ("model", {"name": "zu7"}, "one of"),
+    ("audit_dir", "logs", "an absolute path"), ("audit_dir", True, "an absolute path"),
+    ("audit_dir", "/logs\0", "an absolute path"), ("audit_days", -1, "0 to 36500 days"),
+    ("audit_days", math.inf, "0 to 36500 days"), ("audit_days", "1826", "0 to 36500 days"),
 ]
 
 
@@ -130,7 +133,7 @@ def test_frames_are_activated_as_the_interface_says_unless_told_otherwise():
 
 def test_the_documentation_is_what_the_code_says():
     written = (import_graph.ROOT / "docs" / "parameters.md").read_text(encoding="utf-8")
-    assert written == params.markdown(), "run: python3 -m jaka_ros_driver.ros.params > docs/parameters.md"
+    assert written == params.markdown(), "run build/venv/bin/python3 -m jaka_ros_driver.ros.params > docs/parameters.md"
 
 
 def test_the_longest_host_name_is_taken():

@@ -3,13 +3,13 @@ import contextlib
 import os
 import signal
 import subprocess
-import sys
 import time
 
 import pytest
 import rosgraph
 from arm_bench import eventually
 from import_graph import ROOT
+from program_places import command_of
 from ros_bench import HOME, evidence_of
 
 from jaka_bag.live.graph import RemoteNode
@@ -22,15 +22,11 @@ START = [0.0, 1.5707963, -1.5707963, 1.5707963, 1.5707963, 0.0]
 
 
 def command(*arguments):
-    return [sys.executable, "-m", "jaka_bag", "replay-commands", *arguments]
-
-
-def environment():
-    return dict(os.environ, PYTHONPATH=os.pathsep.join(path for path in sys.path if path))
+    return [*command_of("jaka_bag"), "replay-commands", *arguments]
 
 
 def replay(*arguments):
-    return subprocess.run(command(*arguments), capture_output=True, text=True, timeout=WAIT, env=environment())
+    return subprocess.run(command(*arguments), capture_output=True, text=True, timeout=WAIT)
 
 
 def stand_at(arm, joints):
@@ -88,8 +84,7 @@ def test_it_ends_at_the_first_refusal_that_the_log_does_not_have(arm):
 
 @contextlib.contextmanager
 def begun(*arguments):
-    with subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          env=environment()) as process:
+    with subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         try:
             yield process
         finally:

@@ -24,7 +24,7 @@ def test_nothing_old_is_published_under_a_new_stamp(ros_node, tmp_path, seconds)
         assert live.arm.call("jog", mvvelo=0.5, coord_mode=0, index=0).ret == 1  # each position is passed once
         assert eventually(lambda: samples[-1].position[0] > 0.2)
         live.send(signal.SIGSTOP)
-        time.sleep(seconds)
+        time.sleep(seconds)  # so long it stands still
         count = len(samples)
         live.send(signal.SIGCONT)
         assert eventually(lambda: not live.simulator.is_moving())

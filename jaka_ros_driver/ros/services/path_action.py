@@ -5,13 +5,12 @@ from concurrent.futures import Future
 from concurrent.futures import TimeoutError as StillRunning
 from typing import Any, Callable, Dict, Optional
 
-import rospy
-
 from jaka_msgs import msg as messages
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.planned.path_move import PathProgress
 from jaka_ros_driver.errors import JakaError, MotionInterrupted, PathInterrupted, StopCause
 from jaka_ros_driver.ros.action_server import QuietActionServer
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.services.service_server import CallCount
 
@@ -36,8 +35,9 @@ class PathAction:
     is logged, and it is not offered.
     """
 
-    def __init__(self, arm: ArmClient, decoder: RequestDecoder) -> None:
+    def __init__(self, arm: ArmClient, decoder: RequestDecoder, recorder: Recorder) -> None:
         self._arm = arm
+        self._recorder = recorder
         self._decoder = decoder
         self._goals: Dict[str, _Goal] = {}
         self._count = CallCount()
@@ -48,8 +48,8 @@ class PathAction:
         if not hasattr(messages, "MovePathAction"):
             _LOG.warning("jaka_msgs in %s has no action MovePath: ~move_path is not offered", messages.__path__[0])
             return
-        self._server = QuietActionServer(rospy.resolve_name("~move_path"), messages.MovePathAction, self._take,
-                                         self._cancel, auto_start=False)
+        self._server = QuietActionServer("~move_path", messages.MovePathAction, self._take, self._cancel,
+                                         self._recorder)
         self._server.start()
 
     def finish_goals(self, timeout: float) -> None:

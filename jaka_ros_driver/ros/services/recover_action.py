@@ -6,13 +6,12 @@ from concurrent.futures import Future
 from queue import Empty, SimpleQueue
 from typing import Any, Dict, Optional
 
-import rospy
-
 from jaka_msgs import msg as messages
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.procedures.recovery import RecoveryCancelled, RecoveryStep, recover
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.action_server import QuietActionServer
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.services.service_server import CallCount
 
 _LOG = logging.getLogger(__name__)
@@ -27,8 +26,9 @@ class RecoverAction:
     is logged, and the service alone is offered.
     """
 
-    def __init__(self, arm: ArmClient) -> None:
+    def __init__(self, arm: ArmClient, recorder: Recorder) -> None:
         self._arm = arm
+        self._recorder = recorder
         self._cancels: Dict[str, threading.Event] = {}
         self._goals = CallCount()
         self._server: Optional[QuietActionServer] = None
@@ -39,8 +39,7 @@ class RecoverAction:
             _LOG.warning("jaka_msgs in %s has no action Recover: the action ~recover is not offered, the service is",
                          messages.__path__[0])
             return
-        self._server = QuietActionServer(rospy.resolve_name("~recover"), messages.RecoverAction, self._take,
-                                         self._cancel, auto_start=False)
+        self._server = QuietActionServer("~recover", messages.RecoverAction, self._take, self._cancel, self._recorder)
         self._server.start()
 
     def finish_goals(self, timeout: float) -> None:

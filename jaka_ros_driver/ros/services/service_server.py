@@ -12,6 +12,7 @@ import rospy
 from rospy.impl import registration, tcpros_base, tcpros_service
 
 from jaka_ros_driver.protocol.texts import printable
+from jaka_ros_driver.ros.audit.callers import note_peer
 from jaka_ros_driver.ros.connections import SERVICE_CONNECTIONS
 
 _LOG = logging.getLogger(__name__)
@@ -74,6 +75,7 @@ class ServiceServer(rospy.Service):
 
     def handle(self, transport: Any, header: Dict[str, str]) -> None:
         """Serve one connection, in its thread, until it ends."""
+        note_peer(header, transport.socket)
         transport.connection = SERVICE_CONNECTIONS.add(transport.socket)
         try:
             super().handle(transport, header)

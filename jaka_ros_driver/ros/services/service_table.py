@@ -27,6 +27,7 @@ from jaka_msgs.srv import (
 )
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import JakaError, ProtocolError
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import VENDOR_IO_FAILURE, VENDOR_KINEMATICS_FAILURE, RequestDecoder, wire_pose
 from jaka_ros_driver.ros.services.call_publisher import Call, CallPublisher
 from jaka_ros_driver.ros.services.service_handlers import Outcome, ServiceHandlers
@@ -147,15 +148,18 @@ OTHER_DEFINITIONS: Dict[Any, Tuple[Any, ...]] = {ServoMove: (ServoMoveWithSpeed,
 class Services:
     """All services of the table on one arm."""
 
-    def __init__(self, decoder: RequestDecoder, handlers: ServiceHandlers, call_publisher: CallPublisher) -> None:
+    def __init__(self, decoder: RequestDecoder, handlers: ServiceHandlers, call_publisher: CallPublisher,
+                 recorder: Recorder) -> None:
         self._decoder = decoder
         self._handlers = handlers
         self._call_publisher = call_publisher
+        self._recorder = recorder
         self._calls = CallCount()
         self._servers: List[ServiceServer] = []
 
     def offer(self) -> None:
         for spec in SERVICES:
+            self._recorder.offers_service("~" + spec.name)
             self._servers.append(ServiceServer(
                 "~" + spec.name, spec.srv_type, self._handler(spec), self._calls,
                 OTHER_DEFINITIONS.get(spec.srv_type, ())))
@@ -170,16 +174,20 @@ class Services:
 
         def handle(request: Any) -> Any:
             call = Call(name, spec.srv_type, request, rospy.Time.now(), time.monotonic())
+            entry = self._recorder.call("~" + spec.name, request)
             try:
                 outcome = self._outcome(spec, request)
                 response = spec.srv_type._response_class()
                 spec.report(response, outcome, self._decoder.is_vendor)
             except rospy.ServiceException as error:
+                entry.failed(str(error))
                 self._call_publisher.failed(call, str(error))
                 raise
             except Exception as error:
+                entry.failed("internal error: %r" % error)
                 self._call_publisher.failed(call, "internal error: %r" % error)
                 raise
+            entry.answered(outcome.is_success, outcome.message)
             self._call_publisher.answered(call, response, outcome)
             return response
 

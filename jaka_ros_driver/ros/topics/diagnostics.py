@@ -9,6 +9,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import DiagnosticStatusWrapper, Updater
 
+from jaka_ros_driver.audit.log import AuditLog
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.procedures.power import missing_for_motion
 from jaka_ros_driver.errors import ConnectionLost
@@ -34,14 +35,17 @@ StateTask = Callable[[DiagnosticStatusWrapper, RobotState], None]
 class Diagnostics:
     """Reports once a second in a thread of its own. A check that fails is reported and does not affect the others."""
 
-    def __init__(self, arm: ArmClient, config: DriverConfig, model_check: ModelCheck) -> None:
+    def __init__(self, arm: ArmClient, config: DriverConfig, model_check: ModelCheck,
+                 audit: Optional[AuditLog]) -> None:
         self._arm = arm
         self._config = config
         self._model_check = model_check
+        self._audit = audit
+        self._audit_losses = 0
         self._late_cycles = 0
         self._damaged = 0
         self._connections = 0
-        self._version = _package_version()
+        self._version = package_version()
         self._closing = threading.Event()
         self._updater = Updater()
         self._guard_replacements = 0
@@ -80,7 +84,8 @@ class Diagnostics:
             ("protective stop", self._of_state(_flag("protective_stop", ERROR, "stands: clear_err", "none"))),
             ("soft limit", self._of_state(_flag("on_soft_limit", WARN, "a joint stands at its soft limit", "none"))),
             ("temperature", self._of_state(_temperature)), ("servo stream", self._servo),
-            ("velocity jog", self._jog), ("kinematic model", self._of_state(self._model)), ("versions", self._versions))
+            ("velocity jog", self._jog), ("kinematic model", self._of_state(self._model)),
+            ("audit log", self._audit_log), ("versions", self._versions))
 
     def _of_state(self, task: StateTask) -> Task:
         """A task that needs a fresh state."""
@@ -212,6 +217,24 @@ class Diagnostics:
             status.add("distance, mm", "%.4f" % m_to_mm(deviation.distance))
             status.add("angle, mrad", "%.4f" % (1000.0 * deviation.angle))
 
+    def _audit_log(self, status: DiagnosticStatusWrapper) -> None:
+        if self._audit is None:
+            status.summary(WARN, "switched off: nobody records who does what")
+            return
+        health = self._audit.health()
+        lost_now, self._audit_losses = health.lost - self._audit_losses, health.lost
+        if health.trouble:
+            status.summary(WARN, "cannot be written: " + health.trouble)
+        elif lost_now:
+            status.summary(WARN, "%d lines were lost" % lost_now)
+        else:
+            status.summary(OK, "written")
+        status.add("folder", self._audit.path)
+        status.add("last line", str(health.link.number))
+        status.add("its sha256", health.link.sha256)
+        status.add("waiting lines", str(health.waiting))
+        status.add("lost lines", str(health.lost))
+
     def _versions(self, status: DiagnosticStatusWrapper) -> None:
         health = self._arm.link_health
         status.summary(OK, "driver %s, controller %s" % (self._version, health.version or "unknown"))
@@ -252,7 +275,8 @@ def _guarded(name: str, task: Task) -> Callable[[DiagnosticStatusWrapper], Diagn
     return run
 
 
-def _package_version() -> str:
+def package_version() -> str:
+    """Return the version of this package, as ROS knows it; "unknown" where it does not."""
     try:
         return str(rospkg.RosPack().get_manifest("jaka_ros_driver").version)
     except (rospkg.ResourceNotFound, rospkg.InvalidManifest) as error:

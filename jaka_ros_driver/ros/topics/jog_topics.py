@@ -4,7 +4,7 @@ What does not count is refused and logged, once a second at most. What lets go o
 """
 import math
 import time
-from typing import Any, Callable, Dict, List, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import rospy
 from geometry_msgs.msg import TwistStamped
@@ -15,6 +15,7 @@ from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
 from jaka_ros_driver.commands import JOINTS, JogFrame
 from jaka_ros_driver.errors import InvalidCommand, JakaError
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.frame_table import FrameTable
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 
@@ -27,9 +28,10 @@ _BASE, _TOOL = "base", "tool"
 class JogTopics:
     """``~jog_twist`` (geometry_msgs/TwistStamped) and ``~jog_joints`` (sensor_msgs/JointState)."""
 
-    def __init__(self, arm: ArmClient, names: FrameNames, frames: FrameTable) -> None:
+    def __init__(self, arm: ArmClient, names: FrameNames, frames: FrameTable, recorder: Recorder) -> None:
         """Prepare; ``names`` and ``frames``: of the base and of the active tool."""
         self._arm = arm
+        self._recorder = recorder
         self._frames = frames
         self._names = names
 
@@ -37,6 +39,7 @@ class JogTopics:
         """Subscribe."""
         for name, kind, to_wish in (("~jog_joints", JointState, lambda message: joint_wish(message, self._names)),
                                     ("~jog_twist", TwistStamped, self._twist_wish)):
+            self._recorder.takes_topic(name)
             rospy.Subscriber(name, kind, self._taker(name, to_wish), queue_size=_QUEUE, tcp_nodelay=True)
 
     def _twist_wish(self, message: TwistStamped) -> Wish:
@@ -60,9 +63,16 @@ class JogTopics:
                 except JakaError as error:  # what cannot be understood must let go: the core is told of it, too
                     read = read._replace(problem=str(error))
                 self._arm.jog_velocity(read)
+                self._recorder.message(name, message, state=_state(read.wish))
             except JakaError as error:
+                self._recorder.message(name, message, str(error), _state(read.wish))
                 rospy.logwarn_throttle(_LOG_PERIOD_S, "%s: %s" % (name, error))
         return take
+
+
+def _state(wish: Optional[Wish]) -> str:
+    """Messages that let go are a stream of their own: many clients publish them all day."""
+    return "at rest" if wish is not None and wish.is_zero else ""
 
 
 def joint_wish(message: JointState, names: FrameNames) -> Wish:

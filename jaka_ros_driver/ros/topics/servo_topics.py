@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.velocity_jog.dead_man import AHEAD_S, FRESH_S
 from jaka_ros_driver.errors import InvalidCommand, JakaError
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 
@@ -22,8 +23,9 @@ _LOG_PERIOD_S = 1.0
 class ServoTopics:
     """``~servo_j_command`` (sensor_msgs/JointState) and ``~servo_p_command`` (geometry_msgs/PoseStamped)."""
 
-    def __init__(self, arm: ArmClient, decoder: RequestDecoder, names: FrameNames) -> None:
+    def __init__(self, arm: ArmClient, decoder: RequestDecoder, names: FrameNames, recorder: Recorder) -> None:
         self._arm = arm
+        self._recorder = recorder
         self._decoder = decoder
         self._names = names
         self.refused = 0
@@ -32,6 +34,7 @@ class ServoTopics:
         """Subscribe."""
         for name, kind, to_command in (("~servo_j_command", JointState, self._decoder.servo_joint_topic),
                                        ("~servo_p_command", PoseStamped, self._pose_target)):
+            self._recorder.takes_topic(name)
             rospy.Subscriber(name, kind, self._taker(name, to_command), queue_size=1, tcp_nodelay=True)
 
     def _pose_target(self, message: PoseStamped) -> Any:
@@ -43,7 +46,9 @@ class ServoTopics:
             try:
                 require_fresh(message.header.stamp, rospy.Time.now())
                 self._arm.servo_target(to_command(message))
+                self._recorder.message(name, message)
             except JakaError as error:
+                self._recorder.message(name, message, str(error))
                 self.refused += 1
                 rospy.logwarn_throttle(_LOG_PERIOD_S, "%s: %s" % (name, error))
         return take

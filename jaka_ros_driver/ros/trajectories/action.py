@@ -19,6 +19,7 @@ from jaka_ros_driver.errors import (
     StopCause,
 )
 from jaka_ros_driver.ros.action_server import QuietActionServer
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.other_messages import message_type
 from jaka_ros_driver.ros.services.service_server import CallCount
 from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder, fill_states
@@ -69,7 +70,7 @@ class TrajectoryAction:
     """One name under which goals are taken."""
 
     def __init__(self, name: str, arm: ArmClient, decoder: TrajectoryDecoder, turns: TurnQueue,
-                 goals: CallCount) -> None:
+                 goals: CallCount, recorder: Recorder) -> None:
         """Prepare; ``offer`` begins.
 
         Args:
@@ -78,7 +79,9 @@ class TrajectoryAction:
             decoder: Decodes them.
             turns: Shared by all who send trajectories to this arm.
             goals: Counts those that have not ended.
+            recorder: Records goals, cancels and results.
         """
+        self._recorder = recorder
         self._name = name
         self._arm = arm
         self._decoder = decoder
@@ -93,8 +96,7 @@ class TrajectoryAction:
 
     def offer(self) -> None:
         """Begin to take goals."""
-        self._server = QuietActionServer(rospy.resolve_name(self._name), self._spec, self._take,
-                                         self._cancel, auto_start=False)
+        self._server = QuietActionServer(self._name, self._spec, self._take, self._cancel, self._recorder)
         self._server.start()
 
     # ---- called by actionlib ----

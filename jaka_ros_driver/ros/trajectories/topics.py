@@ -6,9 +6,10 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMessage
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.errors import JakaError
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.other_messages import message_type, stop_motion_type
 from jaka_ros_driver.ros.params import DriverConfig
-from jaka_ros_driver.ros.services.service_server import CallCount
+from jaka_ros_driver.ros.services.service_server import CallCount, ServiceServer
 from jaka_ros_driver.ros.topics.stamps import StampClock, ros_clock
 from jaka_ros_driver.ros.trajectories.action import TrajectoryAction, TurnQueue
 from jaka_ros_driver.ros.trajectories.messages import TrajectoryDecoder, fill_states
@@ -26,9 +27,10 @@ class TrajectoryInterface:
     """All names under which trajectories are taken, and what is told of them."""
 
     def __init__(self, arm: ArmClient, config: DriverConfig,
-                 joint_velocity: Callable[[RobotState], Optional[Vector]]) -> None:
+                 joint_velocity: Callable[[RobotState], Optional[Vector]], recorder: Recorder) -> None:
         """Prepare; ``joint_velocity`` tells how fast the joints are in the newest state, rad/s (6,)."""
         self._arm = arm
+        self._recorder = recorder
         self._decoder = TrajectoryDecoder(config)
         self._turns = TurnQueue()
         self._goals = CallCount()
@@ -36,13 +38,14 @@ class TrajectoryInterface:
         self._has_industrial_names = config.industrial_names
         names = [self._controller + "/follow_joint_trajectory"]
         names += ["joint_trajectory_action"] if config.industrial_names else []
-        self._actions = [TrajectoryAction(name, arm, self._decoder, self._turns, self._goals) for name in names]
+        self._actions = [TrajectoryAction(name, arm, self._decoder, self._turns, self._goals, recorder)
+                         for name in names]
         self._states: List[rospy.Publisher] = []
         self._joint_velocity = joint_velocity
         self._clock = StampClock(ros_clock())
         self._published_at = 0.0
         self._newest: Dict[str, Any] = {}
-        self._stop_service: Optional[rospy.Service] = None
+        self._stop_service: Optional[ServiceServer] = None
 
     def offer(self) -> None:
         """Begin to take trajectories, and to publish."""
@@ -54,12 +57,14 @@ class TrajectoryInterface:
                 "control_msgs/FollowJointTrajectoryFeedback"), queue_size=_QUEUE))
             commands.append("joint_path_command")
             stop_motion = stop_motion_type()
-            self._stop_service = rospy.Service("stop_motion", stop_motion,
-                                               lambda _: self._stop_motion(stop_motion._response_class()))
+            self._recorder.offers_service("stop_motion")
+            self._stop_service = ServiceServer("stop_motion", stop_motion, lambda request: self._stop_motion(
+                request, stop_motion._response_class()), CallCount())
         self._arm.add_listener(self._arrived)
         for action in self._actions:
             action.offer()
         for name in commands:
+            self._recorder.takes_topic(name)
             rospy.Subscriber(name, JointTrajectoryMessage, self._command, name, queue_size=_QUEUE, tcp_nodelay=True)
 
     def finish_goals(self, timeout: float) -> None:
@@ -75,6 +80,8 @@ class TrajectoryInterface:
         One without points ends what is under way at once, and all that wait.
         """
         self._newest[name] = message
+        if not message.points:
+            self._recorder.message(name, message, state="stop")
         if message.points:
             stops = self._arm.stops
             self._turns.put(lambda: self._follow(message, name, stops))
@@ -85,21 +92,27 @@ class TrajectoryInterface:
     def _follow(self, message: Any, name: str, stops: int) -> None:
         """A topic has no answer: what is refused or ends early is logged."""
         if self._newest.get(name) is not message:
+            self._recorder.message(name, message, "a newer one came before it began")
             return
         try:
             trajectory = self._decoder.trajectory(message, may_end_moving=True)
             assert trajectory is not None
             done = self._arm.follow(trajectory, self._decoder.tolerances(), stops)
         except JakaError as error:
+            self._recorder.message(name, message, str(error))
             rospy.logwarn_throttle(_LOG_PERIOD_S, "%s: %s" % (name, error))
             return
+        self._recorder.message(name, message)
         done.add_done_callback(lambda ended: ended.exception() and rospy.loginfo("%s: %s", name, ended.exception()))
 
-    def _stop_motion(self, response: Any) -> Any:
+    def _stop_motion(self, request: Any, response: Any) -> Any:
+        entry = self._recorder.call("stop_motion", request)
         try:
             self._arm.stop()
             response.code.val = 1
+            entry.answered(True, "stopped")
         except JakaError as error:
+            entry.answered(False, str(error))
             rospy.logwarn("stop_motion: %s", error)
             response.code.val = -1
         return response

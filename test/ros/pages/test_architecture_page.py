@@ -12,6 +12,7 @@ from ros_bench import HOME
 from jaka_msgs.srv import MoveRequest
 from jaka_ros_driver.client.arm_client import LoopTask
 from jaka_ros_driver.commands import JointMove
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.frame_table import FrameTable
 from jaka_ros_driver.ros.params import config_from
@@ -83,7 +84,7 @@ def trace(tmp_path_factory, ros_node):
         arm = bench.connect()
         config = config_from({"ip": "127.0.0.1"})
         handlers = ServiceHandlers(arm, config, FrameTable(arm), None)
-        services = Services(RequestDecoder(arm.model), handlers, NoCallPublisher())
+        services = Services(RequestDecoder(arm.model), handlers, NoCallPublisher(), Recorder(None))
         (spec,) = [row for row in SERVICES if row.name == "joint_move"]
         handle = services._handler(spec)
         recording = Trace(arm)

@@ -9,6 +9,7 @@ from arm_bench import eventually
 
 from jaka_ros_driver.client.core.planned.path_move import PathProgress
 from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, PathInterrupted, StopCause
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.services.path_action import PathAction
 
 
@@ -83,7 +84,7 @@ class Decoder:
 def goal():
     """An arm, a goal that it has taken, and the action between them; the goal's thread ends with the test."""
     arm, handle = Arm(), Handle()
-    action = PathAction(arm, Decoder())
+    action = PathAction(arm, Decoder(), Recorder(None))
     action._take(handle)
     assert arm.begun.wait(10.0)
     yield arm, handle, action

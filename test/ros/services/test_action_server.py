@@ -8,18 +8,21 @@ NODE = """
 import sys, threading, time, rospy
 from actionlib import ActionServer
 from jaka_ros_driver.ros.action_server import QuietActionServer
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_msgs.msg import RecoverAction, RecoverFeedback, RecoverResult
 
 rospy.init_node("ends", anonymous=True, disable_signals=True)
-kind = {"quiet": QuietActionServer, "plain": ActionServer}[sys.argv[1]]
-server = kind("ends", RecoverAction, lambda handle: None, lambda handle: None, auto_start=False)
+words = ("ends", RecoverAction, lambda handle: None, lambda handle: None)
+server = QuietActionServer(*words, Recorder(None)) if sys.argv[1] == "quiet" else ActionServer(*words, auto_start=False)
 server.start()
 failures = []
 threading.excepthook = lambda failure: failures.append(failure.exc_value)
 
 def with_closed_topics(reason):
     assert not rospy.is_shutdown()
-    time.sleep(0.5)  # the server's timer comes five times a second
+    end = time.monotonic() + {"quiet": 0.5, "plain": 20.0}[sys.argv[1]]
+    while not failures and time.monotonic() < end:  # the server's timer comes five times a second
+        time.sleep(0.01)
     for publish, rest in ((server.publish_feedback, RecoverFeedback()), (server.publish_result, RecoverResult())):
         try:
             publish(None, rest)

@@ -7,6 +7,7 @@ import pytest
 from jaka_msgs.srv import GetFKRequest, GetIKRequest, GetIORequest
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.services.service_handlers import Outcome
 from jaka_ros_driver.ros.services.service_table import SERVICES, Services
@@ -20,7 +21,7 @@ POSE = Pose((0.4, 0.0, 0.3), (0.1, 0.2, 0.3))
 def response_of(service, value, is_vendor):
     """The response, and whether the call counts as a success; it is written as rospy does."""
     spec = SPECS[service]._replace(perform=lambda operations, command: Outcome("read", value))
-    services = Services(RequestDecoder(load_model("zu7"), is_vendor), None, None)
+    services = Services(RequestDecoder(load_model("zu7"), is_vendor), None, None, Recorder(None))
     outcome = services._outcome(spec, REQUESTS[service])
     response = spec.srv_type._response_class()
     spec.report(response, outcome, is_vendor)
@@ -56,7 +57,7 @@ def test_services_that_only_our_own_messages_have_are_offered():
 
 
 def test_the_end_waits_for_calls_under_way_and_says_when_one_is_left(caplog):
-    services = Services(None, None, None)
+    services = Services(None, None, None, Recorder(None))
     services.finish_calls(0.01)
     assert not caplog.records
     with services._calls.one():

@@ -2,20 +2,19 @@
 import math
 import signal
 import subprocess
-import sys
 
 import pytest
 from geometry_msgs.msg import PoseStamped
+from program_places import command_of
 from ros_bench import HOME, eventually
 
 from jaka_bag.cli.main import main
 from jaka_bag.compare.loading import load_run
-from jaka_regression import programs
 from jaka_regression.scenario import scenario_of
 from jaka_ros_driver.kinematics.rotations import matrix_from_rotation_vector, matrix_from_rpy, rotation_angle_between
 
 TOPIC = "/jaka_driver/tool_position"
-RECORD = [sys.executable, *programs.JAKA_BAG, "record"]
+RECORD = [*command_of("jaka_bag"), "record"]
 
 
 @pytest.fixture(scope="module")

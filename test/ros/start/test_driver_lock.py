@@ -25,7 +25,7 @@ except AlreadyDriven as error:
     print(error, flush=True)
 else:
     print("held", flush=True)
-    time.sleep(60)
+    time.sleep(60)  # it is ended before
 """
 
 

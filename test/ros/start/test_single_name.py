@@ -56,7 +56,7 @@ def test_a_living_node_is_refused_a_second_one_and_lives_on(ros_master):
             refuse_second_node("/left/first")
         refuse_second_node("/first")
         refuse_second_node("/left/other")
-        time.sleep(0.3)
+        time.sleep(0.3)  # what must not come has no other sign
         assert node.process.poll() is None
 
 

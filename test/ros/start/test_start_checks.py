@@ -1,9 +1,12 @@
 """What the driver finds out before it powers anything, and how it ends where the master does not answer."""
 import contextlib
+import os
 import signal
+import socket
 import subprocess
 import threading
 import time
+from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 import rospy
@@ -11,6 +14,7 @@ from launching import ArmOfAnotherMaster, Roscore
 from ros_bench import WAIT, DriverProcess, SimulatorProcess, eventually, on
 from std_msgs.msg import Bool
 
+from jaka_ros_driver.ros import start_checks
 from jaka_ros_driver.ros.services.service_table import SERVICES
 from jaka_ros_driver.ros.start_checks import wait_for_time
 
@@ -136,3 +140,46 @@ def test_a_driver_in_the_middle_of_its_start_ends_where_the_master_is_frozen(ros
             told_at = time.monotonic()
             driver.wait()
             assert time.monotonic() - told_at < ENDS_WITHIN_S
+
+
+# ---- without a master ----
+
+@pytest.fixture
+def at_the_address(monkeypatch):
+    """``serve(answer)``: what answers at the address that the master gives to clients; its TCP port is open."""
+    with contextlib.ExitStack() as made:
+        listener = made.enter_context(contextlib.closing(socket.create_server(("127.0.0.1", 0))))
+        monkeypatch.setattr(rospy, "get_name", lambda: "/jaka_driver")
+        address = listener.getsockname()
+        monkeypatch.setattr(start_checks.tcpros_base, "get_tcpros_server_address", lambda: address)
+
+        def serve(answer):
+            server = SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False)
+            server.register_function(lambda name: answer, "getPid")
+            thread = threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True)
+            thread.start()
+            made.callback(thread.join, WAIT)
+            made.callback(server.shutdown)
+            made.callback(server.server_close)
+            monkeypatch.setattr(rospy, "get_node_uri", lambda: "http://127.0.0.1:%d/" % server.server_address[1])
+            return listener
+
+        yield serve
+
+
+def test_a_node_that_answers_at_its_own_address_is_reachable(at_the_address):
+    at_the_address([1, "", os.getpid()])
+    start_checks.refuse_unreachable_node()
+
+
+@pytest.mark.parametrize("answer", [[1, "", 1], [0, "", os.getpid()], "no", {}, [1]])
+def test_another_program_at_its_address_is_told_from_it(at_the_address, answer):
+    at_the_address(answer)
+    with pytest.raises(start_checks.Unreachable, match="another program answers there"):
+        start_checks.refuse_unreachable_node()
+
+
+def test_a_port_of_topics_that_nobody_reaches_is_told(at_the_address):
+    at_the_address([1, "", os.getpid()]).close()
+    with pytest.raises(start_checks.Unreachable, match="nothing answers there"):
+        start_checks.refuse_unreachable_node()

@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import pytest
 from diagnostic_updater import DiagnosticStatusWrapper
 
+from jaka_ros_driver.audit.chain import Link
+from jaka_ros_driver.audit.log import Health
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.kinematics.arm_models import load_model
@@ -42,6 +44,7 @@ class Bench:
         self.state = STATE
         self.guard = SimpleNamespace(is_alive=True, last_trouble="", replacements=0)
         self.deviation = SimpleNamespace(is_wrong=False, distance=1e-5, angle=1e-4)
+        self.audit = Health("", 0, 0, 7, Link(7, "ab"))
         self.arm = SimpleNamespace(
             fresh_state=self.fresh_state, state=STATE, is_simulated=False, is_servo_active=False, late_servo_cycles=0,
             motion_owner=None, foreign_motion="", jogged_by="", last_jog_end="", model=load_model("zu7"),
@@ -50,7 +53,7 @@ class Bench:
                                         damaged_replies=0, version="1.5", feed_period=0.008),
             feed_health=SimpleNamespace(rate=125.0, age=0.004, jitter=0.001, frames=100, damaged=0, last_damage=""))
         self.checks = diagnostics.Diagnostics(self.arm, DriverConfig(), SimpleNamespace(
-            check=lambda state: self.deviation))
+            check=lambda state: self.deviation), SimpleNamespace(path="/audit", health=lambda: self.audit))
 
     def fresh_state(self):
         if self.state is None:
@@ -241,3 +244,19 @@ def test_whose_custody_the_arm_is_in(bench, owner, foreign, level, words):
     bench.arm.motion_owner, bench.arm.foreign_motion = owner, foreign
     name = next(name for name in bench.updater.tasks if "custody" in name)
     assert bench.level(name) == (level, words)
+
+
+def test_an_audit_log_that_cannot_be_written_or_that_lost_lines_is_a_warning(bench):
+    level, words, values = bench.look("audit log")
+    assert (level, words, values["last line"], values["its sha256"]) == (OK, "written", "7", "ab")
+    bench.audit = bench.audit._replace(trouble="no space", waiting=3)
+    assert bench.level("audit log") == (WARN, "cannot be written: no space")
+    bench.audit = bench.audit._replace(trouble="", lost=5)
+    assert bench.level("audit log") == (WARN, "5 lines were lost")
+    assert bench.level("audit log") == (OK, "written")  # as other losses, they are said once, and stay in the values
+    assert bench.look("audit log")[2]["lost lines"] == "5"
+
+
+def test_an_audit_log_that_is_switched_off_is_a_warning(bench):
+    bench.checks._audit = None
+    assert bench.level("audit log") == (WARN, "switched off: nobody records who does what")

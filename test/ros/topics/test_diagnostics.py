@@ -12,7 +12,8 @@ from jaka_ros_driver.ros.topics import diagnostics
 
 OK, WARN, ERROR, STALE = range(4)
 CHECKS = {"controller link", "arm", "guard", "status feed", "controller state", "emergency stop", "protective stop",
-          "soft limit", "temperature", "servo stream", "velocity jog", "kinematic model", "versions", "custody"}
+          "soft limit", "temperature", "servo stream", "velocity jog", "kinematic model", "versions", "custody",
+          "audit log"}
 
 
 @pytest.fixture(scope="module")

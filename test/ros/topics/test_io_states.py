@@ -132,7 +132,7 @@ def test_an_edge_is_told_within_a_few_frames(arm):
             assert eventually(lambda n=n, seen=seen: any(
                 message.cabinet.digital_inputs[7] is (n % 2 == 0) for _, message in received[seen:]))
             delays.append(time.monotonic() - begun)
-        assert min(delays) < 0.05, delays
+        assert min(delays) < 0.25, delays
 
 
 def test_a_silent_controller_is_not_told_of(arm):

@@ -73,7 +73,7 @@ def went_on_after_a_stop(live, told):
         live.arm.call("stop_move")
         assert rests(live.arm)
         told.rested = time.monotonic()
-        time.sleep(0.5)
+        time.sleep(0.5)  # what must not come has no other sign
         told.held_on_until = time.monotonic()
         begin(live.arm, pad)
         pad.speed = 0.0

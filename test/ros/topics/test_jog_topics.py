@@ -9,6 +9,7 @@ from sensor_msgs.msg import JointState
 from jaka_ros_driver.commands import JogFrame
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand
 from jaka_ros_driver.kinematics.rotations import IDENTITY
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.topics import jog_topics
 from jaka_ros_driver.ros.topics.jog_topics import JogTopics, jog_frame, joint_wish
@@ -52,7 +53,7 @@ def topics(monkeypatch):
     monkeypatch.setattr(rospy.Time, "now", classmethod(lambda cls: rospy.Time.from_sec(NOW)))
     monkeypatch.setattr(jog_topics.time, "monotonic", lambda: 5.0)
     monkeypatch.setattr(rospy, "logwarn_throttle", lambda *_: None)
-    one = JogTopics(Arm(), PLAIN, Frames())
+    one = JogTopics(Arm(), PLAIN, Frames(), Recorder(None))
     one.start()
 
     def say(name, message, age=0.05, publisher="/pad"):

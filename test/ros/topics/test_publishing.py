@@ -60,7 +60,7 @@ def test_stamps_are_arrival_times_and_strictly_increase(arm):
     times = stamps(received)
     assert times == sorted(times) and len(set(times)) > 450
     ages = sorted(at - stamp for (at, _), stamp in zip(received, times))
-    assert 0.0 <= ages[0] and ages[len(ages) // 2] < 0.05
+    assert 0.0 <= ages[0] and ages[len(ages) // 2] < 0.25
 
 
 def test_the_topics_tell_what_the_controller_has(arm):

@@ -3,6 +3,7 @@
 The publisher runs on a real master in the process of the tests, whose simulated controller can be put into any state.
 """
 import contextlib
+import io
 import sys
 import time
 import types
@@ -15,9 +16,10 @@ from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.procedures import power, settings
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros import other_messages
+from jaka_ros_driver.ros.topics import robot_status
 from jaka_ros_driver.ros.topics.robot_status import AUTO, MANUAL, RobotStatusPublisher
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.state import ProgramState
+from jaka_ros_driver.state import ProgramState, RobotState
 
 HOME = (0.0, 1.5707963, -1.5707963, 1.5707963, 1.5707963, 0.0)
 NAME = "industrial_msgs/RobotStatus"
@@ -103,7 +105,7 @@ def streaming(one):
             while time.monotonic() < begun + 25.0:
                 way = min(2.0, 0.1 * (time.monotonic() - begun))
                 one.arm.servo_target(c.ServoJoint((way,) + HOME[1:]))
-                time.sleep(0.02)
+                time.sleep(0.02)  # the rate of a stream
     InBackground(stream)
 
 
@@ -294,3 +296,49 @@ def test_the_running_node_offers_it(arm):
     assert eventually(lambda: heard and heard[-1].motion_possible.val == 1, 60.0)
     subscriber.unregister()
     assert heard[-1].drives_powered.val == 1 and heard[-1].header.stamp.to_sec() > 0.0
+
+
+# ---- without a master ----
+
+class Arm:
+    """An arm at rest that nobody moves."""
+
+    is_motion_possible, is_servo_active, motion_owner = True, False, None
+
+    def is_hand_guided(self, state):
+        return False
+
+    def has_moved_since(self, moment):
+        return False
+
+
+@pytest.fixture
+def published(monkeypatch):
+    """A publisher, and ``show(at, is_new, **fields)``: what it has published when this state has come."""
+    sent, topic = [], types.SimpleNamespace(get_num_connections=lambda: 1, publish=lambda message: sent.append(message))
+    monkeypatch.setattr(rospy, "Publisher", lambda *arguments, **options: topic)
+    monkeypatch.setattr(robot_status, "ros_clock", lambda: time.time_ns)
+    publisher = RobotStatusPublisher(Arm())
+
+    def show(at, is_new=True, **fields):
+        del sent[:]
+        publisher._arrived(RobotState(HOME, True, True, True, False, False, at, **fields), is_new)
+        return sent
+
+    show.topic = topic
+    return show
+
+
+def test_an_event_that_is_too_large_for_the_field_is_told_as_its_largest_value(published):
+    message, = published(100.0, error_code=0xFFFFFFFF)
+    assert message.error_code == 0x7FFFFFFF and message.in_error.val == 1
+    message.serialize(io.BytesIO())
+
+
+def test_it_is_told_with_a_change_and_every_tenth_of_a_second_and_not_of_earlier_times(published):
+    assert len(published(100.0)) == 1 and not published(100.05)
+    fault = {"error_code": 5}
+    assert len(published(100.07, **fault)) == 1 and not published(100.16, **fault)
+    assert len(published(100.18, **fault)) == 1 and not published(100.3, is_new=False)
+    published.topic.get_num_connections = lambda: 0
+    assert not published(100.6)

@@ -11,6 +11,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from jaka_msgs import msg as messages
 from jaka_ros_driver.errors import ConnectionLost, MotionInterrupted, StopCause
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.services import call_publisher
 from jaka_ros_driver.ros.services.service_handlers import Outcome
@@ -46,7 +47,8 @@ def ros(monkeypatch):
     monkeypatch.setattr(rospy, "Publisher", lambda name, kind, **_: found.topics.setdefault(name, Topic(kind)))
     monkeypatch.setattr(rospy, "Subscriber", lambda name, kind, callback, argument=None, **_: (
         found.subscribers.setdefault(name, lambda message: callback(message, argument))))
-    monkeypatch.setattr(rospy, "Service", lambda name, kind, handler: found.services.setdefault(name, handler))
+    monkeypatch.setattr(topics, "ServiceServer", lambda name, kind, handler, calls: found.services.setdefault(
+        name, handler))
     for module in (robot_status, topics):
         monkeypatch.setattr(module, "ros_clock", lambda: lambda: 10 ** 18)
     monkeypatch.setattr(rospy.Time, "now", classmethod(lambda cls: rospy.Time(100)))
@@ -206,7 +208,8 @@ def offered(ros, monkeypatch):
 
     def offer(**parameters):
         arm = Arm()
-        interface = topics.TrajectoryInterface(arm, DriverConfig(**parameters), lambda state: (0.5,) * 6)
+        interface = topics.TrajectoryInterface(arm, DriverConfig(**parameters), lambda state: (0.5,) * 6,
+                                              Recorder(None))
         interface.offer()
         return SimpleNamespace(arm=arm, actions=actions, interface=interface, command=next(
             take for name, take in ros.subscribers.items() if name.endswith("/command")))

@@ -1,11 +1,15 @@
 """How a goal of the action ends, and with which code: an arm and goal handles of the tests' own, no ROS master."""
+import re
 import threading
 import types
 from concurrent.futures import Future
 
 import pytest
+import rospy
+from ros_bench import eventually
 
 from jaka_ros_driver.client.core.motion import MotionOwner
+from jaka_ros_driver.client.core.trajectory import Progress
 from jaka_ros_driver.errors import (
     ConnectionLost,
     GoalToleranceViolated,
@@ -14,11 +18,14 @@ from jaka_ros_driver.errors import (
     PathToleranceViolated,
     StopCause,
 )
+from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.other_messages import made_type
 from jaka_ros_driver.ros.params import config_from
 from jaka_ros_driver.ros.services.service_server import CallCount
 from jaka_ros_driver.ros.trajectories import action
 from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder
+from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.trajectory.path import JointState
 from jaka_ros_driver.trajectory.points import InvalidTrajectory, TrajectoryOfThePast
 
 WAIT = 20.0
@@ -60,6 +67,7 @@ class Handle:
         goal.trajectory.points = [made_type("trajectory_msgs/JointTrajectoryPoint")(positions=[0.0] * 6)] * points
         self._goal, self._id = goal, types.SimpleNamespace(id="goal %d" % number)
         self.ends = []
+        self.feedback = []
         self.is_accepted = False
         self.ended = threading.Event()
 
@@ -71,6 +79,9 @@ class Handle:
 
     def set_accepted(self):
         self.is_accepted = True
+
+    def publish_feedback(self, feedback):
+        self.feedback.append(feedback)
 
     def _end(self, how):
         def end(result, text):
@@ -96,7 +107,8 @@ def arm():
 @pytest.fixture
 def server(arm):
     decoder = TrajectoryDecoder(config_from({}))
-    return action.TrajectoryAction("controller/follow_joint_trajectory", arm, decoder, action.TurnQueue(), CallCount())
+    return action.TrajectoryAction("controller/follow_joint_trajectory", arm, decoder, action.TurnQueue(), CallCount(),
+                                   Recorder(None))
 
 
 def begun(server, arm, number=1):
@@ -197,3 +209,35 @@ def test_a_defect_in_one_goal_ends_it_and_does_not_keep_the_next_one_from_being_
     second = begun(server, arm, 2)
     arm.goals[-1].set_result(None)
     assert second.end()[0] == "succeeded"
+
+
+def test_feedback_tells_how_far_the_arm_is_while_its_own_trajectory_is_under_way(server, arm, monkeypatch):
+    monkeypatch.setattr(rospy.Time, "now", classmethod(lambda cls: rospy.Time(5)))
+    handle = begun(server, arm)
+    desired = JointState((0.5,) * 6, (0.1,) * 6, (0.0,) * 6)
+    state = RobotState((0.4,) * 6, True, True, True, False, False, 100.0)
+    arm.state, arm.trajectory = state, Progress(object(), 9.0, desired)
+    assert not handle.ended.wait(0.2) and not handle.feedback, "another one is under way"
+    arm.trajectory = Progress(arm.goals[0], 1.5, desired)
+    assert eventually(lambda: handle.feedback)
+    told = handle.feedback[0]
+    assert told.desired.positions == (0.5,) * 6 and told.desired.time_from_start == rospy.Duration.from_sec(1.5)
+    assert told.actual.positions == (0.4,) * 6 and told.error.positions == pytest.approx((0.1,) * 6)
+    arm.goals[0].set_result(None)
+    assert handle.end()[0] == "succeeded"
+
+
+def test_before_the_arm_is_known_there_is_no_feedback_and_the_goal_ends_all_the_same(server, arm):
+    handle = begun(server, arm)
+    arm.trajectory = Progress(arm.goals[0], 1.5, JointState((0.5,) * 6, (0.1,) * 6, (0.0,) * 6))
+    assert not handle.ended.wait(0.2) and not handle.feedback
+    arm.goals[0].set_result(None)
+    assert handle.end()[0] == "succeeded"
+
+
+@pytest.mark.parametrize("name", ["SUCCESSFUL", "INVALID_GOAL", "INVALID_JOINTS", "OLD_HEADER_TIMESTAMP",
+                                  "PATH_TOLERANCE_VIOLATED", "GOAL_TOLERANCE_VIOLATED"])
+def test_the_codes_are_those_of_the_messages_definition(name):
+    definition = made_type("control_msgs/FollowJointTrajectoryResult")._full_text
+    found = re.search(r"^int32 %s *= *(-?\d+)$" % name, definition, re.MULTILINE)
+    assert getattr(action, name) == int(found.group(1))

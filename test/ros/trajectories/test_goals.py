@@ -246,7 +246,7 @@ def test_whatever_stops_the_arm_aborts_the_goal_and_nothing_resumes(arm, client,
     assert eventually(lambda: not arm.simulator.is_moving())
     since = now()
     arm.simulator.panel("release_emergency_stop")
-    time.sleep(1.0)
+    time.sleep(1.0)  # what must not come has no other sign
     assert frames(log_file, since) == []
 
 
@@ -271,7 +271,7 @@ def test_tolerances_of_the_goal_hold(arm, client):
     assert eventually(lambda: not arm.simulator.is_moving())
     start = [math.radians(q) for q in arm.simulator.state()["joint_position"]]
     arm.simulator.panel("fields", add={"joint_actual_position": arm.simulator.state()["joint_position"]})
-    time.sleep(0.2)
+    arm.listen("joint_position", 2)
     # by less than the driver needs to notice that the feed does not show where the controller says the arm is
     state, result = client.run(goal_of([point(1.0, other(start, 0, start[0] + 0.004), REST)], end=[("joint_1", 0.002)],
                                        seconds=0.2))
@@ -288,11 +288,11 @@ def test_speed_changes_and_pauses_leave_path_and_limits_as_they_are(arm, client,
     handle = client.send(goal_of(plan))
     assert eventually(lambda: client.feedback and client.feedback[-1].desired.time_from_start.to_sec() > 1.0)
     assert arm.call("set_speed_slider", speed_slider_fraction=0.3).success
-    time.sleep(1.0)
+    time.sleep(1.0)  # a part of the way at this speed
     answer = arm.call("pause")
     assert answer.success, answer.message
     held = [math.radians(q) for q in arm.simulator.state()["joint_position"]]
-    time.sleep(0.5)
+    time.sleep(0.5)  # what must not come has no other sign
     assert held == pytest.approx([math.radians(q) for q in arm.simulator.state()["joint_position"]], abs=1e-6)
     assert arm.call("set_speed_slider", speed_slider_fraction=1.0).success
     assert arm.call("resume").success
@@ -317,7 +317,7 @@ def test_a_planned_move_is_paused_and_resumed(arm):
     answer = arm.call("pause")
     assert answer.success, answer.message
     place = arm.simulator.state()["joint_position"]
-    time.sleep(0.5)
+    time.sleep(0.5)  # what must not come has no other sign
     assert arm.simulator.state()["joint_position"] == place and not answers
     assert arm.call("resume").success
     mover.join(60.0)
@@ -346,13 +346,13 @@ def test_a_stream_of_short_trajectories_is_followed_without_a_halt(arm, log_file
     publisher = rospy.Publisher(CONTROLLER + "/command", JointTrajectory, queue_size=1)
     assert eventually(lambda: publisher.get_num_connections())
     since, begun = now(), now()
-    ahead, speed = 0.15, 0.2
+    ahead, speed = 0.5, 0.2
     while now() - begun < 1.5:
         seconds = now() - begun
         ramp = min(1.0, seconds / 0.3)
         place = speed * (seconds - 0.15 if seconds > 0.3 else seconds * seconds / 0.6)
         publisher.publish(trajectory([point(ahead, [q + place + speed * ahead for q in START], [speed * ramp] * 6)]))
-        time.sleep(0.04)
+        time.sleep(0.04)  # the rate of a stream
     assert eventually(lambda: not arm.simulator.state()["is_servo_active"])
     path = all_frames(log_file, since)
     assert path[-1][1][0] - START[0] > 0.2
@@ -367,9 +367,10 @@ def test_the_state_topic_tells_what_is_desired_at_50_hz(arm, client):
     assert eventually(lambda: len(states) > 5)
     assert list(states[-1].desired.positions) == pytest.approx(START, abs=1e-4)
     del states[:]
+    begun = now()
     client.run(goal_of(smooth(0.5, 1.0, 0.05)))
     subscriber.unregister()
-    assert 30 <= len(states) <= 120
+    assert 20 <= len(states) <= 50 * (now() - begun) + 5
     assert max(s.desired.velocities[0] for s in states) == pytest.approx(0.5 * 1.875, rel=0.1)
     stamps = [s.header.stamp for s in states]
     assert stamps == sorted(set(stamps))
@@ -397,10 +398,10 @@ def test_forty_goals_and_cancels_each_end_once(arm, client):
     for number in range(40):
         way = 0.05 if number % 2 else -0.05
         handles.append(client.send(goal_of([point(0.6, [q + way for q in START], REST)])))
-        time.sleep(0.02 * (number % 5))
+        time.sleep(0.02 * (number % 5))  # goals and cancels meet at ever other moments
         if number % 3 == 0:
             handles[-1].cancel()
     ends = [client.end(handle)[0] for handle in handles]
     assert set(ends) <= {"SUCCEEDED", "PREEMPTED", "RECALLED", "REJECTED"}, ends
-    time.sleep(0.3)
+    time.sleep(0.3)  # what must not come has no other sign
     assert len(client.ends) == 40

@@ -5,13 +5,13 @@ The arm is led, recorded and replayed by the commands of docs/state_logs.md, as 
 import os
 import signal
 import subprocess
-import sys
 
 import pytest
 import yaml
 from arm_bench import eventually
 from import_graph import ROOT
 from page_commands import Shell, blocks, until
+from program_places import command_of
 from ros_bench import HOME
 
 from jaka_bag.live.graph import RemoteNode
@@ -26,9 +26,8 @@ PATIENCE_S = 200
 
 
 def program(*words):
-    environment = dict(os.environ, PYTHONPATH=os.pathsep.join(path for path in sys.path if path))
-    return subprocess.Popen([sys.executable, "-m", "jaka_bag", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                            text=True, env=environment)
+    return subprocess.Popen([*command_of("jaka_bag"), *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            text=True)
 
 
 def replay(*words):

@@ -10,6 +10,7 @@ rosbag2     a rosbag2 folder into a log of ROS 1 messages
 usage       how many bytes each topic takes
 diagnosis   is a log whole, and if not, why not
 extras      attachments and metadata: added, taken out
+audit_log   follows the chain of the driver's audit log
 signature   finds and names what was changed in a signed log
 export      fields as CSV, NPZ or Parquet
 parquet     tables of messages as Parquet

@@ -1,0 +1,80 @@
+"""A line of the audit log: a JSON object with its number, the hash of the line before it, and a checksum of itself.
+
+The hash chains the lines. The checksum tells which line was damaged, also where no line follows.
+"""
+import hashlib
+import json
+import re
+import zlib
+from typing import Any, Dict, Mapping, NamedTuple, Optional
+
+BEFORE_THE_FIRST = "0" * 64
+"""What the first line of a log has in place of the hash of a line before it."""
+LONGEST_LINE = 16384
+"""bytes; what would be longer is left out of its line, which says so."""
+_CHECKSUM = re.compile(rb',"crc":"([0-9a-f]{8})"}\Z')
+
+
+class Link(NamedTuple):
+    """A line's place in the chain.
+
+    Attributes:
+        number: Of the line, from 1 on.
+        sha256: Of the line's bytes without the line end, hexadecimal.
+    """
+
+    number: int
+    sha256: str
+
+
+START = Link(0, BEFORE_THE_FIRST)
+
+
+def encode(after: Link, fields: Mapping[str, Any]) -> bytes:
+    """Return the line that follows ``after``, without a line end.
+
+    Where it would be longer than ``LONGEST_LINE`` every field but the short ones is left out, and ``left_out`` names
+    those.
+
+    Raises:
+        ValueError, TypeError: A field is nothing that JSON has a word for.
+    """
+    line = _encode(after, fields)
+    if len(line) > LONGEST_LINE:
+        short = {name: value for name, value in fields.items() if len(_json(value)) <= 256}
+        short["left_out"] = "%s: %d bytes" % (", ".join(sorted(set(fields) - set(short)))[:500], len(line))
+        line = _encode(after, short)
+    return line
+
+
+def link_of(line: bytes, number: int) -> Link:
+    """Return the place of an encoded line."""
+    return Link(number, hashlib.sha256(line).hexdigest())
+
+
+def is_whole(line: bytes) -> bool:
+    """Return whether the checksum at the end of a line is that of the rest of it."""
+    found = _CHECKSUM.search(line)
+    return found is not None and int(found.group(1), 16) == zlib.crc32(line[:found.start()])
+
+
+def decode(line: bytes) -> Optional[Dict[str, Any]]:
+    """Return the fields of a line without its line end; None where it is not, or not any more, a line of a log."""
+    if not is_whole(line):
+        return None
+    try:
+        fields = json.loads(line.decode("utf-8"))
+    except ValueError:
+        return None
+    is_line = isinstance(fields, dict) and type(fields.get("n")) is int and isinstance(fields.get("prev"), str)
+    return fields if is_line else None
+
+
+def _encode(after: Link, fields: Mapping[str, Any]) -> bytes:
+    body = _json({"n": after.number + 1, "prev": after.sha256, **fields})[:-1]
+    return body + b',"crc":"%08x"}' % zlib.crc32(body)
+
+
+def _json(value: Any) -> bytes:
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.encode("utf-8", "replace")

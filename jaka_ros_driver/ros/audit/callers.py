@@ -1,0 +1,61 @@
+"""The caller of a service or publisher of a message: the name that the node gave, and the address of its connection.
+
+ROS 1 knows no authentication: a node can call itself as it likes. The address is that of the TCP connection.
+"""
+import contextlib
+from typing import Any, Dict, NamedTuple
+
+import rospy
+from rospy.topics import get_topic_manager
+
+from jaka_ros_driver.protocol.texts import printable
+
+PEER = "jaka_driver_peer"
+"""The entry of a service connection's header in which this driver notes the peer's address."""
+_LONGEST = 200
+
+
+class Caller(NamedTuple):
+    """A node by its name, and where it is, as ``address:port``; "" for what is not known."""
+
+    node: str
+    host: str
+
+
+def note_peer(header: Dict[str, str], sock: Any) -> None:
+    """Note the address of a service connection in its header, over whatever the client has written there."""
+    header[PEER] = address_of(sock)
+
+
+def caller_of_request(request: Any) -> Caller:
+    """Return who sent a service request; ``note_peer`` has noted its address."""
+    header = _header(request)
+    return Caller(_text(header.get("callerid", "")), header.get(PEER, ""))
+
+
+def caller_of_message(message: Any, topic: str) -> Caller:
+    """Return who published a message; ``topic`` as it was subscribed to."""
+    header = _header(message)
+    host = ""
+    with contextlib.suppress(Exception):  # rospy's own structures; they may change while they are looked through
+        subscription = get_topic_manager().get_subscriber_impl(rospy.resolve_name(topic))
+        for connection in subscription.connections:
+            if connection.header is header:
+                host = address_of(connection.socket)
+    return Caller(_text(header.get("callerid", "")), host)
+
+
+def address_of(sock: Any) -> str:
+    """Return the address of a connection's peer, as text; "" where it is gone already."""
+    with contextlib.suppress(OSError, AttributeError, TypeError, ValueError):
+        host, port = sock.getpeername()[:2]
+        return ("[%s]:%d" if ":" in host else "%s:%d") % (host, port)
+    return ""
+
+
+def _header(message: Any) -> Dict[str, str]:
+    return getattr(message, "_connection_header", None) or {}
+
+
+def _text(value: Any) -> str:
+    return str(printable(str(value)))[:_LONGEST]

@@ -1,0 +1,37 @@
+"""ROS messages as values of JSON, bounded in depth, length and time: what a client sends must not hold up its call."""
+import math
+from typing import Any
+
+_MOST_ITEMS = 32
+_LONGEST_TEXT = 500
+_DEEPEST = 8
+
+
+def plain(value: Any, depth: int = 0) -> Any:
+    """Return a value of JSON for a message, a time, a number, a text or an array.
+
+    Of an array the first 32 entries are kept, and their number; of a text the first 500 characters. A number that JSON
+    has no word for is written as text.
+    """
+    if value is None or isinstance(value, (bool, int)):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else str(value)
+    if isinstance(value, str):
+        return value if len(value) <= _LONGEST_TEXT else "%s... (%d characters)" % (value[:_LONGEST_TEXT], len(value))
+    if isinstance(value, (bytes, bytearray)):
+        return "%s%s (%d bytes)" % (bytes(value[:_MOST_ITEMS]).hex(), "..." * (len(value) > _MOST_ITEMS), len(value))
+    if depth >= _DEEPEST:
+        return "..."
+    if hasattr(value, "to_nsec"):
+        return value.to_nsec() / 1e9
+    if hasattr(value, "__slots__"):
+        return {name: plain(getattr(value, name, None), depth + 1) for name in value.__slots__}
+    if isinstance(value, dict):
+        return {str(name)[:_LONGEST_TEXT]: plain(entry, depth + 1) for name, entry in list(value.items())[:200]}
+    try:
+        count = len(value)
+        entries = [plain(entry, depth + 1) for entry in value[:_MOST_ITEMS]]
+    except (TypeError, KeyError):
+        return str(value)[:_LONGEST_TEXT]
+    return entries if count <= _MOST_ITEMS else [*entries, "... (%d entries)" % count]
