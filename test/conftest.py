@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import List
 
 import import_graph
+import program_places
 import pytest
+from hypothesis import HealthCheck, settings
 
 ROS_PACKAGES = (
     "actionlib", "actionlib_msgs", "catkin_pkg", "diagnostic_msgs", "diagnostic_updater", "genmsg", "genpy",
@@ -21,14 +23,21 @@ ROS_PACKAGES = (
     "tf2_msgs", "trajectory_msgs")
 MISSING = frozenset(name for name in ROS_PACKAGES if importlib.util.find_spec(name) is None)
 NEED_ROS = tuple(import_graph.ROOT / "test" / name for name in ("ros", "packaging", "jaka_regression/ros"))
+LONG = ("test/custody/", "test/packaging/", "test/mutation/", "test/ros/")
 left_out: List[str] = []
+
+# The same examples in every run, for a failure that cannot be had again helps nobody; and no limit of time, for a busy
+# machine says nothing about the code. A derandomized run has no use for a database of earlier failures.
+settings.register_profile("jaka", derandomize=True, database=None, deadline=None,
+                          suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("jaka")
 
 
 def pytest_configure(config):
     """A shell starts what it puts in the background with SIGINT ignored, which programs inherit; ours are sent it.
 
-    Programs that tests start find the packages of this checkout, as the tests do. What they keep while they run is in a
-    folder of the tests' own.
+    Programs that tests start are those of one place, whose packages they find (``program_places``). What they keep
+    while they run is in a folder of the tests' own.
 
     Each worker of a parallel run is a session of its own: Linux shares the processors among sessions first
     (autogroups). In one session with all other workers, and with what else the shell runs, drivers and simulated
@@ -37,8 +46,7 @@ def pytest_configure(config):
     if hasattr(config, "workerinput") and os.getsid(0) != os.getpid():
         os.setsid()
     config.jaka_runtime_folder = os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="jaka_test_runtime_")
-    folders = [str(import_graph.ROOT), str(import_graph.ROOT / "tools"), os.environ.get("PYTHONPATH", "")]
-    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, folders))
+    program_places.enter()
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -59,6 +67,11 @@ def pytest_ignore_collect(collection_path, config):
     if needs:
         left_out.append(str(collection_path.relative_to(import_graph.ROOT)))
     return True if needs else None
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with the folders whose files take longest: a parallel run is over when its last file is."""
+    items.sort(key=lambda item: not item.nodeid.startswith(LONG))
 
 
 def pytest_terminal_summary(terminalreporter):

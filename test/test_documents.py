@@ -1,7 +1,6 @@
 """The pages: each is in the index, every link leads somewhere, so does every citation in the code; one version."""
 import ast
 import re
-import subprocess
 from xml.etree import ElementTree
 
 import pytest
@@ -174,17 +173,15 @@ def test_hooks_run_the_programs_of_ci_in_the_versions_of_requirements_txt():
     assert set(re.findall(r'"(\w+)",? +# ', tested)) == set(re.findall(r"--ignore (\w+)", lint))
 
 
-def test_the_commands_for_contributors_are_there():
-    usage = subprocess.run([str(ROOT / "tools" / "dev"), "help"], stdout=subprocess.PIPE, text=True, check=True).stdout
-    checks = [hook["entry"].replace("env ", "") for hook in hooks().values()]
-    lines = [line for block in re.findall(r"```sh\n(.*?)```", text_of(ROOT / "CONTRIBUTING.md"), re.DOTALL)
-             for line in block.splitlines()]
-    assert len(lines) > 8
-    for line in lines:
-        words = line.split()
-        if words[0] == "tools/dev":
-            assert "tools/dev " + words[1] in usage
-            assert all((ROOT / word).exists() for word in words[2:] if "/" in word)
-            assert words[1] != "bench" or (ROOT / "test" / "benchmark" / ("bench_%s.py" % words[2])).exists()
-        else:
-            assert line in [*checks, ".ci/run", ". build/devel/setup.bash"], line
+@pytest.mark.parametrize("path", [".ci/run", "tools/dev", "pyproject.toml", "setup.cfg", "requirements.txt",
+                                  "test/conftest.py"])
+def test_nothing_that_failed_is_tried_again(path):
+    again = re.search(r"last.?failed|--lf\b|--failed-first|--ff\b|rerun|flaky|retry|retries|second.try",
+                      text_of(ROOT / path), re.IGNORECASE)
+    assert not again, "%s: %r would make a test that fails by chance pass" % (path, again.group())
+
+
+def test_the_checks_of_the_page_are_the_hooks():
+    """Whether the other commands of contributors run, test/ros/pages/test_written_commands.py tells."""
+    page = text_of(ROOT / "CONTRIBUTING.md")
+    assert all("\n%s\n" % hook["entry"].replace("env ", "") in page for hook in hooks().values())
