@@ -5,6 +5,8 @@ library, rosbags-convert, and pymcap-cli where it is found
 (it is no part of this project: install it into an environment of your own and name it with --pymcap-cli).
 The rounds are interleaved, the best of each counts; CPU is user and system time, memory the peak of the resident set.
 On a busy machine the ratio of CPU times says more than that of wall times.
+
+    build/venv/bin/python3 test/benchmark/bench_bags.py
 """
 import argparse
 import json
@@ -23,13 +25,14 @@ sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / 
 
 import numpy as np  # noqa: E402
 from log_samples import JOINTS, START_NS, STATES, TOOL, connection, joints, tool  # noqa: E402
+from program_places import command_of  # noqa: E402
 
 from jaka_bag.containers.bag.writer import BagWriter  # noqa: E402
 from jaka_bag.containers.registry import open_log  # noqa: E402
 from jaka_bag.containers.time_order import messages_of  # noqa: E402
 
 RATE_HZ = 125
-JAKA_BAG = [sys.executable, "-m", "jaka_bag"]
+JAKA_BAG = command_of("jaka_bag")
 BLOB = connection("/blob", "bench/Blob", "uint8[4092] data\n")
 
 ROSBAGS_TO_MCAP = """

@@ -1,6 +1,8 @@
 """How long jaka_bag compare takes for two state logs of 30 minutes (675,000 messages each), start-up included.
 
 The reference is `jaka_bag export` of one of them to NPZ: reading and decoding the same bytes once.
+
+    build/venv/bin/python3 test/benchmark/bench_compare.py
 """
 import argparse
 import resource
@@ -14,9 +16,10 @@ from typing import List, Tuple
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "logs")]
 
+from program_places import command_of  # noqa: E402
 from synthetic_session import Conditions, moves, simulate, write_log  # noqa: E402
 
-JAKA_BAG = [sys.executable, "-m", "jaka_bag"]
+JAKA_BAG = command_of("jaka_bag")
 
 
 def timed(command: List[str], expected: str, rounds: int) -> Tuple[float, float]:

@@ -1,8 +1,9 @@
 """How soon a velocity jog rests after each way of letting go: from the last message that counted to the last frame of
 motion on the wire, and to the arm's rest.
 
-Moments on the wire and of the arm are those of the simulated controller's log. Run it in the devel space, on a quiet
-host; the arguments are the number of repeats (30) and the driver's realtime_priority (0).
+Moments on the wire and of the arm are those of the simulated controller's log. In the devel space, on a quiet host:
+
+    build/venv/bin/python3 test/benchmark/bench_deadman.py [REPEATS [PRIORITY]]        30, the driver's priority 0
 """
 import sys
 import tempfile

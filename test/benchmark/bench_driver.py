@@ -1,8 +1,9 @@
 """What the driver costs and how fast it is, beside a bare rospy publisher of the same three topics, in one run.
 
 Driver, simulated controller and this program are processes of their own on one computer. Moments on the wire are those
-of the simulated controller's byte log. Run it with tools/dev bench driver; one argument is the length of the rate
-measurement in seconds (60).
+of the simulated controller's byte log. In the devel space:
+
+    build/venv/bin/python3 test/benchmark/bench_driver.py [SECONDS]        length of the rate measurement, 60
 """
 import contextlib
 import json
@@ -225,11 +226,10 @@ def measure(duration, folder):
     judge_by_the_log(log_file, seen, stops, pending)
 
 
-def main():
-    duration = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
+def main(duration):
     with master(), tempfile.TemporaryDirectory() as folder:
         measure(duration, folder)
 
 
 if __name__ == "__main__":
-    main()
+    main(float((sys.argv[1:] or ["60"])[0]))

@@ -6,8 +6,8 @@ count; nor does the making of the logs. Each number of workers has several passe
 their median times: one pass alone is off by a quarter on a shared machine. On a busy one the two workers have less than
 two processors, and the speed-up says so: "the machine alone" is the one of two processes that only compute.
 
-    python3 test/benchmark/bench_fleet.py                                   1,000 logs, a quarter of an hour, 8 GB
-    python3 test/benchmark/bench_fleet.py --logs 300 --keep /var/tmp/fleet  a third; logs that are there are taken
+    build/venv/bin/python3 test/benchmark/bench_fleet.py        1,000 logs, a quarter of an hour, 8 GB
+    build/venv/bin/python3 test/benchmark/bench_fleet.py --logs 300 --keep FOLDER        a third; takes what is there
 """
 import argparse
 import hashlib

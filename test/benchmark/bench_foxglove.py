@@ -2,6 +2,8 @@
 
 Three topics of the driver's size at 125 Hz each, published with the time of sending in the header. For rospy the reader
 is the program that is measured; jaka_foxglove is measured without its viewers, whose latency is that of the whole way.
+
+    build/venv/bin/python3 test/benchmark/bench_foxglove.py
 """
 import argparse
 import statistics
@@ -19,6 +21,7 @@ for folder in ("tools", "test/support", "test/support/logs"):
 from foxglove_clients import RawViewer, Served, data_of  # noqa: E402
 from live_ros import Graph, with_subscribers  # noqa: E402
 from live_samples import twist_connection, twist_frame  # noqa: E402
+from program_places import command_of  # noqa: E402
 
 RATE_HZ = 125
 TOPICS = ("/a", "/b", "/c")
@@ -37,7 +40,6 @@ print("ready", flush=True)
 rospy.on_shutdown(lambda: (print(" ".join("%.6f" % value for value in late), flush=True)))
 rospy.spin()
 """
-LIVE = "from jaka_bag.cli.main import live; import sys; sys.exit(live())"
 
 
 def cpu_s(pid: int) -> float:
@@ -73,7 +75,7 @@ def measured_rospy(graph, publisher, outlets, seconds):
 
 
 def measured_foxglove(graph, publisher, outlets, seconds, viewers):
-    served = Served(sys.executable, "-c", LIVE, "--port", "0", "-q", environment=graph.environment)
+    served = Served(*command_of("jaka_foxglove"), "--port", "0", "-q", environment=graph.environment)
     late, threads, ready = [], [], threading.Barrier(viewers + 1)
 
     def watch():
@@ -108,13 +110,12 @@ def measured_foxglove(graph, publisher, outlets, seconds, viewers):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seconds", type=float, default=20.0, help="length of each part (default 20)")
     seconds = parser.parse_args().seconds
     print("| who, %d messages a second | of one core | messages | late by p50 | p99 |\n|---|---|---|---|---|"
           % (RATE_HZ * len(TOPICS)))
     with tempfile.TemporaryDirectory() as folder, Graph(Path(folder)) as graph:
-        graph.environment["PYTHONPATH"] = "%s:%s" % (ROOT / "tools", graph.environment.get("PYTHONPATH", ""))
         with graph.publisher("/source") as publisher:
             outlets = [publisher.advertise(topic, twist_connection(topic), False) for topic in TOPICS]
             measured_rospy(graph, publisher, outlets, seconds)

@@ -1,7 +1,8 @@
 """From an edge at an input of the simulated controller to the message of ~io_states, and the frame that it belongs to.
 
-The frames are those of joint_position, whose stamps are those of the status feed. Run it in the devel space, on a quiet
-host; the argument is the number of edges (200).
+The frames are those of joint_position, whose stamps are those of the status feed. In the devel space, on a quiet host:
+
+    build/venv/bin/python3 test/benchmark/bench_io.py [EDGES]        200
 """
 import random
 import sys

@@ -1,6 +1,8 @@
 """What kinematics costs a call, on the same poses as EAIK (compiled) where that is installed.
 
 Mark: closed-form inverse kinematics at most 30 us a call.
+
+    build/venv/bin/python3 test/benchmark/bench_kinematics.py
 """
 import importlib.util
 import random

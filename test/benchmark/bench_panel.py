@@ -3,8 +3,9 @@
 Processor time of the panel's server with no page, with one and with three, and how much a page is told; the driver's
 rate, jitter and stop latency without pages and with three, five times in turn in one run. Then, for each way of letting
 go, the time from the last heartbeat that counted to the last frame of motion on the wire, and to the arm's rest, by the
-simulated controller's log. Run it in the devel space, on a quiet host; the arguments are the number of repeats (30) and
-the seconds of each row (20).
+simulated controller's log. In the devel space, on a quiet host:
+
+    build/venv/bin/python3 test/benchmark/bench_panel.py [REPEATS [SECONDS]]        30 repeats, 20 s for each row
 """
 import contextlib
 import multiprocessing

@@ -1,7 +1,9 @@
 """How soon the arm rests when an operator at the panel's page lets go, in a real browser, in each way: from the last
 heartbeat that could count to the last frame of motion on the wire, as the simulated controller's log has it.
 
-Run it in the devel space, on a quiet host; the arguments are the number of repeats (30) and names of ways (all).
+In the devel space, on a quiet host:
+
+    build/venv/bin/python3 test/benchmark/bench_panel_deadman.py [REPEATS [WAY ...]]        30 repeats, all ways
 """
 import sys
 import tempfile

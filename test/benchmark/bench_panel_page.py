@@ -1,8 +1,9 @@
 """How soon the panel's page is there, and what it costs the browser while an arm moves, without 3D and with it.
 
 No ROS: a server of the tests' own sends what the panel sends. 3D is drawn by software here, as on a computer without a
-graphics card.
-Run it on a quiet host.
+graphics card. On a quiet host:
+
+    build/venv/bin/python3 test/benchmark/bench_panel_page.py
 """
 import sys
 import time

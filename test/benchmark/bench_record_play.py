@@ -3,7 +3,7 @@
 Everything is measured on a master of its own, on loopback. Both recorders listen to the same publisher at the same
 time; both players take turns. Ratios count, absolute numbers depend on the machine and on who else uses it.
 
-Run it with tools/dev bench record_play; ``--help`` tells the options of the program itself.
+    build/venv/bin/python3 test/benchmark/bench_record_play.py [--help]
 """
 import argparse
 import contextlib

@@ -3,6 +3,8 @@
 Every command is a process of its own, start-up included; memory is the peak of its resident set. The logs are of
 simulated motions, the same in every run; making those of 8 h takes some minutes and 1.3 GB of disk. "x" is the ratio
 to 30 minutes; the goals are stated for 8 h.
+
+    build/venv/bin/python3 test/benchmark/bench_scale.py
 """
 import argparse
 import os

@@ -1,6 +1,8 @@
 """What the simulated controller costs: cycle lateness, CPU, status frames, requests, inverse kinematics.
 
-``python test/benchmark/bench_simulation.py [--seconds 10] [--instances 4] [--realtime]``
+    build/venv/bin/python3 test/benchmark/bench_simulation.py [--seconds 10] [--instances 4] [--realtime]
+
+Each instance is a process of its own.
 """
 import argparse
 import json
@@ -16,6 +18,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support")]
 
+from program_places import command_of  # noqa: E402
 from raw_client import RawClient, RawFeed  # noqa: E402
 
 from jaka_ros_driver.kinematics import closed_forms  # noqa: E402
@@ -85,7 +88,7 @@ class Instance:
 
     def __init__(self, *more):
         self.program = subprocess.Popen(
-            [sys.executable, "-m", "jaka_ros_driver.simulation", "--command-port", "0", "--status-port", "0",
+            [*command_of("jaka_sim"), "--command-port", "0", "--status-port", "0",
              "--poll-port", "0", "--start", "enabled", *more], stdout=subprocess.PIPE, text=True, cwd=str(ROOT))
         self.ports = json.loads(self.program.stdout.readline())
         self.times = []
@@ -134,7 +137,7 @@ def run(count, seconds, *more):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seconds", type=float, default=10.0, help="of each measurement, default 10")
     parser.add_argument("--instances", type=int, default=4, help="side by side, default 4")
     parser.add_argument("--realtime", action="store_true", help="start them with --realtime")

@@ -2,9 +2,10 @@
 
 Compared in one run: the driver's CPU at rest, with a servo stream by topic, and with a trajectory; and its intervals
 with those of a bare Python program of the same priority that only sleeps until 8 ms are over: what the host itself
-costs. Run it in the devel space, quiet or beside other processes; the arguments are the
-number of rounds (2) and the driver's realtime_priority (20). The simulated controller, whose log tells when frames
-came, has real-time priority.
+costs. The simulated controller, whose log tells when frames came, has real-time priority. In the devel space, quiet
+or beside other processes:
+
+    build/venv/bin/python3 test/benchmark/bench_trajectory.py [ROUNDS [PRIORITY]]        2, the driver's priority 20
 """
 import contextlib
 import math

@@ -1,6 +1,6 @@
 """Coverage-guided fuzzing of every parser that reads bytes from the network; needs the package atheris (PyPI).
 
-    python3 test/fuzz/fuzz_parsers.py TARGET -max_total_time=120
+    build/venv/bin/python3 test/fuzz/fuzz_parsers.py TARGET -max_total_time=120
 
 TARGET is objects, frames or requests. What must hold of any bytes: no exception but the documented ones, the same
 outcome however the bytes are cut, bounded memory, and no number that is not finite in a state.

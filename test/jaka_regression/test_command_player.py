@@ -3,6 +3,7 @@ import threading
 import time
 
 import pytest
+from arm_bench import eventually
 
 from jaka_bag.compare.run import Call
 from jaka_regression.command_player import CommandPlayer, ReplayStopped, Reply
@@ -82,8 +83,7 @@ def test_it_ends_at_once_while_a_call_is_not_answered_and_makes_no_other(why):
         CommandPlayer(plan(calls), driver.perform, ignore, cancelled=cancelled).run()
     assert ("move", "begin") in driver.log and ("move", "end") not in driver.log
     driver.stopped.set()
-    time.sleep(0.2)
-    assert ("move", "end") in driver.log and ("next", "begin") not in driver.log
+    assert eventually(lambda: ("move", "end") in driver.log) and ("next", "begin") not in driver.log
 
 
 def test_every_start_and_end_is_told():

@@ -3,7 +3,7 @@ import json
 import time
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from jaka_ros_driver.errors import FramingError
@@ -37,7 +37,6 @@ def shape(items):
     return ["damage" if isinstance(item, FramingError) else item for item in items]
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # on a busy computer
 @given(st.lists(OBJECTS, max_size=6), st.lists(st.integers(0, 10**6), max_size=20),
        st.sampled_from(["", "\n", "\r\n", " ", "\x00"]))
 def test_objects_come_out_whole_wherever_they_are_cut(objects, cuts, between):
@@ -136,7 +135,7 @@ def test_a_megabyte_that_is_no_frame_costs_little_and_is_not_read_to_its_end(uni
         for start in range(0, len(data), piece):
             items += stream.feed(data[start:start + piece])
         costs.append(time.process_time() - before)
-    assert min(costs) < 0.4
+    assert min(costs) < 1.0, "0.05 s on a quiet computer"
     assert stream.is_flooded and shape(items) == ["damage"] and len(stream._buffer) < 1 << 17
     assert not stream.feed(FRAME)
 

@@ -1,7 +1,4 @@
-"""The tables of docs/simulation.md say what the code says.
-
-``PYTHONPATH=.:test/support python FILE`` writes them anew.
-"""
+"""The tables of docs/simulation.md say what the code says; ``WRITE_ANEW`` writes them anew."""
 import json
 import re
 from pathlib import Path
@@ -21,6 +18,7 @@ PROTOCOL = PAGE.with_name("controller-protocol.md")
 DEEPER = ("controller/test_states", "controller/test_content",
           "controller/test_sdk_client", "server/test_panel", "server/test_server",
           "controller/test_link_loss", "test_identity")
+WRITE_ANEW = "PYTHONPATH=.:test/support build/venv/bin/python3 test/simulation/test_documentation.py"
 BLOCK = "<!-- %s -->\n(.*?)<!-- end -->"
 
 
@@ -63,7 +61,7 @@ TABLES = {
 @pytest.mark.parametrize("name", TABLES)
 def test_table_is_what_the_code_says(name):
     written = re.search(BLOCK % name, PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert written and written.group(1) == TABLES[name](), "run PYTHONPATH=.:test/support python %s" % __file__
+    assert written and written.group(1) == TABLES[name](), "run " + WRITE_ANEW
 
 
 def open_points():

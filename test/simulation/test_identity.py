@@ -1,9 +1,9 @@
 """The simulated controller can be told from a real one, and from another simulated one, by who asks for that only."""
 import json
 import subprocess
-import sys
 
 import pytest
+from program_places import command_of
 from raw_client import RawClient
 
 from jaka_ros_driver.errors import InvalidCommand
@@ -51,7 +51,7 @@ def test_identity_that_cannot_be_one(identity, capsys):
 
 
 def test_option_of_the_program_and_its_first_line_stays_what_it_was():
-    program = subprocess.Popen([sys.executable, "-m", "jaka_ros_driver.simulation", *FREE, "--identity", "here.I-am:1"],
+    program = subprocess.Popen([*command_of("jaka_sim"), *FREE, "--identity", "here.I-am:1"],
                                stdout=subprocess.PIPE, text=True)
     try:
         line = program.stdout.readline()

@@ -3,16 +3,16 @@ import json
 import re
 import signal
 import subprocess
-import sys
 
 import pytest
+from program_places import command_of
 from raw_client import RawClient, RawFeed
 
 from jaka_ros_driver.simulation.__main__ import main
 from jaka_ros_driver.simulation.dialect.dialect import Dialect
 from jaka_ros_driver.wire.log import read_log
 
-PROGRAM = [sys.executable, "-m", "jaka_ros_driver.simulation"]
+PROGRAM = command_of("jaka_sim")
 FREE = ["--command-port", "0", "--status-port", "0", "--poll-port", "0"]
 
 

@@ -1,7 +1,9 @@
 """Fifty triggers of each kind on a black box: what each file holds, and what is missing in it (nothing may be).
 
 Poses carry their number, and the recorder numbers the messages of every topic: a number that is skipped is a loss.
-Run it in the devel space; the argument is the number of triggers of each kind (50). It takes minutes.
+In the devel space; it takes minutes:
+
+    build/venv/bin/python3 test/soak/soak_black_box.py [TRIGGERS]        of each kind, 50
 """
 import os
 import sys
@@ -41,8 +43,7 @@ def run(graph, kind, count):
     return len(accounts) == count and not any(account.lost for account in accounts)
 
 
-def main():
-    count = int((sys.argv[1:] or ["50"])[0])
+def main(count):
     print("load average %.2f; window %g s before, %g s after" % (os.getloadavg()[0], BEFORE_S, AFTER_S))
     print("%-15s %9s %6s %9s %9s %5s %11s %10s" % ("kind", "triggers", "files", "poses", "in files", "lost", "before",
                                                    "after"))
@@ -52,4 +53,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    main(int((sys.argv[1:] or ["50"])[0]))

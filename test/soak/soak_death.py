@@ -1,7 +1,9 @@
 """How fast the arm stops when the driver's process ends, dies or freezes: every way x every motion, many times.
 
-Moments on the wire and of the arm are those of the simulated controller's log. Run it in the devel space; the argument
-is the number of repeats (20). Not part of the test suite: it takes a quarter of an hour.
+Moments on the wire and of the arm are those of the simulated controller's log. In the devel space; it takes a quarter
+of an hour:
+
+    build/venv/bin/python3 test/soak/soak_death.py [REPEATS]        20
 """
 import signal
 import sys
@@ -60,8 +62,7 @@ def measure(how, number, motion, repeats, folder):
         print("%-8s %-6s %-18s %s" % (how, motion, what, summary(values)), flush=True)
 
 
-def main():
-    repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+def main(repeats):
     with master(), tempfile.TemporaryDirectory() as folder:
         for how, number in {**ENDS, **DEATHS}.items():
             for motion in MOTIONS:
@@ -69,4 +70,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    main(int((sys.argv[1:] or ["20"])[0]))

@@ -8,7 +8,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from fleet_logs import write_plant
 from fleet_tasks import die_once, wait_for_gate
 from import_graph import ROOT
 from live_samples import wait_until
+from program_places import command_of
 
 from jaka_bag.cli.main import main
 from jaka_bag.errors import BagError
@@ -96,7 +96,7 @@ def test_ctrl_c_ends_a_cluster_of_this_computer_in_order(tmp_path, after):
     source, target = tmp_path / "logs", tmp_path / "fleet"
     write_plant(source, 4, 6, cycles=1)
     program = subprocess.Popen(
-        [sys.executable, "-m", "jaka_bag", "dataset", "add", str(source), "--to", str(target), "--jobs", "2"],
+        [*command_of("jaka_bag"), "dataset", "add", str(source), "--to", str(target), "--jobs", "2"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
     wait_until(lambda: len(list((target / "runs").glob("*.parquet"))) >= after, "logs are in", PATIENCE_S)
     os.killpg(program.pid, signal.SIGINT)  # as a terminal does: to the workers, too

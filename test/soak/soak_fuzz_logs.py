@@ -1,6 +1,6 @@
 """Logs damaged at random, for a time: each command ends in order, in bounded time and memory, and changes no input.
 
-    PYTHONPATH=tools python3 test/soak/soak_fuzz_logs.py [MINUTES [SEED [FOLDER]]]        60 minutes, seed 1
+    build/venv/bin/python3 test/soak/soak_fuzz_logs.py [MINUTES [SEED [FOLDER]]]        60 minutes, seed 1
 
 A damaged log whose run went wrong is kept in FOLDER (``fuzzed`` in the current one), beside what the run said.
 """

@@ -1,6 +1,6 @@
 """False alarms: golden logs are replayed again and again on a loaded computer; an unchanged run must never differ.
 
-python3 test/soak/soak_golden_logs.py [--runs 50] [--load 2] [NAME ...]
+    build/venv/bin/python3 test/soak/soak_golden_logs.py [--runs 50] [--load 2] [NAME ...]        in the devel space
 
 Prints a line for each run, how near each kind of check came to its limit, and a tally; exit code 1 when a run differed.
 The reports of runs that differed stay.

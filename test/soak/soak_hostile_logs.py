@@ -1,6 +1,8 @@
 """Every command on every hostile log, the heavy ones also: processor time and memory of each.
 
-    PYTHONPATH=tools python3 test/soak/soak_hostile_logs.py
+    build/venv/bin/python3 test/soak/soak_hostile_logs.py
+
+By hand, in some minutes.
 """
 import json
 import subprocess

@@ -1,8 +1,9 @@
 """A hundred cuts of the links of a running driver, of every kind, and a thousand reconnects: times, and what it holds.
 
 Times are those of an observer outside: when the driver said that a link was lost, when calls and topics worked again.
-What was sent is judged by the simulated controller's log. Run it in the devel space; the arguments are the number of
-cuts (100), of reconnects (1000) and the seed (1). Not part of the test suite: it takes a quarter of an hour.
+What was sent is judged by the simulated controller's log. In the devel space; it takes a quarter of an hour:
+
+    build/venv/bin/python3 test/soak/soak_links.py [CUTS [RECONNECTS [SEED]]]        100 cuts, 1000 reconnects, seed 1
 """
 import sys
 import tempfile
@@ -56,12 +57,11 @@ def reconnect(cycles, folder):
         watch.close()
 
 
-def main():
-    cuts, cycles, seed = (int(word) for word in (sys.argv[1:] + ["100", "1000", "1"][len(sys.argv) - 1:]))
+def main(cuts, cycles, seed):
     with master(), tempfile.TemporaryDirectory() as folder:
         cut_at_random(cuts, seed, folder)
         reconnect(cycles, folder)
 
 
 if __name__ == "__main__":
-    main()
+    main(*map(int, sys.argv[1:] + ["100", "1000", "1"][len(sys.argv) - 1:]))

@@ -1,7 +1,9 @@
 """Does the panel's server grow? Three pages watch an arm that moves; one of them comes and goes; memory once a minute.
 
-Run it in the devel space; the argument is the number of minutes (30). It ends with code 1 where the memory has grown by
-more than a twentieth after the first 40 % of the time: the curves of 10 minutes, which are kept, fill it until then.
+    build/venv/bin/python3 test/soak/soak_panel.py [MINUTES]        30, in the devel space
+
+It ends with code 1 where the memory has grown by more than a twentieth after the first 40 % of the time: the curves of
+10 minutes, which are kept, fill it until then.
 """
 import contextlib
 import sys

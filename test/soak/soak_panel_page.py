@@ -1,7 +1,9 @@
 """The panel's page does not grow: its heap and its elements over half an hour of an arm that moves, alarms and calls.
 
-No ROS: a server of the tests' own sends what the panel sends. Run it by hand; the argument is the minutes (30). It ends
-with code 1 where the heap after the first tenth of the time has grown by more than a fifth.
+No ROS: a server of the tests' own sends what the panel sends. It ends with code 1 where the heap after the first tenth
+of the time has grown by more than a fifth.
+
+    build/venv/bin/python3 test/soak/soak_panel_page.py [MINUTES]        30
 """
 import sys
 import time

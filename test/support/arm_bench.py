@@ -16,6 +16,8 @@ from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 
 WAIT = 20.0
+LOOSE = 2.0
+"""s: a bound on what a quiet computer does within some tenths. The figures themselves are kept under virtual time."""
 
 
 def eventually(condition, timeout=WAIT):

@@ -4,6 +4,8 @@ It moves the arm, keeps the guard informed, and reads orders from its standard i
 guard's health, "begin" begins the motion once more, "leave" ends it in good order.
 """
 import json
+import os
+import select
 import signal
 import subprocess
 import sys
@@ -91,6 +93,14 @@ class GuardedDriver:
         assert eventually(lambda: self.health()["is_alive"])
         pid, = self.guards()
         return pid
+
+    def hears(self, words):
+        """Wait until it or its guard has said this."""
+        def heard():
+            if select.select([self.process.stderr], [], [], 0.0)[0]:
+                self._said += os.read(self.process.stderr.fileno(), 65536).decode()
+            return words in self._said
+        return eventually(heard)
 
     def leave(self):
         """End in good order; what it and its guard have said."""

@@ -5,16 +5,15 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import threading
 from pathlib import Path
 from typing import Callable, Dict, Iterator, List, Optional, Sequence
 
 import rosgraph
 import rosmaster.master
-from import_graph import ROOT
 from launching import end_server
 from live_samples import PATIENCE_S, wait_until
+from program_places import command_of
 
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.publisher import Publisher, TopicPublisher
@@ -145,11 +144,7 @@ class Graph:
         return process
 
     def jaka_bag(self, *arguments: str, **options) -> Process:
-        environment = dict(self.environment, PYTHONPATH=str(ROOT / "tools"))
-        process = Process([sys.executable, "-m", "jaka_bag", *arguments], environment, self.folder,
-                          **options)
-        self._processes.append(process)
-        return process
+        return self.start(*command_of("jaka_bag"), *arguments, **options)
 
     def record(self, *arguments: str, **options) -> Process:
         """``jaka_bag record``, listening."""

@@ -25,7 +25,7 @@ def wait_for_stamps(sender, receiver):
     end = time.monotonic() + 10.0
     while time.monotonic() < end:
         sender.sendall(b"one before")
-        time.sleep(0.05)
+        time.sleep(0.05)  # the reader is late
         reading = time.monotonic_ns()
         if sockets.receive_stamped(receiver)[1] < reading - 0.02e9:
             return
@@ -41,15 +41,15 @@ def test_bytes_that_wait_are_told_to_have_come_when_they_came(pair):
     before = time.monotonic_ns()
     sender.sendall(b"frame")
     after = time.monotonic_ns()
-    time.sleep(0.3)
+    time.sleep(0.5)  # the reader is late
     data, at = sockets.receive_stamped(receiver)
-    assert data == b"frame" and before - 5e6 <= at <= after + 0.1e9, (before, at, after)
+    assert data == b"frame" and before - 0.1e9 <= at <= after + 0.3e9, (before, at, after)
 
 
 def test_without_stamps_it_is_the_moment_of_reading(pair):
     sender, receiver = pair
     sender.sendall(b"frame")
-    time.sleep(0.05)
+    time.sleep(0.05)  # the reader is late
     before = time.monotonic_ns()
     data, at = sockets.receive_stamped(receiver)
     assert data == b"frame" and before <= at <= time.monotonic_ns()

@@ -56,7 +56,7 @@ class HeldUp:
 
     def send(self, data):
         taken = self._link.send(data)
-        time.sleep(0.1)
+        time.sleep(0.1)  # so long it is held up
         return taken
 
 

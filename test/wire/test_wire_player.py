@@ -5,7 +5,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -13,6 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 from arm_bench import fill
+from program_places import command_of
 from raw_client import RawClient, RawFeed
 
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
@@ -120,7 +120,7 @@ def test_the_frame_that_caused_a_request_comes_before_time_stands_still_for_it(t
     log.bytes_out(int(1.5 * second), "status", 2, b"end")
     log.close()
     with playing(path) as (player, _), RawClient(player.port_numbers["command"]) as client:
-        time.sleep(0.1)
+        time.sleep(0.1)  # later than in the log
         address = ("127.0.0.1", player.port_numbers["status"])
         with socket.create_connection(address, WAIT) as link:
             link.settimeout(wire_player.PATIENCE_S - 2.0)
@@ -142,7 +142,7 @@ def test_a_log_tells_real_time(tmp_path):
 @contextlib.contextmanager
 def proxy(path, arm, **options):
     process = subprocess.Popen(
-        [sys.executable, "-m", "jaka_ros_driver.simulation", "proxy", "127.0.0.1", "--log", str(path),
+        [*command_of("jaka_sim"), "proxy", "127.0.0.1", "--log", str(path),
          "--command-port", "0", "--status-port", "0", "--poll-port", "0",
          "--controller-command-port", str(arm.command_port), "--controller-status-port", str(arm.status_port),
          "--controller-poll-port", str(arm.poll_port)], stdout=subprocess.PIPE, **options)

@@ -15,9 +15,9 @@ black_box            a recorder's memory, and a file around each accident
 foxglove             servers for Foxglove and Lichtblick: the graph, logs
 compare              does the arm still do what it did? a log against a golden one, and the reports
 incident             what happened around an accident, as a page
-fleet                many logs: tasks on Dask or Ray, a data set of Parquet tables
+fleet                many logs: tasks on Dask, a data set of Parquet tables
 cli                  the program ``jaka_bag``, one module a subcommand
-__main__             ``python -m jaka_bag``
+__main__             the same as a module that Python can run
 
 For programs: ``open_log``, ``read_index``, ``create_log``, ``messages_of`` and ``read_columns`` of this package.
 """

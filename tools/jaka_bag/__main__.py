@@ -1,4 +1,4 @@
-"""``python -m jaka_bag``: the program ``jaka_bag``."""
+"""The program ``jaka_bag`` as a module that Python can run."""
 import sys
 
 from .cli.main import main

@@ -1,13 +1,20 @@
-"""The modules that a replay starts as programs, as arguments of the interpreter: all of them stand here."""
+"""What a replay starts, as arguments of this interpreter: all of it stands here.
+
+Programs that people start, too, are started by the function that their own files call, for a replay does not know where
+those files are.
+"""
 from typing import Tuple
 
-JAKA_BAG = ("-m", "jaka_bag.__main__")
-SIMULATION = ("-m", "jaka_ros_driver.simulation")
+
+def _calling_main_of(module: str) -> Tuple[str, str]:
+    return "-c", "import sys; from %s import main; sys.exit(main())" % module
+
+
+JAKA_BAG = _calling_main_of("jaka_bag.cli.main")
+SIMULATION = _calling_main_of("jaka_ros_driver.simulation.__main__")
+DRIVER = _calling_main_of("jaka_ros_driver.ros.node")
 WIRE_PLAYER = ("-m", "jaka_ros_driver.wire.player")
 PANEL_SESSION = ("-m", "jaka_ros_driver.simulation.server.panel_session")
-
-_DRIVER_MODULE = "jaka_ros_driver.ros.node"
-DRIVER = ("-c", "import sys; from %s import main; sys.exit(main())" % _DRIVER_MODULE)
 STAGE = ("-m", "jaka_regression.many.stage_program")
 
 MASTER = ("-c", "from rosmaster.master import Master\nimport signal\nimport time\n"

@@ -1,5 +1,7 @@
 #!/usr/bin/env python3
-"""Makes the golden logs of this folder again: python3 test/data/golden/make_golden.py [NAME ...]
+"""Makes the golden logs of this folder again.
+
+    build/venv/bin/python3 test/data/golden/make_golden.py [NAME ...]
 
 Each session below is a list of service calls, and of what the operator does at the simulated controller. It runs
 against the driver and simulated controllers of this checkout and is recorded with ``jaka_bag record``. A golden log

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 from log_samples import state_log, write
+from program_places import command_of
 
 from jaka_bag.cli.completion import options_by_command
 from jaka_bag.cli.main import COMMANDS, load_command, main
@@ -80,7 +81,7 @@ def test_what_fails_says_so_in_one_line_and_leaves_nothing(tmp_path, words, caps
 
 def test_a_reader_that_goes_away_is_no_failure_to_talk_about(tmp_path, root):
     path = write(tmp_path / "log.bag", state_log(0.1))
-    done = subprocess.run("%s -m jaka_bag info %s | true" % (sys.executable, path), shell=True,
+    done = subprocess.run("%s info %s | true" % (" ".join(command_of("jaka_bag")), path), shell=True,
                           cwd=str(root), stderr=subprocess.PIPE)
     assert b"Traceback" not in done.stderr and b"BrokenPipe" not in done.stderr
 

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from log_samples import JOINTS, START_NS, STATES, TOOL, Sample, joints, state_log, states, tool, write
+from program_places import command_of
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers.mcap.writer import McapWriter
@@ -103,6 +104,6 @@ def test_names_that_are_not_utf8_are_printed_escaped(tmp_path, root):
     odd = STATES._replace(topic=b"/caf\xe9".decode("utf-8", "surrogateescape"))
     path = write(tmp_path / "odd.bag", [Sample(odd, START_NS, struct.pack("<4h", 0, 0, 0, 0))])
     assert read_index(path).connections == [odd]
-    done = subprocess.run([sys.executable, "-m", "jaka_bag", "info", str(path)], cwd=str(root),
+    done = subprocess.run([*command_of("jaka_bag"), "info", str(path)], cwd=str(root),
                           stdout=subprocess.PIPE)
     assert done.returncode == 0 and b"/caf\\udce9" in done.stdout

@@ -1,10 +1,10 @@
 """What is asked for and not in the log is said, with the nearest name or the true range, and is no success."""
 import os
 import subprocess
-import sys
 
 import pytest
 from log_samples import JOINTS, MODEL, START_NS, STATES, in_order, read, state_log, states, write
+from program_places import command_of
 
 from jaka_bag import __version__
 from jaka_bag.cli.main import main
@@ -182,7 +182,7 @@ def test_a_log_without_messages_is_named_as_such(tmp_path, monkeypatch, capsys, 
 
 def test_programs_end_with_the_codes_that_are_told(log, root, tmp_path):
     def code(*words):
-        done = subprocess.run([sys.executable, "-m", "jaka_bag", *map(str, words)], cwd=str(root),
+        done = subprocess.run([*command_of("jaka_bag"), *map(str, words)], cwd=str(root),
                               capture_output=True)
         assert b"Traceback" not in done.stderr
         return done.returncode, done.stdout, done.stderr

@@ -274,8 +274,7 @@ def test_another_folder_or_another_version_is_not_touched(tmp_path, capsys, cont
 
 
 @pytest.mark.parametrize("words", [["none.bag"], ["empty"], ["run.bag", "--cell", "a", "--cell-from", "b"],
-                                   ["run.bag", "--cell-from", "("], ["run.bag", "--dask", "tcp://x:1", "--ray", "y"],
-                                   ["run.bag", "--dask", "tcp://x:1"]])
+                                   ["run.bag", "--cell-from", "("], ["run.bag", "--dask", "tcp://x:1"]])
 def test_what_cannot_be_meant_is_a_usage_error(tmp_path, words, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()

@@ -9,6 +9,7 @@ import sys
 
 import pytest
 from fleet_logs import write_plant
+from program_places import command_of
 
 from jaka_bag.cli.main import main
 from jaka_bag.fleet import adding
@@ -17,7 +18,7 @@ from jaka_bag.fleet.runs import compact, read_runs
 from jaka_bag.fleet.store import open_store
 
 PATIENCE_S = 150
-KILLS_ITSELF = """
+KILLS_ITSELF = [sys.executable, "-c", """
 import os, sys
 from jaka_bag.cli.main import main
 from jaka_bag.fleet.store import FolderStore
@@ -29,7 +30,7 @@ def dies(store, path, name):
     place(store, path, name)
 FolderStore.place = dies
 sys.exit(main(sys.argv[3:]))
-"""
+"""]
 
 
 @pytest.fixture(scope="module")
@@ -61,18 +62,17 @@ def staged(folder):
 
 
 def start(words, **options):
-    return subprocess.Popen([sys.executable, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                            **options)
+    return subprocess.Popen(list(map(str, words)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)
 
 
 def begin_add(logs, target, *words, **options):
-    return start(["-m", "jaka_bag", "dataset", "add", logs, "--to", target, *words], **options)
+    return start([*command_of("jaka_bag"), "dataset", "add", logs, "--to", target, *words], **options)
 
 
 @pytest.mark.parametrize("place", [2, 12, 15])  # the first is _jaka_bag.json, then six tables and a row for each log
 def test_a_killed_run_leaves_no_log_half_in_and_the_next_one_ends_it(tmp_path, logs, undisturbed, place):
     target = tmp_path / "fleet"
-    killed = start(["-c", KILLS_ITSELF, place, 9, "dataset", "add", logs, "--to", target, "--jobs", "1"])
+    killed = start([*KILLS_ITSELF, place, 9, "dataset", "add", logs, "--to", target, "--jobs", "1"])
     killed.communicate(timeout=PATIENCE_S)
     assert killed.returncode == -signal.SIGKILL
     whole = (place - 2) // 7
@@ -90,7 +90,7 @@ def test_what_a_killed_run_published_is_removed_though_its_log_never_comes_again
     target, one = tmp_path / "fleet", tmp_path / "one"
     one.mkdir()
     shutil.copy(str(logs / "press_1" / "day_0.mcap"), str(one))
-    killed = start(["-c", KILLS_ITSELF, 5, 9, "dataset", "add", one, "--to", target, "--jobs", "1"])
+    killed = start([*KILLS_ITSELF, 5, 9, "dataset", "add", one, "--to", target, "--jobs", "1"])
     killed.communicate(timeout=PATIENCE_S)
     assert len(tree(target)) == 1 + 3
     assert main(["dataset", "compact", str(target), "--quiet"]) == 0
@@ -99,7 +99,7 @@ def test_what_a_killed_run_published_is_removed_though_its_log_never_comes_again
 
 def test_what_another_program_has_published_whole_meanwhile_is_not_taken_back(tmp_path, logs, undisturbed):
     target, other = tmp_path / "fleet", tmp_path / "other"
-    killed = start(["-c", KILLS_ITSELF, 5, 9, "dataset", "add", logs, "--to", target, "--jobs", "1"])
+    killed = start([*KILLS_ITSELF, 5, 9, "dataset", "add", logs, "--to", target, "--jobs", "1"])
     killed.communicate(timeout=PATIENCE_S)
     left, = staged(target)
     shutil.move(str(target / ".staging" / left), str(other))
@@ -168,7 +168,7 @@ def test_two_writers_and_one_who_compacts_do_not_disturb_each_other(tmp_path, lo
 
 def test_ctrl_c_leaves_no_log_half_in_and_says_what_is_left(tmp_path, logs, undisturbed):
     target = tmp_path / "fleet"
-    ended = start(["-c", KILLS_ITSELF, 12, int(signal.SIGINT), "dataset", "add", logs, "--to", target, "--jobs", "1"])
+    ended = start([*KILLS_ITSELF, 12, int(signal.SIGINT), "dataset", "add", logs, "--to", target, "--jobs", "1"])
     out, err = ended.communicate(timeout=PATIENCE_S)
     assert ended.returncode == 1 and b"Traceback" not in err, err
     assert b"note: 5 of 6 logs are left: call it again" in err and b"note: 3 files of a run" in err, err

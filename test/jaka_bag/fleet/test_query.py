@@ -1,5 +1,6 @@
 """Questions to a data set: those of docs/fleet.md, answers as table, CSV and Parquet, and what is not shown."""
 import csv
+import json
 import os
 import shutil
 import subprocess
@@ -121,6 +122,17 @@ def test_an_answer_is_a_table_or_a_csv_or_a_parquet_file(fleet, tmp_path, capfd)
         assert main(["dataset", "query", str(fleet), question, "--" + kind, str(path), "--force"]) == 0
     assert list(csv.reader((tmp_path / "answer.csv").read_text().splitlines())) == rows
     assert parquet.read_table(str(tmp_path / "answer.parquet"))["logs"].to_pylist() == [4, 4, 4]
+
+
+def test_lists_and_structures_are_json_in_a_csv(fleet, tmp_path):
+    path = tmp_path / "runs.csv"
+    assert main(["dataset", "query", str(fleet), "SELECT *, INTERVAL 2 DAY AS days FROM runs", "--csv", str(path)]) == 0
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    assert len(rows) == 12
+    for row, asked in zip(rows, ask(fleet, "SELECT * FROM runs")):
+        assert [topic["messages"] for topic in json.loads(row["topics"])] == [
+            topic["messages"] for topic in asked["topics"]]
+        assert row["cell"] == asked["cell"] and "2" in row["days"]
 
 
 def test_a_long_answer_is_cut_on_the_terminal_alone(fleet, capfd):

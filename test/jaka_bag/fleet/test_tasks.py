@@ -1,8 +1,6 @@
 """One task a log: failures that stop nothing, packages that are missing, what is left."""
 import functools
-import os
 import sys
-from pathlib import Path
 
 import pytest
 from fleet_tasks import describe
@@ -29,14 +27,6 @@ def test_a_result_tells_what_became_of_a_task():
     assert ours[5].value == {"settings": (2, 3)}
 
 
-def test_ray_gives_the_same(monkeypatch):
-    pytest.importorskip("ray")
-    folders = [str(Path(sys.modules["fleet_tasks"].__file__).parent), os.environ["PYTHONPATH"]]
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(folders))  # Ray's processes import the work from there
-    from jaka_bag.fleet.ray_engine import Ray
-    assert results(Ray(workers=2)) == results(Serial())
-
-
 def test_a_worker_of_another_version_is_refused():
     result = BoundFunction(describe, "0.0.1")(LogTask("log"))
     assert result.status == FAILED and "0.0.1" in result.reason
@@ -47,13 +37,6 @@ def test_a_package_that_is_missing_is_named(monkeypatch, package, engine):
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(MissingDependency, match=package):
         results(engine)
-
-
-def test_a_missing_ray_is_named(monkeypatch):
-    from jaka_bag.fleet.ray_engine import Ray
-    monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(MissingDependency, match="--ray needs the Python package ray"):
-        results(Ray())
 
 
 def test_a_tally_counts_what_is_left():

@@ -3,12 +3,10 @@ import base64
 import json
 import signal
 import struct
-import sys
 import threading
 
 import pytest
 from foxglove_clients import OLD, SDK, JsClient, RawViewer, Recorder, Refused, Served, data_of
-from import_graph import ROOT
 from live_ros import Graph, with_subscribers
 from live_samples import (
     STRING,
@@ -20,6 +18,7 @@ from live_samples import (
     wait_until,
 )
 from mcap.reader import make_reader
+from program_places import command_of
 
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.subscriber import accept_all
@@ -49,7 +48,6 @@ rospy.spin()
 """
 EVERYTHING = TopicSelection(everything=True)
 CALL = struct.Struct("<BIII")
-DRIVE = "from jaka_bag.cli.main import live; import sys; sys.exit(live())"
 
 
 @pytest.fixture
@@ -63,8 +61,7 @@ def graph(tmp_path, monkeypatch):
 
 def program(graph, *arguments):
     """``jaka_foxglove`` on a free port."""
-    environment = dict(graph.environment, PYTHONPATH="%s:%s" % (ROOT / "tools", graph.environment["PYTHONPATH"]))
-    return Served(sys.executable, "-c", DRIVE, "--port", "0", *arguments, environment=environment)
+    return Served(*command_of("jaka_foxglove"), "--port", "0", *arguments, environment=graph.environment)
 
 
 @pytest.fixture

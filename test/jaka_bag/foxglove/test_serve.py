@@ -2,7 +2,6 @@
 import asyncio
 import signal
 import struct
-import sys
 import time
 from typing import Dict, List
 
@@ -11,6 +10,7 @@ import pytest
 from foxglove_clients import OLD, SDK, JsClient, RawViewer, Recorder, Served, control, data_of, serving, state_of
 from log_samples import JOINTS, MODEL, STATES, Sample, in_order, state_log, states, text, write
 from mcap.reader import make_reader
+from program_places import command_of
 
 from jaka_bag.cli.main import main
 from jaka_bag.live.log_source import LogSource
@@ -283,7 +283,7 @@ def test_it_stands_still_while_nobody_watches(shown, long_log):
         watching.count(50)
     live_samples.wait_until(lambda: not server._source._topics, "it is noticed that nobody watches")
     stood_at, sent_to = server._source._clock.position(time.monotonic()), server._source._sent_to
-    time.sleep(0.3)
+    time.sleep(0.3)  # what must not come has no other sign
     assert server._source._clock.position(time.monotonic()) == stood_at
     with Watching(server) as watching:
         watching.count(10)
@@ -342,7 +342,7 @@ def test_nothing_to_show_and_no_file_are_errors(long_log, capsys):
 
 
 def test_an_address_beyond_this_machine_is_said(long_log):
-    command = [sys.executable, "-m", "jaka_bag", "serve", "--port", "0", "--host", "0.0.0.0", str(long_log[0])]
+    command = [*command_of("jaka_bag"), "serve", "--port", "0", "--host", "0.0.0.0", str(long_log[0])]
     with Served(*command) as served:
         assert any("everybody who reaches this port sees these logs" in line for line in served.lines)
         with RawViewer(served.port) as viewer:

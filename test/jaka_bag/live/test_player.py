@@ -5,7 +5,7 @@ import pty
 import sys
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from jaka_bag.live.keyboard import Keyboard
@@ -127,7 +127,6 @@ def test_lateness_of_nothing_is_zero():
     assert Lateness().quantile(0.99) == 0.0
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(-1e-3, 100.0), min_size=1))
 def test_quantiles_are_right_within_a_tenth_and_never_above_the_largest(values):
     account = Lateness()

@@ -2,7 +2,7 @@
 import json
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from jaka_bag.live.stream_account import Stream, drops_as_metadata, drops_by_topic, starts_with_header
@@ -34,7 +34,6 @@ def test_skipped_numbers_are_missing(numbers, missing):
     assert account.missing == missing
 
 
-@settings(deadline=None)
 @given(st.sets(st.integers(1, 500), min_size=1))
 def test_missing_is_what_lies_between_and_did_not_come(numbers):
     account = stream()

@@ -35,7 +35,7 @@ def until(condition, what, timeout=30.0):
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, what
-        time.sleep(0.01)
+        time.sleep(0.01)  # between two looks
 
 
 def test_the_space_bar_stops_wherever_the_focus_is(panel, open_page):
@@ -301,7 +301,7 @@ def test_every_button_answers(panel, open_page):
             page.mouse("Released", x, y)
             deadline = time.monotonic() + ANSWER_MS / 1000
             while len(panel.received) == before and not page.evaluate("window.changed") and time.monotonic() < deadline:
-                time.sleep(0.01)
+                time.sleep(0.01)  # between two looks
             if len(panel.received) == before and not page.evaluate("window.changed"):
                 dead.append((tab, name))
     assert clicked > 60 and not dead, (clicked, dead)

@@ -10,6 +10,7 @@ from import_graph import ROOT
 
 from jaka_bag.cli.main import main
 from jaka_bag.errors import BagError, UsageError
+from jaka_regression.many import driver_source as module
 from jaka_regression.many.driver_source import DriverSource, driver_source, unpack
 from jaka_regression.many.replay_goldens import goldens_of
 from jaka_regression.programs import DRIVER, driver_in
@@ -60,6 +61,16 @@ def test_a_version_is_a_commit_of_the_checkout():
     assert source.name.startswith("version HEAD (") and not source.has_messages
     assert "jaka_ros_driver/ros/node.py" in names_in(source)
     assert not any(name.startswith("tools") for name in names_in(source))
+
+
+def test_an_installed_package_takes_no_version_from_another_checkout(tmp_path, monkeypatch):
+    place = tmp_path / "install" / "lib" / "python3" / "dist-packages" / "jaka_regression" / "many" / "driver_source.py"
+    for words in ("init -q", "-c user.name=a -c user.email=a@b commit -q --allow-empty -m x", "tag v1.0"):
+        subprocess.run(["git", *words.split()], cwd=str(tmp_path), check=True)
+    place.parent.mkdir(parents=True)
+    monkeypatch.setattr(module, "__file__", str(place))
+    with pytest.raises(UsageError, match="1.0 is no folder; versions are those of a git checkout of the driver"):
+        driver_source("1.0")
 
 
 @pytest.mark.parametrize("wanted, words", [

@@ -1,5 +1,5 @@
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from plant_watch import ZU7
 
@@ -9,7 +9,6 @@ from jaka_ros_driver.simulation.arm.plant import HOME
 DT = 0.008
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6))
 def test_comes_to_rest_where_it_said_within_the_acceleration_limits(velocity):
     coast = Coast(ZU7, HOME, velocity)

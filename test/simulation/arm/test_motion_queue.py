@@ -117,7 +117,7 @@ class AnySequenceOfTrapezoids(AnySequence):
     jerk_limited = False
 
 
-FEW = settings(max_examples=40, stateful_step_count=25, deadline=None,
+FEW = settings(max_examples=40, stateful_step_count=25,
                suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 TestAnySequence = AnySequence.TestCase
 TestAnySequence.settings = FEW

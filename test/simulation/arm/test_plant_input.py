@@ -2,7 +2,7 @@
 import math
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from plant_watch import PlantWatch
 
@@ -12,7 +12,7 @@ from jaka_ros_driver.simulation.arm.plant import HOME, JogMode, ServoFilter
 
 ANY = st.one_of(st.floats(), st.sampled_from([0.0, -0.0, 1e-300, 1e-12, 0.1, -0.1, 1.0, 1e3, 1e12, 1e300, math.pi]))
 SIX = st.tuples(*[ANY] * 6)
-MANY = settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+MANY = settings(max_examples=60)
 
 
 def pose(values):

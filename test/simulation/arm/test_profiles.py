@@ -26,7 +26,7 @@ def check_bounds(positions, speed, acceleration):
 
 
 @BOTH
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(way=st.floats(1e-6, 2.0), speed=st.floats(0.1, 5.0), acceleration=st.floats(0.1, 20.0))
 def test_reaches_its_target_exactly_and_within_its_limits(jerk_limited, way, speed, acceleration):
     profile = Profile(jerk_limited)
@@ -37,7 +37,7 @@ def test_reaches_its_target_exactly_and_within_its_limits(jerk_limited, way, spe
 
 
 @BOTH
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(way=st.floats(0.01, 2.0), speed=st.floats(0.01, 2.0), acceleration=st.floats(0.1, 10.0),
        cycles=st.integers(1, 300))
 def test_brakes_to_where_it_said(jerk_limited, way, speed, acceleration, cycles):
@@ -99,7 +99,6 @@ def test_the_jerk_time_is_how_long_acceleration_builds_up(jerk_limited):
         assert profile.jerk_time == JERK_TIME_S
 
 
-@settings(deadline=None)
 @given(way=st.floats(1e-4, 10.0), final=st.floats(0.0, 2.0), acceleration=st.floats(0.05, 20.0),
        jerk=st.sampled_from([0.0, 0.05]))
 def test_speed_for_way_uses_just_that_way(way, final, acceleration, jerk):

@@ -75,7 +75,7 @@ def test_rotation_speed_and_acceleration_hold_where_they_are_the_slower():
 
 
 @BOTH
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(tolerance=st.floats(0.001, 0.05), turn=st.floats(0.3, 3.0), speed=st.floats(0.05, 0.5))
 @example(tolerance=0.03125, turn=0.375, speed=0.359375)  # the corner lowers the limits while the arm still speeds up
 def test_a_rounded_corner_stays_within_its_tolerance(jerk_limited, tolerance, turn, speed):

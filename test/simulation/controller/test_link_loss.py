@@ -253,7 +253,7 @@ def test_stall_that_is_prolonged_counts_from_its_beginning(arm, client):
     while arm.state()["queue_length"]:
         arm.panel("stall", port="command", duration_ms=1000)
         assert arm.state()["simulated_s"] - began < 16.0
-        time.sleep(0.02)
+        time.sleep(0.02)  # between two prolongations
     wait_for_abort(arm)
 
 

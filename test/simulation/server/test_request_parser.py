@@ -139,7 +139,7 @@ def cut(data, draw):
     return [data[start:end] for start, end in zip([0, *cuts], [*cuts, len(data)])]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.data(), REQUESTS, st.sampled_from([b"", b"\n", b"\r\n", b" \x00"]), st.booleans())
 def test_every_json_object_is_understood_however_it_is_cut(data, requests, delimiter, ascii_only):
     wire = b"".join(json.dumps(request, ensure_ascii=ascii_only).encode("utf-8") + delimiter
@@ -147,7 +147,7 @@ def test_every_json_object_is_understood_however_it_is_cut(data, requests, delim
     assert parse(*cut(wire, data.draw)) == (requests, 0)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.data(), st.one_of(
     st.binary(max_size=60),
     st.text(alphabet='{}[]":,\\ntrue0.e-1 \n', max_size=60).map(str.encode)))

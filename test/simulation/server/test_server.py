@@ -86,7 +86,7 @@ def test_idle_connections_lock_nobody_out(arm, port):
 def test_the_feed_that_came_with_the_command_client_outlives_idle_ones(arm):
     with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed, contextlib.ExitStack() as idle:
         assert client.code("get_version") == "0" and feed.frame()
-        time.sleep(0.2)
+        time.sleep(0.2)  # the idle ones come later
         for _ in range(60):
             idle.enter_context(socket.create_connection((LOOPBACK, arm.status_port), timeout=5.0))
         began = arm.state()["simulated_s"]

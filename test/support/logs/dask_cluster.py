@@ -25,20 +25,24 @@ class DaskCluster:
     Args:
         folder: For its files.
         workers: How many.
+        python: An interpreter with packages of its own, in place of this one with those of the checkout.
 
     Attributes:
         address: Of the scheduler.
         workers: The processes of the workers that were begun, dead ones among them.
     """
 
-    def __init__(self, folder: Path, workers: int = 2) -> None:
+    def __init__(self, folder: Path, workers: int = 2, python: Optional[Path] = None) -> None:
         self._folder = folder
+        self._python = str(python or sys.executable)
         self._port = free_port()
         self.address = "tcp://127.0.0.1:%d" % self._port
         self._environment: Dict[str, str] = dict(
             os.environ, DASK_DISTRIBUTED__WORKER__DAEMON="False",
             PYTHONPATH=os.pathsep.join([str(ROOT / "tools"), str(ROOT / "test" / "support"),
                                         str(ROOT / "test" / "support" / "logs"), os.environ.get("PYTHONPATH", "")]))
+        if python is not None:
+            del self._environment["PYTHONPATH"]
         self._scheduler: Optional[subprocess.Popen] = None
         self.workers: List[subprocess.Popen] = []
         try:
@@ -52,7 +56,7 @@ class DaskCluster:
             raise
 
     def _start(self, *words: str) -> subprocess.Popen:
-        return subprocess.Popen([sys.executable, "-m", "distributed.cli." + words[0], *words[1:]],
+        return subprocess.Popen([self._python, "-m", "distributed.cli." + words[0], *words[1:]],
                                 env=self._environment, cwd=str(self._folder), stdout=subprocess.DEVNULL,
                                 stderr=subprocess.DEVNULL)
 

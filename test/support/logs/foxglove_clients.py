@@ -16,6 +16,7 @@ from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 import pytest
 from import_graph import ROOT
+from program_places import command_of
 
 PATIENCE_S = 60.0
 _JS = ROOT / "test" / "jaka_bag" / "foxglove" / "js"
@@ -340,5 +341,5 @@ class Served:
 @contextlib.contextmanager
 def serving(*arguments: str) -> Iterator[Served]:
     """``jaka_bag serve`` on a free port."""
-    with Served(sys.executable, "-m", "jaka_bag", "serve", "--port", "0", *arguments) as served:
+    with Served(*command_of("jaka_bag"), "serve", "--port", "0", *arguments) as served:
         yield served

@@ -1,6 +1,8 @@
 """Small logs that ask for much: what a reader must refuse, or do, in bounded memory and time.
 
-``python3 test/support/logs/hostile_logs.py FOLDER`` writes them all.
+All of them are written by
+
+    PYTHONPATH=tools build/venv/bin/python3 test/support/logs/hostile_logs.py FOLDER
 """
 import bz2
 import json

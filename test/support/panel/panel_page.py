@@ -6,16 +6,16 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import threading
 import time
 
 import aiohttp
 from arm_bench import eventually
+from program_places import command_of
 
 WAIT = 60.0
 PERIOD_S = 0.05
-PROGRAM = [sys.executable, "-m", "jaka_panel.program"]
+PROGRAM = command_of("jaka_panel")
 
 
 class PanelProcess:

@@ -1,5 +1,6 @@
 """``jaka_bag convert``: the command line of conversion, of one file or of all in a folder."""
 import argparse
+import os
 from pathlib import Path
 from typing import List, Optional
 
@@ -94,6 +95,8 @@ def _run_rosbag2(args: argparse.Namespace, folder: Path, output: Optional[str], 
 
 
 def _run_folder(args: argparse.Namespace, folder: Path, output: Optional[str], report: Report) -> int:
+    if args.dask:  # the workers' current folder is another
+        folder, output = Path(os.path.abspath(str(folder))), output and os.path.abspath(output)
     jobs = _jobs(args, folder, output)
     targets = {job.source: job.target for job in jobs}
     results: List[WriteResult] = []

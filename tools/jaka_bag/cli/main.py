@@ -62,7 +62,7 @@ COMMANDS: Dict[str, Command] = {
     "compare": Command("jaka_bag.cli.compare", "does a log show what a golden one shows? with tolerances, HTML, JUnit",
                        failed=2),
     "report": Command("jaka_bag.cli.evidence.report", "what happened around an accident, second by second, as a page"),
-    "verify": Command("jaka_bag.cli.evidence.verify", "was a log changed since record --sign signed it?"),
+    "verify": Command("jaka_bag.cli.evidence.verify", "was a signed log changed, or a driver's audit log?"),
     "dataset add": Command("jaka_bag.cli.fleet.add", "many logs into a data set of Parquet tables, here or on Dask"),
     "dataset query": Command("jaka_bag.cli.fleet.query", "ask a data set in SQL (DuckDB)"),
     "dataset compact": Command("jaka_bag.cli.fleet.compact", "put a data set's table of logs into one file"),

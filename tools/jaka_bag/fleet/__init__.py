@@ -3,7 +3,6 @@
 tasks        what is done with one log, and where: the engine-neutral core
 processes    engine: processes of this computer
 dask_engine  engine: a Dask cluster
-ray_engine   engine: a Ray cluster
 conversion   convert as such a task
 adding       adding to the data set as such a task
 log_facts    what a log tells of itself: cell, arm, versions, triggers, losses

@@ -1,6 +1,6 @@
 """One task a log, done by an engine: a function of a ``LogTask`` that gives a ``LogResult``.
 
-Nothing here knows Dask or Ray. A function of this shape gives the same result in this process, in processes of this
+Nothing here knows Dask. A function of this shape gives the same result in this process, in processes of this
 computer, and on the workers of a cluster.
 """
 import time

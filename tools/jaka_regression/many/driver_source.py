@@ -90,6 +90,9 @@ def _of_version(version: str) -> DriverSource:
     root = Path(__file__).resolve().parents[3]
     if version.startswith("-"):
         raise UsageError("%s is no folder and no version" % version)
+    if not (root / "package.xml").is_file():  # installed, perhaps below a git checkout of something else
+        raise UsageError("%s is no folder; versions are those of a git checkout of the driver, and this is installed "
+                         "in %s" % (version, root))
     for name in (version, "v" + version):
         found = _git(root, "rev-parse", "--verify", "--quiet", name + "^{commit}")
         if not found.returncode:

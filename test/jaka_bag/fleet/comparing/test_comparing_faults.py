@@ -3,12 +3,12 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 import time
 from xml.etree import ElementTree
 
 import pytest
 from many_sessions import drift, run_of
+from program_places import command_of
 from synthetic_session import write_log
 
 from jaka_bag.cli.main import main
@@ -61,7 +61,7 @@ def wait_for_lines(results, count):
     end = time.monotonic() + PATIENCE_S
     while journal_lines(results) < count:
         assert time.monotonic() < end
-        time.sleep(0.005)
+        time.sleep(0.005)  # between two looks
 
 
 def test_damaged_logs_are_told_with_their_reason_and_stop_nothing(serial):
@@ -77,9 +77,8 @@ def test_damaged_logs_are_told_with_their_reason_and_stop_nothing(serial):
 
 def test_a_comparison_that_was_killed_goes_on_where_it_was(short_golden, logs, serial, tmp_path, root):
     results = tmp_path / "results"
-    environment = dict(os.environ, PYTHONPATH=os.pathsep.join([str(root / "tools"), os.environ.get("PYTHONPATH", "")]))
-    process = subprocess.Popen([sys.executable, "-m", "jaka_bag", "compare", str(short_golden), "--against", str(logs),
-                                "--results", str(results), "--jobs", "1", "-q"], env=environment,
+    process = subprocess.Popen([*command_of("jaka_bag"), "compare", str(short_golden), "--against", str(logs),
+                                "--results", str(results), "--jobs", "1", "-q"],
                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         wait_for_lines(results, 8)

@@ -11,13 +11,13 @@ from ...fleet.tasks import DONE, SKIPPED, LogResult, LogTask
 from ...operations.parquet import load_pyarrow
 from ..main import human_bytes
 from ..options import Report, add_report
-from .engine import add_engine, engine_of, work_through
+from .engine import add_engine, engine_of, for_workers, work_through
 
 EPILOG = """\
 Each topic becomes topic=NAME/date=YYYY-MM-DD/CELL-RUN.parquet, each log a row of the table runs. A log that is in, by
 its content, is left alone; a damaged one is recovered, or listed in runs with the reason; nothing stops the rest. Ended
-at any moment it leaves no log half in: call it again. With --dask and --ray the workers see logs and data set under the
-same names, and have the same version of this package.
+at any moment it leaves no log half in: call it again. With --dask the workers see logs and data set under the same
+names, and have the same version of this package.
 
 examples:
   jaka_bag dataset add logs --to fleet                        a cluster of this computer's processors
@@ -55,8 +55,8 @@ def run(args: argparse.Namespace) -> int:
     report = Report(args)
     if args.cell and args.cell_from:
         raise UsageError("--cell and --cell-from do not go together")
-    settings = AddSettings(args.to, args.cell, args.cell_from, args.again)
-    tasks = [LogTask(path, settings) for path in find_logs(args.sources)]
+    settings = AddSettings(for_workers(args, args.to), args.cell, args.cell_from, args.again)
+    tasks = [LogTask(path, settings) for path in find_logs([for_workers(args, one) for one in args.sources])]
     engine = engine_of(args, len(tasks))
     store = open_store(args.to)
     check_version(store, is_to_be_made=True)

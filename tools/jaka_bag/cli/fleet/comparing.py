@@ -24,7 +24,7 @@ from ...output_file import OutputFile
 from ..main import printable
 from ..options import Report
 from .add import pattern
-from .engine import add_engine, engine_of, work_through
+from .engine import add_engine, engine_of, for_workers, work_through
 
 FOLDER = "compare"
 """Of a data set: where results are."""
@@ -90,7 +90,7 @@ def candidates_of(args: argparse.Namespace) -> List[Candidate]:
         found = [Candidate(str(path), args.cell, "/".join(path.relative_to(base).parts[:-1])) for path in logs]
     if not found:
         raise BagError("%s holds no log" % args.against)
-    return found
+    return [one._replace(path=for_workers(args, one.path)) for one in found]
 
 
 def _of_dataset(location: str) -> List[Candidate]:
@@ -168,7 +168,7 @@ def _write_run_reports(args: argparse.Namespace, setup: Setup, folder: Path, his
 
     if tasks:
         folder.mkdir(exist_ok=True)
-        engine = engine_of(args, len(tasks)) if args.dask or args.ray else Serial()
+        engine = engine_of(args, len(tasks)) if args.dask else Serial()
         run_tasks(compare_task, tasks, engine, take)
 
 

@@ -10,13 +10,11 @@ from ..quantities import count
 
 
 def add_engine(parser: argparse.ArgumentParser) -> None:
-    """Declare ``--jobs``, ``--dask`` and ``--ray``."""
+    """Declare ``--jobs`` and ``--dask``."""
     group = parser.add_argument_group("where the work is done (default: a Dask cluster of this computer)")
     group.add_argument("--jobs", type=count, metavar="N",
                        help="logs at a time on this computer (default: its processors); 1 needs no Dask")
     group.add_argument("--dask", metavar="ADDRESS", help="hand the logs to the Dask scheduler there")
-    group.add_argument("--ray", metavar="ADDRESS",
-                       help="hand the logs to the Ray cluster there; local: to one of this computer")
 
 
 def engine_of(args: argparse.Namespace, task_count: int) -> Engine:
@@ -25,19 +23,18 @@ def engine_of(args: argparse.Namespace, task_count: int) -> Engine:
     Raises:
         UsageError: They choose two.
     """
-    if args.dask is not None and args.ray is not None:
-        raise UsageError("--dask and --ray do not go together")
-    is_elsewhere = args.dask is not None or args.ray not in (None, "local")
-    if is_elsewhere and args.jobs is not None:
+    if args.dask is not None and args.jobs is not None:
         raise UsageError("--jobs is for this computer, not for a cluster elsewhere")
     jobs = max(1, min(args.jobs or os.cpu_count() or 1, task_count))
-    if args.ray is not None:
-        from ...fleet.ray_engine import Ray
-        return Ray(None if args.ray == "local" else args.ray, jobs)
     if args.dask is None and jobs == 1:
         return Serial()
     from ...fleet.dask_engine import Dask
     return Dask(args.dask, jobs)
+
+
+def for_workers(args: argparse.Namespace, location: str) -> str:
+    """Return the name of a file or folder as workers of a cluster understand it, whose current folder is another."""
+    return location if args.dask is None or "://" in location else os.path.abspath(location)
 
 
 def work_through(function: LogFunction, tasks: Sequence[LogTask], engine: Engine, report: Report,

@@ -1,8 +1,9 @@
 """``jaka_bag dataset query``: the command line that asks a data set."""
 import argparse
 import importlib
+import json
 import sys
-from typing import Any, Iterator, List
+from typing import Any, Iterator, List, Optional
 
 from ...errors import UsageError
 from ...fleet.query import DataSet
@@ -74,20 +75,42 @@ def _show(pa: Any, schema: Any, batches: Iterator[Any]) -> None:
         print("... and more: --csv or --parquet gives all rows")
 
 
+def _write_csv(pa: Any, file: Any, schema: Any, batches: Iterator[Any]) -> None:
+    """Write an answer as CSV; lists and structures, which CSV has no place for, as JSON."""
+    csv = importlib.import_module("pyarrow.csv")
+
+    def is_plain(field: Any) -> bool:
+        try:
+            with csv.CSVWriter(pa.BufferOutputStream(), pa.schema([field])) as writer:
+                writer.write_batch(pa.RecordBatch.from_arrays([pa.nulls(1, field.type)], schema=pa.schema([field])))
+        except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
+            return False
+        return True
+
+    plain = [is_plain(field) for field in schema]
+    fields = [field if good else pa.field(field.name, pa.string()) for field, good in zip(schema, plain)]
+    with csv.CSVWriter(pa.PythonFile(file, mode="w"), pa.schema(fields)) as writer:
+        for batch in batches:
+            columns = [column if good else pa.array(map(_csv_text, column.to_pylist()), pa.string())
+                       for column, good in zip(batch.columns, plain)]
+            writer.write_batch(pa.RecordBatch.from_arrays(columns, schema=pa.schema(fields)))
+
+
+def _csv_text(value: Any) -> Optional[str]:
+    if value is None or isinstance(value, str):
+        return value
+    return json.dumps(value, default=str) if isinstance(value, (dict, list)) else str(value)
+
+
 def _write(args: argparse.Namespace, schema: Any, batches: Iterator[Any]) -> None:
     pa, parquet = load_pyarrow()
+    if args.csv == "-":
+        sys.stdout.flush()
+        _write_csv(pa, sys.stdout.buffer, schema, batches)
+        return
     if args.csv is not None:
-        csv = importlib.import_module("pyarrow.csv")
-        if args.csv == "-":
-            sys.stdout.flush()
-            with csv.CSVWriter(pa.PythonFile(sys.stdout.buffer, mode="w"), schema) as writer:
-                for batch in batches:
-                    writer.write_batch(batch)
-            return
-        with OutputFile(args.csv, args.force) as output, csv.CSVWriter(
-                pa.PythonFile(output.file, mode="w"), schema) as writer:
-            for batch in batches:
-                writer.write_batch(batch)
+        with OutputFile(args.csv, args.force) as output:
+            _write_csv(pa, output.file, schema, batches)
         return
     with OutputFile(args.parquet, args.force) as output, parquet.ParquetWriter(
             pa.PythonFile(output.file, mode="w"), schema, compression="zstd") as writer:

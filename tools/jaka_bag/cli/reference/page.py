@@ -1,4 +1,9 @@
-"""Writes ``docs/jaka_bag.md`` from the parsers: ``python3 -m jaka_bag.cli.reference.page > docs/jaka_bag.md``."""
+"""Writes ``docs/jaka_bag.md`` from the parsers:
+
+    build/venv/bin/python3 -m jaka_bag.cli.reference.page > docs/jaka_bag.md
+
+The test of the page tells when it has to be written anew.
+"""
 import argparse
 import sys
 from typing import List

@@ -1,0 +1,130 @@
+"""The parsers of the programs, taken from the programs themselves: all their commands, and what these understand."""
+import argparse
+import contextlib
+import importlib
+import io
+import re
+import sys
+from typing import Iterator, List, Optional, Sequence, Tuple
+
+import program_places
+from import_graph import outside_imports
+
+from jaka_bag.cli.main import COMMANDS, _with_files_first, load_command, parser_of
+
+
+class Wrong(Exception):
+    """Words that a program does not understand, or what else a reader cannot type as it stands; the reason."""
+
+
+class _Stopped(BaseException):
+    """The program has come to its parser."""
+
+
+def needs_ros(program: str) -> bool:
+    """Tell whether a program imports rospy."""
+    return "rospy" in outside_imports(program_places.declared()[program].split(":")[0])
+
+
+def commands() -> Iterator[Tuple[str, List[str]]]:
+    """Every program of the build with each of its subcommands, and with none."""
+    for program in sorted(program_places.declared()):
+        yield program, []
+        if program == "jaka_bag":
+            yield from ((program, name.split()) for name in COMMANDS)
+        elif not needs_ros(program):
+            description = parser(program, []).description or ""
+            yield from ((program, [name]) for name in re.findall(r"'%s (\w+) --help'" % program, description))
+
+
+def parser(program: str, words: Sequence[str], judged: bool = False) -> argparse.ArgumentParser:
+    """Return the parser that a program, or subcommand, makes for these words.
+
+    With ``judged`` the words must be understood, else Wrong is raised; the program never comes further than that.
+    """
+    if program == "jaka_bag" and words:
+        name = " ".join(words[:2]) if " ".join(words[:2]) in COMMANDS else words[0]
+        if name not in COMMANDS:
+            raise Wrong("jaka_bag has no command %s" % name)
+        found = parser_of(name, load_command(name), 98)
+        rest = list(words[len(name.split()):])
+        return _judged(found, lambda: found.parse_intermixed_args(_with_files_first(found, rest))) if judged else found
+    module, _, function = program_places.declared()[program].partition(":")
+    return _asked(getattr(importlib.import_module(module), function), [program, *words], judged)
+
+
+def _judged(found: argparse.ArgumentParser, parse) -> argparse.ArgumentParser:
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+            parse()
+    except SystemExit as end:
+        if end.code:
+            raise Wrong(said.getvalue()) from None
+    return found
+
+
+def _asked(main, argv: List[str], judged: bool) -> argparse.ArgumentParser:
+    seen: List[argparse.ArgumentParser] = []
+    names = ("parse_args", "parse_known_args", "parse_intermixed_args")
+    kept = {name: getattr(argparse.ArgumentParser, name) for name in names}
+    before = sys.argv
+
+    def restore():
+        for name in names:
+            setattr(argparse.ArgumentParser, name, kept[name])
+
+    def stop(name):
+        def asked(self, *arguments, **options):
+            seen.append(self)
+            restore()  # these methods call each other
+            if judged:
+                _judged(self, lambda: kept[name](self, *arguments, **options))
+            raise _Stopped
+        return asked
+
+    try:
+        sys.argv = argv
+        for name in names:
+            setattr(argparse.ArgumentParser, name, stop(name))
+        main()
+    except _Stopped:
+        return seen[0]
+    finally:
+        sys.argv = before
+        restore()
+    raise Wrong("%s asks no parser" % argv)
+
+
+def understand(program: str, words: Sequence[str], is_whole: bool = True) -> None:
+    """Raise Wrong where a program does not understand these words.
+
+    Where they are not a whole command, it must have the subcommand and the options that they name.
+    """
+    if program == "jaka_bag" and (not words or words[0] in ("--help", "--version")):
+        return
+    if not is_whole and program == "jaka_bag" and len(words) == 1 and _is_family(words[0]):
+        return
+    if not is_whole:
+        known = parser(program, words)._option_string_actions
+        unknown = [word for word in words if re.match("--?[a-z]", word) and word.split("=")[0] not in known
+                   and (word[:2] == "--" or word[:2] not in known)]
+        if unknown:
+            raise Wrong("%s has no %s" % (program, unknown))
+        if program == "jaka_bag":
+            return
+    problem = _problem(program, words)
+    if problem and (is_whole or "are required" not in problem):
+        raise Wrong("%s: %s" % (" ".join(words), problem))
+
+
+def _is_family(name: str) -> bool:
+    return any(command.startswith(name + " ") for command in COMMANDS)
+
+
+def _problem(program: str, words: Sequence[str]) -> Optional[str]:
+    try:
+        parser(program, words, judged=True)
+    except Wrong as wrong:
+        return str(wrong)
+    return None

@@ -1,0 +1,59 @@
+"""Tests, benchmarks and pages start the programs as users do: by their files, never as modules of a checkout."""
+import re
+import subprocess
+from pathlib import Path
+
+import program_places
+import pytest
+from import_graph import ROOT, modules, outside_imports
+
+WHERE = ("test", "docs", "tools", "launch", ".ci", "README.md", "CONTRIBUTING.md", "CMakeLists.txt")
+SUFFIXES = ("", ".cmake", ".launch", ".md", ".mjs", ".py", ".sh", ".test", ".txt")
+UNBUILT = {"docs/simulation.md", "test/packaging/test_spaces.py"}
+"""Where the simulated controller of a checkout that is not built is told of, and tried."""
+MODULES = sorted({called.split(":")[0] for called in program_places.declared().values()}
+                 | {name for name in modules() if name.endswith(".__main__")}
+                 | {name.rpartition(".")[0] for name in modules() if name.endswith(".__main__")})
+"""Modules that are the program when they are run."""
+START = re.compile(r"""-m["']?,?\s*["']?(%s)(?![\w.])""" % "|".join(map(re.escape, MODULES)))
+
+
+def starts(text):
+    """The modules that a text starts as programs."""
+    return START.findall(text)
+
+
+def files():
+    for name in WHERE:
+        for path in sorted((ROOT / name).rglob("*")) if (ROOT / name).is_dir() else [ROOT / name]:
+            if path.is_file() and path.suffix in SUFFIXES:
+                yield path
+
+
+def test_nothing_starts_a_program_as_a_module():
+    found = {path.relative_to(ROOT).as_posix(): starts(path.read_text(encoding="utf-8")) for path in files()
+             if path != Path(__file__).resolve()}
+    assert len(found) > 300
+    assert {name: what for name, what in found.items() if what and name not in UNBUILT} == {}
+    assert {what for name in UNBUILT for what in found[name]} == {"jaka_ros_driver.simulation"}
+
+
+@pytest.mark.parametrize("planted, module", [
+    ('[sys.executable, "-m", "jaka_bag", *words]', "jaka_bag"), ("python3 -m jaka_bag info", "jaka_bag"),
+    ("(\"-m\",\n 'jaka_bag.__main__')", "jaka_bag.__main__"), ('"-m", "jaka_panel.program"]', "jaka_panel.program"),
+    ("`python3 -m jaka_ros_driver.simulation`", "jaka_ros_driver.simulation"),
+    ("python3 -m jaka_ros_driver.wire.player", None), ("python3 -m jaka_bag.cli.reference.page", None)])
+def test_a_start_that_is_planted_is_seen(planted, module):
+    assert starts(planted) == ([module] if module else [])
+
+
+# ---- the place under test ----
+
+@pytest.mark.parametrize("program", sorted(program_places.declared()))
+def test_every_program_is_in_the_place_under_test(program):
+    """Says so by itself, from a folder that has nothing to do with the checkout."""
+    if "rospy" in outside_imports(program_places.declared()[program].split(":")[0]):
+        pytest.importorskip("rospy", reason="%s needs ROS" % program)
+    done = subprocess.run([*program_places.command_of(program), "--help"], cwd="/", stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, text=True, timeout=100)
+    assert done.returncode == 0 and done.stdout.startswith("usage: %s" % program), done.stdout
