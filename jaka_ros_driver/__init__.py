@@ -11,6 +11,7 @@ protocol            the controller's JSON protocol: bytes <-> state and commands
 trajectory          joint trajectories: audited paths, and the clock that runs along them
 client              custody of the arm, its sockets and threads; without ROS
 wire                the bytes between driver and controller: recorded and played
+audit               the audit log: who did what, as chained lines in files
 simulation          the simulated controller
 ros                 the node: parameters, services, topics, diagnostics
 
