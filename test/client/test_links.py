@@ -209,7 +209,7 @@ def test_short_connections_of_others_beside_it_disturb_no_move(bench, call):
 
 def test_a_feed_of_damaged_frames_only_is_as_good_as_none(bench, call):
     one = bench()
-    arm = one.connect()
+    arm = one.connect(stale_after=0.5)
     move = call(arm.move, SLOW_MOVE)
     assert eventually(one.is_moving)
     one.panel("fault", kind="wrong_len", port="status", count=None)

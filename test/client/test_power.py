@@ -185,7 +185,7 @@ def test_auto_enable_ends_with_an_operators_call(bench, operate):
 
 def test_an_error_is_not_cleared_where_the_arms_state_is_not_known(bench):
     one = bench()
-    arm = one.connect()
+    arm = one.connect(stale_after=0.5)
     one.panel("refuse", port="status", duration_ms=3000)
     one.panel("close", port="status")
     assert eventually(lambda: not arm.is_ready)

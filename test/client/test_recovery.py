@@ -202,7 +202,7 @@ NOT_READY = [
                          ids=[row[0] for row in NOT_READY])
 def test_where_it_cannot_succeed_it_says_precisely_why(bench, fault, error, reason, steps):
     one = bench(**QUICK)
-    arm = one.connect()
+    arm = one.connect(stale_after=0.5)
     fault(one, arm)
     recover = Recovering(arm)
     with pytest.raises(error, match=reason):

@@ -65,7 +65,8 @@ class Bench:
         self._log = None
 
     def connect(self, ready=True, **settings):
-        """A client with these settings."""
+        """A client with these settings; a host that stands still for half a second makes no state stale for it."""
+        settings = {"stale_after": 2.0, **settings}
         self.arm = ArmClient(ClientSettings("127.0.0.1", self.controller.command_port, self.controller.status_port,
                                             **settings), load_model("zu7"))
         self.arm.start()
