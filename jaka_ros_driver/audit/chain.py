@@ -9,7 +9,7 @@ import zlib
 from typing import Any, Dict, Mapping, NamedTuple, Optional
 
 BEFORE_THE_FIRST = "0" * 64
-"""What the first line of a log has in place of the hash of a line before it."""
+"""The ``prev`` of a log's first line, which no line precedes."""
 LONGEST_LINE = 16384
 """bytes; what would be longer is left out of its line, which says so."""
 _CHECKSUM = re.compile(rb',"crc":"([0-9a-f]{8})"}\Z')

@@ -20,14 +20,14 @@ _MOST_PRUNED = 2
 
 
 class Tail(NamedTuple):
-    """What stands behind the last whole line of a file: ``size`` bytes with this ``sha256``."""
+    """The bytes behind the last whole line of a file: ``size`` of them, with this ``sha256``."""
 
     size: int
     sha256: str
 
 
 class End(NamedTuple):
-    """Where a log ends.
+    """The end of a log: its last file and line.
 
     Attributes:
         name: Of the newest file; "" where there is none.

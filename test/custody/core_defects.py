@@ -359,20 +359,16 @@ class GuardIsToldTooSoon(Wrapped):
         return made
 
 
-class AsksNoWitness(Wrapped):
-    """The feed is believed whatever it shows: the controller is not asked where the arm is."""
+class DoesNotSeeSilence(Wrapped):
+    """A feed that has fallen silent is not noticed: its last frame is read again and again, and no witness is asked."""
+
+    frame = b""
+    fed_at = 0.0
 
     def __init__(self, settings: Any, model: Any) -> None:
         super().__init__(settings, model)
         self.good.links._witness.ask = lambda now: None
         self.good.links._witness.distrust = lambda why, counts_from: None
-
-
-class DoesNotSeeSilence(AsksNoWitness):
-    """A feed that has fallen silent is not noticed: the last frame is read again and again."""
-
-    frame = b""
-    fed_at = 0.0
 
     def received(self, port: Port, data: bytes, now: float) -> None:
         if port is Port.STATUS:

@@ -12,7 +12,7 @@ SETTLE_TIME_S = 0.3
 """s; beyond the time of rest: an arm that rests on its target for so long has arrived, whatever ``inpos`` says, and
 one that rests away from it has been stopped by somebody else."""
 NO_DISTANCE = 0.03
-"""Of a tolerance: an arm that is as near as this may be there without having moved, and has no way left to be seen."""
+"""The share of a tolerance within which an arm counts as at its target, moved or not: no way is left to be seen."""
 _FALSE_S = 0.15
 """s; ``inpos`` that is false for so long while the arm moves follows the motion, and not its acceptance alone."""
 

@@ -99,7 +99,7 @@ class Link:
 
     @property
     def is_left_to_others(self) -> bool:
-        """It is down because another client was seen to take the port."""
+        """True while the connection is down because another client was seen to take the port."""
         return self._way > 0.0 and not self.is_up and not self._is_stopped
 
     def lasted(self, now: float) -> float:

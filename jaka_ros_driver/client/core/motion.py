@@ -47,7 +47,7 @@ class Motion:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """The name of this kind of motion, for messages."""
         return self.owner.value
 
     def begin(self, now: float) -> None:

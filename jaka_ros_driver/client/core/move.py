@@ -227,7 +227,7 @@ class Move(Motion):
         return self._met >= first or not any(places[self._met:first])
 
     def _look_for_the_start(self, target: MoveCommand, state: RobotState, now: float) -> None:
-        """By time, not by rest that was seen: frames may be missing at the moment that matters."""
+        """Stop a move that has not begun in time, by the clock: frames of rest may be missing at that moment."""
         if self._waits_since is None or now - max(self._waits_since, self._held_at) < max(
                 START_WINDOW_S, self.rest_time):
             return

@@ -180,7 +180,7 @@ class Recorder:
 
 
 _STATUS = {2: "preempted", 3: "succeeded", 4: "aborted", 5: "rejected", 8: "recalled", 9: "lost"}
-"""Of actionlib_msgs/GoalStatus: the states in which a goal has ended."""
+"""The states of actionlib_msgs/GoalStatus in which a goal has ended."""
 
 
 class ClientEvents(logging.Handler):
