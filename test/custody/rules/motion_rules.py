@@ -17,6 +17,8 @@ START_SLACK = 0.35
 own look."""
 REACTION = 0.05
 """s; from a frame or reply that contradicts the motion to the stop: one event, or the next turn of the timer."""
+_MUST_BEGIN = ("joint_move", "moveL", "movc", "jog")
+"""Requests after whose acceptance the arm itself moves; servo mode waits for targets, a program may wait for I/O."""
 _BEGUN = 1e-5
 _BELIEVED_S = 0.14
 """s; frames that come after a longer pause may count as old news (feed.SILENCE_S)."""
@@ -44,6 +46,7 @@ class MotionRules:
         self._is_paused = False
         self._frame: Optional[Frame] = None
         self._shown_at = -1e9
+        self._excused_until = -1e9
 
     # ---- what happens ----
 
@@ -64,13 +67,18 @@ class MotionRules:
             if self._is_under_way:
                 for due, _ in self._due.values():
                     self._verdicts.uses("REACTION", now - due + self._reaction)
-                if self._accepted_at is not None and not self._has_begun:
-                    self._verdicts.uses("START_SLACK", now - self._accepted_at - START_WINDOW)
+                if self._has_yet_to_begin():
+                    due = max(self._accepted_at + START_WINDOW, self._excused_until)
+                    self._verdicts.uses("START_SLACK", now - due)
             self.ended()
         elif is_motion(request) and not self._kind:
             self._kind = name
         elif name == "pause_program":
             self._is_paused = True
+
+    def _has_yet_to_begin(self) -> bool:
+        return (self._accepted_at is not None and self._kind in _MUST_BEGIN and not self._has_begun
+                and not self._is_paused)
 
     def ended(self) -> None:
         """The motion is being stopped, or left, or its link is lost: other rules see to the rest."""
@@ -132,6 +140,7 @@ class MotionRules:
 
     def look(self, now: float, excused_until: float) -> None:
         """Judge what is due; ``excused_until``: until then the driver could not see, or not act."""
+        self._excused_until = excused_until
         if not self._is_under_way:
             return
         for check, (due, text) in list(self._due.items()):
@@ -139,13 +148,12 @@ class MotionRules:
                 del self._due[check]
                 self._verdicts.breaks(check, "against", now, "%s %.3f s ago in a motion begun by %s, and no stop was "
                                       "sent" % (text, now - due + self._reaction, self._kind))
-        if self._accepted_at is None or self._has_begun or self._is_paused:
+        if not self._has_yet_to_begin():
             return
         joints = self._room.controller.state.plant.joint_position
         if max([abs(a - b) for a, b in zip(joints, self._start)]) > _BEGUN:
             self._has_begun = True
-        elif self._kind in ("joint_move", "moveL", "movc", "jog") and now > max(
-                self._accepted_at + START_WINDOW, excused_until) + START_SLACK:
+        elif now > max(self._accepted_at + START_WINDOW, excused_until) + START_SLACK:
             self._has_begun = True
             self._verdicts.breaks("", "late", now, "%s was accepted %.3f s ago, the arm has not begun to move, and no "
                                   "stop was sent" % (self._kind, now - self._accepted_at))
