@@ -85,7 +85,8 @@ class ArmClient:
         self._keeper = CustodyKeeper(custody_file) if custody_file is not None else None
         self._core = ArmCore(settings, model)
         self._transport = Transport(settings.host, {Port.COMMAND: settings.command_port,
-                                                    Port.STATUS: settings.status_port}, settings.connect_timeout)
+                                                    Port.STATUS: settings.status_port}, settings.connect_timeout,
+                                    settings.reply_timeout)
         self._lock = threading.Lock()
         self._wakes_at = math.inf
         self._listeners: List[StateListener] = []

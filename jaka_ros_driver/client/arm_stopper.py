@@ -15,6 +15,7 @@ from jaka_ros_driver.protocol.status import parse_status
 
 _TURN_S = 0.02
 _CONNECT_TIMEOUT_S = 1.0
+_ACKNOWLEDGE_TIMEOUT_S = 1.0
 _FEED_PERIOD_S = 0.25
 _FEED_TIMEOUT_S = 1.0
 
@@ -27,7 +28,8 @@ class ArmStopper:
         self._file = CustodyFile(host, command_port)
         self._has_seen_rest = False
         self._say = say
-        self._transport = Transport(host, {Port.COMMAND: command_port, Port.STATUS: status_port}, _CONNECT_TIMEOUT_S)
+        self._transport = Transport(host, {Port.COMMAND: command_port, Port.STATUS: status_port},
+                                    _CONNECT_TIMEOUT_S, _ACKNOWLEDGE_TIMEOUT_S)
         self._addresses: List[str] = []
         try:
             self._addresses = addresses_of(host)

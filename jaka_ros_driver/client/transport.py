@@ -3,6 +3,7 @@ import contextlib
 import errno
 import ipaddress
 import itertools
+import math
 import os
 import select
 import socket
@@ -68,11 +69,21 @@ class Transport:
     Only ``wait`` blocks. A host name is resolved in a thread of its own, because that may take long.
     """
 
-    def __init__(self, host: str, ports: Dict[Port, int], connect_timeout: float) -> None:
-        """host: name or address of the controller. ports: TCP. connect_timeout: longest wait to connect, s."""
+    def __init__(self, host: str, ports: Dict[Port, int], connect_timeout: float, acknowledge_timeout: float) -> None:
+        """Prepare; ``open`` connects.
+
+        Args:
+            host: Name or address of the controller.
+            ports: TCP.
+            connect_timeout: Longest wait to connect, s.
+            acknowledge_timeout: Longest time in which what was sent stays unacknowledged by the controller's host, s.
+                Then the connection has ended (TCP_USER_TIMEOUT, tcp(7)): a reply may be held back for long, but an
+                acknowledgement is not, so that its absence tells a dead connection from a slow controller.
+        """
         self._host = host
         self._ports = ports
         self._connect_timeout = connect_timeout
+        self._acknowledge_timeout_ms = max(1, math.ceil(1000.0 * acknowledge_timeout))
         self._epoll = select.epoll()  # made first, because select() takes only low descriptors
         self._wake_receive, self._wake_send = socket.socketpair()
         self._wake_receive.setblocking(False)
@@ -187,6 +198,7 @@ class Transport:
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, True)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, True)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, self._acknowledge_timeout_ms)
         connection = _PortSocket(port, sock, time.monotonic() + self._connect_timeout)
         self._connections[port] = connection
         self._by_descriptor[sock.fileno()] = connection

@@ -15,10 +15,10 @@ MORE_THAN_ONE_READ = 150000
 class Peer:
     """A transport, and the other ends of its connections."""
 
-    def __init__(self):
+    def __init__(self, acknowledge_timeout=5.0):
         self.listeners = {port: socket.create_server(("127.0.0.1", 0)) for port in Port}
         ports = {port: one.getsockname()[1] for port, one in self.listeners.items()}
-        self.transport = Transport("127.0.0.1", ports, 5.0)
+        self.transport = Transport("127.0.0.1", ports, 5.0, acknowledge_timeout)
         self.ends, self.events = {}, []
 
     def connect(self, port):
@@ -98,3 +98,14 @@ def test_the_other_end_of_a_connection_that_ends_is_told_once(peer):
     closed = [one for one in peer.events if isinstance(one, Closed)]
     assert len(closed) == 1 and "closed by the controller" in closed[0].reason
     assert not [one for one in peer.events if isinstance(one, Received)], "nothing has come"
+
+
+def test_a_connection_ends_whose_other_end_acknowledges_nothing():
+    """A host that has gone without a word acknowledges nothing, nor does one whose buffers are full."""
+    with contextlib.closing(Peer(acknowledge_timeout=0.3)) as peer:
+        peer.listeners[Port.COMMAND].setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        peer.connect(Port.COMMAND)
+        for _ in range(10):
+            peer.transport.send(bytes(65536))
+        closed = eventually(lambda: [one for one in peer.read() if isinstance(one, Closed)])
+        assert closed[0].port is Port.COMMAND and "timed out" in closed[0].reason, closed

@@ -355,7 +355,7 @@ class DriverProcess:
             return  # it was asked for before the end was told, in the same turn
         self._judge.sends(data, cable is not None, now)
         if cable is not None:
-            cable.to_controller.send(data)
+            cable.send(data, self._settings.reply_timeout)
 
     def _answer(self, action: Answer, now: float) -> None:
         call = action.call

@@ -171,6 +171,7 @@ class Cable:
     def __init__(self, network: "Network", host: Host, port: Port, number: int) -> None:
         self.host, self.port, self.number = host, port, number
         self.driver_knows = self.controller_knows = True
+        self._is_cut = False
         clock, chance = network.clock, network.chance
         self.to_controller = Pipe(clock, chance, network.terms[port, True],
                                   lambda arrival: network.at_controller(self, arrival), self._controller_learns)
@@ -199,10 +200,17 @@ class Cable:
         """It breaks: what is on its way is lost, and each end learns of it or not."""
         self.to_controller.die()
         self.to_driver.die()
+        self._is_cut = True
         if driver_learns:
             self._driver_learns()
         if controller_learns:
             self._controller_learns()
+
+    def send(self, data: bytes, acknowledge_timeout: float) -> None:
+        """Send to the controller; the host learns in so many s that nobody acknowledges what a cut has swallowed."""
+        self.to_controller.send(data)
+        if self._is_cut:
+            self._network.clock.after(acknowledge_timeout, self._driver_learns)
 
     def controller_finds_it_dead(self) -> None:
         """The controller's host has found out that nobody is at the other end."""

@@ -62,6 +62,22 @@ class _Phase(enum.Enum):
     STOPPING = "a stop is sent until it is accepted and the arm rests"
 
 
+class Shown(NamedTuple):
+    """Until when the status feed has shown what there was to be seen.
+
+    Attributes:
+        until: A feed that may lag has certainly shown this moment, s; infinite where it does not lag.
+        answered_until: It shows what the controller answered to a question of this moment, s; infinite where the
+            controller cannot be asked.
+    """
+
+    until: float
+    answered_until: float
+
+
+_ALL_SHOWN = Shown(_NEVER, _NEVER)
+
+
 class Custody:
     """One motion at a time; see the module's first lines.
 
@@ -87,7 +103,7 @@ class Custody:
         self._on_free = on_free
         self._jumps = JumpWatch(joint_max_speed)
         self._state: Optional[RobotState] = None
-        self._shown_until = _NEVER
+        self._shown = _ALL_SHOWN
         self._watch = Watch(MotionOwner.MOVE, None)
         self._phase = _Phase.FREE
         self._number = 0
@@ -146,7 +162,14 @@ class Custody:
 
         It is 0 where the frames may be older than that moment.
         """
-        return self.stillness.duration(moment) if self._shown_until > moment else 0.0
+        return self.stillness.duration(moment) if self._shown.until > moment else 0.0
+
+    def is_answered_since(self, moment: float) -> bool:
+        """Return whether the feed shows what the controller answered to a question of after ``moment``, s.
+
+        True also where the controller cannot be asked.
+        """
+        return self._shown.answered_until > moment
 
     # ---- the life of a motion ----
 
@@ -210,9 +233,9 @@ class Custody:
 
     # ---- events ----
 
-    def observe(self, state: RobotState, now: float, shown_until: float = _NEVER) -> None:
-        """Take a fresh state into account; ``shown_until``: a feed that may lag has certainly shown that moment, s."""
-        self._shown_until = shown_until
+    def observe(self, state: RobotState, now: float, shown: Shown = _ALL_SHOWN) -> None:
+        """Take a fresh state into account; ``shown``: until when the feed has shown what there was to be seen."""
+        self._shown = shown
         self.stillness.observe(state)
         self._state = state
         motion = self.motion

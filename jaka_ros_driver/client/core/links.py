@@ -8,7 +8,7 @@ from typing import Any, Callable, Optional, Tuple
 
 from jaka_ros_driver.client.core.actions import Actions, Port, Show
 from jaka_ros_driver.client.core.channel import Channel, Introduction
-from jaka_ros_driver.client.core.custody import Custody
+from jaka_ros_driver.client.core.custody import Custody, Shown
 from jaka_ros_driver.client.core.feed import LONGEST_DEBT_S, SILENCE_S, Feed, FeedHealth
 from jaka_ros_driver.client.core.link import Link, Takeovers
 from jaka_ros_driver.client.core.procedures import session
@@ -24,8 +24,6 @@ _GUARD_ACTS_S = 1.0
 """s; so long after this process was held up, a connection that has ended may have been the guard's doing."""
 _JUMP_SETTLES_S = 1.0
 """s; joints that have not jumped for so long are believed where the controller cannot be asked where they are."""
-_WITNESS_LASTS_S = 1.0
-"""s; a witness that has not been heard for longer, as without a command port, excuses no debt."""
 _NEVER = float("inf")
 
 
@@ -194,15 +192,17 @@ class Links:
             is_new = is_new and not doubt
             if is_new:
                 self._has_sight = True
-                is_asked = self._witness.is_trusted and self._feed.may_lag
-                self._custody.observe(state, now, self._witness.agreed_at if is_asked else _NEVER)
+                witness = self._witness
+                self._custody.observe(state, now, Shown(
+                    witness.agreed_at if witness.is_trusted and self._feed.may_lag else _NEVER,
+                    witness.agreed_at if witness.can_tell else _NEVER))
             self._actions.add(Show(state, is_new))
         if self.is_ready and self._witness.wants_to_ask:
             self._witness.ask(now)
         if self._witness.take_motion_seen():
             self._feed.refute_debt()
         elif not doubt and self._feed.owed > LONGEST_DEBT_S and not (
-                self._witness.is_trusted and now - self._witness.confirmed_at < _WITNESS_LASTS_S):
+                self._witness.is_trusted and now - self._witness.agreed_at < self._settings.silence_timeout):
             doubt = "frames of %.2f s have not come, though it never fell silent" % self._feed.owed
         if self._witness.dispute:
             self._feed.give_up()

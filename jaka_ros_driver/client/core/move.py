@@ -171,7 +171,7 @@ class Move(Motion):
         distance = relative_distance(target, state)
         is_late = resting >= max(START_WINDOW_S, self.rest_time)
         if distance is not None and distance <= 1.0:
-            if self._has_arrived(distance, resting, state):
+            if self._has_arrived(distance, resting, state) and self._is_seen_after_all(since):
                 self._custody.finish(now)
             elif is_late:
                 self._custody.stop(None, now)
@@ -209,6 +209,13 @@ class Move(Motion):
         if len(self._parts) == 1:
             return has_settled(distance, resting, self.rest_time, state) or self._in_position.tells_the_end(state)
         return has_settled(distance, resting, self.rest_time, state) and self._was_run_through(state)
+
+    def _is_seen_after_all(self, accepted_at: float) -> bool:
+        """Return whether the feed tells of after the acceptance: a frozen one shows rest, too.
+
+        An arm that was seen to move to its target shows it by that.
+        """
+        return self._has_moved or self._custody.is_answered_since(accepted_at)
 
     def _was_run_through(self, state: RobotState) -> bool:
         """The arm rests on the last target of a queue; Return whether no part of the queue can still begin.

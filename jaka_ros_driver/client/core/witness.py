@@ -54,7 +54,6 @@ class Witness:
     Attributes:
         is_trusted: The last answer that could be compared was found in the feed. Else a contradiction says nothing new.
         agreed_at: When the newest answer that was found in the feed was asked for, s: the feed has shown that moment.
-        confirmed_at: When an answer was found last, s.
         dispute: Why no frame is believed, in words; "" where they are.
     """
 
@@ -65,7 +64,6 @@ class Witness:
         self._longest_age = max(_LEAST_AGE_S, _AGE_SHARE * silence_timeout)
         self._most_age = _MOST_AGE_SHARE * silence_timeout
         self.is_trusted = False
-        self.confirmed_at = 0.0
         self.dispute = ""
         self._was_right = False
         self._generation = 0
@@ -200,7 +198,7 @@ class Witness:
 
     def _confirmed(self, asked_at: float, now: float) -> None:
         self.is_trusted = self._was_right = True
-        self.agreed_at, self.confirmed_at = asked_at, now
+        self.agreed_at = asked_at
         self._was_moving = self._was_moving or self._is_telling
         self.settle()
 

@@ -104,9 +104,10 @@ class MotionRules:
 
     def reads_frame(self, frame: Frame, now: float) -> None:
         """The driver is about to take a frame; joints that jump in a feed that is believed stop a motion."""
+        shows_no_more = self._frame is not None and self._frame.jumps  # where the joints were shown before, too
         self._frame = frame
         is_accepted = self._accepted_at is not None and now > self._accepted_at
-        if frame.jumps and self._is_under_way and is_accepted and now - self._shown_at < _BELIEVED_S:
+        if frame.jumps and not shows_no_more and self._is_under_way and is_accepted and now - self._shown_at < _BELIEVED_S:
             self._contradicts("jump", now, "the joints were shown to jump")
 
     def shown(self, state: RobotState, now: float) -> None:
