@@ -45,6 +45,12 @@ def is_motion(request: Dict[str, Any]) -> bool:
     return name in PLANNED or name in STREAMED or name == "play_program"
 
 
+def is_part_of_stop(request: Dict[str, Any]) -> bool:
+    """The request ends a jog, servo mode or whatever is planned."""
+    name = request.get("cmdName")
+    return name == "stop_program" or (name in ("jog", "servo_move") and not is_motion(request))
+
+
 def succeeded(reply: bytes) -> bool:
     """The reply of the simulated controller says that it took the command."""
     return b'"errorCode": "0"' in reply or b'"errorCode": 0,' in reply
@@ -134,7 +140,7 @@ class ControllerRoom:
         self.controller.state.memory.program_name = "weld.ngc"
         self.on_executed: Callable[[Dict[str, Any], bool, str], None] = lambda request, taken, who: None
         self.on_lost_reply: Callable[[], None] = lambda: None
-        self.on_refused_stop: Callable[[], None] = lambda: None
+        self.on_refused_stop: Callable[[str], None] = lambda part: None
         self._clients: List[_Client] = []
         self._first: Optional[_Client] = None
         self._loss_matters_of: Optional[_Client] = None
@@ -300,9 +306,11 @@ class ControllerRoom:
         is_stop = name == "stop_program"
         if is_stop and (faults.refused_stops > 0 or now < faults.refuses_stop_until):
             faults.refused_stops = max(0, faults.refused_stops - 1)
-            self.on_refused_stop()
+            self.on_refused_stop(name)
             return self._refusal(request, who)
         if now < faults.refuses_until.get(name, 0.0):
+            if is_part_of_stop(request):
+                self.on_refused_stop(name)
             return self._refusal(request, who)
         if now < faults.lies_until.get(name, 0.0) and is_motion(request):
             self._execute(request, who)

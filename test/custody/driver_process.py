@@ -15,6 +15,7 @@ from virtual_clock import Clock
 from wire import Arrival, Cable, Network
 
 from jaka_ros_driver.client.core.actions import Answer, Close, Log, Open, Port, Send, Show, Tell
+from jaka_ros_driver.client.core.foreign_motion import LeftMotion
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.errors import JakaError
@@ -25,7 +26,42 @@ READ_BYTES = 1 << 16
 KERNEL_BYTES = 1 << 18
 """So much of the status feed waits in the kernel of a host whose reader stands still; further frames are lost."""
 _SHORTEST_TICK = 5e-5
+_WRITE_TIME = 0.002
+"""s; from a driver's word to the file on disk, which is written in a thread of its own."""
 _TOO_MANY_TURNS = 1000
+
+
+class CustodyDisk:
+    """The file in which a driver's custody stands while it lasts.
+
+    Attributes:
+        left: What stands there; None for nothing.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._writer: Any = None
+        self._drivers: List[Any] = []
+        self.left: Optional[LeftMotion] = None
+
+    def note(self, driver: "DriverProcess", tell: Tell) -> None:
+        """Write what a driver moves, or that it moves nothing; a driver that is killed meanwhile writes nothing."""
+        left = LeftMotion(tell.name, tell.jog_stop, self._clock.now, self._number_of(driver)) if tell.is_moving else None
+        self._clock.after(_WRITE_TIME, lambda: self._write(driver, left))
+
+    def remove_of(self, driver: "DriverProcess") -> None:
+        """Remove what this driver left: the arm was seen at rest since."""
+        if self._writer is driver:
+            self.left = None
+
+    def _number_of(self, driver: "DriverProcess") -> int:
+        if driver not in self._drivers:
+            self._drivers.append(driver)
+        return self._drivers.index(driver) + 1
+
+    def _write(self, driver: "DriverProcess", left: Optional[LeftMotion]) -> None:
+        if not driver.is_gone:
+            self._writer, self.left = driver, left
 
 
 class Call:
@@ -96,13 +132,16 @@ class DriverProcess:
         paused_until: It stands still until then, s.
         is_gone: It has ended.
         guard: Its guard; None where it has none.
+        disk: Where its custody stands for later drivers.
         cables: Its connections.
         next_tick: When the core is ticked next, s.
     """
 
     def __init__(self, clock: Clock, network: Network, chance: random.Random, core: Any, settings: ClientSettings,
-                 judge: Any, lateness: float, has_turns: bool, guard: Any, note: Callable[..., None]) -> None:
+                 judge: Any, lateness: float, has_turns: bool, guard: Any, disk: "CustodyDisk",
+                 note: Callable[..., None]) -> None:
         self.name = DRIVER
+        self.disk = disk
         self.guard = guard
         self.core = core
         self.shown: Optional[RobotState] = None
@@ -127,8 +166,9 @@ class DriverProcess:
     # ---- events ----
 
     def start(self) -> None:
-        """The process starts."""
-        self._do(self.core.start)
+        """The process starts, and finds what a dead one left."""
+        left = self.disk.left
+        self._do(lambda now: self.core.start(now, left))
 
     def tick(self) -> None:
         """The shell's timer."""
@@ -338,6 +378,7 @@ class DriverProcess:
             self.is_moving_told, self._jog_stop = action.is_moving, action.jog_stop
             if self.guard is not None:
                 self.guard.is_told(action.is_moving, action.jog_stop)
+            self.disk.note(self, action)
             self._judge.tells(action.is_moving, now)
             self._note("tells guard", "moving" if action.is_moving else "at rest")
         elif isinstance(action, Log):

@@ -107,6 +107,8 @@ class GuardProcess:
             self._stopping = None
             for port in Port:
                 self._close(port)
+            if stopping.has_seen_rest and self.driver.is_gone:
+                self.driver.disk.remove_of(self.driver)
             self._clock.after(0.0, self._look)
             return
         self._connect_feed(now)

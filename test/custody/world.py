@@ -9,7 +9,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from clients import Clients
 from controller_room import ORPHAN, ControllerRoom
-from driver_process import Call, DriverProcess
+from driver_process import Call, CustodyDisk, DriverProcess
 from generator import Event, Scenario, dialect_of
 from guard_process import GuardProcess, MakeStopping
 from invariants import FREE_AFTER, REST_AFTER_STOP, Judge
@@ -98,6 +98,7 @@ class World:
         self._make_core, self._make_stopping = make_core, make_stopping
         room.on_lost_reply, room.on_refused_stop = judge.obstacle, judge.stop_is_refused
         network.at_controller, network.controller_lost, network.accepted = room.arrived, room.lost, room.accepted
+        self._disk = CustodyDisk(clock)
         self._driver = driver = self._new_driver()
         self._clients = Clients(clock, driver, model)
         self._rivals: List[Rival] = []
@@ -113,7 +114,8 @@ class World:
             guard = GuardProcess(self._clock, self._network, self.note, self._make_stopping)
             guard.on_send, guard.kill_driver = self._judge.guard_sends, self._kill
         driver = DriverProcess(self._clock, self._network, self._chance, self._make_core(self._settings, self._model),
-                               self._settings, self._judge, scenario.lateness, scenario.has_turns, guard, self.note)
+                               self._settings, self._judge, scenario.lateness, scenario.has_turns, guard, self._disk,
+                               self.note)
         if guard is not None:
             guard.driver = driver
         self._judge.driver, self._judge.guard = driver, guard

@@ -66,7 +66,8 @@ class Shown(NamedTuple):
     """Until when the status feed has shown what there was to be seen.
 
     Attributes:
-        until: A feed that may lag has certainly shown this moment, s; infinite where it does not lag.
+        until: The feed has certainly shown this moment, s: it shows what the controller answered to a question of then.
+            Infinite where the controller's answers are not known to be those of its feed.
         answered_until: It shows what the controller answered to a question of this moment, s; infinite where the
             controller cannot be asked.
     """
@@ -87,6 +88,7 @@ class Custody:
         channel: The command port.
         actions: Where actions go.
         settings: Times.
+        question_due: Somebody waits for evidence that the feed tells of this moment, s: the controller is asked.
     """
 
     def __init__(self, actions: Actions, channel: Channel, settings: ClientSettings,
@@ -104,6 +106,7 @@ class Custody:
         self._jumps = JumpWatch(joint_max_speed)
         self._state: Optional[RobotState] = None
         self._shown = _ALL_SHOWN
+        self.question_due = 0.0
         self._watch = Watch(MotionOwner.MOVE, None)
         self._phase = _Phase.FREE
         self._number = 0
@@ -162,14 +165,23 @@ class Custody:
 
         It is 0 where the frames may be older than that moment.
         """
-        return self.stillness.duration(moment) if self._shown.until > moment else 0.0
+        return self.stillness.duration(moment) if self.is_shown_since(moment) else 0.0
+
+    def is_shown_since(self, moment: float) -> bool:
+        """Return whether the feed has certainly shown what there was to be seen at that moment, s."""
+        return self._is_seen(self._shown.until, moment)
 
     def is_answered_since(self, moment: float) -> bool:
-        """Return whether the feed shows what the controller answered to a question of after ``moment``, s.
+        """Return whether the feed shows what the controller answered to a question of ``moment``, s, or later.
 
         True also where the controller cannot be asked.
         """
-        return self._shown.answered_until > moment
+        return self._is_seen(self._shown.answered_until, moment)
+
+    def _is_seen(self, until: float, moment: float) -> bool:
+        if until < moment < _NEVER:
+            self.question_due = max(self.question_due, moment)
+        return until >= moment
 
     # ---- the life of a motion ----
 

@@ -124,12 +124,6 @@ class Feed:
         self._is_given_up = True
 
     @property
-    def may_lag(self) -> bool:
-        """Frames are owed, or come more slowly than the controller confirmed: what they show may be old."""
-        due = self._due_period
-        return due is None or self.owed > _MISSING_S or self._mean > (1.0 + _CLOCKS_DIFFER) * due
-
-    @property
     def is_flooded(self) -> bool:
         """The connection brings so much that is no frame that it is not read any more."""
         return self._stream.is_flooded

@@ -201,7 +201,8 @@ class _FreeStop:
         if state.program_state in PROGRAM_UNDER_WAY:
             return False
         if self._accepted_at is not None:
-            return state.received_at > self._accepted_at and stillness.duration() >= REST_TIME_S
+            return (state.received_at > self._accepted_at and self._custody.is_shown_since(self._accepted_at)
+                    and stillness.duration() >= REST_TIME_S)
         return self._is_held_up and stillness.duration(self._sent_at or now) >= REST_TIME_S
 
     def _moves_on(self, now: float) -> bool:

@@ -54,6 +54,7 @@ class Witness:
     Attributes:
         is_trusted: The last answer that could be compared was found in the feed. Else a contradiction says nothing new.
         agreed_at: When the newest answer that was found in the feed was asked for, s: the feed has shown that moment.
+        asked_at: When the newest question was put, s.
         dispute: Why no frame is believed, in words; "" where they are.
     """
 
@@ -64,6 +65,7 @@ class Witness:
         self._longest_age = max(_LEAST_AGE_S, _AGE_SHARE * silence_timeout)
         self._most_age = _MOST_AGE_SHARE * silence_timeout
         self.is_trusted = False
+        self.asked_at = 0.0
         self.dispute = ""
         self._was_right = False
         self._generation = 0
@@ -124,6 +126,7 @@ class Witness:
         """Put the questions, where the command port is open and the feed has shown something."""
         if self._newest is None:
             return
+        self.asked_at = now
         if Query.DRIVES_READY not in self._refused:
             self._channel.request(Query.DRIVES_READY, now, self._drives_told)
         if Query.JOINTS not in self._refused and self._asked < _MOST_QUESTIONS:

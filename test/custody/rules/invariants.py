@@ -113,6 +113,7 @@ class Judge:
         self._old_until = -1e9
         self._guarded_from = _NEVER
         self._guard_excused_until = clock.now
+        self._jog_end_is_due = 0.0
         self.cycles_moving = 0
         self.answers: Dict[Tuple[str, str], int] = {}
         low, high = network.terms[Port.STATUS, False].latency
@@ -418,10 +419,15 @@ class Judge:
         elif self.driver.is_paused:
             self._excused_until = now + self._relink
         elif now < faults.refuses_stop_until:
-            self.stop_is_refused()
+            self.stop_is_refused("stop_program")
 
-    def stop_is_refused(self) -> None:
-        """A stop that is refused is to be repeated."""
+    def stop_is_refused(self, part: str) -> None:
+        """A stop that is refused is to be repeated; ``part``: the request of it that is.
+
+        Whether a refused end of a jog had a jog to end no reply tells: the stop was accepted, and is sent again.
+        """
+        if part == "jog":
+            self._jog_end_is_due = self._clock.now + STOP_AGAIN + REST_AFTER_STOP
         self._excused_until = max(self._excused_until, self._clock.now + STOP_AGAIN)
         self._guard_excused_until = max(self._guard_excused_until, self._clock.now + STOP_AGAIN)
 
@@ -454,6 +460,8 @@ class Judge:
         if self.sent.jog.is_running:
             uses("JOG_LAG", now - max(self.sent.jog.rests_from, self._excused_until, self._awake_since + JOG_BRAKE))
         for quiet in self._quiet:
+            if plant.queue.is_jogging and now < self._jog_end_is_due:
+                continue
             if quiet.rule == "p" and self._room.resumed_at > quiet.since - PAUSE_SLACK:
                 continue  # at the pendant
             if now > max(quiet.since, self._awake_since) + _CYCLE:
