@@ -3,7 +3,9 @@
 Moments on the wire and of the arm are those of the simulated controller's log. In the devel space; it takes a quarter
 of an hour:
 
-    build/venv/bin/python3 test/soak/soak_death.py [REPEATS]        20
+    build/venv/bin/python3 test/soak/soak_death.py [REPEATS [DIALECTS]]        20, none
+
+With DIALECTS, on each of so many controllers whose dialects are drawn.
 """
 import signal
 import sys
@@ -13,6 +15,7 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
 
+from drawn_dialects import dialect_options  # noqa: E402
 from live_driver import LiveDriver, begin  # noqa: E402
 from ros_bench import eventually  # noqa: E402
 from soak_bench import master, summary  # noqa: E402
@@ -46,8 +49,8 @@ def deaths_of(live, number, motion, repeats):
     return moments
 
 
-def measure(how, number, motion, repeats, folder):
-    with LiveDriver(folder) as live:
+def measure(how, number, motion, repeats, folder, options=()):
+    with LiveDriver(folder, simulator=options) as live:
         live.arm.wait_until_ready()
         moments = deaths_of(live, number, motion, repeats)
         verdict = live.verdict()
@@ -62,12 +65,14 @@ def measure(how, number, motion, repeats, folder):
         print("%-8s %-6s %-18s %s" % (how, motion, what, summary(values)), flush=True)
 
 
-def main(repeats):
+def main(repeats, dialects):
     with master(), tempfile.TemporaryDirectory() as folder:
-        for how, number in {**ENDS, **DEATHS}.items():
-            for motion in MOTIONS:
-                measure(how, number, motion, repeats, folder)
+        for options, text in [dialect_options(1 + number, folder) for number in range(dialects)] or [((), "usual")]:
+            print(text, flush=True)
+            for how, number in {**ENDS, **DEATHS}.items():
+                for motion in MOTIONS:
+                    measure(how, number, motion, repeats, folder, options)
 
 
 if __name__ == "__main__":
-    main(int((sys.argv[1:] or ["20"])[0]))
+    main(*map(int, sys.argv[1:] + ["20", "0"][len(sys.argv) - 1:]))

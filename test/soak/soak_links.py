@@ -3,7 +3,9 @@
 Times are those of an observer outside: when the driver said that a link was lost, when calls and topics worked again.
 What was sent is judged by the simulated controller's log. In the devel space; it takes a quarter of an hour:
 
-    build/venv/bin/python3 test/soak/soak_links.py [CUTS [RECONNECTS [SEED]]]        100 cuts, 1000 reconnects, seed 1
+    build/venv/bin/python3 test/soak/soak_links.py [CUTS [RECONNECTS [SEED [DIALECTS]]]]     100, 1000, seed 1, none
+
+With DIALECTS, so many cuts on each of so many controllers whose dialects are drawn.
 """
 import sys
 import tempfile
@@ -11,6 +13,7 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
 
+from drawn_dialects import dialect_options  # noqa: E402
 from link_cuts import CUTS, LinkWatch, size_of  # noqa: E402
 from live_driver import LiveDriver  # noqa: E402
 from soak_bench import master, summary  # noqa: E402
@@ -18,11 +21,11 @@ from soak_bench import master, summary  # noqa: E402
 SHOWN = 10
 
 
-def cut_at_random(cuts, seed, folder):
-    with LiveDriver(folder, name="linked", simulator=("--single-client", "replace")) as live:
+def cut_at_random(cuts, seed, folder, options=("--single-client", "replace"), kinds=tuple(sorted(CUTS))):
+    with LiveDriver(folder, name="linked", simulator=options) as live:
         live.arm.wait_until_ready()
         watch = LinkWatch(live, seed)
-        order = [sorted(CUTS)[index % len(CUTS)] for index in range(cuts)]
+        order = [kinds[index % len(kinds)] for index in range(cuts)]
         watch.chance.shuffle(order)
         for name in order:
             watch.cut(name)
@@ -57,11 +60,18 @@ def reconnect(cycles, folder):
         watch.close()
 
 
-def main(cuts, cycles, seed):
+def main(cuts, cycles, seed, dialects):
     with master(), tempfile.TemporaryDirectory() as folder:
-        cut_at_random(cuts, seed, folder)
-        reconnect(cycles, folder)
+        for number in range(1, dialects + 1):
+            options, text = dialect_options(number, folder)
+            print(text, flush=True)
+            kinds = [name for name in sorted(CUTS) if name != "another client" or "second_client replaces" in text]
+            cut_at_random(cuts, seed + number, folder, options, kinds)
+        if not dialects:
+            cut_at_random(cuts, seed, folder)
+        if cycles:
+            reconnect(cycles, folder)
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:] + ["100", "1000", "1"][len(sys.argv) - 1:]))
+    main(*map(int, sys.argv[1:] + ["100", "1000", "1", "0"][len(sys.argv) - 1:]))
