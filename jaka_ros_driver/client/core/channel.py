@@ -79,6 +79,7 @@ class Channel:
     Attributes:
         is_open: The port is connected to the controller that was meant: requests can be sent.
         introduction: The connection while its controller is not known to be that one; None otherwise.
+        was_answered: A request was answered on the newest connection.
         damaged_replies: Pieces of the stream that are no replies, since start.
         io_index_base: Index on the wire of the first terminal, 0 or 1.
     """
@@ -92,7 +93,7 @@ class Channel:
         self._stray_bytes = self._strays = 0
         self._lets_pass = False
         self._prepared: Optional[Tuple[Command, bytes]] = None
-        self.is_open = False
+        self.is_open = self.was_answered = False
         self.introduction: Optional[Introduction] = None
         self.damaged_replies = 0
         self.io_index_base = settings.io_index_base or 0
@@ -101,7 +102,7 @@ class Channel:
         """Begin with a new connection, on which nothing is outstanding; ``trust`` makes it usable."""
         self._stream = ObjectStream()
         self._stray_bytes = self._strays = 0
-        self._lets_pass = False
+        self._lets_pass = self.was_answered = False
         self.introduction = Introduction(self)
         return self.introduction
 
@@ -181,6 +182,7 @@ class Channel:
             request = self._exchange.answered(item, now)
             if request is not None:
                 self._stray_bytes = self._strays = 0
+                self.was_answered = True
             self._lets_pass = self._lets_pass or (slow is not None and slow is not request and not slow.is_slow)
             if request is None or request.waiter is None:
                 continue

@@ -79,6 +79,7 @@ class Links:
         self._held_up = 0.0
         self._held_up_at = -_NEVER
         self._takeovers = Takeovers()
+        self._may_be_held = False  # by a controller that serves its first client only and does not know that it left
         self._has_sight = False
         self._jumped_at = 0.0
         self._health = _HealthWatch()
@@ -268,6 +269,7 @@ class Links:
         self.is_servo_active = about.is_servo_active
         self._channel.io_index_base = session.io_index_base(self._settings, about.version)
         self.is_ready = True
+        self._may_be_held = False
         self._next_beat = now + _BEAT_PERIOD_S
 
     def _handshake_failed(self, error: JakaError, now: float) -> None:
@@ -288,10 +290,11 @@ class Links:
         lasted = self._command.lasted(now)
         is_all_well = (self._has_sight and self._status.is_up and now - self._held_up_at > _GUARD_ACTS_S
                        and self._feed.fresh_state(self._settings.stale_after, now) is not None)
-        if is_all_well and self._command.is_up:
+        if is_all_well and self._command.is_up and (self._channel.was_answered or not self._may_be_held):
             self._takeovers.note(lasted, now)
         was_giving_way = self._command.gives_way(now)
-        is_taken = is_all_well and (was_giving_way or self._takeovers.are_rivalry(now))
+        is_taken = is_all_well and (was_giving_way or self._takeovers.are_rivalry(now)) and not (
+            self._may_be_held and not self._channel.was_answered)
         if is_taken:
             reason = "%s: %s" % (self._takeovers, reason)
         self._command.lost(reason, now)
@@ -304,6 +307,7 @@ class Links:
             self._command.hurry()
 
     def _drop_command(self, reason: str, now: float, late: Any = None) -> None:
+        self._may_be_held = True
         self._command.drop(reason, now)
         self._command_lost(reason, now, late)
 

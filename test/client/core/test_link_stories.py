@@ -237,6 +237,22 @@ def test_a_driver_whose_port_is_taken_three_times_gives_way_and_says_so(after):
     assert sum("giving way" in text for text in story.log) == 1
 
 
+def test_a_controller_that_still_holds_a_connection_which_the_driver_has_dropped_is_no_other_client():
+    """A controller that serves its first client only ends each new one until it knows that the first has left."""
+    story = Story()
+    rival = Rival(story, 0.0)
+    rival.opened_at = None
+    story.replies["is_in_servomove"] = None
+    while Port.COMMAND not in closes(story):
+        rival.run(0.008)
+        assert story.now < 103.0
+    story.replies.update(dict.fromkeys(("get_version", "set_port10000_delay_ms"), None))
+    rival.run(20.0)
+    tried = opens(story, Port.COMMAND)[-20:]
+    assert len(tried) == 20 and max([b - a for a, b in zip(tried, tried[1:])]) < 0.6
+    assert not any("giving way" in text or "another client" in text for text in story.log)
+
+
 def test_who_owes_a_stop_takes_the_port_for_it_from_whomever():
     story = Story()
     rival = Rival(story, 0.4).run(8.0)
