@@ -1,6 +1,6 @@
 """A simulated controller on real sockets, and the driver's client connected to it.
 
-What the client did is judged by the controller's own log of bytes and true joints.
+The client is judged by the controller's own log of bytes and true joints.
 """
 import collections
 import contextlib
@@ -17,11 +17,11 @@ from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 
 WAIT = 20.0
 LOOSE = 2.0
-"""s: a bound on what a quiet computer does within some tenths. The figures themselves are kept under virtual time."""
+"""s: a bound on what a quiet computer does within some tenths. The exact figures are judged under virtual time."""
 
 
 def eventually(condition, timeout=WAIT):
-    """Wait until the condition holds; its last value is returned, and is false after the time-out."""
+    """Wait until the condition holds; return its last value, which is false after the time-out."""
     deadline = time.monotonic() + timeout
     while True:
         value = condition()
@@ -31,7 +31,7 @@ def eventually(condition, timeout=WAIT):
 
 
 def fill(pipe):
-    """Fill a pipe that is not read, given by its reading end: whoever writes to it from now on waits."""
+    """Fill a pipe that is not read, given by its reading end: every later writer waits."""
     descriptor = os.open("/proc/self/fd/%d" % pipe.fileno(), os.O_WRONLY | os.O_NONBLOCK)
     try:
         with contextlib.suppress(BlockingIOError):
@@ -42,7 +42,7 @@ def fill(pipe):
 
 
 def processes_with(*words):
-    """Process ids of those whose command line (words end with a NUL) has all of these."""
+    """Return the ids of processes whose command line (words end with a NUL) has all of these."""
     found = []
     for pid in filter(str.isdigit, os.listdir("/proc")):
         with contextlib.suppress(OSError), open("/proc/%s/cmdline" % pid, encoding="utf-8", errors="replace") as file:
@@ -65,7 +65,7 @@ class Bench:
         self._log = None
 
     def connect(self, ready=True, **settings):
-        """A client with these settings; a host that stands still for half a second makes no state stale for it."""
+        """Make a client with these settings; a host that stands still for half a second makes no state stale for it."""
         settings = {"stale_after": 2.0, **settings}
         self.arm = ArmClient(ClientSettings("127.0.0.1", self.controller.command_port, self.controller.status_port,
                                             **settings), load_model("zu7"))
@@ -78,7 +78,7 @@ class Bench:
         return self.controller.panel(action, **parameters)
 
     def requests(self, name):
-        """How many requests of this name have come in, while the controller runs."""
+        """Count the requests of this name that have come in, while the controller runs."""
         return self._decoder[name]
 
     def _count_requests(self, core):
@@ -147,12 +147,12 @@ class InBackground:
         assert self.is_over, "the call did not return"
 
     def failure(self):
-        """What the call raised; None where it returned."""
+        """Return what the call raised; None where it returned."""
         self.wait()
         return self.error
 
     def join(self, timeout=WAIT):
-        """What the call returned; what it raised is raised here."""
+        """Return what the call returned, or raise what it raised."""
         self.wait(timeout)
         if self.error is not None:
             raise self.error

@@ -1,22 +1,22 @@
-"""How busy this computer is, and how much of it a virtual machine's host takes away: what a measurement must tell."""
+"""The load of this computer, and the share that a virtual machine's host takes away: every measurement states both."""
 import os
 from pathlib import Path
 
 
 def _processor_ticks():
-    """(stolen by the host, all) in clock ticks of all processors since the start; proc(5)."""
+    """Return (stolen by the host, all) in clock ticks of all processors since the start; proc(5)."""
     fields = [int(field) for field in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
     return fields[7], sum(fields)
 
 
 class HostLoad:
-    """The load from now until it is asked for."""
+    """The load from its making until it is asked for."""
 
     def __init__(self):
         self._began = _processor_ticks()
 
     def stolen_percent(self):
-        """Share of the processors' time that the host gave to others while something here wanted to run."""
+        """Return the share of the processors' time that the host gave to others while something here wanted to run."""
         stolen, total = (now - then for now, then in zip(_processor_ticks(), self._began))
         return 100.0 * stolen / max(1, total)
 

@@ -24,7 +24,7 @@ def end_server(node):
 
 @contextlib.contextmanager
 def launched_parent(files=(), **options):
-    """A ROSLaunchParent that runs these (path, arguments) of launch files."""
+    """Yield a ROSLaunchParent that runs these (path, arguments) of launch files."""
     parent = roslaunch.parent.ROSLaunchParent(RUN_ID, list(files), **options)
     parent.start()
     try:
@@ -49,7 +49,7 @@ class Roscore:
         assert eventually(lambda: self.ask("getParam", "/run_id"))
 
     def _send(self, number):
-        """To the master first: roscore runs it in a process group of its own."""
+        """Send a signal to the master first: roscore runs it in a process group of its own."""
         children = subprocess.run(["pgrep", "-P", str(self._process.pid)], stdout=subprocess.PIPE, text=True).stdout
         for pid in [int(word) for word in children.split()] + [self._process.pid]:
             os.kill(pid, number)
@@ -69,7 +69,7 @@ class Roscore:
             assert eventually(lambda: self.ask("getPid") is None)
 
     def ask(self, method, *args):
-        """The master's answer, None while there is none."""
+        """Return the master's answer, None while there is none."""
         try:
             return getattr(rosgraph.Master("/asking", self.uri), method)(*args)
         except (OSError, rosgraph.MasterException):
@@ -87,7 +87,7 @@ class Roscore:
 
 
 class ArmOfAnotherMaster(Arm):
-    """Calls without asking this process's own master where the services are."""
+    """An arm that is called without asking this process's own master where the services are."""
 
     def __init__(self, simulator, name, uri):
         super().__init__(simulator, name)

@@ -1,4 +1,4 @@
-"""The driver's program on a simulated controller that keeps a log, both processes of their own; motions under way."""
+"""The driver node on a simulated controller that keeps a log, each in a process of its own; running motions."""
 import os
 import signal
 import time
@@ -25,7 +25,7 @@ class LiveDriver:
         self.start()
 
     def start(self):
-        """A driver, the first one or one after another has died."""
+        """Start a driver, the first one or one after another has died."""
         self.arm = Arm(self.simulator, self.arm.name)
         self._drivers.append(DriverProcess(self._name, **on(self.simulator, self._guard), **self._parameters))
 
@@ -34,21 +34,21 @@ class LiveDriver:
         return self._drivers[-1].process
 
     def send(self, number):
-        """Send it; returns the moment before."""
+        """Send a signal to the driver; return the moment before."""
         moment = time.monotonic()
         self.process.send_signal(number)
         return moment
 
     def guards(self):
-        """Process ids of guards of this controller."""
+        """Return the process ids of guards of this controller."""
         return processes_with("jaka_ros_driver.client.guard", "--port\0%d\0" % self.simulator.command_port)
 
     def end_driver(self, how=signal.SIGINT):
-        """Its exit code, and all it said."""
+        """End the driver; return its exit code and its output."""
         return self._drivers[-1].end(how)
 
     def kill_driver(self):
-        """End what is left of it; what it said."""
+        """Kill what is left of the driver; return its output."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGCONT)
             self.process.kill()
@@ -94,13 +94,13 @@ def begin_jog(arm, speed=SPEED):
 
 
 def begin_servo(arm, speed=SPEED):
-    """A stream of targets that goes on until one is refused, or the driver is gone."""
+    """Start a stream of targets that goes on until one is refused, or the driver is gone."""
     reply = arm.call("servo_move_enable", enable=True)
     return InBackground(stream, arm, speed) if reply.ret == 1 else InBackground(lambda: reply)
 
 
 def stream(arm, speed, period=0.008):
-    """The reply that refused a target, None where there was none."""
+    """Stream targets; return the reply that refused one, None where there was none."""
     first = arm.listen("joint_position", 1)[0].position[0]
     due = time.monotonic()
     for step in range(1, int(2.5 / speed / period)):
@@ -119,7 +119,7 @@ MOTIONS = {"move": begin_move, "line": begin_line, "jog": begin_jog, "servo": be
 
 
 def begin(live, motion):
-    """Begin one of MOTIONS on a rested arm, and see it move; tried again where a busy host stands against it."""
+    """Begin one of MOTIONS on a rested arm, and see it move; try again where a busy host stands against it."""
     said = []
     for _ in range(5):
         live.motions += 1

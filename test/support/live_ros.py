@@ -1,4 +1,4 @@
-"""A master of the tests' own, jaka_bag and ROS programs as processes against it, publishers with chosen faults."""
+"""A master of the tests' own, jaka_bag and ROS nodes as processes against it, publishers with chosen faults."""
 import contextlib
 import os
 import re
@@ -23,7 +23,7 @@ SYSTEM_PYTHON = "/usr/bin/python3"
 
 @contextlib.contextmanager
 def changed_environment(values: Dict[str, str]) -> Iterator[None]:
-    """This process's environment with other values, for a while."""
+    """Change variables of this process's environment for a while."""
     before = dict(os.environ)
     os.environ.update(values)
     try:
@@ -34,7 +34,7 @@ def changed_environment(values: Dict[str, str]) -> Iterator[None]:
 
 
 class Process:
-    """A program whose output is collected while it runs."""
+    """A child process whose output is collected while it runs."""
 
     def __init__(self, command: Sequence[str], environment: Dict[str, str], folder: Path, **options) -> None:
         self.lines: List[str] = []
@@ -78,7 +78,7 @@ class Process:
 
 
 class Graph:
-    """A master, and programs that are started against it; all end with the context.
+    """A master, and processes that are started against it; all end with the context.
 
     Args:
         folder: Their working folder.
@@ -86,8 +86,8 @@ class Graph:
             which is faster.
 
     Attributes:
-        uri: Of the master.
-        environment: For programs.
+        uri: The master's URI.
+        environment: Variables for the processes.
     """
 
     def __init__(self, folder: Path, is_mortal: bool = False) -> None:
@@ -147,13 +147,13 @@ class Graph:
         return self.start(*command_of("jaka_bag"), *arguments, **options)
 
     def record(self, *arguments: str, **options) -> Process:
-        """``jaka_bag record``, listening."""
+        """Start ``jaka_bag record``, and wait until it listens."""
         process = self.jaka_bag("record", *arguments, **options)
         process.wait_for_line("recording to")
         return process
 
     def python(self, script: str, *arguments: str) -> Process:
-        """A script for the interpreter that has rospy."""
+        """Run a script with the interpreter that has rospy."""
         return self.start(SYSTEM_PYTHON, "-c", script, *arguments)
 
     def subscribed(self, topic: str, count: int = 1) -> None:
@@ -165,7 +165,7 @@ class Graph:
 
     @contextlib.contextmanager
     def publisher(self, node: str, notice: Callable[[str], None] = str) -> Iterator[Publisher]:
-        """The package's own publisher in this process, for messages and faults of the test's choice."""
+        """Yield the package's own publisher in this process, for messages and faults of the test's choice."""
         with changed_environment({name: self.environment[name] for name in ("ROS_MASTER_URI", "ROS_IP")}):
             publisher = Publisher(NodeNames(node), notice, lambda reason: None)
         try:

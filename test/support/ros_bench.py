@@ -17,19 +17,19 @@ from jaka_ros_driver.ros.services.service_table import SERVICES
 from jaka_ros_driver.simulation.server.server import ask_panel
 
 WAIT = 60.0
-"""s; many programs are started here, which a busy host may delay. Never a measure of speed."""
+"""s; many processes are started here, which a busy host may delay. Never a measure of speed."""
 TYPES = {spec.name: spec.srv_type for spec in SERVICES}
 PROGRAM = command_of("jaka_driver")
 HOME = [0.0, 1.5, -1.5, 1.5, 1.5, 0.0]
 
 
 def eventually(condition, timeout=WAIT):
-    """Wait until the condition holds; its last value."""
+    """Wait until the condition holds; return its last value."""
     return arm_bench.eventually(condition, timeout)
 
 
 class SimulatorProcess:
-    """``jaka_sim`` on free ports."""
+    """The executable ``jaka_sim`` on free ports."""
 
     def __init__(self, *arguments, ports=(0, 0)):
         self._process = subprocess.Popen(
@@ -65,7 +65,7 @@ class Arm:
         self._proxies = {}
 
     def call(self, service, **fields):
-        """One call on a connection that stays; a reply, or rospy.ServiceException."""
+        """Call a service on a connection that stays; return the reply, or the rospy.ServiceException."""
         key = (service, threading.get_ident())
         if key not in self._proxies:
             rospy.wait_for_service("%s/%s" % (self.name, service), WAIT)
@@ -73,7 +73,7 @@ class Arm:
         return self._proxies[key](**fields)
 
     def wait_until_seen(self):
-        """The driver answers, and the link to the controller is up."""
+        """Wait until the driver answers, and the link to the controller is up."""
         assert eventually(lambda: self.call("get_fk", joint=HOME).cartesian_pose), "the driver does not reach the arm"
 
     def wait_until_ready(self):
@@ -82,21 +82,21 @@ class Arm:
         assert eventually(lambda: self.listen("robot_states", 1)[0].power_state == 1)
 
     def listen(self, topic, count, timeout=WAIT):
-        """So many messages of a topic of the node."""
+        """Return so many messages of a topic of the node."""
         return [message for _, message in listen(topic if topic[0] == "/" else self.name + "/" + topic, count, timeout)]
 
     def go_home(self):
         answers = []
 
         def is_heard():
-            """A busy host may lose the link for a moment."""
+            """Return whether the driver has a link; a busy host may lose it for a moment."""
             answers.append(self.call("joint_move", pose=HOME, mvvelo=3.0, mvacc=12.0))
             return "no link to the controller" not in answers[-1].message
         assert eventually(is_heard) and answers[-1].ret == 1, answers[-1].message
 
 
 def listen(topic, count, timeout=WAIT, topic_type=None):
-    """So many (time of receipt, message) of a topic."""
+    """Return so many (time of receipt, message) of a topic."""
     received, enough = [], threading.Event()
 
     def take(message):
@@ -121,7 +121,7 @@ def topic_class(topic):
 
 @contextlib.contextmanager
 def collecting(topic, topic_type=None):
-    """A list that grows with the messages of a topic: (time of receipt, message)."""
+    """Yield a list that grows with the messages of a topic: (time of receipt, message)."""
     received = []
     subscriber = rospy.Subscriber(topic, topic_type or topic_class(topic),
                                   lambda message: received.append((rospy.get_time(), message)), queue_size=1000,
@@ -135,9 +135,9 @@ def collecting(topic, topic_type=None):
 
 @contextlib.contextmanager
 def evidence_of(arm):
-    """A function that returns the evidence of the calls from now on, those of get_fk left out.
+    """Yield a function that returns the evidence of the calls from now on, those of get_fk left out.
 
-    With calls of that it is made sure that the driver knows of the listener.
+    Calls of get_fk make sure that the driver has connected to the listener.
     """
     with collecting(arm.name + "/service_calls", ServiceCall) as received:
         assert eventually(lambda: arm.call("get_fk", joint=HOME) and received)
@@ -145,7 +145,7 @@ def evidence_of(arm):
 
 
 def rosservice(*words):
-    """What the program ``rosservice call`` answers, as a dictionary; its error as text."""
+    """Call a service with ``rosservice call``; return the answer as a dictionary, an error as text."""
     done = subprocess.run(["rosservice", "call", *words], capture_output=True, text=True,
                           timeout=60)
     if done.returncode:
@@ -154,14 +154,14 @@ def rosservice(*words):
 
 
 class InBackground(arm_bench.InBackground):
-    """A call in a thread of its own; programs may be behind it."""
+    """A call in a thread of its own; it may have processes behind it."""
 
     def join(self, timeout=WAIT):
         return super().join(timeout)
 
 
 class DriverProcess:
-    """The program jaka_driver, started directly; parameters as ``name=value``."""
+    """The executable jaka_driver, started directly; parameters as ``name=value``."""
 
     def __init__(self, name="jaka_driver", environment=None, remappings=(), **parameters):
         words = ["__name:=" + name, *remappings] + ["_%s:=%s" % (key, yaml.safe_dump(value).split("\n")[0])
@@ -171,7 +171,7 @@ class DriverProcess:
             env=dict(os.environ, **(environment or {})))
 
     def end(self, how=signal.SIGINT):
-        """Its exit code, and all it said."""
+        """End it; return its exit code and its output."""
         if self.process.poll() is None:
             self.process.send_signal(how)
         return self.wait()
@@ -184,7 +184,7 @@ class DriverProcess:
         return self
 
     def __exit__(self, *_):
-        """Politely, if it can be: a driver that is killed stays registered with the master."""
+        """End it politely, if possible: a driver that is killed stays registered with the master."""
         try:
             self.end()
         except subprocess.TimeoutExpired:
@@ -193,7 +193,7 @@ class DriverProcess:
 
 
 def on(simulator, guard=True):
-    """The parameters with which a driver finds this simulated controller.
+    """Return the parameters with which a driver finds this simulated controller.
 
     Tests of something else do without the guard: a driver that a busy host gives no time for 0.25 s is as good as dead.
     """

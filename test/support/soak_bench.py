@@ -1,4 +1,4 @@
-"""A roscore for a program that is no test, and how figures are shown."""
+"""A roscore for an executable that is no test, and the formatting of figures."""
 import contextlib
 import os
 import sys
@@ -14,7 +14,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "ros"))
 
 @contextlib.contextmanager
 def master():
-    """This process is a ROS node of a roscore of its own."""
+    """Make this process a ROS node of a roscore of its own, for a while."""
     import conftest
     with tempfile.TemporaryDirectory() as home:
         port = conftest.free_port()
@@ -33,12 +33,12 @@ def master():
 
 
 def percentile(values, share):
-    """The value below which that share of them lies."""
+    """Return the value below which that share of them lies."""
     ordered = sorted(values)
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 
 def summary(seconds):
-    """Median, 95th percentile and largest of durations in s, in ms."""
+    """Format median, 95th percentile and largest of durations in s, in ms."""
     return "n %3d  p50 %7.1f ms  p95 %7.1f ms  max %7.1f ms" % (
         len(seconds), 1e3 * percentile(seconds, 0.5), 1e3 * percentile(seconds, 0.95), 1e3 * max(seconds))

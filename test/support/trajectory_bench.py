@@ -26,7 +26,7 @@ def point(seconds, positions, velocities=(), accelerations=()):
 
 
 def smooth(way, duration, spacing, start=START, has_accelerations=True):
-    """From rest to rest, joint 1 by ``way`` and the others by less: points of a quintic, so far apart."""
+    """Return points of a quintic from rest to rest, so far apart: joint 1 by ``way`` and the others by less."""
     points, count = [], int(round(duration / spacing))
     for number in range(count + 1):
         s = min(1.0, number / count)
@@ -46,7 +46,7 @@ def trajectory(points, names=NAMES, stamp=None):
 
 
 def goal_of(points, names=NAMES, stamp=None, path=(), end=(), seconds=0.0):
-    """A goal; tolerances as (name, position)."""
+    """Return a goal; tolerances as (name, position)."""
     goal = GOAL()
     goal.trajectory = trajectory(points, names, stamp)
     for field, tolerances in ((goal.path_tolerance, path), (goal.goal_tolerance, end)):
@@ -57,7 +57,7 @@ def goal_of(points, names=NAMES, stamp=None, path=(), end=(), seconds=0.0):
 
 
 class Client:
-    """Sends goals; keeps how often each ended, and all feedback."""
+    """A sender of goals that keeps how often each ended, and all feedback."""
 
     def __init__(self, name=CONTROLLER + "/follow_joint_trajectory"):
         self._client = actionlib.ActionClient(name, ACTION)
@@ -66,7 +66,7 @@ class Client:
         self.ends = []
 
     def send(self, goal):
-        """A goal under way."""
+        """Send a goal; return its handle."""
         begun = time.monotonic()
 
         def changed(handle):
@@ -75,7 +75,7 @@ class Client:
         return self._client.send_goal(goal, changed, lambda _, feedback: self.feedback.append(feedback))
 
     def end(self, handle, timeout=WAIT):
-        """Name of its terminal state, and its result."""
+        """Wait for a goal's end; return the name of its terminal state, and its result."""
         assert eventually(lambda: handle.get_comm_state() == actionlib.CommState.DONE, timeout), "it has no end"
         return STATES[handle.get_goal_status()], handle.get_result()
 

@@ -1,4 +1,4 @@
-"""Messages whose content tells their number, what is in a log, and waiting; without ROS."""
+"""Messages whose content is their number, the content of a log, and waiting; without ROS."""
 import contextlib
 import struct
 import threading
@@ -39,7 +39,7 @@ def string_connection(topic: str) -> Connection:
 
 
 def twist_frame(sequence: int, stamp_ns: int = 0) -> bytes:
-    """A TwistStamped whose content tells its number."""
+    """Return a TwistStamped whose content is its number."""
     head = struct.pack("<III", sequence, *divmod(stamp_ns, 1000000000)) + struct.pack("<I", 5) + b"world"
     return frame_of(head + struct.pack("<6d", *[float(sequence)] * 6))
 
@@ -50,7 +50,7 @@ def string_frame(text: str) -> bytes:
 
 
 def content(path: Path) -> Dict[str, List[bytes]]:
-    """Messages of a log by topic, in the order of time."""
+    """Return the messages of a log by topic, in the order of time."""
     result: Dict[str, List[bytes]] = {}
     with open_log(path) as reader:
         for message in messages_of(reader):
@@ -59,14 +59,14 @@ def content(path: Path) -> Dict[str, List[bytes]]:
 
 
 def times(path: Path) -> List[Tuple[str, int]]:
-    """Topic and log time, ns, of all messages of a log, in the order of time."""
+    """Return topic and log time, ns, of all messages of a log, in the order of time."""
     with open_log(path) as reader:
         return [(message.connection.topic, message.log_time) for message in messages_of(reader)]
 
 
 @contextlib.contextmanager
 def no_thread_stays():
-    """Fails where its block leaves a thread behind."""
+    """Fail where the block leaves a thread behind."""
     before = set(threading.enumerate())
     yield
     wait_until(lambda: all(t.daemon for t in set(threading.enumerate()) - before), "threads end", 10.0)
