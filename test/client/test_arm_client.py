@@ -26,7 +26,7 @@ def line(arm, x=0.0, y=0.0, z=0.0, speed=0.2):
 
 
 def stream(arm, to, joint=0, step=0.004):
-    """Targets from where the stream holds the arm, as a client sends them."""
+    """Send targets from where the stream holds the arm, as a client does."""
     position = list(arm.fresh_state().joint_position)
     while position[joint] != to:
         away = to - position[joint]

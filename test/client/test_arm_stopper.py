@@ -1,4 +1,4 @@
-"""The guard's part that stops the arm, on real sockets, with a controller that the test plays."""
+"""The guard's arm stopper, on real sockets, with a controller that the test plays."""
 import contextlib
 import json
 import math
@@ -21,7 +21,7 @@ from jaka_ros_driver.protocol.status import encode_frame
 
 FRAME = encode_frame({"joint_actual_position": (0.0, 90.0, -90.0, 90.0, 90.0, 0.0), "powered_on": 1, "enabled": True,
                       "inpos": True, "emergency_stop": 0, "protective_stop": 0, "errcode": "0x0"})
-"""Of an arm at rest."""
+"""The frame of an arm at rest."""
 WAIT = 10.0
 
 
@@ -47,7 +47,7 @@ class Controller:
             thread.start()
 
     def refuse(self, name):
-        """Listen no more at this port."""
+        """Stop listening at this port."""
         with contextlib.suppress(OSError):
             self.listeners[name].shutdown(socket.SHUT_RDWR)
         self.listeners[name].close()

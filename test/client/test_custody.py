@@ -1,4 +1,5 @@
-"""A moving arm is never let go: odd details of the feed, refused replies, races. Verdicts from the true arm."""
+"""Custody of a moving arm that is never released: odd details of the feed, refused replies, races. Verdicts from the
+true arm."""
 import math
 import threading
 import time
@@ -61,7 +62,7 @@ def flicker(one, fields, seconds=0.1):
 
 
 def assert_in_custody_while_it_moves(one, arm, seconds):
-    """For so long the arm never moves without an owner for more than 0.3 s, in which this was seen ten times."""
+    """Assert for so long that the arm never moves without an owner for more than 0.3 s, with at least ten sightings."""
     seen = []
     end = time.monotonic() + seconds
     while time.monotonic() < end:

@@ -1,4 +1,4 @@
-"""The custody file: what it tells, whom it believes, and what it does to a driver whose disk fails."""
+"""The custody file: its content, which files are believed, and a driver whose disk fails."""
 import json
 import logging
 import os

@@ -60,7 +60,7 @@ def answer_stops(monkeypatch):
 
 
 def accept_and_go_on(_state):
-    """The reply is that of a stop that was accepted."""
+    """Return the reply to an accepted stop, and let the motion go on."""
 
 
 def refuse(_state):
@@ -76,7 +76,7 @@ def gaps_between(times):
 
 
 def opened(one):
-    """When connections to the command port began."""
+    """Return when connections to the command port began."""
     return [event.time_ns * 1e-9 for event in one.log().wire("command", "open")]
 
 
@@ -159,7 +159,7 @@ def test_a_guard_that_never_hears_a_word_of_its_driver_stops_what_the_driver_mov
 
 
 def guard_of(one, driver, *options):
-    """The command line of a guard that the test itself starts."""
+    """Return the command line of a guard that the test itself starts."""
     return [sys.executable, "-m", "jaka_ros_driver.client.guard_process", "--host", "127.0.0.1",
             "--port", str(one.controller.command_port), "--status-port", str(one.controller.status_port),
             "--driver", str(driver), *options]

@@ -41,7 +41,7 @@ def guard():
 
 
 class Beats:
-    """The driver's loop on a clock of its own: what the guard process does meanwhile takes real time."""
+    """The driver's loop on a clock of its own; the guard process takes real time meanwhile."""
 
     def __init__(self, guard):
         self._guard = guard
@@ -95,7 +95,7 @@ def test_a_guard_that_dies_or_freezes_in_motion_is_replaced_and_its_successor_st
 
 
 def test_a_driver_that_dies_before_its_next_word_has_told_the_successor_already(guard):
-    """The words wait in the pipe for a process that is only being started."""
+    # The notifications wait in the pipe for a process that is only being started.
     guard.tell(True)
     beats = Beats(guard)
     beats.until(lambda: guard.health().is_alive)

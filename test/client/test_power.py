@@ -54,7 +54,7 @@ def test_power_that_does_not_come_is_told(bench):
 
 
 def test_a_reply_that_is_held_back_until_it_is_done_costs_no_link(bench):
-    """As controllers do: the replies to power_on and enable_robot come seconds later (protocol section 5.1)."""
+    # Real controllers do so: the replies to power_on and enable_robot come seconds later (protocol section 5.1).
     one = bench(start="off", power_delay=1.2, enable_delay=0.8)
     arm = one.connect(reply_timeout=0.3)
     set_power(arm, True)

@@ -1,6 +1,6 @@
 """Recovery: from each state in which the simulated controller can be to an arm that can move, or the reason why not.
 
-What was sent is judged by the controller's own log.
+Requests are judged by the controller's own log.
 """
 import threading
 
@@ -24,7 +24,7 @@ STOPPING = {("jog", 0), ("servo_move", 0)}
 
 
 class Recovering:
-    """What a recovery is told and tells."""
+    """A recovery's observer: its questions and its reports."""
 
     def __init__(self, arm):
         self.arm = arm
@@ -37,14 +37,15 @@ class Recovering:
 
 
 def sent(one):
-    """Names of the commands of recovery that came in, in their order; none may have come that moves the arm."""
+    """Return the names of the commands of recovery that came in, in their order; none may have come that moves the
+    arm."""
     names = [request["cmdName"] for _, request in one.received()]
     assert not moving(one)
     return [name for name in names if name in WIRE_NAMES.values()]
 
 
 def moving(one):
-    """Names of the commands that came in and move the arm, or would; the parts of a stop do not."""
+    """Return the names of the commands that came in and move the arm, or would; the parts of a stop do not."""
     return {request["cmdName"] for _, request in one.received() if request["cmdName"] in MOTION
             and (request["cmdName"], request.get("jog_mode", request.get("relFlag"))) not in STOPPING}
 
@@ -54,7 +55,7 @@ def on_wire(steps):
 
 
 def nothing(one, arm):
-    """The state in which the controller starts."""
+    """Leave the state in which the controller starts."""
 
 
 def disabled(one, arm):
@@ -107,7 +108,7 @@ def rebooted(one, arm):
 
 
 def shown(**fields):
-    """The feed shows it, whatever is done."""
+    """Show this in the feed, whatever is done."""
     def show(one, arm):
         one.panel("fields", add=fields)
         assert eventually(lambda: arm.fresh_state().has_fault or arm.fresh_state().protective_stop)
@@ -297,7 +298,7 @@ def test_a_second_recovery_is_refused_while_one_is_under_way_and_repeats_nothing
 
 
 def test_what_an_earlier_call_has_begun_is_not_sent_again(bench, call):
-    """The reply to power_on comes when the drives have power: until then it is known that it is under way."""
+    # The reply to power_on comes when the drives have power: until then the request is known to be outstanding.
     one = bench(start="off", power_delay=3.0, enable_delay=0.1)
     arm = one.connect()
     earlier = call(Recovering(arm))

@@ -178,7 +178,7 @@ class Changed:
 
 
 def forgetful(arm, forgets):
-    """An arm whose controller accepts a setting and does not keep it."""
+    """Return an arm whose controller accepts a setting and does not keep it."""
     return Changed(arm, lambda command: "accepted" if isinstance(command, forgets) else None)
 
 
