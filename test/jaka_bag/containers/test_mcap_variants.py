@@ -15,7 +15,7 @@ from jaka_bag.operations.recover import recover
 
 
 def expected(content):
-    """Messages in the order of time, attachments, metadata."""
+    """Return messages in the order of time, attachments, metadata."""
     messages = sorted((item.time, item.data, item.sequence) for item in content.items if item.kind == MESSAGE)
     return (messages, [item.data for item in content.items if item.kind == ATTACHMENT],
             [FACTS for item in content.items if item.kind == METADATA])

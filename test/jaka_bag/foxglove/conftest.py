@@ -9,7 +9,10 @@ import pytest
 
 @pytest.fixture
 def running():
-    """Runs a source's server until the end of the test: ``running(source, rules, limits)``; its notices are kept."""
+    """Return a function that runs a source's server until the end of the test: ``running(source, rules, limits)``.
+
+    The server's notices are kept.
+    """
     from jaka_bag.foxglove.access import AccessRules
     from jaka_bag.foxglove.server import FoxgloveServer, Limits
 
@@ -30,6 +33,6 @@ def running():
 
 @pytest.fixture(autouse=True)
 def no_thread_stays():
-    """Fails a test that leaves a thread behind."""
+    """Fail a test that leaves a thread behind."""
     with live_samples.no_thread_stays():
         yield

@@ -52,7 +52,7 @@ CALL = struct.Struct("<BIII")
 
 @pytest.fixture
 def graph(tmp_path, monkeypatch):
-    """A running master; the environment points at it."""
+    """Start a master; the environment points at it."""
     with Graph(tmp_path) as running:
         monkeypatch.setenv("ROS_MASTER_URI", running.environment["ROS_MASTER_URI"])
         monkeypatch.setenv("ROS_IP", "127.0.0.1")
@@ -60,13 +60,13 @@ def graph(tmp_path, monkeypatch):
 
 
 def program(graph, *arguments):
-    """``jaka_foxglove`` on a free port."""
+    """Start ``jaka_foxglove`` on a free port."""
     return Served(*command_of("jaka_foxglove"), "--port", "0", *arguments, environment=graph.environment)
 
 
 @pytest.fixture
 def shown(graph, running):
-    """Serves the graph in this process; gives the server."""
+    """Serve the graph in this process; return the server."""
     from jaka_bag.foxglove.live_topics import LiveOptions, LiveTopics
 
     def show(selection=EVERYTHING, accept=accept_all, **options):
@@ -79,7 +79,7 @@ def shown(graph, running):
 
 
 class Viewer(RawViewer):
-    """A viewer that subscribes to every channel; with all that it was told.
+    """A viewer that subscribes to every channel, with all that it received.
 
     Attributes:
         topics: By number of the channel, which is also that of the subscription.

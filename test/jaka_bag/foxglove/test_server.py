@@ -18,7 +18,7 @@ from jaka_bag.foxglove.source import Source
 
 
 class Toy(Source):
-    """Channels and a service whose messages the test makes."""
+    """A source whose channels, service and messages the test makes."""
 
     def __init__(self, channels=2):
         super().__init__("toy")

@@ -1,4 +1,4 @@
-"""What must hold when things go wrong: kill -9, a full disk, a buffer that overflows."""
+"""Evidence when things go wrong: kill -9, a full disk, a buffer that overflows."""
 import contextlib
 import json
 import os
@@ -23,7 +23,7 @@ KILLED_LOSS_S = 1.1
 
 @contextlib.contextmanager
 def sending(publisher, outlet, period_s=0.002):
-    """Numbered messages, stamped with the time of sending, until the context ends; gives the list of times, ns."""
+    """Send numbered messages, stamped with the time of sending, until the context ends; yield the list of times, ns."""
     stamps = []
     ending = threading.Event()
 
@@ -42,7 +42,7 @@ def sending(publisher, outlet, period_s=0.002):
 
 
 def readable_stamps(path):
-    """Send times in an .mcap that was cut off, ns, as the mcap library reads it."""
+    """Return send times in an .mcap that was cut off, ns, as the mcap library reads it."""
     stamps = []
     with open(str(path), "rb") as file, contextlib.suppress(EndOfFile):
         for _, _, message in NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False):
@@ -88,7 +88,8 @@ def test_a_killed_bag_recording_is_recovered_to_its_last_chunk(graph):
 
 @contextlib.contextmanager
 def small_disk(folder, size):
-    """A full-able file system in ``folder``: a tmpfs where that is permitted; gives False where it is not."""
+    """Mount a file system that can be filled in ``folder``: a tmpfs where that is permitted; yield False where it is
+    not."""
     folder.mkdir()
     mount = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=%d" % size, "jaka-test", str(folder)],
                            stderr=subprocess.PIPE)
@@ -100,7 +101,7 @@ def small_disk(folder, size):
 
 
 def fill(graph, recorder, publisher, outlet):
-    """Publish until the recorder gives up; the number of messages sent."""
+    """Publish until the recorder gives up; return the number of messages sent."""
     number = 0
     deadline = time.monotonic() + live_samples.PATIENCE_S
     while recorder.popen.poll() is None:

@@ -1,4 +1,4 @@
-"""jaka_bag play on a real master: what is in the log is what subscribers get, at its times or at any rate."""
+"""jaka_bag play on a real master: subscribers get what is in the log, at its times or at any rate."""
 import fcntl
 import json
 import os
@@ -41,7 +41,7 @@ rospy.spin()
 
 
 def write_log(path, entries):
-    """A log of (topic or connection, time in ms, frame); strings unless the connection says otherwise."""
+    """Write a log of (topic or connection, time in ms, frame); strings unless the connection says otherwise."""
     kind = McapWriter if str(path).endswith(".mcap") else BagWriter
     with kind(path, compression="none") as writer:
         for connection, at_ms, frame in entries:
@@ -97,7 +97,7 @@ def report_of(graph):
 
 @pytest.mark.parametrize("suffix", ["bag", "mcap"])
 def test_record_of_play_of_record_is_the_same_log(graph, suffix):
-    """Topic, type, md5, definition, latching, order and bytes survive; the caller's name is the player's."""
+    # Topic, type, md5, definition, latching, order and bytes survive; the caller's name is the player's.
     latched = Connection("/fixed", "std_msgs/String", string_connection("/x").md5sum,
                          string_connection("/x").definition, "/author", True)
     entries = [(latched, 0, string_frame("once"))]

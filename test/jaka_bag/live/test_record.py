@@ -1,4 +1,4 @@
-"""jaka_bag record on a real master: what is published is what is in the file, whoever publishes it and however."""
+"""jaka_bag record on a real master: the file has what is published, whoever publishes it and however."""
 import json
 import os
 import re

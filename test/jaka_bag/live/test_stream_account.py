@@ -1,4 +1,4 @@
-"""What was lost, and how that is known."""
+"""The account of a stream: its losses, and how they are known."""
 import json
 
 import pytest

@@ -1,4 +1,4 @@
-"""From messages to files without a network: buffer, limit, simulated time, snapshots, failures."""
+"""The way from messages to files without a network: buffer, limit, simulated time, snapshots, failures."""
 import struct
 import threading
 import time
