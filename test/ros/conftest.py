@@ -14,7 +14,7 @@ from ros_bench import Arm, SimulatorProcess
 
 
 def free_port() -> int:
-    """A port that was free a moment ago: roscore, unlike our own programs, cannot be told to take any."""
+    """Return a port that was free a moment ago: roscore, unlike our own executables, cannot be asked to take any."""
     with contextlib.closing(socket.socket()) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -22,7 +22,7 @@ def free_port() -> int:
 
 @pytest.fixture(scope="session")
 def ros_master(tmp_path_factory) -> Iterator[str]:
-    """URI of a running master; the environment points at it, logs go to a temporary folder."""
+    """Start a master and return its URI; the environment points at it, logs go to a temporary folder."""
     home = tmp_path_factory.mktemp("ros_home")
     with pytest.MonkeyPatch.context() as environment:
         port = free_port()
@@ -41,7 +41,7 @@ def ros_master(tmp_path_factory) -> Iterator[str]:
 
 @pytest.fixture(scope="session")
 def ros_node(ros_master) -> Iterator[str]:
-    """Makes the test process a ROS node; its name."""
+    """Make the test process a ROS node; return its name."""
     rospy.init_node("jaka_tests", anonymous=True, disable_signals=True)
     yield rospy.get_name()
     rospy.signal_shutdown("tests are over")
@@ -49,14 +49,17 @@ def ros_node(ros_master) -> Iterator[str]:
 
 @pytest.fixture
 def launch(ros_master) -> Iterator[Callable[..., roslaunch.parent.ROSLaunchParent]]:
-    """Starts a launch file of this package: ``launch("demo.launch", "model:=zu7")``; all end with the test."""
+    """Return a function that starts a launch file of this package: ``launch("demo.launch", "model:=zu7")``.
+
+    All end with the test.
+    """
     with contextlib.ExitStack() as running:
         yield lambda name, *arguments: running.enter_context(launched(name, arguments))
 
 
 @contextlib.contextmanager
 def launched(name: str, arguments: Sequence[str] = ()) -> Iterator[roslaunch.parent.ROSLaunchParent]:
-    """A launch file of this package, running; also for fixtures of a wider scope, which need ros_master themselves."""
+    """Run a launch file of this package; also for fixtures of a wider scope, which need ros_master themselves."""
     path = str(Path(import_graph.ROOT, "launch", name))
     files: Sequence[Tuple[str, Sequence[str]]] = [(path, arguments)]
     with launched_parent(files, is_core=False) as parent:
@@ -65,7 +68,7 @@ def launched(name: str, arguments: Sequence[str] = ()) -> Iterator[roslaunch.par
 
 @contextlib.contextmanager
 def driven(simulator: SimulatorProcess, *arguments: str) -> Iterator[Arm]:
-    """The driver node on a simulated controller, started by its launch file; needs ros_node.
+    """Run the driver node on a simulated controller by its launch file; needs ros_node.
 
     Without the guard process: on a busy host a driver that gets no time for 0.25 s is as good as a dead one.
     """
@@ -76,20 +79,20 @@ def driven(simulator: SimulatorProcess, *arguments: str) -> Iterator[Arm]:
 
 @pytest.fixture(scope="module")
 def simulator() -> Iterator[SimulatorProcess]:
-    """A simulated controller for a module, its drives enabled."""
+    """Start a simulated controller for a module, its drives enabled."""
     with contextlib.closing(SimulatorProcess("--start", "enabled")) as process:
         yield process
 
 
 @pytest.fixture(scope="module")
 def log_file(tmp_path_factory) -> Path:
-    """Where the simulated controller of a module keeps its log."""
+    """Return where the simulated controller of a module keeps its log."""
     return tmp_path_factory.mktemp("wire") / "wire.mcap"
 
 
 @pytest.fixture(scope="module")
 def arm(ros_node, simulator) -> Iterator[Arm]:
-    """The driver on it, interface documented."""
+    """Start the driver on it, interface documented."""
     with driven(simulator) as running:
         running.wait_until_ready()
         yield running
@@ -97,13 +100,13 @@ def arm(ros_node, simulator) -> Iterator[Arm]:
 
 @pytest.fixture(scope="session")
 def launched_file(ros_master) -> Callable[..., "contextlib.AbstractContextManager[roslaunch.parent.ROSLaunchParent]"]:
-    """``with launched_file(name, arguments)``, for fixtures of a wider scope than ``launch``."""
+    """Return the context ``launched(name, arguments)``, for fixtures of a wider scope than ``launch``."""
     return launched
 
 
 @pytest.fixture(scope="session")
 def free_ports() -> Callable[[int], List[int]]:
-    """So many different ports, for programs that must be told theirs before they start."""
+    """Return a function that finds so many different ports, for executables that must have them before they start."""
     def choose(count: int) -> List[int]:
         with contextlib.ExitStack() as probes:
             sockets = [probes.enter_context(contextlib.closing(socket.socket())) for _ in range(count)]
@@ -115,5 +118,5 @@ def free_ports() -> Callable[[int], List[int]]:
 
 @pytest.fixture(scope="session")
 def driven_by() -> Callable[..., "contextlib.AbstractContextManager[Arm]"]:
-    """``with driven_by(simulator, *launch_arguments) as arm``."""
+    """Return the context ``driven(simulator, *launch_arguments)``, which gives the arm."""
     return driven

@@ -1,4 +1,4 @@
-"""Nobody who merely connects keeps others from being served: a node with few descriptors under floods of each kind."""
+"""Connections that merely connect and keep nobody from being served: a node with few descriptors under each flood."""
 import contextlib
 import errno
 import os
@@ -81,7 +81,7 @@ class Node:
         return socket.create_connection((address.hostname, address.port), WAIT)
 
     def greet(self, **fields):
-        """A connection that has said what it wants, and heard that it may."""
+        """Return a connection that has sent its header, and has been accepted."""
         sock = self.connect()
         header = dict({"callerid": "/tests", "md5sum": "*", "type": "*", "tcp_nodelay": "0"}, **fields)
         sock.sendall(encode_ros_handshake_header(header))
@@ -105,14 +105,15 @@ def node(ros_node):
 
 
 def answered_after(service="stop", kind=Empty, **fields):
-    """s that a new caller waits for the answer."""
+    """Return the seconds that a new caller waits for the answer."""
     begin = time.monotonic()
     rospy.ServiceProxy("/doorkeeper/" + service, kind)(**fields)
     return time.monotonic() - begin
 
 
 def assert_served():
-    """Once for the host's sake: what counts is that nobody waits for ever, and hardly anybody for long."""
+    """Assert that a new caller is served; once more for the host's sake: nobody may wait for ever, and hardly anybody
+    long."""
     waits = [answered_after() for _ in range(5)]
     assert sorted(waits)[-2] < SERVED_WITHIN, waits
 
@@ -217,7 +218,7 @@ def test_a_request_that_comes_with_the_greeting_is_served(node):
 
 
 def test_the_caller_that_was_idle_longest_has_to_go(node):
-    """The node has room for half as many callers as it has descriptors."""
+    # The node has room for half as many callers as it has descriptors.
     busy = rospy.ServiceProxy("/doorkeeper/stop", Empty, persistent=True)
     busy()
     with contextlib.ExitStack() as stack:
@@ -273,7 +274,7 @@ class Listener:
 
 @pytest.fixture
 def spared(monkeypatch):
-    """How often a connection had to make room; nothing waits."""
+    """Count how often a connection had to make room; nothing waits."""
     made = []
     monkeypatch.setattr(connections, "_make_room", lambda: made.append(True))
     monkeypatch.setattr(connections.time, "sleep", lambda seconds: None)

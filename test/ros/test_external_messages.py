@@ -19,7 +19,7 @@ NAME = "external_driver"
 
 @pytest.fixture
 def external_messages(tmp_path):
-    """A folder with the Python modules of the maker's jaka_msgs."""
+    """Make a folder with the Python modules of the maker's jaka_msgs."""
     source = ROOT / "test" / "packaging" / "other_jaka_msgs"
     search = {"jaka_msgs": [str(source / "msg")],
               "std_msgs": [str(Path(roslib.packages.get_pkg_dir(std_msgs.__name__), "msg"))]}

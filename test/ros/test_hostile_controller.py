@@ -56,7 +56,7 @@ def test_numbers_that_nothing_can_hold_end_no_call_and_are_forgotten_with_the_ne
 
 
 def test_the_driver_says_no_traceback(live):
-    """The last one: it ends the driver. It needs none of the others, so that it can be repeated by itself."""
+    # The last one: it ends the driver. It needs none of the others, so that it can be repeated by itself.
     live.arm.simulator.panel("fields", add={"errcode": "0xf0017", "errmsg": HALF})
     assert eventually(lambda: live.arm.listen("robot_states", 1)[0].motion_state == 4)
     live.arm.call("joint_move", pose=[0.0, 1.5, -1.5, 1.5, 1.5, 0.0], mvvelo=-2.0, mvacc=1.0)

@@ -1,4 +1,4 @@
-"""The program: what it refuses to start with, a controller that comes later, energising, the URDF, its exit."""
+"""The executable: what it refuses to start with, a controller that comes later, energising, the URDF, its exit."""
 import contextlib
 import os
 import subprocess
@@ -138,7 +138,7 @@ def test_every_thread_of_the_driver_has_short_slices(ros_node):
 
 
 def scheduling_of(pid):
-    """(policy, slice) of each thread."""
+    """Return (policy, slice) of each thread."""
     found = set()
     for task in os.listdir("/proc/%d/task" % pid):
         with contextlib.suppress(ProcessLookupError, FileNotFoundError), \
@@ -148,7 +148,7 @@ def scheduling_of(pid):
 
 
 def slice_in(account):
-    """ns; None where the kernel does not tell it."""
+    """Return the slice in ns; None where the kernel does not show it."""
     return next((int(line.split()[-1]) for line in account.splitlines() if line.startswith("se.slice")), None)
 
 

@@ -92,7 +92,7 @@ def begun(*arguments):
 
 
 def interrupted(process, seconds=10.0):
-    """What a program prints that gets Ctrl-C; it must end soon."""
+    """Send Ctrl-C to a process; return its output. It must end soon."""
     process.send_signal(signal.SIGINT)
     errors = process.communicate(timeout=seconds)[1].decode()
     assert process.returncode == 1 and "interrupted" in errors, errors

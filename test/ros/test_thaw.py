@@ -9,7 +9,7 @@ from ros_bench import eventually
 from sensor_msgs.msg import JointState
 
 OLDEST = 0.25
-"""s; a frame may have been on its way for so long on a busy host."""
+"""s; how long a frame may have been on its way on a busy host."""
 
 
 @pytest.mark.parametrize("seconds", [0.4, 4.0])

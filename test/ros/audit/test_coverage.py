@@ -1,7 +1,7 @@
-"""Nothing by which a node can ask the driver for something is unrecorded, unless it is listed with the reason.
+"""The coverage of the audit log: every request that a node can make is recorded, or listed with the reason.
 
-The driver tells in its log what it records; the ROS master tells what the node really takes. Whoever adds a
-service, an action or a topic beside both is told here.
+The driver names in its log what it records; the ROS master knows what the node really offers. A service, an action or
+a topic that is added beside both fails here.
 """
 import re
 import sys
@@ -39,7 +39,7 @@ sys.exit(node.main(sys.argv[1:]))
 
 
 def taken_by(node):
-    """Names of the services that a node offers and of the topics that it reads, as the master knows them."""
+    """Return names of the services that a node offers and of the topics that it reads, as the master knows them."""
     _, subscribers, services = rosgraph.Master("/jaka_tests").getSystemState()
     return {name for name, nodes in services + subscribers if node in nodes}
 
@@ -49,7 +49,7 @@ def resolved(name, node):
 
 
 def unrecorded(node, folder):
-    """What a node takes that its driver neither records nor is listed for."""
+    """Return what a node takes that its driver neither records nor is listed for."""
     known = {resolved(name, node) for name in NOT_RECORDED}
     for entry in those_of(folder, "recorded")[-1]["names"]:
         kind, name = entry.split(" ")

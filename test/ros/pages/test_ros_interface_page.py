@@ -37,13 +37,13 @@ ANSWERS = {
 
 @pytest.fixture(scope="module")
 def simulator():
-    """With a force sensor, which a section of the page is about."""
+    """Start a simulated controller with a force sensor, which a section of the page is about."""
     with contextlib.closing(SimulatorProcess("--start", "enabled", "--force-sensor")) as process:
         yield process
 
 
 def has_moved(arm):
-    """Away from home."""
+    """Return whether the arm is away from home."""
     away = [abs(a - math.degrees(b)) for a, b in zip(arm.simulator.state()["joint_position"], HOME)]
     return max(away) > SEEN_DEG
 

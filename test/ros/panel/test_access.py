@@ -1,4 +1,4 @@
-"""Who may ask the panel: Host, Origin, token, limits, files; each attack is tried and its answer looked at."""
+"""The access to the panel: Host, Origin, token, limits, files; each attack is tried and its answer checked."""
 import contextlib
 import json
 

@@ -1,4 +1,4 @@
-"""A panel on a running driver: what a page is told, and what each of its commands does, with one page and with two."""
+"""A panel on a running driver: the messages of a page, and each of its commands, with one page and with two."""
 import math
 import os
 import signal
@@ -64,12 +64,13 @@ def there(live, target, tolerance=1e-3):
 
 
 def go_home(live):
-    """Again where a busy host stands against it."""
+    """Move home; again where a busy host stands against it."""
     assert eventually(lambda: live.arm.call("joint_move", pose=HOME, mvvelo=3.0, mvacc=12.0).ret == 1)
 
 
 def set_in_motion(page, live, arm, cmd, **args):
-    """Ask for a motion from HOME; again where a busy host has ended it before it began. What waits for its answer."""
+    """Ask for a motion from HOME, again where a busy host has ended it before it began; return the function that waits
+    for its answer."""
     answers = []
     for _ in range(5):
         go_home(live)
@@ -118,10 +119,8 @@ def test_states_come_at_the_rate_at_most_and_show_what_is(page, live, arm):
 
 
 def test_states_come_a_little_behind_a_sample(page, arm):
-    """The driver and a simulated controller beside it are busy when a sample comes: no work for pages then.
-
-    At any moment the newest sample may be 0 to 8 ms old and more; of what is shown most lies within 3 ms.
-    """
+    # The driver and a simulated controller beside it are busy when a sample comes: no work for pages then. At any
+    # moment the newest sample may be 0 to 8 ms old and more; of what is shown most lies within 3 ms.
     def is_behind():
         ages = {}
         assert eventually(lambda: ages.update({page.states[arm]["n"]: page.states[arm]["age"]}) or len(ages) >= 30)

@@ -1,4 +1,4 @@
-"""The page on a running driver: a first run by clicks only, and every way of letting go, in the controller's log."""
+"""The page on a running driver: a first run by clicks only, and every way of release, in the controller's log."""
 import re
 import sys
 import time
@@ -16,8 +16,9 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium-headles
 LONGEST_S = 1.0
 """s; 0.3 s on a quiet host (test/benchmark/bench_panel_deadman.py), and what a busy one may take away."""
 LEFT_TO_THE_BENCHMARK = ("tab frozen", "page crashed", "loaded again", "browser killed")
-"""A browser takes 8 s to freeze a tab: its JavaScript stands still then, as in "JavaScript blocked". The others need
-another page or browser each; for the server they are closed connections, as "tab closed" is."""
+"""Ways that only the benchmark takes. A browser takes 8 s to freeze a tab: its JavaScript stands still then, as in
+"JavaScript blocked". The others need another page or browser each; for the server they are closed connections, as "tab
+closed" is."""
 SUITE = [way for way in WAYS if way not in LEFT_TO_THE_BENCHMARK]
 FIRST_MINUTES_S = 180.0
 LAUNCH = "import sys, roslaunch; sys.argv[0] = 'roslaunch'; roslaunch.main()"
@@ -40,7 +41,7 @@ def test_every_way_of_letting_go_of_a_button_stops_the_arm(rests, way):
 
 @pytest.fixture
 def demo(tmp_path, free_ports):
-    """What the README's first command starts, on ports of its own; the address that it prints, and since when."""
+    """Start the README's first command, on ports of its own; return the address that it prints, and since when."""
     command, status, simulator = free_ports(3)
     with Graph(tmp_path) as graph:
         since = time.monotonic()
@@ -80,7 +81,7 @@ def test_from_the_first_command_to_an_arm_that_moved_by_clicks_only(demo):
 
 
 def jog(page):
-    """Press until it has moved; again where a busy host lets go of it."""
+    """Press until the arm has moved; again where a busy host ends the jog."""
     moved = "%s > %r" % (FIRST_JOINT, page.evaluate(FIRST_JOINT) + 0.5)
     for _ in range(20):
         x, y = page.press(JOG)

@@ -1,4 +1,4 @@
-"""The bench of this folder is a module beside its tests."""
+"""The import path of this folder's bench, a module beside its tests."""
 import sys
 from pathlib import Path
 

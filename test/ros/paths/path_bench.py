@@ -41,7 +41,7 @@ def square(radius=0.0, speed=0.2):
 
 
 class PathClient:
-    """Sends paths; keeps how often each ended, and all feedback."""
+    """A sender of paths that keeps how often each ended, and all feedback."""
 
     def __init__(self, name="/jaka_driver/move_path"):
         self._client = actionlib.ActionClient(name, MovePathAction)
@@ -57,7 +57,7 @@ class PathClient:
                                       lambda _, feedback: self.feedback.append(feedback))
 
     def end(self, handle):
-        """Name of its terminal state, and its result."""
+        """Return the name of a goal's terminal state, and its result."""
         assert eventually(lambda: handle.get_comm_state() == actionlib.CommState.DONE, WAIT), "it has no end"
         return STATES[handle.get_goal_status()], handle.get_result()
 
@@ -65,7 +65,7 @@ class PathClient:
         return self.end(self.send(segments))
 
     def come_to(self, fraction):
-        """Wait until the path under way has come so far."""
+        """Wait until the running path has come so far."""
         assert eventually(lambda: self.feedback and self.feedback[-1].fraction >= fraction, WAIT)
 
     def close(self):
@@ -73,12 +73,13 @@ class PathClient:
 
 
 def tool_way(log_file, since):
-    """Places of the tool, m, cycle by cycle."""
+    """Return places of the tool, m, cycle by cycle."""
     return [forward(MODEL, joints)[9:] for at, joints in WireVerdict(log_file).joints() if at >= since]
 
 
 def bow(log_file, since, index):
-    """By what factor the straight line behind a sample of the joints may be farther off the curve than at one cycle.
+    """Return by what factor the straight line behind a sample of the joints may be farther off the curve than at one
+    cycle.
 
     A line over two cycles, where the simulator was late, is four times as far off as one over one cycle.
     """
@@ -87,7 +88,7 @@ def bow(log_file, since, index):
 
 
 def nearest(way, place):
-    """(distance, index) of the way's nearest place, in its unit, on straight lines from one to the next."""
+    """Return (distance, index) of the way's nearest place, in its unit, on straight lines from one to the next."""
     best = math.inf, 0
     for index, (a, b) in enumerate(zip(way, way[1:])):
         step = [q - p for p, q in zip(a, b)]

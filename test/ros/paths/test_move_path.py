@@ -1,4 +1,4 @@
-"""The action move_path as a client sees it: on the running node; what was sent and done is in the controller's log."""
+"""The action move_path as a client sees it, on the running node; requests and motion are in the controller's log."""
 import contextlib
 import math
 import time
@@ -23,7 +23,7 @@ def cell(ros_node, driven_by, log_file):
 
 @pytest.fixture
 def arm(cell):
-    """At the last corner of the square, at rest, all well."""
+    """Return the arm at the last corner of the square, at rest, all well."""
     cell.simulator.panel("release_emergency_stop")
     assert eventually(lambda: cell.call("recover").success)
     answer = cell.call("linear_move", pose=[400.0, 100.0, 370.0, 2.2214, -2.2214, 0.0], mvvelo=500.0, mvacc=4000.0)
@@ -38,13 +38,13 @@ def client(arm):
 
 
 def sent(log_file, since):
-    """(time, request) of the motions since then."""
+    """Return (time, request) of the motions since then."""
     return [(at, request) for at, request in WireVerdict(log_file).received()
             if request["cmdName"] in MOTIONS and at >= since]
 
 
 def all_sent(log_file, since, count):
-    """The same, when so many are in the log, which is written a little later than things happen."""
+    """Return the same once so many are in the log, which is written a little later than things happen."""
     assert eventually(lambda: len(sent(log_file, since)) >= count)
     return sent(log_file, since)
 

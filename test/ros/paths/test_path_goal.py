@@ -14,7 +14,7 @@ from jaka_ros_driver.ros.services.path_action import PathAction
 
 
 class Arm:
-    """Takes one path; the test says when it begins and how it ends."""
+    """An arm that takes one path; the test chooses when it begins and how it ends."""
 
     def __init__(self):
         self.done = Future()
@@ -82,7 +82,7 @@ class Decoder:
 
 @pytest.fixture
 def goal():
-    """An arm, a goal that it has taken, and the action between them; the goal's thread ends with the test."""
+    """Return an arm, a goal that it has taken, and the action between them; the goal's thread ends with the test."""
     arm, handle = Arm(), Handle()
     action = PathAction(arm, Decoder(), Recorder(None))
     action._take(handle)

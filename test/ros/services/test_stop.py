@@ -1,4 +1,4 @@
-"""What must end a motion ends it: stop, watchdog, shutdown; nothing keeps a stop out."""
+"""The ends of a motion: stop, watchdog, shutdown; nothing keeps a stop out."""
 import contextlib
 import math
 import signal
@@ -65,9 +65,9 @@ def test_an_emergency_stop_ends_the_move_with_its_name(arm):
 
 @pytest.mark.parametrize("is_kept_going", [False, True], ids=["once", "kept going"])
 def test_the_jog_watchdog_stops_3_s_after_the_last_call(arm, is_kept_going):
-    """Judged by the way that the arm has gone meanwhile."""
+    # Judged by the way that the arm has gone meanwhile.
     def jog():
-        """The moment of a jog call that was taken; None where it was refused: the host may have cut the link."""
+        """Return when a jog call was taken; None where it was refused: the host may have cut the link."""
         asked = time.monotonic()
         return asked if arm.call("jog", mvvelo=0.05, index=0).ret == 1 else None
 

@@ -25,7 +25,7 @@ def driver(ros_node, simulator, driven_by):
 
 
 def pose_of(driver):
-    """The controller's: m (3,), rotation matrix."""
+    """Return the controller's pose: m (3,), rotation matrix."""
     x, y, z, *rpy = driver.simulator.state()["tcp_pose"]
     return (x / 1000.0, y / 1000.0, z / 1000.0), matrix_from_rpy([math.radians(angle) for angle in rpy])
 

@@ -1,4 +1,4 @@
-"""Interface vendor, row by row of docs/interface.md section 5; what holds in both is tested in both."""
+"""Interface vendor, row by row of docs/interface.md section 5; rows that hold in both are tested in both."""
 import math
 
 import pytest

@@ -23,7 +23,7 @@ def with_(**fields):
 
 
 class Updater:
-    """Keeps the checks."""
+    """A keeper of the checks."""
 
     def __init__(self):
         self.tasks, self.hardware = {}, None
@@ -61,7 +61,7 @@ class Bench:
         return self.state
 
     def look(self, name):
-        """Level, words and values of a check."""
+        """Return level, words and values of a check."""
         status = self.updater.tasks[name](DiagnosticStatusWrapper())
         return int(status.level if isinstance(status.level, int) else ord(status.level)), status.message, {
             value.key: value.value for value in status.values}

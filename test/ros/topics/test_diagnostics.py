@@ -24,7 +24,7 @@ def reports(arm):
 
 @pytest.fixture
 def healthy(arm, reports):
-    """The arm, all checks OK but that it is simulated and has no guard; whatever a test does to it is undone."""
+    """Return the arm with all checks OK but that it is simulated and has no guard; undo whatever a test does to it."""
     assert eventually(lambda: {name for name, (level, _) in newest(reports).items() if level != OK}
                       == {"arm", "guard"}), newest(reports)
     yield arm
@@ -35,7 +35,8 @@ def healthy(arm, reports):
 
 
 def newest(reports):
-    """Level and message of each check of the last second; what a busy host does to the feed is not judged here."""
+    """Return level and message of each check of the last second; what a busy host does to the feed is not judged
+    here."""
     for _, array in reversed(reports):
         if len(array.status) == len(CHECKS):
             return {s.name.split(": ", 1)[1]: ((OK if is_of_the_host(s.message) else s.level), s.message)

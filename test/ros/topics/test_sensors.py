@@ -22,7 +22,7 @@ TOPICS = {"~wrench": "wrench", "~joint_temperatures": "joint_temperature", "~joi
 
 
 class Bench:
-    """The publishers on an arm whose states the test tells; ``messages`` by topic, for the topics that are offered."""
+    """The publishers on an arm whose states the test gives; ``messages`` by topic, for the topics that are offered."""
 
     def __init__(self, monkeypatch):
         self.messages, self.subscribers, self.now = {}, 1, 100.0

@@ -1,4 +1,4 @@
-"""How a goal of the action ends, and with which code: an arm and goal handles of the tests' own, no ROS master."""
+"""The ends of the action's goals, each with its code: an arm and goal handles of the tests' own, no ROS master."""
 import re
 import threading
 import types
@@ -32,7 +32,7 @@ WAIT = 20.0
 
 
 class Arm:
-    """Follows whatever it is given, until the test ends it; ``refusal`` is raised instead."""
+    """An arm that follows whatever it is given until the test ends it; ``refusal`` is raised instead."""
 
     def __init__(self):
         self.refusal = None
@@ -59,7 +59,7 @@ class Arm:
 
 
 class Handle:
-    """A goal as actionlib hands it over; notes what becomes of it."""
+    """A goal as actionlib hands it over, with its states."""
 
     def __init__(self, number, points=1):
         goal = made_type("control_msgs/FollowJointTrajectoryGoal")()
