@@ -76,7 +76,7 @@ def test_the_lock_of_a_handler_is_one_that_can_be_taken(kind):
 
 def test_a_handler_that_writes_nothing_is_told_at_the_end():
     class Broken(logging.Handler):
-        """Fails at every record."""
+        """A handler that fails at every record."""
 
         def emit(self, record):
             raise TypeError("no lock")

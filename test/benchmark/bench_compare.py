@@ -1,4 +1,4 @@
-"""How long jaka_bag compare takes for two state logs of 30 minutes (675,000 messages each), start-up included.
+"""The time of jaka_bag compare for two state logs of 30 minutes (675,000 messages each), start-up included.
 
 The reference is `jaka_bag export` of one of them to NPZ: reading and decoding the same bytes once.
 
@@ -23,7 +23,7 @@ JAKA_BAG = command_of("jaka_bag")
 
 
 def timed(command: List[str], expected: str, rounds: int) -> Tuple[float, float]:
-    """Best wall and CPU time of a program, s; what it prints must contain ``expected``."""
+    """Return best wall and CPU time of a command, s; its output must contain ``expected``."""
     walls, cpus = [], []
     for _ in range(rounds):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)

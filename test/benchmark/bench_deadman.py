@@ -1,4 +1,4 @@
-"""How soon a velocity jog rests after each way of letting go: from the last message that counted to the last frame of
+"""The time to rest of a velocity jog after each way of release: from the last message that counted to the last frame of
 motion on the wire, and to the arm's rest.
 
 Moments on the wire and of the arm are those of the simulated controller's log. In the devel space, on a quiet host:

@@ -1,4 +1,4 @@
-"""What jaka_foxglove costs and how late messages are, beside a plain rospy subscriber, in one run.
+"""The cost of jaka_foxglove and the delay of its messages, beside a plain rospy subscriber, in one run.
 
 Three topics of the driver's size at 125 Hz each, published with the time of sending in the header. For rospy the reader
 is the program that is measured; jaka_foxglove is measured without its viewers, whose latency is that of the whole way.

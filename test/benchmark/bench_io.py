@@ -1,4 +1,4 @@
-"""From an edge at an input of the simulated controller to the message of ~io_states, and the frame that it belongs to.
+"""The delay from an edge at an input of the simulated controller to the message of ~io_states, and to its frame.
 
 The frames are those of joint_position, whose stamps are those of the status feed. In the devel space, on a quiet host:
 
@@ -43,7 +43,7 @@ def main(count):
 
 
 def edge(live, edges, n):
-    """(when the input was set, when the message came, its stamp), s."""
+    """Return (when the input was set, when the message came, its stamp), s."""
     time.sleep(random.uniform(*PAUSE_S))
     wanted, seen = n % 2 == 0, len(edges)
     live.arm.simulator.panel("set_input", index=7, value=int(wanted))

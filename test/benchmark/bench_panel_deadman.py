@@ -1,5 +1,5 @@
-"""How soon the arm rests when an operator at the panel's page lets go, in a real browser, in each way: from the last
-heartbeat that could count to the last frame of motion on the wire, as the simulated controller's log has it.
+"""The time to rest after an operator at the panel's page releases in a real browser, in each way: from the last
+heartbeat that could count to the last frame of motion on the wire, by the simulated controller's log.
 
 In the devel space, on a quiet host:
 

@@ -1,4 +1,4 @@
-"""How soon the panel's page is there, and what it costs the browser while an arm moves, without 3D and with it.
+"""The loading time of the panel's page, and its cost for the browser while an arm moves, without 3D and with it.
 
 No ROS: a server of the tests' own sends what the panel sends. 3D is drawn by software here, as on a computer without a
 graphics card. On a quiet host:
@@ -21,7 +21,7 @@ WATCHED_S = 10.0
 
 
 def loads(browser, panel):
-    """s from the request of the page to the first state of the arm on it."""
+    """Return s from the request of the page to the first state of the arm on it."""
     took = []
     for _ in range(LOADS + 1):
         page = browser.open()
@@ -34,7 +34,7 @@ def loads(browser, panel):
 
 
 def busy(browser, panel):
-    """Share of a core that the page's thread takes, and pictures a second."""
+    """Return the share of a core that the page's thread takes, and pictures a second."""
     page = browser.open(panel.url)
     page.until("!document.body.classList.contains('stale')")
     page.call("Performance.enable")

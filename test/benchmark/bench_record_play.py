@@ -38,7 +38,7 @@ BODY = struct.pack("<I", 5) + b"world" + b"\1" * 48
 
 
 def generate(topics: int, rate: float, seconds: float, subscribers: int) -> None:
-    """Publish state-size messages on /t0, /t1 ... by absolute deadlines; a process of its own."""
+    """Publish state-size messages on /t0, /t1 ... by absolute deadlines; runs in a process of its own."""
     publisher = Publisher(NodeNames("/generator"), print, lambda reason: os._exit(0))
     outlets = [publisher.advertise("/t%d" % i, live_samples.twist_connection("/t%d" % i), False) for i in range(topics)]
     live_ros.with_subscribers(publisher, *outlets, count=subscribers)
@@ -58,7 +58,7 @@ def generate(topics: int, rate: float, seconds: float, subscribers: int) -> None
 
 
 def cpu_s(pid: int) -> float:
-    """CPU time of a process so far, s."""
+    """Return the CPU time of a process so far, s."""
     fields = Path("/proc/%d/stat" % pid).read_text().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -68,7 +68,7 @@ def start_generator(graph: live_ros.Graph, *arguments: object) -> live_ros.Proce
 
 
 def end(generator: live_ros.Process) -> None:
-    """Let a generator go that has sent everything."""
+    """Release a generator that has sent everything."""
     generator.popen.stdin.write("\n")
     generator.popen.stdin.close()
     generator.wait()
@@ -104,7 +104,7 @@ def bench_record(graph: live_ros.Graph, topics: int, rate: float, seconds: float
 
 
 def interval_errors(source: Path, played: Path, rate: float) -> "np.ndarray":
-    """|interval in the log / rate - interval on the wire| of neighbours on each topic, us."""
+    """Return |interval in the log / rate - interval on the wire| of neighbours on each topic, us."""
     logs: List[Dict[str, List[int]]] = []
     for path in (source, played):
         by_topic: Dict[str, List[int]] = {}
@@ -120,7 +120,7 @@ def interval_errors(source: Path, played: Path, rate: float) -> "np.ndarray":
 
 
 def play_once(graph: live_ros.Graph, who: str, arguments: Sequence[str]) -> Tuple[float, int]:
-    """Play log.bag into a recording with kernel stamps; CPU s of the player, messages that arrived."""
+    """Play log.bag into a recording with kernel stamps; return CPU s of the player, messages that arrived."""
     meter = graph.record("-O", "meter.mcap", "--force", "/t0", "/t1", "/t2")
     graph.subscribed("/t2")
     options = ["--wait-for-subscribers", "-d", "0.5", *arguments, "log.bag"]
@@ -136,7 +136,7 @@ def play_once(graph: live_ros.Graph, who: str, arguments: Sequence[str]) -> Tupl
 
 
 def make_log(graph: live_ros.Graph, seconds: float) -> int:
-    """log.bag with 3 topics x 125 Hz; the number of its messages."""
+    """Make log.bag with 3 topics x 125 Hz; return the number of its messages."""
     recorder = graph.record("-O", "log.bag", "--force", "/t0", "/t1", "/t2")
     generator = start_generator(graph, 3, 125, seconds, 1)
     generator.wait_for_line("sent")
@@ -169,7 +169,7 @@ def bench_play(graph: live_ros.Graph, seconds: float, rounds: int) -> None:
 
 
 def surviving_stamps(path: Path) -> List[int]:
-    """Send times of the messages in an .mcap that was cut off, ns, as the mcap library reads it."""
+    """Return send times of the messages in an .mcap that was cut off, ns, as the mcap library reads it."""
     stamps = []
     with open(str(path), "rb") as file, contextlib.suppress(EndOfFile):
         for _, _, message in NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False):
@@ -178,7 +178,7 @@ def surviving_stamps(path: Path) -> List[int]:
 
 
 def bench_kills(graph: live_ros.Graph, kills: int) -> None:
-    """kill -9 at random moments of 3 x 125 Hz."""
+    """Kill recorders of 3 x 125 Hz with kill -9 at random moments."""
     generator = start_generator(graph, 3, 125, 3600, 0)
     generator.wait_for_line("go")
     losses, unreadable, chance = [], 0, random.Random(7)
@@ -200,7 +200,7 @@ def bench_kills(graph: live_ros.Graph, kills: int) -> None:
 
 
 def bench_full_disk(graph: live_ros.Graph) -> None:
-    """3 MB of disk, a recorder of each kind that is told to use all of it."""
+    """Give a recorder of each kind 3 MB of disk, all of which it may use."""
     print("\nfull disk (3 MB)")
     disk = graph.folder / "disk"
     for name in ("rosbag record", "jaka_bag record", "jaka_bag record .bag"):

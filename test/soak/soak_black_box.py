@@ -1,4 +1,4 @@
-"""Fifty triggers of each kind on a black box: what each file holds, and what is missing in it (nothing may be).
+"""Fifty triggers of each kind on a black box: the content of each file, and its losses (there may be none).
 
 Poses carry their number, and the recorder numbers the messages of every topic: a number that is skipped is a loss.
 In the devel space; it takes minutes:
@@ -21,7 +21,7 @@ BEFORE_S, AFTER_S = 1.0, 0.25
 
 
 def run(graph, kind, count):
-    """One row of the table: so many triggers of one kind."""
+    """Run one row of the table: so many triggers of one kind."""
     with black_box(graph, before="%gs" % BEFORE_S, after="%gs" % AFTER_S) as box, \
             graph.publisher("/jaka_driver") as publisher:
         driver = Driver(publisher)

@@ -1,4 +1,4 @@
-"""How fast the arm stops when the driver's process ends, dies or freezes: every way x every motion, many times.
+"""The time to rest when the driver's process ends, dies or freezes: every way x every motion, many times.
 
 Moments on the wire and of the arm are those of the simulated controller's log. In the devel space; it takes a quarter
 of an hour:
@@ -23,7 +23,7 @@ DEATHS = {"SIGKILL": signal.SIGKILL, "SIGSEGV": signal.SIGSEGV, "SIGSTOP": signa
 
 
 def deaths_of(live, number, motion, repeats):
-    """(moment of the signal, moment at which the arm was seen at rest) of each repeat."""
+    """Return (moment of the signal, moment at which the arm was seen at rest) of each repeat."""
     moments = []
     for repeat in range(repeats):
         if repeat and number != signal.SIGSTOP:

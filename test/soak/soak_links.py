@@ -1,7 +1,7 @@
-"""A hundred cuts of the links of a running driver, of every kind, and a thousand reconnects: times, and what it holds.
+"""A hundred cuts of the links of a running driver, of every kind, and a thousand reconnects: times, and resources held.
 
-Times are those of an observer outside: when the driver said that a link was lost, when calls and topics worked again.
-What was sent is judged by the simulated controller's log. In the devel space; it takes a quarter of an hour:
+Times are those of an outside observer: when the driver reported a lost link, when calls and topics worked again.
+Requests are judged by the simulated controller's log. In the devel space; it takes a quarter of an hour:
 
     build/venv/bin/python3 test/soak/soak_links.py [CUTS [RECONNECTS [SEED]]]        100 cuts, 1000 reconnects, seed 1
 """

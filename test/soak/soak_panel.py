@@ -1,4 +1,4 @@
-"""Does the panel's server grow? Three pages watch an arm that moves; one of them comes and goes; memory once a minute.
+"""The memory of the panel's server while three pages watch an arm that moves and one of them comes and goes.
 
     build/venv/bin/python3 test/soak/soak_panel.py [MINUTES]        30, in the devel space
 

@@ -21,7 +21,7 @@ FIELDS = frozenset((
 START_TOLERANCE = 0.01
 _MOST_TICKS = 100
 _PHASE_S = 0.003
-"""The controller's cycle and the driver's are not of one clock."""
+"""The offset between the controller's cycle and the driver's, which have different clocks."""
 
 
 class SimulatedArm:
@@ -63,7 +63,7 @@ class SimulatedArm:
             self.cycle()
 
     def cycle(self):
-        """The driver's ticks until the controller's next cycle, that cycle, and its status frame."""
+        """Run the driver's ticks until the controller's next cycle, that cycle, and its status frame."""
         for _ in range(_MOST_TICKS):
             due = self.core.next_deadline()
             if due >= self._next_cycle:
@@ -82,7 +82,8 @@ class SimulatedArm:
         self._tick()
 
     def follow(self, points):
-        """As the shell does it; returns the error of the answer, None for none, when the arm is free again."""
+        """Follow points as the shell does; return the error of the answer, None for none, when the arm is free
+        again."""
         self.core.trajectory_start("start", 0.016, 0, self.now)
         self._perform()
         start, error = self.answers.pop("start")
@@ -126,7 +127,8 @@ class SimulatedArm:
 
 
 def moving_frames(frames):
-    """Times and joints of the frames from the last one before anything moves to the first one that is the last place.
+    """Return times and joints of the frames from the last one before anything moves to the first one that is the last
+    place.
 
     Args:
         frames: As ``SimulatedArm.frames``.

@@ -87,10 +87,8 @@ def test_an_answer_never_stands_before_what_it_answers_however_busy_the_host_is(
 
 
 def test_a_working_day_is_told_by_its_log(make_arm, tmp_path, root):
-    """Power, drives, moves, a stop in mid-move, a collision, a servo stream, the emergency stop: judged by the log.
-
-    It stays as build/working_day.mcap, to be looked at.
-    """
+    # Power, drives, moves, a stop in mid-move, a collision, a servo stream, the emergency stop: judged by the log. It
+    # stays as build/working_day.mcap, to be looked at.
     path = str(tmp_path / "working_day.mcap")
     arm = make_arm(log=path, start="off", time_scale=10.0)
     with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
@@ -173,7 +171,7 @@ def test_log_is_on_disk_while_the_controller_runs(make_arm, tmp_path, monkeypatc
 
 @pytest.fixture
 def whole_log(make_arm, tmp_path):
-    """Path of a finished log of a few dozen messages."""
+    """Return the path of a finished log of a few dozen messages."""
     path = tmp_path / "wire.mcap"
     arm = make_arm(log=str(path))
     with RawClient(arm.command_port) as client:

@@ -1,4 +1,4 @@
-"""Every command once as it should be, and tables of what is wrong with them; over real sockets."""
+"""The commands, each once as it should be, and tables of wrong ones; over real sockets."""
 import json
 import math
 
@@ -334,7 +334,7 @@ def test_arrays_of_terminals(make_arm):
 
 
 def test_a_relay_that_a_client_counts_from_1(make_arm):
-    """SDK 2.1.14 sends 2 for its relay 1, to every firmware."""
+    # SDK 2.1.14 sends 2 for its relay 1, to every firmware.
     for firmware in ("1.5.14", "1.7"):
         with RawClient(make_arm(firmware=firmware).command_port) as client:
             assert client.code("set_digital_output", type=3, index=2, value=1) == "0"
@@ -343,7 +343,7 @@ def test_a_relay_that_a_client_counts_from_1(make_arm):
 
 @pytest.mark.parametrize("firmware", ["1.5.14", "1.7"])
 def test_signals_of_the_tools_bus_show_in_frames_as_lists(make_arm, firmware):
-    """On the polled port, that of the SDK, on every firmware; in the feed on the modern one."""
+    # They are on the polled port, that of the SDK, on every firmware; in the feed on the modern one.
     arm = make_arm(firmware=firmware)
     with RawClient(arm.command_port) as client, RawClient(arm.poll_port) as asking:
         def signals():

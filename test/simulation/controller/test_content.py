@@ -1,4 +1,4 @@
-"""Every reply whose shape is a guess is asked for when there is something to tell, with the requests of SDK 2.1.14.
+"""Replies whose shape is a guess, asked for when they have content, with the requests of SDK 2.1.14.
 
 Programs of the maker's SDK crash on shapes, and an empty list has none.
 """

@@ -1,4 +1,4 @@
-"""What a lost command client leads to where it asked for that; first without sockets, in told time, then with."""
+"""The reaction to a lost command client where it asked for one; first without sockets, in virtual time, then with."""
 import json
 import time
 

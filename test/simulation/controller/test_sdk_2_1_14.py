@@ -42,7 +42,7 @@ def test_it_is_answered_as_the_sdk_reads_it(make_arm, firmware, command, request
 
 @pytest.mark.parametrize("firmware", FIRMWARES)
 def test_leaving_servo_mode_is_seen_as_the_sdk_needs_it(make_arm, firmware):
-    """It answers -61 unless a poll 1 ms after ``servo_move`` 0 still reads true, and one within 1 s false."""
+    # It answers -61 unless a poll 1 ms after ``servo_move`` 0 still reads true, and one within 1 s false.
     arm = make_arm(firmware=firmware, time_scale=1.0)
     with RawClient(arm.command_port) as client:
         assert client.code("servo_move", relFlag=1) == "0"

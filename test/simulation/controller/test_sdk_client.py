@@ -1,4 +1,4 @@
-"""What the arm maker's SDK sends, needs and dies of; its requests byte by byte."""
+"""The requests, needs and crashes of the arm maker's SDK; its requests byte by byte."""
 import json
 import socket
 import time
@@ -62,7 +62,7 @@ def test_every_recorded_request_is_answered_as_a_controller_would(make_arm, firm
 
 @pytest.mark.parametrize("word", [b"nan", b"-nan", b"inf", b"-inf", b"NaN", b"Infinity"])
 def test_bare_words_are_answered_at_once_and_once(arm, client, word):
-    """Waiting for the rest of the document would hang the SDK for 25 s (docs/sdk-client.md section 1, point 6)."""
+    # Waiting for the rest of the document would hang the SDK for 25 s (docs/sdk-client.md section 1, point 6).
     client.send(b'{"cmdName":"joint_move","executing_line_id":2,"jointPosition":[%s,0.0,0.0,0.0,0.0,0.0],'
                 b'"relFlag":0,"speed":28.64788975654116}' % word)
     assert client.reply(3.0) == {"errorCode": "1", "errorMsg": "Exception:function call failed"}
@@ -154,7 +154,7 @@ def move(client, line, angle, speed=60.0):
 
 
 def test_blocking_move_ends_as_the_sdk_waits_for_it(make_arm):
-    """Not in position in the first frame after acceptance; then the line's number together with inpos."""
+    # Not in position in the first frame after acceptance; then the line's number together with inpos.
     arm = make_arm(time_scale=5.0)
     with RawClient(arm.command_port) as client, RawClient(arm.poll_port) as status:
         assert move(client, 2, 20.0) == "0"
@@ -172,7 +172,7 @@ def test_blocking_move_ends_as_the_sdk_waits_for_it(make_arm):
 
 
 def test_lines_of_an_earlier_client_are_forgotten(make_arm):
-    """Every client begins with id 2; its old number together with inpos would end its first move at once."""
+    # Every client begins with id 2; its old number together with inpos would end its first move at once.
     arm = make_arm(time_scale=20.0)
     with RawClient(arm.poll_port) as status:
         with RawClient(arm.command_port) as client:

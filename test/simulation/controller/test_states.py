@@ -1,4 +1,5 @@
-"""The state machine over the wire: power, drives, stops, servo mode, hand guiding; and how events live in errcode."""
+"""The state machine over the wire: power, drives, stops, servo mode, hand guiding; and the life of events in
+errcode."""
 import pytest
 from raw_client import RawClient, RawFeed, wait_for
 
@@ -54,7 +55,7 @@ def test_power_and_drives_take_their_time(make_arm):
 
 
 def test_the_state_is_true_when_the_reply_comes(make_arm):
-    """As published scripts need it: they ask for the state straight after the reply (docs/sdk-client.md section 9)."""
+    # Published scripts need it: they ask for the state straight after the reply (docs/sdk-client.md section 9).
     arm = make_arm(start="off", power_delay=8.0, enable_delay=4.0)
     with RawClient(arm.command_port) as client:
         assert client.code("power_on") == "0"
@@ -81,7 +82,7 @@ def test_nothing_moves_without_power_or_drives(make_arm):
 
 
 def test_disabling_announces_itself(arm, client, feed):
-    """The event code precedes the flags, and stays until the drives are enabled (checklist 9)."""
+    # The event code precedes the flags, and stays until the drives are enabled (checklist 9).
     for _ in range(10):  # a host that stands still sends no frame between the code and the flags
         assert client.code("disable_robot") == "0"
         frames = feed.until(lambda frame: not frame["enabled"])
@@ -203,7 +204,7 @@ def test_collision_detection_switched_off_and_of_one_joint(arm, client, feed):
 
 
 def test_collision_in_servo_mode_and_the_way_back(arm, client, feed):
-    """clear_error, then servo_move 1 (docs/controller-protocol.md section 5.6.7)."""
+    # The way is clear_error, then servo_move 1 (docs/controller-protocol.md section 5.6.7).
     assert client.code("servo_move", relFlag=1) == "0"
     for step in range(1, 20):
         assert client.code("servo_j", jointPosition=[0.2 * step, *HOME[1:]]) == "0"

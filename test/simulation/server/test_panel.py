@@ -1,4 +1,4 @@
-"""The operator's panel: each action and each wire fault, as a client on the wire sees it."""
+"""The operator port of the simulated controller: each action and each wire fault, as a client on the wire sees it."""
 import json
 import socket
 import time
@@ -17,7 +17,7 @@ REPLY = (b'{"version": "1.5.14_13_X64", "robot_name": "zu7", "robot_id": "0", "e
 
 
 def read_until_silence(link, silence=0.3):
-    """Pieces as they came, each with its time."""
+    """Return pieces as they came, each with its time."""
     link.settimeout(silence)
     pieces = []
     try:

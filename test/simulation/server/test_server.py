@@ -1,4 +1,4 @@
-"""The three ports: who is served, how bytes may arrive, and that nobody can block or break them."""
+"""The three ports: which clients are served, how bytes may arrive, and that none can block or break them."""
 import contextlib
 import json
 import random
@@ -240,7 +240,7 @@ def test_call_into_a_stopped_server_fails(arm):
 
 
 def resident():
-    """Memory of this process now, bytes; its peak may be an earlier test's, which would hide what grows here."""
+    """Return this process's memory now, bytes; its peak may be an earlier test's, which would hide what grows here."""
     return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * 4096
 
 
@@ -260,7 +260,7 @@ def mutated(chance, request):
 
 
 def test_fuzz_on_all_ports_kills_nothing_and_keeps_memory(make_arm):
-    """Mutated requests of every kind; the arm may be switched off by them, never the controller."""
+    # Mutated requests of every kind; the arm may be switched off by them, never the controller.
     arm = make_arm(time_scale=20.0)
     chance = random.Random(7)
     seeds = [line.split("\t")[1].encode() for line in REQUESTS_FILE.read_text(encoding="ascii").splitlines()]
