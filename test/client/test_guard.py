@@ -31,8 +31,8 @@ def driver(bench):
 
 @pytest.fixture
 def answer_stops(monkeypatch):
-    """Have the controller do something else with some stops: ``reactions`` are called one after the other, and the ends
-    of jogs that come with such a stop end none.
+    """Let the controller react otherwise to some stops: ``reactions`` are called one after the other, and the ends of
+    jogs that come with such a stop end none.
 
     It does not stop the arm itself when its client is lost: on a busy computer it would do so before the guard comes.
     """

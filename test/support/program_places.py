@@ -170,7 +170,7 @@ def _sourced_devel_space() -> Optional[Path]:
 # ---- places that are built ----
 
 def _kept(name: str, build) -> Path:
-    """Have a place built in the folder that is kept for it, by one process at a time; return the prefix."""
+    """Build a place in the folder that is kept for it, by one process at a time; return the prefix."""
     BUILT.mkdir(parents=True, exist_ok=True)
     with open(str(BUILT / (name + ".lock")), "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

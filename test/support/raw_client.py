@@ -7,7 +7,7 @@ import zlib
 from typing import Any, Callable, Dict, List, Optional
 
 PATIENCE_S = 20.0
-"""How long a test waits for what must come; never a measure of speed."""
+"""s; the longest wait for something that must come; never a measure of speed."""
 
 
 class RawClient:

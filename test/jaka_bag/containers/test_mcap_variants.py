@@ -1,4 +1,4 @@
-"""Every variant of MCAP files is read with the same content, also where records have fields of later versions."""
+"""The variants of MCAP files, each read with the same content, also where records have fields of later versions."""
 import json
 from collections import Counter
 

@@ -18,7 +18,7 @@ from jaka_bag.incident.seconds import events_of, seconds_of
 
 CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium") or shutil.which("google-chrome")
 STOP_S = 6.3
-"""When the emergency stop comes, s after the log's start; the arm moves from 4 s on."""
+"""s after the log's start, the moment of the emergency stop; the arm moves from 4 s on."""
 
 
 def accident(error="out of reach", caller="/cell"):

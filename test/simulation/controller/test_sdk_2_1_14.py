@@ -1,4 +1,4 @@
-"""Every request of the maker's SDK 2.1.14, byte by byte, is answered with the keys and types that it reads."""
+"""The requests of the maker's SDK 2.1.14, byte by byte, answered with the keys and types that it reads."""
 import json
 
 import pytest

@@ -17,10 +17,10 @@ from panel_page import PanelProcess
 WAIT = 60.0
 BUTTON = ".jog-button[data-axis='%d'][data-sign='%d']"
 SETTLED_S = 0.25
-"""How long the arm moves before the release."""
+"""s; the time for which the arm moves before the release."""
 TAKEN_OVER = "second page takes over"
 HELD_ON_S = 0.25
-"""How long the button stays pressed once the arm rests: messages held back on the way have come by then."""
+"""s; the time for which the button stays pressed once the arm rests: messages held back have come by then."""
 
 
 class Operator:
