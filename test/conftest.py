@@ -1,7 +1,7 @@
-"""What holds for all tests: which files are collected, those that need ROS only where ROS can be imported; signals.
+"""The settings of all tests: collected files, those that need ROS only where ROS can be imported; signals.
 
 A plain Python without ROS (another version, another machine) runs the rest. A file needs ROS when it, or a module of
-the package that it imports, imports a ROS package. What was left out is said at the end.
+the package that it imports, imports a ROS package. The report at the end lists what was left out.
 """
 import importlib.util
 import os
@@ -27,17 +27,20 @@ LONG = ("test/custody/", "test/packaging/", "test/mutation/", "test/ros/")
 left_out: List[str] = []
 
 # The same examples in every run, for a failure that cannot be had again helps nobody; and no limit of time, for a busy
-# machine says nothing about the code. A derandomized run has no use for a database of earlier failures.
+# machine proves nothing about the code. A derandomized run has no use for a database of earlier failures.
 settings.register_profile("jaka", derandomize=True, database=None, deadline=None,
                           suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("jaka")
 
 
 def pytest_configure(config):
-    """A shell starts what it puts in the background with SIGINT ignored, which programs inherit; ours are sent it.
+    """Set signals, places and session of the test process.
 
-    Programs that tests start are those of one place, whose packages they find (``program_places``). What they keep
-    while they run is in a folder of the tests' own.
+    A shell starts its background jobs with SIGINT ignored, which children inherit; those of the tests are sent it.
+
+    Executables that tests start are those of one place, whose packages they find (``program_places``). Their files at
+    run
+    time are in a folder of the tests' own.
 
     Each worker of a parallel run is a session of its own: Linux shares the processors among sessions first
     (autogroups). In one session with all other workers, and with what else the shell runs, drivers and simulated
@@ -82,5 +85,5 @@ def pytest_terminal_summary(terminalreporter):
 
 @pytest.fixture(scope="session")
 def root() -> Path:
-    """The checkout."""
+    """Return the checkout."""
     return import_graph.ROOT

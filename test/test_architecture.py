@@ -12,7 +12,7 @@ from import_graph import PACKAGES, ROOT, dotted, imported_names, modules, named_
 
 
 def rooms(package: str, allowed: Dict[str, Set[str]]) -> Dict[str, Set[str]]:
-    """The same with absolute names; those of other packages have them already."""
+    """Return the same table with absolute names; those of other packages have them already."""
     def absolute(name: str) -> str:
         return name if name.split(".")[0] in PACKAGES else ".".join(filter(None, [package, name]))
     return {absolute(room): set(map(absolute, others)) for room, others in allowed.items()}
@@ -120,7 +120,7 @@ def room_of(name: str) -> str:
 
 
 def module_of(name: str) -> str:
-    """The module of this project that holds a dotted name; empty for another's."""
+    """Return the module of this project that holds a dotted name; empty for another's."""
     parts = name.split(".")
     while parts and ".".join(parts) not in modules():
         parts.pop()
@@ -134,7 +134,7 @@ def imports_of(name: str) -> Set[str]:
 
 
 def project_imports(name: str) -> Set[str]:
-    """Modules of this project that a module imports in any way."""
+    """Return modules of this project that a module imports in any way."""
     return {module_of(other) for other in imports_of(name) if other.split(".")[0] in PACKAGES} - {name}
 
 
@@ -143,7 +143,7 @@ def sources(*folders: Path) -> List[Path]:
 
 
 def written_texts() -> Iterator[Path]:
-    """Every text file of the checkout that people write."""
+    """Return every text file of the checkout that people write."""
     tops = [path for path in ROOT.iterdir() if path.name not in ("build", "devel", "install")]  # large, and may change
     for path in sorted(itertools.chain(tops, *(top.rglob("*") for top in tops))):
         parts = path.relative_to(ROOT).parts

@@ -3,8 +3,9 @@ import subprocess
 import sys
 
 import pytest
-from arm_bench import WAIT, fill
+from arm_bench import fill
 from import_graph import ROOT
+from waiting import WAIT
 
 from jaka_bag.cli import notices
 from jaka_ros_driver.background_log import Background, StandardErrorLog, _StandardError
@@ -76,7 +77,7 @@ def test_the_lock_of_a_handler_is_one_that_can_be_taken(kind):
 
 def test_a_handler_that_writes_nothing_is_told_at_the_end():
     class Broken(logging.Handler):
-        """Fails at every record."""
+        """A handler that fails at every record."""
 
         def emit(self, record):
             raise TypeError("no lock")

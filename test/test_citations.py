@@ -1,4 +1,4 @@
-"""Every page that the code cites exists, and so does the section."""
+"""The citations in the code: every cited page exists, and so does the section."""
 import re
 
 import pytest
@@ -13,12 +13,12 @@ LOOSE = re.compile(r"\b(?:controller protocol|SDK client|interface document)\b",
 
 
 def running_text(text):
-    """The text as one line, so that a citation may be broken over lines of a docstring or comment."""
+    """Return the text as one line, so that a citation may be broken over lines of a docstring or comment."""
     return re.sub(r"\s*\n\s*(?:#\s)?\s*", " ", text)
 
 
 def headings(page):
-    """The headings of a page as they stand there, without their marks, and their numbers."""
+    """Return the headings of a page as they stand there, without their marks, and their numbers."""
     found = re.findall(r"^#+ +(.+?) *$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
     numbers = {match.group(1) for match in (re.match(r"(%s)\.? " % NUMBER, heading) for heading in found) if match}
     return set(found), numbers

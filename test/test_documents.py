@@ -10,7 +10,7 @@ from import_graph import ROOT
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md")) + [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
 CITED = {"controller protocol": "controller-protocol.md", "sdk client": "sdk-client.md", "interface": "interface.md"}
-"""How comments and pages cite, by the subject or by the page: ``controller protocol 4.3``,
+"""Forms of citation in comments and pages, by the subject or by the page: ``controller protocol 4.3``,
 ``docs/controller-protocol.md section 4.3``."""
 LINK = re.compile(r"\[[^\]\n]*\]\(([^)\s]+)\)")
 PATH = re.compile(r"`((?:docs|jaka_msgs|jaka_ros_driver|launch|test|tools|\.ci)/[\w./*-]*)`")
@@ -30,7 +30,7 @@ def without_code(text):
 
 
 def anchors(page):
-    """Of its headings, as GitHub makes them."""
+    """Return the anchors of a page's headings, as GitHub makes them."""
     headings = re.findall(r"^#+ (.+)$", without_code(text_of(page)), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
@@ -60,7 +60,7 @@ def test_every_page_is_in_the_index():
 
 
 def sections(page):
-    """Numbers of the sections, and of the points of a numbered list below them: 1.7 is point 7 of section 1."""
+    """Return numbers of the sections, and of the points of a numbered list below them: 1.7 is point 7 of section 1."""
     found, section = set(), ""
     for line in without_code(text_of(page)).splitlines():
         heading = re.match(r"#+ (%s)\.? " % SECTION, line)
@@ -74,7 +74,8 @@ def sections(page):
 
 
 def flat(text):
-    """Without line ends, comment signs and quotes between two parts of a string, where a citation may be broken."""
+    """Return the text without line ends, comment signs and quotes between two parts of a string, where a citation may
+    be broken."""
     return re.sub(r"[\"\s#]+", " ", text)
 
 
@@ -152,7 +153,7 @@ def test_the_log_tools_have_the_same_version():
     assert pytest.importorskip("jaka_bag").__version__ == version()
 
 
-# ---- what contributors are told ----
+# ---- the page for contributors ----
 
 def hooks():
     (repo,) = yaml.safe_load(text_of(ROOT / ".pre-commit-config.yaml"))["repos"]
@@ -182,6 +183,6 @@ def test_nothing_that_failed_is_tried_again(path):
 
 
 def test_the_checks_of_the_page_are_the_hooks():
-    """Whether the other commands of contributors run, test/ros/pages/test_written_commands.py tells."""
+    # Whether the other commands of contributors run, test/ros/pages/test_written_commands.py checks.
     page = text_of(ROOT / "CONTRIBUTING.md")
     assert all("\n%s\n" % hook["entry"].replace("env ", "") in page for hook in hooks().values())

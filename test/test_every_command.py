@@ -1,4 +1,4 @@
-"""Every subcommand of every program, as its own parser has it, started from the place under test.
+"""The subcommands of all executables, as each one's own parser has them, started from the place under test.
 
 Its help, its examples on real logs, and each option that spreads work over processes, with two of them.
 """
@@ -24,7 +24,7 @@ PATIENCE_S = 250
 
 
 def run(folder, text, **options):
-    """A line of the shell, in which the programs are those of the place under test; exit code and output."""
+    """Run a line of the shell with the executables of the place under test; return exit code and output."""
     for program in {word for word in shlex.split(text) if word in program_places.declared()}:
         text = re.sub(r"\b%s " % program, " ".join(map(shlex.quote, command_of(program))) + " ", text)
     done = subprocess.run(["bash", "-c", text], cwd=str(folder), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
@@ -66,9 +66,9 @@ def test_the_walk_finds_what_is_there():
 # ---- examples ----
 
 NOT_HERE = ("s3://", "tcp://", "--against-driver", "record", "play", "serve", "replay")
-"""What needs a running system, or a cluster, and has tests of its own."""
+"""Options and commands that need a running system, or a cluster, and have tests of their own."""
 ABOUT_THIS_LOG = (" -s ", " -x ", "--sweep", "report", "verify")
-"""What asks for a time, a topic or a signature that these logs lack: then one line says so."""
+"""Options and commands that ask for a time, a topic or a signature that these logs lack: then one line reports it."""
 
 
 FAILS_IN_A_LINE = re.compile(r"^jaka_bag[a-z ]*: error: .+\n\Z|: NOT VERIFIED: ", re.MULTILINE)
@@ -82,7 +82,7 @@ def examples(name):
 
 @pytest.fixture
 def folder(tmp_path):
-    """Small logs under the names that the examples have."""
+    """Write small logs under the names that the examples have."""
     source = GOLDEN / "joint_moves.mcap"
     for name in ("run", "golden", "today", "camera", "damaged", "blackbox_2026-05-04-10-11-12_emergency_stop"):
         shutil.copy(str(source), str(tmp_path / (name + ".mcap")))
@@ -103,7 +103,7 @@ def folder(tmp_path):
 
 
 def outputs_of(name, words):
-    """Files that an example makes: those that are there already are not overwritten, as they should not be."""
+    """Return files that an example makes: those that are there already are not overwritten, as they should not be."""
     given = parser("jaka_bag", words[1:]).parse_intermixed_args(words[1 + len(name.split()):])
     if name == "split":
         return list(Path().glob("run_*.bag"))
@@ -132,14 +132,14 @@ def test_the_examples_of_its_help_run(name, folder, monkeypatch):
 
 SPREAD = {"--jobs": "2", "--dask": "{scheduler}"}
 SPREAD_WORK = re.compile(r"\bat a time\b|\bDask scheduler\b|\bprocesses at\b")
-"""How the help of an option says that it spreads work."""
+"""Phrases by which the help of an option announces that it spreads work."""
 WORK = {
     "compare": ("{golden} --against logs --results results", "2 runs: 2 same"),
     "convert": ("logs --json", '"failed": 0'),
     "dataset add": ("logs --to fleet", "fleet: 2 logs added"),
     "replay": ("two_logs --time-scale 4 --tolerances {busy}", "2 golden logs: 2 same"),
 }
-"""What each of these commands does with several processes, and what it says then."""
+"""The work of each of these commands in several processes, and its output then."""
 SPREADING = [(" ".join(words), option) for program, words in EVERY if program == "jaka_bag" and words
              for action in parser(program, words)._actions
              for option in action.option_strings[-1:] if SPREAD_WORK.search(action.help or "")]

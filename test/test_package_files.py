@@ -25,7 +25,7 @@ USES = {
                         "assert b'<html' in page_file('index.html').path.read_bytes()\n"
                         "assert page_file('icon.svg')",
 }
-"""What programs read, by the functions with which they do."""
+"""Files that the executables read, by the functions with which they do."""
 
 
 def packages():
@@ -33,7 +33,7 @@ def packages():
 
 
 def in_the_place(code, *words):
-    """Run a script with the interpreter of the place's programs, in a folder that has nothing to do with them."""
+    """Run a script with the interpreter of the place's executables, in a folder that has nothing to do with them."""
     *before, program = command_of(LOG_PROGRAMS[0])
     with open(program, encoding="utf-8") as file:
         interpreter = file.readline()[2:].strip()
@@ -44,7 +44,7 @@ def in_the_place(code, *words):
 
 
 def files_of(package):
-    """Those of the checkout that are no Python, relative to the package's folder."""
+    """Return the package's files in the checkout that are no Python, relative to the package's folder."""
     folder = PACKAGES[package]
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()
                   and path.suffix not in (".py", ".pyc") and not any(part.startswith(".") for part in path.parts))
@@ -75,7 +75,7 @@ def test_programs_find_what_they_read(what):
 
 
 def test_no_module_looks_beside_the_file_that_was_started():
-    """In a devel space that is a relay."""
+    # In a devel space that file is a relay.
     found = [path.relative_to(ROOT).as_posix() for folder in PACKAGES.values() for path in folder.rglob("*.py")
              if "sys.argv[0]" in path.read_text(encoding="utf-8")]
     assert not found

@@ -1,4 +1,4 @@
-"""Tests, benchmarks and pages start the programs as users do: by their files, never as modules of a checkout."""
+"""The starts of executables in tests, benchmarks and pages: by their files, never as modules of a checkout."""
 import re
 import subprocess
 from pathlib import Path
@@ -10,16 +10,16 @@ from import_graph import ROOT, modules, outside_imports
 WHERE = ("test", "docs", "tools", "launch", ".ci", "README.md", "CONTRIBUTING.md", "CMakeLists.txt")
 SUFFIXES = ("", ".cmake", ".launch", ".md", ".mjs", ".py", ".sh", ".test", ".txt")
 UNBUILT = {"docs/simulation.md", "test/packaging/test_spaces.py"}
-"""Where the simulated controller of a checkout that is not built is told of, and tried."""
+"""Files about the simulated controller of a checkout that is not built."""
 MODULES = sorted({called.split(":")[0] for called in program_places.declared().values()}
                  | {name for name in modules() if name.endswith(".__main__")}
                  | {name.rpartition(".")[0] for name in modules() if name.endswith(".__main__")})
-"""Modules that are the program when they are run."""
+"""Modules that are the executable when they are run."""
 START = re.compile(r"""-m["']?,?\s*["']?(%s)(?![\w.])""" % "|".join(map(re.escape, MODULES)))
 
 
 def starts(text):
-    """The modules that a text starts as programs."""
+    """Return the modules that a text starts as executables."""
     return START.findall(text)
 
 
@@ -51,7 +51,7 @@ def test_a_start_that_is_planted_is_seen(planted, module):
 
 @pytest.mark.parametrize("program", sorted(program_places.declared()))
 def test_every_program_is_in_the_place_under_test(program):
-    """Says so by itself, from a folder that has nothing to do with the checkout."""
+    # It starts from a folder that has nothing to do with the checkout.
     if "rospy" in outside_imports(program_places.declared()[program].split(":")[0]):
         pytest.importorskip("rospy", reason="%s needs ROS" % program)
     done = subprocess.run([*program_places.command_of(program), "--help"], cwd="/", stdout=subprocess.PIPE,

@@ -1,4 +1,4 @@
-"""Every promise of docs/safety.md and docs/panel.md has a test, by a name that exists."""
+"""The promises of docs/safety.md and docs/panel.md: each has a test, by a name that exists."""
 import re
 
 import pytest

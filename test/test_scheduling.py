@@ -1,4 +1,4 @@
-"""What the operating system is asked for, and what it grants."""
+"""The scheduling that is asked of the operating system, and what it grants."""
 import os
 import platform
 import re

@@ -1,4 +1,4 @@
-"""The lines of the audit log and their chain: what is written is what jaka_bag follows, and nothing else passes."""
+"""The lines of the audit log and their chain: jaka_bag follows what the log writes, and accepts nothing else."""
 import json
 
 import pytest

@@ -1,4 +1,4 @@
-"""The audit log on a disk that is full, slow, gone or was cut off: nobody waits, nothing is lost unsaid."""
+"""The audit log on a disk that is full, slow, gone or was cut off: nobody waits, and no loss goes unrecorded."""
 import errno
 import json
 import logging
@@ -7,9 +7,9 @@ import threading
 import time
 
 import pytest
-from arm_bench import eventually
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from waiting import eventually
 
 from jaka_bag.operations.audit_log import verify_audit
 from jaka_ros_driver.audit import folder as folder_module
@@ -29,7 +29,7 @@ def place(tmp_path):
 
 @pytest.fixture
 def begin(place):
-    """Starts a log in the place; all end with the test."""
+    """Return a function that starts a log in the place; all logs end with the test."""
     logs = []
 
     def start(**options):
@@ -74,7 +74,7 @@ def whole(place):
 
 
 class Disk:
-    """``os.write`` of the log, which refuses, is slow or takes a part only, as the test says."""
+    """The log's ``os.write``, which refuses, is slow or takes a part only, as the test chooses."""
 
     def __init__(self, monkeypatch):
         self.error, self.room, self.holding = None, None, None
@@ -377,7 +377,7 @@ def test_the_newest_file_is_never_old(begin, place):
 @given(lives=st.lists(st.tuples(st.integers(0, 5), st.integers(0, 900), st.binary(max_size=40)), min_size=1,
                       max_size=4), file_bytes=st.integers(100, 2000))
 def test_whatever_is_left_at_the_end_the_log_goes_on_as_one_chain(tmp_path_factory, lives, file_bytes):
-    """Each life writes some lines; then the newest file loses its end and gets some garbage, as by a loss of power."""
+    # Each life writes some lines; then the newest file loses its end and gets some garbage, as by a loss of power.
     place = str(tmp_path_factory.mktemp("power"))
     for count, cut, garbage in [*lives, (1, 0, b"")]:
         log = AuditLog(place, 0, file_bytes=file_bytes)

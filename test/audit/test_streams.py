@@ -1,4 +1,4 @@
-"""What comes many times a second: a line at its begin, one at its end, and one when refusals begin or end."""
+"""Streams in the audit log: a line at their begin, one at their end, and one when refusals begin or end."""
 import pytest
 
 from jaka_ros_driver.audit.streams import MOST_STREAMS, QUIET_S, Streams

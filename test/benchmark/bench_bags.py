@@ -1,4 +1,4 @@
-"""How fast jaka_bag works on files, beside its peers, in one run.
+"""The speed of jaka_bag on files, beside its peers, in one run.
 
 Every program is a process of its own, start-up included. Peers: cp, zstd -1, Debian's rosbag, rosbags, the mcap
 library, rosbags-convert, and pymcap-cli where it is found
@@ -21,7 +21,8 @@ from pathlib import Path
 from typing import Dict, List, NamedTuple, Optional, Sequence
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "logs")]
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "live"),
+                str(ROOT / "test" / "support" / "logs")]
 
 import numpy as np  # noqa: E402
 from log_samples import JOINTS, START_NS, STATES, TOOL, connection, joints, tool  # noqa: E402
@@ -81,7 +82,7 @@ read_columns(sys.argv[1])
 
 
 class Cost(NamedTuple):
-    """What one run of a program cost: wall time and CPU time, s; memory, byte; exit code."""
+    """The cost of one run of a command: wall time and CPU time, s; memory, byte; exit code."""
 
     wall: float
     cpu: float
@@ -90,7 +91,7 @@ class Cost(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """One program of a comparison, and the goal for our speed over its (None: no goal)."""
+    """One command of a comparison, and the goal for our speed over its (None: no goal)."""
 
     name: str
     command: Sequence[str]
@@ -112,7 +113,8 @@ os.write(answer, json.dumps([wall, usage.ru_utime + usage.ru_stime, usage.ru_max
 
 
 def run(command: Sequence[object], accept: Sequence[int] = (0,)) -> Optional[Cost]:
-    """Run a program to its end; its own clock readings, no polling. None, and what it said is shown, where it fails."""
+    """Run a command to its end and return its cost by its own clock, without polling; None, with its output shown,
+    where it fails."""
     environment = dict(os.environ, PYTHONPATH="%s:%s" % (ROOT / "tools", os.environ.get("PYTHONPATH", "")))
     done = subprocess.run([sys.executable, "-I", "-S", "-c", LAUNCHER, *map(str, command)], check=True,
                           capture_output=True, env=environment)
@@ -161,7 +163,7 @@ def compare(title: str, entries: List[Entry], rounds: int, size: int, count: int
 
 
 def write_state_log(path: Path, seconds: float) -> int:
-    """The three topics of the driver; give the number of messages."""
+    """Write the three topics of the driver; return the number of messages."""
     dice = random.Random(7)
     with BagWriter(path) as writer:
         numbers = {c: writer.add_channel(c) for c in (TOOL, JOINTS, STATES)}
@@ -178,7 +180,7 @@ def write_state_log(path: Path, seconds: float) -> int:
 
 
 def write_blobs(path: Path, count: int) -> int:
-    """Messages of 4 KB at 1 kHz; give their number."""
+    """Write messages of 4 KB at 1 kHz; return their number."""
     source = np.random.RandomState(3).randint(0, 256, 1 << 20, np.uint8)
     source[::2] = 0
     raw = source.tobytes()
@@ -196,7 +198,7 @@ def python(code: str, *words: object) -> List[str]:
 
 
 def cdr_differences(ours: Path, theirs: Path) -> str:
-    """How the messages of two rosbag2 folders differ."""
+    """Return how the messages of two rosbag2 folders differ."""
     from rosbags.rosbag2 import Reader
     different = count = 0
     with Reader(ours) as a, Reader(theirs) as b:

@@ -1,4 +1,4 @@
-"""How long jaka_bag compare takes for two state logs of 30 minutes (675,000 messages each), start-up included.
+"""The time of jaka_bag compare for two state logs of 30 minutes (675,000 messages each), start-up included.
 
 The reference is `jaka_bag export` of one of them to NPZ: reading and decoding the same bytes once.
 
@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import List, Tuple
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "logs")]
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "live"),
+                str(ROOT / "test" / "support" / "logs")]
 
 from program_places import command_of  # noqa: E402
 from synthetic_session import Conditions, moves, simulate, write_log  # noqa: E402
@@ -23,7 +24,7 @@ JAKA_BAG = command_of("jaka_bag")
 
 
 def timed(command: List[str], expected: str, rounds: int) -> Tuple[float, float]:
-    """Best wall and CPU time of a program, s; what it prints must contain ``expected``."""
+    """Return best wall and CPU time of a command, s; its output must contain ``expected``."""
     walls, cpus = [], []
     for _ in range(rounds):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)

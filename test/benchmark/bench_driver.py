@@ -1,7 +1,7 @@
-"""What the driver costs and how fast it is, beside a bare rospy publisher of the same three topics, in one run.
+"""The cost and speed of the driver, beside a bare rospy publisher of the same three topics, in one run.
 
-Driver, simulated controller and this program are processes of their own on one computer. Moments on the wire are those
-of the simulated controller's byte log. In the devel space:
+Driver, simulated controller and this executable are processes of their own on one computer. Moments on the wire are
+those of the simulated controller's byte log. In the devel space:
 
     build/venv/bin/python3 test/benchmark/bench_driver.py [SECONDS]        length of the rate measurement, 60
 """
@@ -16,17 +16,19 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support"), str(ROOT / "test" / "ros")]
+sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "live"),
+                str(ROOT / "test" / "ros")]
 os.environ["ROS_IP"] = "127.0.0.1"
 
 import conftest  # noqa: E402
 import rospy  # noqa: E402
-from arm_bench import eventually, processes_with  # noqa: E402
+from arm_bench import processes_with  # noqa: E402
+from driver_bench import HOME, TYPES, SimulatorProcess  # noqa: E402
+from figures import HostLoad, percentile  # noqa: E402
 from geometry_msgs.msg import TwistStamped  # noqa: E402
-from host_load import HostLoad  # noqa: E402
-from ros_bench import HOME, TYPES, InBackground, SimulatorProcess  # noqa: E402
+from ros_graph import master  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
-from soak_bench import master, percentile  # noqa: E402
+from waiting import InBackground, eventually  # noqa: E402
 
 from jaka_msgs.msg import RobotMsg  # noqa: E402
 from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream  # noqa: E402
@@ -63,7 +65,8 @@ def cpu_seconds(pids):
 
 
 def is_at_this_master(pid):
-    """Another one of the same name may run on this computer, and end at any time."""
+    """Return whether a process belongs to this master: another one of the same name may run here, and end at any
+    time."""
     with contextlib.suppress(OSError):
         return ("ROS_MASTER_URI=%s\0" % os.environ["ROS_MASTER_URI"]).encode() in Path(
             "/proc/%d/environ" % pid).read_bytes()
@@ -79,7 +82,7 @@ def ms(seconds):
 
 
 def measure_topics(name, pids, duration):
-    """Rate and jitter of the three topics, and CPU of the processes meanwhile."""
+    """Measure rate and jitter of the three topics, and CPU of the processes meanwhile."""
     arrivals = {topic: [] for topic in TOPICS}
     subscribers = [rospy.Subscriber("/jaka_driver/" + topic, kind, queue_size=1000, tcp_nodelay=True,
                                     callback=lambda _, times=arrivals[topic]: times.append(time.monotonic()))
@@ -102,7 +105,7 @@ def measure_topics(name, pids, duration):
 
 
 def measure_latency(arm):
-    """(joint angle in deg as the frame has it -> arrival here) of a slow move."""
+    """Return (joint angle in deg as the frame has it -> arrival here) of a slow move."""
     seen = {}
     subscriber = rospy.Subscriber("/jaka_driver/joint_position", JointState, lambda message: seen.setdefault(
         round(message.position[0] * 180 / 3.141592653589793, 5), time.monotonic()), queue_size=1000, tcp_nodelay=True)
@@ -113,7 +116,7 @@ def measure_latency(arm):
 
 
 def measure_stops(arm):
-    """Moments of the calls of stop_move during blocking moves, replies delayed by 50 ms, and how long they took."""
+    """Return when stop_move was called during blocking moves, replies delayed by 50 ms, and how long the calls took."""
     arm.simulator.panel("fault", kind="delay", port="command", count=None, delay_ms=50)
     calls, pending = [], []
     for index in range(STOPS):
@@ -134,7 +137,7 @@ def measure_stops(arm):
 
 
 def measure_servo(arm):
-    """Calls a second flat out, and the share of 250 Hz calls that were in time."""
+    """Return the calls a second flat out, and the share of 250 Hz calls that were in time."""
     assert arm.call("servo_move_enable", enable=True).ret == 1
     took, began = [], time.monotonic()
     while time.monotonic() - began < 5.0:
@@ -180,7 +183,7 @@ def measure_services(arm):
 
 
 def judge_by_the_log(log_file, seen, stops, pending):
-    """Latencies between what the controller's log has and what was seen or called here."""
+    """Compute latencies between the controller's log and what was seen or called here."""
     sent, received, commands, frames = {}, [], {}, {}
     for event in read_log(log_file):
         if not isinstance(event, WireEvent) or event.what not in ("in", "out"):

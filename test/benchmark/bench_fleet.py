@@ -4,7 +4,7 @@ The logs are simulated, 2 minutes at 125 Hz with six topics; the workers are tho
 rate counts from the moment when each worker has given a result to the last result, so the start of the cluster does not
 count; nor does the making of the logs. Each number of workers has several passes in turn, and the speed-up is that of
 their median times: one pass alone is off by a quarter on a shared machine. On a busy one the two workers have less than
-two processors, and the speed-up says so: "the machine alone" is the one of two processes that only compute.
+two processors, and the speed-up shows it: "the machine alone" is the one of two processes that only compute.
 
     build/venv/bin/python3 test/benchmark/bench_fleet.py        1,000 logs, a quarter of an hour, 8 GB
     build/venv/bin/python3 test/benchmark/bench_fleet.py --logs 300 --keep FOLDER        a third; takes what is there
@@ -24,7 +24,8 @@ from typing import Dict, List, NamedTuple, Tuple
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "logs")]
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "live"),
+                str(ROOT / "test" / "support" / "logs")]
 
 from fleet_logs import DAY_S, Run, write_run  # noqa: E402
 from fleet_tasks import measured_add  # noqa: E402
@@ -44,7 +45,8 @@ ROUNDS = 3
 
 
 def run_of(number: int, seconds: float) -> Run:
-    """The plan of one log: cells in turn, three shifts a day, faults here and there, a joint of one cell that wears."""
+    """Return the plan of one log: cells in turn, three shifts a day, faults here and there, a joint of one cell that
+    wears."""
     cell, shift = number % CELLS, number // CELLS
     return Run("cell_%02d" % cell, shift * DAY_S / LOGS_A_DAY + 7.0 * cell, int(seconds / 4) + 2, seconds=seconds,
                wear={3: 1.0 + 0.05 * shift} if cell == 4 else {}, stops=(20.0,) if number % 50 == 7 else (),
@@ -65,8 +67,8 @@ class Pass(NamedTuple):
         wall: Time for all logs at the rate that holds once each worker has given a result, s.
         messages: In all logs.
         memory: By worker, byte after each log.
-        cpu: Of the workers, for the logs, s.
-        own_cpu: Of this program, which has the scheduler in it, from the same moment on, for all logs, s.
+        cpu: CPU time of the workers for the logs, s.
+        own_cpu: CPU time of this process, which has the scheduler in it, from the same moment on, for all logs, s.
     """
 
     wall: float
@@ -104,7 +106,7 @@ def add(logs: List[str], target: Path, workers: int) -> Pass:
 
 
 def compute(rounds: int) -> float:
-    """Work that needs a processor alone, as adding a log does most of the time; its wall time, s."""
+    """Run rounds of work that needs a processor alone, as adding a log mostly does; return the wall time, s."""
     data = np.arange(200_000, dtype=np.float64)
     begin = time.perf_counter()
     for _ in range(rounds):
@@ -113,7 +115,7 @@ def compute(rounds: int) -> float:
 
 
 def machine_speed_up() -> float:
-    """How much more two processes compute than one, with nothing between them."""
+    """Return how much more two processes compute than one, with nothing between them."""
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         pool.map(compute, [5, 5], 1)
         alone = pool.apply(compute, (200,))
@@ -121,17 +123,17 @@ def machine_speed_up() -> float:
 
 
 def size_of(folder: Path) -> int:
-    """Bytes of all files below."""
+    """Return the bytes of all files below a folder."""
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
 
 
 def verdict(is_met: bool) -> str:
-    """Whether a goal is met."""
+    """Return the words for a goal that is met or missed."""
     return "met" if is_met else "MISSED"
 
 
 def growth_of(memory: List[int]) -> float:
-    """The mean memory in the last tenth of a worker's logs over that in the second tenth; 1 of too few logs."""
+    """Return the mean memory in the last tenth of a worker's logs over that in the second tenth; 1 for too few logs."""
     tenth = len(memory) // 10
     if not tenth:
         return 1.0
@@ -139,7 +141,7 @@ def growth_of(memory: List[int]) -> float:
 
 
 def show_passes(passes: Dict[int, List[Pass]], logs: int) -> bool:
-    """The table of the passes; whether the goals are met."""
+    """Print the table of the passes; return whether the goals are met."""
     print("%-8s %8s %8s %16s %15s %11s %13s %10s %7s" % (
         "workers", "wall s", "logs/s", "messages/s/core", "messages/CPU s", "CPU ms/log", "own CPU ms/log", "memory MB",
         "growth"))
@@ -163,7 +165,7 @@ def show_passes(passes: Dict[int, List[Pass]], logs: int) -> bool:
 
 
 def show_questions(target: Path) -> bool:
-    """The table of the questions; whether the goal is met. Opening the data set counts."""
+    """Print the table of the questions; return whether the goal is met. Opening the data set counts."""
     print("\n%-12s %10s %8s" % ("question", "best s", "rows"))
     is_met = True
     for block in blocks(ROOT / "docs" / "fleet.md"):

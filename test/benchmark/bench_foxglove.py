@@ -1,4 +1,4 @@
-"""What jaka_foxglove costs and how late messages are, beside a plain rospy subscriber, in one run.
+"""The cost of jaka_foxglove and the delay of its messages, beside a plain rospy subscriber, in one run.
 
 Three topics of the driver's size at 125 Hz each, published with the time of sending in the header. For rospy the reader
 is the program that is measured; jaka_foxglove is measured without its viewers, whose latency is that of the whole way.
@@ -15,13 +15,13 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-for folder in ("tools", "test/support", "test/support/logs"):
+for folder in ("tools", "test/support", "test/support/live", "test/support/logs"):
     sys.path.insert(0, str(ROOT / folder))
 
 from foxglove_clients import RawViewer, Served, data_of  # noqa: E402
-from live_ros import Graph, with_subscribers  # noqa: E402
 from live_samples import twist_connection, twist_frame  # noqa: E402
 from program_places import command_of  # noqa: E402
+from ros_graph import Graph, with_subscribers  # noqa: E402
 
 RATE_HZ = 125
 TOPICS = ("/a", "/b", "/c")

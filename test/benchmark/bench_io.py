@@ -1,4 +1,4 @@
-"""From an edge at an input of the simulated controller to the message of ~io_states, and the frame that it belongs to.
+"""The delay from an edge at an input of the simulated controller to the message of ~io_states, and to its frame.
 
 The frames are those of joint_position, whose stamps are those of the status feed. In the devel space, on a quiet host:
 
@@ -10,13 +10,14 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "test/support", "test/support/live")]
 
 import rospy  # noqa: E402
-from live_driver import LiveDriver  # noqa: E402
-from ros_bench import collecting  # noqa: E402
+from driver_bench import LiveDriver, collecting  # noqa: E402
+from figures import percentile  # noqa: E402
+from ros_graph import master  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
-from soak_bench import master, percentile  # noqa: E402
 
 from jaka_msgs.msg import IOStates  # noqa: E402
 
@@ -43,7 +44,7 @@ def main(count):
 
 
 def edge(live, edges, n):
-    """(when the input was set, when the message came, its stamp), s."""
+    """Return (when the input was set, when the message came, its stamp), s."""
     time.sleep(random.uniform(*PAUSE_S))
     wanted, seen = n % 2 == 0, len(edges)
     live.arm.simulator.panel("set_input", index=7, value=int(wanted))
@@ -54,7 +55,7 @@ def edge(live, edges, n):
             if message.cabinet.digital_inputs[7] is wanted:
                 return set_at, came, message.header.stamp.to_sec()
         time.sleep(0.0005)
-    raise AssertionError("edge %d was not told" % n)
+    raise AssertionError("edge %d was not published" % n)
 
 
 if __name__ == "__main__":

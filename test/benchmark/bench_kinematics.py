@@ -1,4 +1,4 @@
-"""What kinematics costs a call, on the same poses as EAIK (compiled) where that is installed.
+"""The cost of kinematics a call, on the same poses as EAIK (compiled) where that is installed.
 
 Mark: closed-form inverse kinematics at most 30 us a call.
 
@@ -26,7 +26,7 @@ ROUNDS = 5
 
 
 def microseconds(function, arguments):
-    """The best round's mean cost of one call, us."""
+    """Return the best round's mean cost of one call, us."""
     best = float("inf")
     for _ in range(ROUNDS):
         started = time.perf_counter()

@@ -1,9 +1,9 @@
-"""What the operator's panel costs, and how soon a jog of it rests after each way of letting go.
+"""The cost of the operator's panel, and the time to rest of its jog after each way of release.
 
-Processor time of the panel's server with no page, with one and with three, and how much a page is told; the driver's
-rate, jitter and stop latency without pages and with three, five times in turn in one run. Then, for each way of letting
-go, the time from the last heartbeat that counted to the last frame of motion on the wire, and to the arm's rest, by the
-simulated controller's log. In the devel space, on a quiet host:
+Processor time of the panel's server with no page, with one and with three, and how much a page receives; the driver's
+rate, jitter and stop latency without pages and with three, five times in turn in one run. Then, for each way of
+release, the time from the last heartbeat that counted to the last frame of motion on the wire, and to the arm's rest,
+by the simulated controller's log. In the devel space, on a quiet host:
 
     build/venv/bin/python3 test/benchmark/bench_panel.py [REPEATS [SECONDS]]        30 repeats, 20 s for each row
 """
@@ -18,26 +18,26 @@ from types import SimpleNamespace
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (
-    ".", "tools", "test/support", "test/support/jogging", "test/support/panel")]
+    ".", "tools", "test/support", "test/support/live", "test/support/jogging", "test/support/panel")]
 
+from driver_bench import LiveDriver, collecting  # noqa: E402
+from figures import percentile  # noqa: E402
 from jog_pad import print_rests  # noqa: E402
-from live_driver import LiveDriver  # noqa: E402
 from panel_jog import WAYS, JogBench, let_go  # noqa: E402
 from panel_page import Loop, Page  # noqa: E402
-from ros_bench import collecting  # noqa: E402
-from soak_bench import master, percentile  # noqa: E402
+from ros_graph import master  # noqa: E402
 
 WATCHED_S = 20.0
 SETTLE_S = 3.0
 LET_GO_S = 15.0
-"""Without pages the panel lets go of the topics after 10 s."""
+"""s; without pages the panel unsubscribes after 10 s."""
 STOPS = 300
 ROUNDS = 5
-"""The 99th percentile of the jitter of one row differs from that of the next by a factor of two, without any page."""
+"""Rounds: the 99th percentile of one row's jitter differs from the next by a factor of two, without any page."""
 
 
 def watch(pipe, port, token, arm, count):
-    """Open pages, and tell how much they were told by kind of message, each time that it is asked for."""
+    """Open pages, and report the messages that they received by kind, each time that the pipe asks."""
     with contextlib.closing(Loop()) as loop, contextlib.ExitStack() as stack:
         pages = [stack.enter_context(Page(loop, SimpleNamespace(port=port, token=token))) for _ in range(count)]
         for page in pages:
@@ -58,7 +58,7 @@ class Watchers:
         self._pipe.recv()
 
     def told(self):
-        """How many messages each page was told so far, by kind."""
+        """Return how many messages each page has received so far, by kind."""
         self._pipe.send(True)
         return self._pipe.recv()
 
@@ -71,7 +71,8 @@ class Watchers:
 
 
 def of_driver(live, watched_s):
-    """Rate, Hz; the 99th percentile of what intervals differ from 8 ms, ms; p50 and p95 of a stop's call, ms."""
+    """Measure rate, Hz; the 99th percentile of the intervals' differences from 8 ms, ms; p50 and p95 of a stop's call,
+    ms."""
     with collecting(live.arm.name + "/joint_position") as received:
         time.sleep(watched_s)
     stamps = [message.header.stamp.to_sec() for _, message in received]
@@ -87,7 +88,7 @@ def of_driver(live, watched_s):
 
 
 def cost(bench, live, watched_s):
-    """Rows of the driver's figures by the number of pages: one page once, none and three in turn."""
+    """Return rows of the driver's figures by the number of pages: one page once, none and three in turn."""
     bench.page.close()
     print("pages   server: % of a core   a page   MB   states/s   messages/s   "
           "driver: Hz   jitter p99 ms   stop p50 ms   p95 ms")
@@ -112,7 +113,7 @@ def cost(bench, live, watched_s):
 
 
 def compare(rows):
-    """Of the driver with three pages and without, the medians."""
+    """Compare the medians of the driver with three pages and without."""
     without, watched = ([statistics.median(column) for column in zip(*rows[count])] for count in (0, 3))
     for name, a, b in zip(("rate", "jitter p99", "stop p50", "stop p95"), without, watched):
         print("%-10s with three pages %+6.1f %%" % (name, 100.0 * (b / a - 1.0)))

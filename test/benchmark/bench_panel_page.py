@@ -1,4 +1,4 @@
-"""How soon the panel's page is there, and what it costs the browser while an arm moves, without 3D and with it.
+"""The loading time of the panel's page, and its cost for the browser while an arm moves, without 3D and with it.
 
 No ROS: a server of the tests' own sends what the panel sends. 3D is drawn by software here, as on a computer without a
 graphics card. On a quiet host:
@@ -10,18 +10,19 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/panel")]
+sys.path[:0] = [str(ROOT / folder) for folder in (
+    ".", "tools", "test/support", "test/support/live", "test/support/panel")]
 
 from browser import Browser  # noqa: E402
 from fake_panel import FakePanel  # noqa: E402
-from soak_bench import summary  # noqa: E402
+from figures import summary  # noqa: E402
 
 LOADS = 10
 WATCHED_S = 10.0
 
 
 def loads(browser, panel):
-    """s from the request of the page to the first state of the arm on it."""
+    """Return s from the request of the page to the first state of the arm on it."""
     took = []
     for _ in range(LOADS + 1):
         page = browser.open()
@@ -34,7 +35,7 @@ def loads(browser, panel):
 
 
 def busy(browser, panel):
-    """Share of a core that the page's thread takes, and pictures a second."""
+    """Return the share of a core that the page's thread takes, and pictures a second."""
     page = browser.open(panel.url)
     page.until("!document.body.classList.contains('stale')")
     page.call("Performance.enable")

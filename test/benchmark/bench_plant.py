@@ -1,4 +1,4 @@
-"""What the motion of the simulated arm costs: a cycle in each kind of motion, and taking a move.
+"""The cost of the simulated arm's motion: a cycle in each kind of motion, and taking a move.
 
 Marks: a cycle in motion at most 150 us, at rest far less.
 
@@ -59,7 +59,7 @@ def cartesian_jog(plant):
 
 
 def cycle_costs(model, begin, cycles=200):
-    """Median and highest cost of a cycle over the rounds, and of the command before, us."""
+    """Return median and highest cost of a cycle over the rounds, and of the command before, us."""
     costs, takes = [], []
     for _ in range(ROUNDS):
         plant = Plant(model)
@@ -75,7 +75,7 @@ def cycle_costs(model, begin, cycles=200):
 
 
 def servo_costs(model, kind, parameters, cycles=500):
-    """Median and 99th percentile of a cycle with one new point, us."""
+    """Return median and 99th percentile of a cycle with one new point, us."""
     plant = Plant(model)
     plant.set_servo_filter(kind, **parameters)
     plant.enter_servo()

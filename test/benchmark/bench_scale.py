@@ -1,4 +1,4 @@
-"""How time and memory of jaka_bag grow with the length of a log: 30 minutes, and 8 hours (10.8 million messages).
+"""The growth of time and memory of jaka_bag with the length of a log: 30 minutes, and 8 hours (10.8 million messages).
 
 Every command is a process of its own, start-up included; memory is the peak of its resident set. The logs are of
 simulated motions, the same in every run; making those of 8 h takes some minutes and 1.3 GB of disk. "x" is the ratio
@@ -44,7 +44,7 @@ class Case(NamedTuple):
 
 
 def cases(golden: Path, candidate: Path, folder: Path) -> List[Case]:
-    """The commands."""
+    """Return the commands."""
     out = folder / "out"
     tables = [out / ("run_jaka_driver_%s.parquet" % name)
               for name in ("joint_position", "robot_states", "service_calls", "tool_position")]
@@ -59,7 +59,7 @@ def cases(golden: Path, candidate: Path, folder: Path) -> List[Case]:
 
 
 def measured(some: Sequence[Case], rounds: int) -> Dict[str, Cost]:
-    """The best of each."""
+    """Return the best round of each case."""
     best: Dict[str, Cost] = {}
     for _ in range(rounds):
         for case in some:
@@ -72,7 +72,7 @@ def measured(some: Sequence[Case], rounds: int) -> Dict[str, Cost]:
 
 
 def verdict(case: Case, cost: Cost, ratio: float, count: int) -> str:
-    """The goals, and whether they are met."""
+    """Return the goals, and whether they are met."""
     goals = [("%.0f MB" % (case.memory_mb or 0), case.memory_mb is None or cost.memory / 1e6 <= case.memory_mb,
               case.memory_mb),
              ("%.3g x" % (case.ratio or 0), case.ratio is None or ratio <= case.ratio, case.ratio),

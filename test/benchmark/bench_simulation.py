@@ -1,4 +1,4 @@
-"""What the simulated controller costs: cycle lateness, CPU, status frames, requests, inverse kinematics.
+"""The cost of the simulated controller: cycle lateness, CPU, status frames, requests, inverse kinematics.
 
     build/venv/bin/python3 test/benchmark/bench_simulation.py [--seconds 10] [--instances 4] [--realtime]
 
@@ -39,7 +39,7 @@ def microseconds(action, number=2000):
 
 
 def costs():
-    """Costs of single steps, us: the best of three rounds."""
+    """Return the costs of single steps, us: the best of three rounds."""
     for name in FIRMWARES:
         controller = Controller(load_model("zu7"), FIRMWARES[name], Options(start=Start.ENABLED))
         controller.execute({"cmdName": "joint_move", "jointPosition": [170.0, 90, -90, 90, 90, 0], "speed": 1.0})

@@ -1,9 +1,9 @@
 """Trajectories on the running node: duration and path on the wire for each spacing of points, intervals, cancel, CPU.
 
 Compared in one run: the driver's CPU at rest, with a servo stream by topic, and with a trajectory; and its intervals
-with those of a bare Python program of the same priority that only sleeps until 8 ms are over: what the host itself
-costs. The simulated controller, whose log tells when frames came, has real-time priority. In the devel space, quiet
-or beside other processes:
+with those of a bare Python loop of the same priority that only sleeps until 8 ms are over: the cost of the host
+itself. The simulated controller, whose log has the time of each frame, has real-time priority. In the devel space,
+quiet or beside other processes:
 
     build/venv/bin/python3 test/benchmark/bench_trajectory.py [ROUNDS [PRIORITY]]        2, the driver's priority 20
 """
@@ -17,13 +17,14 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "test/support", "test/support/live")]
 
 import rospy  # noqa: E402
-from live_driver import LiveDriver  # noqa: E402
+from action_bench import START, Client, goal_of, joints_of, smooth  # noqa: E402
+from driver_bench import LiveDriver  # noqa: E402
+from ros_graph import master  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
-from soak_bench import master  # noqa: E402
-from trajectory_bench import START, Client, goal_of, joints_of, smooth  # noqa: E402
 from wire_verdict import WireVerdict  # noqa: E402
 
 SPACINGS_S = (0.1, 0.05, 0.02, 0.01, 0.008, 0.004)
@@ -47,13 +48,13 @@ except KeyboardInterrupt:
 
 
 def cpu_of(pid):
-    """CPU time of a process, s."""
+    """Return the CPU time of a process, s."""
     fields = Path("/proc/%d/stat" % pid).read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def share(live, act):
-    """CPU of the driver while something is done, percent of a core."""
+    """Return the CPU of the driver while something is done, percent of a core."""
     before, begun = cpu_of(live.process.pid), time.monotonic()
     act()
     return 100.0 * (cpu_of(live.process.pid) - before) / (time.monotonic() - begun)
@@ -64,7 +65,7 @@ def home(live):
 
 
 def stream(live):
-    """Servo targets by topic at 125 Hz."""
+    """Stream servo targets by topic at 125 Hz."""
     publisher = rospy.Publisher(live.arm.name + "/servo_j_command", JointState, queue_size=1, tcp_nodelay=True)
     assert live.arm.call("servo_move_enable", enable=True).ret == 1
     time.sleep(0.5)
@@ -77,7 +78,7 @@ def stream(live):
 
 
 def cancel_half_way(live, client):
-    """When a goal was sent, and when it was cancelled in the middle."""
+    """Return when a goal was sent, and when it was cancelled in the middle."""
     home(live)
     sent = time.monotonic()
     handle = client.send(goal_of(smooth(WAY, DURATION_S, 0.05)))
@@ -91,7 +92,7 @@ def cancel_half_way(live, client):
 
 
 def report_cancel(cancelled, frames):
-    """When the stream came to rest, and the largest acceleration of a joint."""
+    """Print when the stream came to rest, and the largest acceleration of a joint."""
     path = [joints for _, joints in frames]
     last = max(i for i, joints in enumerate(path) if joints != path[-1])
     change = max(abs(c - 2.0 * b + a) for p, q, r in zip(path, path[1:], path[2:]) for a, b, c in zip(p, q, r))
@@ -101,7 +102,8 @@ def report_cancel(cancelled, frames):
 
 @contextlib.contextmanager
 def bare_loop(priority):
-    """A list that has the moments at which the bare program woke, s of time.monotonic(), when the context has ended."""
+    """Yield a list that has the moments at which the bare loop woke, s of time.monotonic(), once the context has
+    ended."""
     process = subprocess.Popen([sys.executable, "-c", BARE_LOOP, str(priority)], stdout=subprocess.PIPE, text=True)
     moments = []
     try:
@@ -116,7 +118,7 @@ def intervals_of(moments):
 
 
 def p99_ms(intervals):
-    """Of intervals, s."""
+    """Return the 99th percentile of intervals in s, in ms."""
     return 1e3 * sorted(intervals)[int(0.99 * len(intervals))]
 
 

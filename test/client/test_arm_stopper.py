@@ -1,4 +1,4 @@
-"""The guard's part that stops the arm, on real sockets, with a controller that the test plays."""
+"""The guard's arm stopper, on real sockets, with a controller that the test plays."""
 import contextlib
 import json
 import math
@@ -21,7 +21,7 @@ from jaka_ros_driver.protocol.status import encode_frame
 
 FRAME = encode_frame({"joint_actual_position": (0.0, 90.0, -90.0, 90.0, 90.0, 0.0), "powered_on": 1, "enabled": True,
                       "inpos": True, "emergency_stop": 0, "protective_stop": 0, "errcode": "0x0"})
-"""Of an arm at rest."""
+"""The frame of an arm at rest."""
 WAIT = 10.0
 
 
@@ -47,7 +47,7 @@ class Controller:
             thread.start()
 
     def refuse(self, name):
-        """Listen no more at this port."""
+        """Stop listening at this port."""
         with contextlib.suppress(OSError):
             self.listeners[name].shutdown(socket.SHUT_RDWR)
         self.listeners[name].close()
@@ -188,7 +188,7 @@ def test_a_driver_that_takes_its_leave_meanwhile_is_heard(bench):
     os.write(bench.words, FAREWELL)
     bench.stop()
     assert bench.pipe.has_left and bench.said[-1] == "the driver is back and sees to the arm itself"
-    assert not any("not the driver any more" in text for text in bench.said), "it was heard before it was to be ended"
+    assert not any("not the driver any more" in text for text in bench.said), "it sent a beat before it was to be ended"
 
 
 @pytest.mark.parametrize("is_its_own, jogs", [(True, 1), (False, 6)])

@@ -1,4 +1,4 @@
-"""The custody file: what it tells, whom it believes, and what it does to a driver whose disk fails."""
+"""The custody file: its content, which files are believed, and a driver whose disk fails."""
 import json
 import logging
 import os
@@ -8,7 +8,7 @@ import threading
 import time
 
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver.client.core.actions import Tell
 from jaka_ros_driver.client.core.foreign_motion import LeftMotion

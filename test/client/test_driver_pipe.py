@@ -1,4 +1,4 @@
-"""What the guard makes of the words of its driver, and how it answers them."""
+"""The guard's reading of its driver's messages, and its answers."""
 import os
 import signal
 import subprocess
@@ -63,13 +63,13 @@ def ends():
 
 @pytest.fixture
 def starved(monkeypatch):
-    """The driver could run, and gets no time."""
+    """Pretend that the driver could run, and gets no time."""
     monkeypatch.setattr(driver_pipe, "waits_for_processor", lambda process: process == os.getpid())
 
 
 @pytest.fixture
 def idle_host(monkeypatch):
-    """The test itself is the driver here, and may be running."""
+    """Pretend an idle host: the test itself is the driver here, and may be running."""
     monkeypatch.setattr(driver_pipe, "waits_for_processor", lambda process: False)
 
 
@@ -96,7 +96,7 @@ def test_a_driver_that_freezes_while_it_waits_for_its_turn_is_noticed_soon(ends,
 
 
 def test_a_guard_that_was_held_up_itself_gives_the_driver_another_quarter_of_a_second(ends, idle_host, monkeypatch):
-    """As when the whole computer was suspended: the driver could not say anything either."""
+    # As when the whole computer was suspended: the driver could not send anything either.
     one, wait = ends(is_moving=True), DriverPipe.wait
 
     def wait_too_long(pipe, timeout):
@@ -161,7 +161,7 @@ def test_answers_that_nobody_takes_hold_nothing_up(ends):
 
 @pytest.fixture
 def frozen(ends, monkeypatch):
-    """A process that plays the frozen driver, as the guard's parent; its pipe's ends."""
+    """Start a process that plays the frozen driver, as the guard's parent; return its pipe's ends."""
     process = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     one = ends()
     one.pipe.driver_process = process.pid

@@ -3,7 +3,7 @@ import math
 from pathlib import Path
 
 import pytest
-from arm_bench import InBackground, eventually
+from waiting import InBackground, eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client import fail_stop
@@ -58,7 +58,7 @@ def test_the_stop_goes_out_before_the_evidence_is_written(bench, evidence, monke
 
 
 def test_a_defect_in_a_call_ends_the_driver_too(bench, evidence, monkeypatch):
-    """The core may be half-way through the call: nothing that it says afterwards can be relied upon."""
+    # The core may be half-way through the call: nothing that it reports afterwards can be relied upon.
     one = bench()
     arm = one.connect(link_loss_stop=0.0)
     move = InBackground(arm.move, FAR)

@@ -72,7 +72,7 @@ def test_damaged_frames_change_nothing_but_a_counter():
 
 
 def fed(*pieces, period=0.008):
-    """(angle in deg, is new) of each frame; a piece is (time, angles that arrive at it)."""
+    """Feed pieces and return (angle in deg, is new) of each frame; a piece is (time, angles that arrive at it)."""
     feed = Feed(period)
     feed.open(0.0)
     return [(round(math.degrees(state.joint_position[0])), is_new) for now, angles in pieces
@@ -109,7 +109,7 @@ def test_after_a_pause_the_newest_is_new_where_all_that_were_made_have_come(came
 
 
 def test_frames_that_were_missing_before_a_pause_are_missing_after_it():
-    """A silence too short to matter, of which only the first frame has come; then a pause of its own."""
+    # A silence too short to matter, of which only the first frame has come; then a pause of its own.
     steady = [(0.008 * n, [n]) for n in range(1, 10)]
     told = fed(*steady, (0.212, [10]), (0.412, list(range(11, 36))), (0.413, list(range(36, 53))))[9:]
     assert told[0][1] and not any(new for _, new in told[1:])
@@ -125,7 +125,7 @@ def test_what_piled_up_while_nobody_read_is_old_news_however_slow_the_feed():
     assert [is_new for _, is_new in feed.received(frame_of(12), 1.2)] == [True]
 
 
-# ---- what is told of it ----
+# ---- its report ----
 
 def test_rate_and_jitter_of_a_feed_and_nothing_of_one_that_is_silent():
     feed, now = Feed(0.008), 0.0
@@ -152,7 +152,7 @@ def test_frames_that_miss_in_short_pauses_are_missed_after_a_long_one():
 
 
 def test_a_controller_that_is_slower_by_nature_owes_nothing():
-    """It confirms 8 ms and sends every 14 ms; one that has once kept to its 8 ms owes what does not come."""
+    # It confirms 8 ms and sends every 14 ms; one that has once kept to its 8 ms owes what does not come.
     for rhythms, owes in (([0.014], False), ([0.008, 0.014], True)):
         feed, now = Feed(0.008), 0.0
         feed.open(now)

@@ -19,7 +19,7 @@ DEFAULTS = {
     "servo_ahead": 0.2, "servo_max_joint_jump": 0.1, "servo_max_linear_jump": 0.05, "servo_max_angular_jump": 0.1,
     "trajectory_start_tolerance": 0.01, "jog_max_joint_speed": 0.5, "jog_max_linear_speed": 0.25,
     "jog_max_angular_speed": 0.5, "link_loss_stop": 0.3, "command_port": 10001, "status_port": 10000}
-"""As docs/parameters.md has them."""
+"""The defaults in docs/parameters.md."""
 
 
 def test_what_nobody_sets_has_the_values_of_the_page():

@@ -1,10 +1,10 @@
-"""Trajectories through the client: when they begin, how they are joined, cancelled, and what stands against them."""
+"""Trajectories through the client: their begin, how they are joined and cancelled, and what stands against them."""
 import math
 import time
 from concurrent.futures import Future
 
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.trajectory import StartChanged
@@ -20,7 +20,7 @@ LOOSE = Tolerances((None,) * 6, (0.01,) * 6, 5.0)
 
 
 def to(first, seconds, starts_at=None):
-    """Joint 1 to here, at rest there after so many seconds."""
+    """Return points: joint 1 to here, at rest there after so many seconds."""
     return JointTrajectory((TrajectoryPoint(seconds, (first,) + HOME[1:], REST),), starts_at)
 
 
@@ -55,7 +55,7 @@ def test_one_that_starts_later_starts_then_and_is_over_in_its_time(arm):
 
 
 def test_of_one_that_started_in_the_past_the_rest_is_followed(arm):
-    """Its first point lies in the past: the arm must be where it leads from there."""
+    # Its first point lies in the past: the arm must be where it leads from there.
     points = (TrajectoryPoint(0.5, HOME, REST), TrajectoryPoint(1.5, (0.2,) + HOME[1:], REST))
     starts_at = time.monotonic() - 0.4
     arm.follow(JointTrajectory(points, starts_at), LOOSE).result(20.0)
@@ -128,9 +128,10 @@ def test_after_the_end_of_the_driver_a_jog_message_is_refused(bench):
 
 @pytest.fixture
 def tries(monkeypatch):
-    """A client without a link; ``outcomes`` are what each try to hand a path over gives, ``leads`` what it was given.
+    """Return a client without a link; ``outcomes`` are those of each try to hand a path over, ``leads`` what it was
+    given.
 
-    An outcome is an error, or None for a trajectory that is under way.
+    An outcome is an error, or None for a trajectory that is running.
     """
     arm = ArmClient(ClientSettings("127.0.0.1"), load_model("zu7"))
     arm.outcomes, arm.leads = [], []

@@ -6,8 +6,9 @@ import sys
 import time
 
 import pytest
-from arm_bench import WAIT, eventually, fill
+from arm_bench import fill
 from guarded_driver import ROOT, GuardedDriver
+from waiting import WAIT, eventually
 
 from jaka_ros_driver.client.process_state import waits_for_processor
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec
@@ -31,8 +32,8 @@ def driver(bench):
 
 @pytest.fixture
 def answer_stops(monkeypatch):
-    """Have the controller do something else with some stops: ``reactions`` are called one after the other, and the ends
-    of jogs that come with such a stop end none.
+    """Let the controller react otherwise to some stops: ``reactions`` are called one after the other, and the ends of
+    jogs that come with such a stop end none.
 
     It does not stop the arm itself when its client is lost: on a busy computer it would do so before the guard comes.
     """
@@ -60,7 +61,7 @@ def answer_stops(monkeypatch):
 
 
 def accept_and_go_on(_state):
-    """The reply is that of a stop that was accepted."""
+    """Return the reply to an accepted stop, and let the motion go on."""
 
 
 def refuse(_state):
@@ -76,7 +77,7 @@ def gaps_between(times):
 
 
 def opened(one):
-    """When connections to the command port began."""
+    """Return when connections to the command port began."""
     return [event.time_ns * 1e-9 for event in one.log().wire("command", "open")]
 
 
@@ -107,7 +108,7 @@ def test_the_arm_is_stopped_though_nobody_reads_what_the_guard_says(driver):
     process.send(signal.SIGSTOP)
     assert eventually(lambda: not one.is_moving())
     process.send(signal.SIGKILL)
-    assert eventually(lambda: not process.guards()), "a guard that is not heard outlives its driver"
+    assert eventually(lambda: not process.guards()), "a guard without a beat outlives its driver"
     assert one.times_of("stop_program")
 
 
@@ -159,7 +160,7 @@ def test_a_guard_that_never_hears_a_word_of_its_driver_stops_what_the_driver_mov
 
 
 def guard_of(one, driver, *options):
-    """The command line of a guard that the test itself starts."""
+    """Return the command line of a guard that the test itself starts."""
     return [sys.executable, "-m", "jaka_ros_driver.client.guard_process", "--host", "127.0.0.1",
             "--port", str(one.controller.command_port), "--status-port", str(one.controller.status_port),
             "--driver", str(driver), *options]
@@ -174,7 +175,7 @@ def test_a_refused_stop_is_repeated_until_it_is_accepted(driver, answer_stops):
     assert eventually(lambda: not one.is_moving())
     assert eventually(lambda: not process.guards())
     said = process.kill()
-    assert said.count("controller rejected stop_program: code 2") == 1, "each of them is told: %s" % said
+    assert said.count("controller rejected stop_program: code 2") == 1, "each of them is logged: %s" % said
     stops = one.times_of("stop_program")
     assert len(stops) == 6
     assert all(gap > 0.04 for gap in gaps_between(stops)) and sorted(gaps_between(stops))[2] < 1.0
@@ -330,11 +331,11 @@ def test_a_process_that_is_not_the_guards_parent_is_never_ended(driver):
     other = subprocess.Popen(guard_of(one, bystander.pid, "--moving"), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                              stderr=subprocess.PIPE, text=True, cwd=str(ROOT))
     try:
-        time.sleep(1.5)  # what must not come has no other sign
-        assert bystander.poll() is None
+        said = next(line for line in other.stderr if "is not the driver any more" in line)  # where it would end it
+        assert "process %d" % bystander.pid in said and bystander.poll() is None
         process.leave()  # and makes room
-        _, said = other.communicate("q", timeout=WAIT)
-        assert "is not the driver any more" in said, said
+        other.communicate("q", timeout=WAIT)
+        assert bystander.poll() is None
     finally:
         for child in (bystander, other):
             child.kill()

@@ -1,8 +1,8 @@
-"""What the driver's loop does with its guard, beat by beat, with guard processes that the test plays."""
+"""The driver's loop and its guard, beat by beat, with guard processes that the test plays."""
 import logging
 
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver.client import guard as module
 from jaka_ros_driver.client.driver_pipe import FAREWELL, IDLE, MOVING
@@ -10,7 +10,7 @@ from jaka_ros_driver.client.guard import Guard
 
 
 class Post:
-    """A guard process: the test says whether it answers."""
+    """A guard process: the test chooses whether it answers."""
 
     made = []
 
@@ -50,7 +50,7 @@ class Post:
 
 @pytest.fixture
 def loop(monkeypatch):
-    """Beats every 21 ms from 100 s on."""
+    """Return a loop that beats every 21 ms from 100 s on."""
     monkeypatch.setattr(module, "GuardPost", Post)
     monkeypatch.setattr(Post, "made", [])
 
@@ -68,7 +68,7 @@ def loop(monkeypatch):
             return self
 
         def until_replaced(self, count):
-            """How long it takes, s, until so many were made."""
+            """Beat until so many guards were made; return how long that took, s."""
             began = self.now
             while len(Post.made) < count and self.now < began + 60.0:
                 self.beat(0.02)

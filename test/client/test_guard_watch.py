@@ -6,8 +6,9 @@ import threading
 import time
 
 import pytest
-from arm_bench import WAIT, eventually, processes_with
+from arm_bench import processes_with
 from guarded_driver import GuardedDriver
+from waiting import WAIT, eventually
 
 from jaka_ros_driver.client import guard_post
 from jaka_ros_driver.client.guard import BEAT_PERIOD_S, Guard
@@ -41,7 +42,7 @@ def guard():
 
 
 class Beats:
-    """The driver's loop on a clock of its own: what the guard process does meanwhile takes real time."""
+    """The driver's loop on a clock of its own; the guard process takes real time meanwhile."""
 
     def __init__(self, guard):
         self._guard = guard
@@ -95,7 +96,7 @@ def test_a_guard_that_dies_or_freezes_in_motion_is_replaced_and_its_successor_st
 
 
 def test_a_driver_that_dies_before_its_next_word_has_told_the_successor_already(guard):
-    """The words wait in the pipe for a process that is only being started."""
+    # The notifications wait in the pipe for a process that is only being started.
     guard.tell(True)
     beats = Beats(guard)
     beats.until(lambda: guard.health().is_alive)

@@ -6,8 +6,8 @@ import threading
 import time
 
 import pytest
-from arm_bench import eventually
 from raw_client import RawClient
+from waiting import eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
@@ -143,7 +143,7 @@ def test_a_motion_left_unstopped_by_a_lost_link_is_told_as_moving_until_it_is_st
     told = []
 
     class Ear:
-        """In the place of a guard."""
+        """A stand-in for the guard."""
 
         def tell(self, is_moving):
             told.append(is_moving)
@@ -194,7 +194,7 @@ def test_another_client_on_the_port_is_noticed_and_the_arm_is_stopped(bench, cal
 
 
 def test_short_connections_of_others_beside_it_disturb_no_move(bench, call):
-    """Public programs open one for each request (docs/controller-protocol.md section 1)."""
+    # Public programs open one for each request (docs/controller-protocol.md section 1).
     one = bench(single_client="coexist")
     arm = one.connect()
     move = call(arm.move, SLOW_MOVE)

@@ -1,4 +1,4 @@
-"""Servo targets become frames that break no speed limit."""
+"""The frames that servo targets become: they break no speed limit."""
 import contextlib
 import math
 

@@ -1,4 +1,4 @@
-"""How far the arm is from everything it was sent within the last second."""
+"""The distance of the arm from everything it was sent within the last second."""
 import pytest
 
 from jaka_ros_driver.client.core.servo_trace import ServoTrace

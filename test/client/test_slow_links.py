@@ -8,7 +8,7 @@ import threading
 import time
 
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient
@@ -25,7 +25,7 @@ PIECE = 256
 
 
 class Throttle:
-    """Carries a share of the bytes of a feed of 8 ms, in small pieces; what it does not carry waits at the sender.
+    """A link that carries a share of the bytes of a feed of 8 ms, in small pieces; the rest waits at the sender.
 
     Attributes:
         turns, idle: Pieces that were due, and those of them for which nothing waited.
@@ -89,7 +89,7 @@ class TrueJoint:
         controller.step = recorded
 
     def age(self, angle, at, alike):
-        """For how long, s, the joint has been elsewhere than at this angle, at a time."""
+        """Return for how long, s, the joint has been elsewhere than at this angle, at a time."""
         last = bisect.bisect_right(self.times, at) - 1
         for index in range(last, -1, -1):
             if abs(self.angles[index] - angle) <= alike:
@@ -98,14 +98,14 @@ class TrueJoint:
 
 
 def jog_to_and_fro(arm, true, until):
-    """Keep joint 1 moving; a jog that the driver stops is begun again when it lets one begin."""
+    """Keep joint 1 moving; begin a jog that the driver stops again when it lets one begin."""
     while time.monotonic() < until:
         direction = -1.0 if true.angles[-1] > 1.0 else 1.0
         edge = time.monotonic() + 4.0
         while time.monotonic() < min(until, edge) and direction * true.angles[-1] < 1.2:
             with contextlib.suppress(JakaError):
                 arm.jog(c.Jog(c.JogFrame.JOINT, 0, direction * SPEED))
-            time.sleep(0.2)  # a caller that says it again
+            time.sleep(0.2)  # the rate of a caller
         with contextlib.suppress(JakaError):
             arm.stop()
 

@@ -1,4 +1,4 @@
-"""How the guard stops an arm, step by step: what it does next, after what it was told."""
+"""The guard's stopping of an arm, step by step: its next step after each event."""
 import pytest
 
 from jaka_ros_driver.client.stopping import Driver, Step, Stopping
@@ -9,7 +9,7 @@ from jaka_ros_driver.state import RobotState
 
 PERIOD = 0.008
 STILL_FOR_S, LOCKED_OUT_AFTER_S, GIVE_UP_AFTER_S = 0.12, 0.25, 60.0
-"""As docs/safety.md has them."""
+"""The figures in docs/safety.md."""
 REFUSED = "command port: connection refused"
 
 
@@ -26,7 +26,8 @@ class Story:
         return self.stopping.step(self.now, driver)
 
     def until(self, step, driver=Driver.DEAD, timeout=100.0, speed=None, **flags):
-        """Let time pass, with a frame of an arm of this speed every 8 ms, until this is the next step; seconds."""
+        """Let time pass, with a frame of an arm of this speed every 8 ms, until this is the next step; return the
+        seconds."""
         began = self.now
         while self.now < began + timeout:
             if self.step(driver) is step:
@@ -86,7 +87,7 @@ def test_it_ends_the_jog_that_the_driver_began_and_every_one_where_the_arm_moves
 
 
 def test_stillness_before_the_stop_was_accepted_is_no_evidence(story):
-    """A move may be accepted and not have begun."""
+    # A move may be accepted and not have begun.
     for _ in range(50):
         story.now += PERIOD
         story.frame()

@@ -3,7 +3,7 @@ import contextlib
 import socket
 
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.transport import Closed, Opened, Received, Transport
@@ -47,7 +47,7 @@ def peer():
 
 
 def test_all_that_waits_is_received_in_one_piece(peer):
-    """Of several status frames that wait only the last is current: that must be seen."""
+    # Of several status frames that wait only the last is current: that must be seen.
     end = peer.connect(Port.STATUS)
     end.settimeout(10.0)
     end.sendall(b"x" * MORE_THAN_ONE_READ)

@@ -4,9 +4,9 @@ import signal
 import time
 
 import pytest
-from arm_bench import eventually
 from guarded_driver import GuardedDriver
 from raw_client import RawClient
+from waiting import eventually
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.jog import Jog as JogMotion
@@ -22,7 +22,7 @@ from jaka_ros_driver.simulation.controller.command_table import COMMANDS
 
 @pytest.fixture(autouse=True)
 def stubborn(monkeypatch):
-    """The simulated controller of this process with such jogs; it keeps on when its client is lost, too."""
+    """Give the simulated controller of this process such jogs; it keeps on when its client is lost, too."""
     real_stop, real_jog = COMMANDS["stop_program"], COMMANDS["jog"]
     jogged = []
 
@@ -43,7 +43,7 @@ def stubborn(monkeypatch):
 
 @pytest.fixture
 def jogging(bench):
-    """A driver with its guard that jogs joint 1."""
+    """Start a driver with its guard that jogs joint 1."""
     one = bench()
     process = GuardedDriver(one, "jog")
     yield one, process
@@ -61,7 +61,7 @@ def test_the_guard_ends_a_jog_that_a_program_stop_does_not_end(jogging, death):
 
 
 def test_a_driver_that_starts_stops_first_what_a_dead_one_left_moving(jogging):
-    """Driver and guard are killed at once, as where memory runs out; the new driver's first word is the stop."""
+    # Driver and guard are killed at once, as where memory runs out; the new driver's first request is the stop.
     one, process = jogging
     file = CustodyFile("127.0.0.1", one.controller.command_port)
     assert eventually(file.read)

@@ -1,4 +1,4 @@
-"""Those who call the driver: each like a program behind the ROS interface, that knows what the driver has shown it."""
+"""The clients of the driver: each like a program behind the ROS interface that knows only what the driver published."""
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 from driver_process import Call, DriverProcess
@@ -16,10 +16,10 @@ from jaka_ros_driver.trajectory.build import build_path
 from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, Tolerances, TrajectoryPoint
 
 STOP_BUTTON = 9
-"""The caller who asks for nothing but stops, and waits for no answer before the next one."""
+"""The caller that asks for nothing but stops, and waits for no answer before the next one."""
 MAINTAINER = 8
 TRAJECTORY_HANDS = 7
-"""Who replaces, pauses and slows what others have begun."""
+"""The caller that replaces, pauses and slows motions that others have begun."""
 QUEUERS = 100
 REFUSALS_TO_GIVE_UP = 3
 _TURN_BACK_S = 0.4
@@ -33,7 +33,7 @@ def _run(make: Callable[[Any], Any], exclusive: bool) -> Callable[[Any, Call, fl
 
 
 def _take_target(core: Any, call: Call, command: Any, now: float) -> None:
-    """The driver's shell takes the core's word at once: a servo target is no call that could wait."""
+    """Hand a servo target to the core and answer at once: as in the driver's shell, the call never waits."""
     error: Optional[JakaError] = None
     try:
         core.set_servo_target(command, now)
@@ -52,7 +52,7 @@ def _added(a: Sequence[float], b: Sequence[float]) -> Tuple[float, ...]:
 
 def _segment(kind: str, by: Sequence[float], joints: Sequence[float], pose: c.Pose, speed: float, radius: float,
              model: ArmModel) -> Any:
-    """A segment that ends by so much beside these joints or this pose, rad and m; never where the arm is."""
+    """Return a segment that ends this far beside these joints or this pose, rad and m; never where the arm is."""
     if kind == "joint":
         target = tuple([min(max(value, low), high) for value, (low, high) in zip(_added(joints, by),
                                                                                  model.joint_limits)])
@@ -65,7 +65,7 @@ def _segment(kind: str, by: Sequence[float], joints: Sequence[float], pose: c.Po
 
 def _points(targets: Sequence[Tuple[float, ...]], apart: float, first_at: float,
             form: str) -> Tuple[TrajectoryPoint, ...]:
-    """At rest at each; or without velocities; or with those of a curve that flows through them, at rest at its end."""
+    """Return points at rest at each target; or without velocities; or with those of a curve through them to rest."""
     points = []
     for index, target in enumerate(targets):
         velocity: Optional[Tuple[float, ...]] = (0.0,) * 6
@@ -78,11 +78,11 @@ def _points(targets: Sequence[Tuple[float, ...]], apart: float, first_at: float,
 
 
 class Clients:
-    """Makes the calls of a scenario.
+    """The makers of a scenario's calls.
 
     Attributes:
-        calls: All that were made.
-        are_gone: Nobody asks for anything any more.
+        calls: All calls made.
+        are_gone: No client asks for anything any more.
     """
 
     def __init__(self, clock: Clock, driver: DriverProcess, model: ArmModel) -> None:
@@ -94,13 +94,13 @@ class Clients:
         self.are_gone = False
 
     def has_lost_driver(self) -> None:
-        """The driver's process has died: who waits is told by the connection."""
+        """Forget the open calls: the driver's process has died, and each waiting client loses its connection."""
         self._busy = {}
         self._jogger += 1
         self._streams += 1
 
     def has_driver(self, driver: DriverProcess) -> None:
-        """Another one has been started."""
+        """Turn to a driver that has been started in place of the last one."""
         self._driver = driver
 
     # ---- one call ----
@@ -117,15 +117,15 @@ class Clients:
         self._driver.call(call)
 
     def stop(self, caller: int = STOP_BUTTON, on_answer: Optional[Callable[[Call], None]] = None) -> None:
-        """A stop is asked for by whoever wants to, whatever else they wait for."""
+        """Call stop, whatever other answers are still outstanding."""
         self.ask("stop", None, lambda core, call, now: core.stop(call, now), STOP_BUTTON, on_answer=on_answer)
 
     def auto_enable(self) -> None:
-        """The driver is started so that it powers and enables the arm once."""
+        """Power and enable the arm once, as a driver with ``auto_enable`` does at its start."""
         self.ask("auto_enable", None, lambda core, call, now: core.run(None, power.auto_enable(core), now))
 
     def joint_move(self, caller: int, delta: Sequence[float], speed: float, acceleration: float, wait: bool) -> None:
-        """By so much from where the arm was last shown, back into its limits."""
+        """Move by ``delta`` from the last published joints, clamped to the joint limits."""
         joints = _added(self._joints(), delta)
         target = tuple([min(max(value, low), high) for value, (low, high) in zip(joints, self._model.joint_limits)])
         command = c.JointMove(target, speed, acceleration)
@@ -133,7 +133,7 @@ class Clients:
 
     def linear_move(self, caller: int, shift: Sequence[float], turn: Sequence[float], speed: float,
                     acceleration: float, wait: bool) -> None:
-        """By so much from where the tool was last shown."""
+        """Move by ``shift`` and ``turn`` from the last published tool pose."""
         pose = self._pose()
         if pose is not None:
             target = c.Pose(_added(pose.position, shift), _added(pose.rpy, turn))
@@ -142,7 +142,7 @@ class Clients:
 
     def trajectory(self, caller: int, ways: Sequence[Sequence[float]], apart: float, first_at: float, form: str,
                    delay: float, build_time: float, lead: float, then: str, then_after: float) -> None:
-        """Points around where the arm was last shown, as the shell hands them on: start, audit, goal."""
+        """Send points around the last published joints as the shell does: start, audit, goal."""
         joints = self._joints()
         targets = [tuple([min(max(value, low), high) for value, (low, high) in zip(
             _added(joints, way), self._model.joint_limits)]) for way in ways]
@@ -198,7 +198,7 @@ class Clients:
 
     def path(self, caller: int, segments: Sequence[Tuple[str, Sequence[float]]], radius: float, speed: float, then: str,
              then_after: float) -> None:
-        """Segments around where the arm was last shown."""
+        """Send segments around the last published pose."""
         joints, pose = self._joints(), self._pose()
         if pose is None:
             return
@@ -224,7 +224,7 @@ class Clients:
             self._then(goal, then)
 
     def program(self, caller: int, steps: Sequence[Tuple[str, float]]) -> None:
-        """Play, pause, resume, stop a program, one after the other, as long as each succeeds."""
+        """Play, pause, resume and stop a program, one step after the other, as long as each succeeds."""
         def next_step(call: Optional[Call], left: Sequence[Tuple[str, float]]) -> None:
             if not left or (call is not None and call.error is not None):
                 return
@@ -245,13 +245,13 @@ class Clients:
             self.ask("run", ("program", step), _run(make, step == "load"), caller, on_answer=on_answer)
 
     def servo_mode(self, caller: int, active: bool, on_answer: Optional[Callable[[Call], None]] = None) -> None:
-        """Enter servo mode, or leave it."""
+        """Enter or leave servo mode."""
         self.ask("servo_mode", active, lambda core, call, now: core.servo_mode(call, active, now), caller,
                  on_answer=on_answer)
 
     def procedure(self, caller: int, name: str, value: Any,
                   on_answer: Optional[Callable[[Call], None]] = None) -> None:
-        """Something that takes several requests."""
+        """Call a procedure that takes several requests."""
         frame = c.Pose((0.01, 0.0, 0.05), (0.0, 0.0, 0.3))
         make, exclusive = {
             "power": (lambda core: power.set_power(core, value), False),
@@ -273,7 +273,7 @@ class Clients:
     # ---- many calls ----
 
     def maintenance(self, every: float, recovers: bool = False) -> None:
-        """Somebody who gets the arm going again whenever it cannot move: clear_error, power, enable; or recover."""
+        """Make the arm ready whenever it cannot move: by clear_error, power and enable; or by recover."""
         def next_step(call: Optional[Call], steps: List[Tuple[str, Any]]) -> None:
             if steps and (call is None or call.error is None):
                 name, value = steps[0]
@@ -290,7 +290,7 @@ class Clients:
 
     def queue(self, caller: int, joint: int, ways: Sequence[float], speed: float, first_waits: bool,
               apart: float) -> None:
-        """Several moves of one joint, that several callers ask for one after the other."""
+        """Send several moves of one joint, from several callers, one after the other."""
         start = self._joints()
 
         def move(index: int) -> None:
@@ -303,13 +303,13 @@ class Clients:
 
     def jogging(self, caller: int, frame: int, axis: int, velocity: float, rate: float, duration: float,
                 then_back: bool) -> None:
-        """Call the jog again and again for a while, then perhaps the other way, then no more."""
+        """Repeat a jog call for a while, then perhaps the other way, then stop calling."""
         self._jogger += 1
         jogger, until = self._jogger, self._clock.now + duration
 
         def again(command: c.Jog, last: float, goes_back: bool) -> None:
             if self.are_gone or jogger != self._jogger:
-                return  # whoever jogs next takes the stick away
+                return  # a later jog has taken its place
             self.ask("jog", command, lambda core, call, now: core.jog(call, command, now), caller)
             if self._clock.now + 1.0 / rate < last:
                 self._clock.after(1.0 / rate, lambda: again(command, last, goes_back))
@@ -320,7 +320,7 @@ class Clients:
 
     def velocity_jog(self, caller: int, frame: int, axis: int, speed: float, rate: float, duration: float, end: str,
                      says_rest: bool) -> None:
-        """Rest for a moment, then motion for a while, and then an end of some kind."""
+        """Publish rest for a moment, then motion for a while, then one of several ends."""
         began, source = self._clock.now, "/pad_%d" % caller
         stamps = [began]
 
@@ -364,7 +364,7 @@ class Clients:
 
     def servo_stream(self, caller: int, is_pose: bool, relative: bool, rate: float, duration: float, speed: float,
                      form: str, axis: int, on_end: Callable[[], None] = lambda: None) -> None:
-        """Targets at a steady rate along one axis, from where the arm was last shown."""
+        """Send targets at a steady rate along one axis, from the last published place."""
         self._streams += 1
         stream, began, step = self._streams, self._clock.now, speed / rate
         joints, pose = self._joints(), self._pose()
@@ -406,7 +406,7 @@ class Clients:
         return c.ServoPose(c.Pose(_added(start.position, by[:3]), _added(start.rpy, by[3:])), relative)
 
     def servo_burst(self, caller: int, count: int, within: float, step: float, axis: int, relative: bool) -> None:
-        """Many targets at once, as from a client that has woken up late."""
+        """Send many targets at once, as a client does that has woken up late."""
         joints = self._joints()
         for index in range(count):
             value = step if relative else step * (index + 1)
@@ -414,7 +414,7 @@ class Clients:
             self._clock.after(within * index / count, lambda command=command: self._target(command, None))
 
     def servo_session(self, caller: int, burst: bool, leaves: bool, pause: float, **stream: Any) -> None:
-        """Enter servo mode, stream for a while, and leave, or not."""
+        """Enter servo mode, stream for a while, and leave it or not."""
         def entered(call: Call) -> None:
             if call.error is None:
                 self._clock.after(pause, streams)
@@ -433,7 +433,7 @@ class Clients:
         self.ask("servo_target", command, lambda core, call, now: _take_target(core, call, command, now),
                  on_answer=on_answer)
 
-    # ---- what they know ----
+    # ---- the published state ----
 
     def _state(self) -> Optional[RobotState]:
         return self._driver.shown

@@ -1,4 +1,4 @@
-"""The modules of the simulation lie beside the tests of this folder."""
+"""The import paths of the simulation, whose modules lie beside the tests of this folder."""
 import sys
 from pathlib import Path
 

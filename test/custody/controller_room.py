@@ -1,8 +1,8 @@
-"""The controller's side of the world: the simulated controller's core, its two ports, and what goes wrong there.
+"""The controller's side of the world: the simulated controller's core, its two ports, and their faults.
 
-The core is the product's own, in the dialect of the scenario. What is put around it here are the faults of a real one
-that a clean simulation has not: a stop that is refused, a reply that is late or lost, a queue that hesitates between
-two motions, a feed that says what is not so.
+The core is the product's own, in the dialect of the scenario. Put around it are faults of real controllers that a clean
+simulation lacks: a stop that is refused, a reply that is late or lost, a queue that hesitates between two motions, a
+feed that shows what is not so.
 """
 import contextlib
 import random
@@ -27,16 +27,18 @@ from jaka_ros_driver.simulation.server.request_parser import RequestParser
 
 DRIVER, GUARD, RIVAL, ORPHAN = "driver", "guard", "rival", "driver that is dead"
 PENDANT, HAND, NOBODY = "pendant", "hand", "nobody"
-"""Who moves the arm. The first four are clients of the command port; an orphan is what a dead driver has left."""
+"""Names of those who move the arm. The first four are clients of the command port; an orphan is a motion that a dead
+driver has left."""
 
 FINDS_DEAD_CLIENT_AFTER = 1.0
-"""s; a controller that serves its first client only looks so long for one that may be gone. Not known of real ones."""
+"""s; a controller that serves only its first client checks this long after a second one whether the first is still
+there. Not known of real ones."""
 PLANNED = frozenset(("joint_move", "moveL", "movc"))
 STREAMED = frozenset(("servo_j", "servo_p"))
 
 
 def is_motion(request: Dict[str, Any]) -> bool:
-    """The request asks for motion, or for the mode in which targets move the arm."""
+    """Return whether the request asks for motion, or for the mode in which targets move the arm."""
     name = request.get("cmdName")
     if name == "jog":
         return request.get("jog_mode") != 0
@@ -52,17 +54,17 @@ def is_part_of_stop(request: Dict[str, Any]) -> bool:
 
 
 def succeeded(reply: bytes) -> bool:
-    """The reply of the simulated controller says that it took the command."""
+    """Return whether the simulated controller's reply reports that it took the command."""
     return b'"errorCode": "0"' in reply or b'"errorCode": 0,' in reply
 
 
 class Reply(NamedTuple):
-    """What a client learns when a reply has arrived whole.
+    """A reply that has arrived whole, as the client sees it.
 
     Attributes:
         command: Its ``cmdName``.
-        is_accepted: The controller says that it took the command.
-        request: What it answers.
+        is_accepted: The controller reports that it took the command.
+        request: The request that it answers.
         text: The reply itself.
     """
 
@@ -73,7 +75,7 @@ class Reply(NamedTuple):
 
 
 class _Held(NamedTuple):
-    """A motion that was accepted and has not begun: not before ``due``, nor until the arm rested for ``rest``, s."""
+    """An accepted motion that has not begun: it begins at ``due`` at the earliest, after rest of ``rest``, s."""
 
     due: float
     rest: float
@@ -94,7 +96,7 @@ class _Client:
 
 
 class Faults:
-    """What is wrong with the command port at present; times are ends, s."""
+    """The present faults of the command port; times are ends, s."""
 
     def __init__(self) -> None:
         self.refuses_stop_until = 0.0
@@ -115,15 +117,15 @@ class ControllerRoom:
 
     Attributes:
         controller: The simulated controller's core.
-        faults: What is wrong with its command port.
+        faults: Faults of its command port.
         feed: Its status feed.
-        mover: Who started the motion under way.
-        is_off: Without power.
-        stop_executed_at: When it last carried a stop out, s.
-        resumed_at: When motion was last let go on at the pendant, s.
-        motion_executed_at: When it last began to carry a motion out, s.
-        player: Who began the program that runs.
-        way: How far the newest joint motion leads, rad; infinite for other motions.
+        mover: Who started the running motion.
+        is_off: It is without power.
+        stop_executed_at: When it last carried out a stop, s.
+        resumed_at: When a paused motion was last resumed at the pendant, s.
+        motion_executed_at: When it last began to carry out a motion, s.
+        player: Who started the running program.
+        way: The length of the newest joint motion, rad; infinite for other motions.
     """
 
     def __init__(self, clock: Clock, network: Network, chance: random.Random, model: ArmModel, firmware: Firmware,
@@ -152,7 +154,7 @@ class ControllerRoom:
     # ---- time ----
 
     def cycle(self) -> None:
-        """One cycle of the controller, and a status frame where one is due."""
+        """Run one cycle of the controller, and send a status frame where one is due."""
         if self.is_off:
             return
         now = self.clock.now
@@ -169,7 +171,7 @@ class ControllerRoom:
         self.feed.cycle()
 
     def _begin_held(self, now: float) -> None:
-        """Begin with what was accepted before, once its time has come and the arm has rested for a while."""
+        """Begin a held motion once its time has come and the arm has rested for a while."""
         held = self._held[0]
         if self._is_held_paused:
             return
@@ -179,26 +181,26 @@ class ControllerRoom:
 
     @property
     def is_idle(self) -> bool:
-        """Nothing moves, waits to move, or can be streamed to."""
+        """True while nothing moves, waits to move, or can be streamed to."""
         plant = self.controller.state.plant
         return (plant.is_in_position and not plant.is_servo_active and not plant.is_hand_guided
                 and not plant.queue.is_jogging and not self._held)
 
     def heal(self) -> None:
-        """Nothing is wrong any more, and no button is pressed."""
+        """End every fault and release every button."""
         self.faults, self.feed.faults = Faults(), FeedFaults()
         self.controller.state.release_emergency_stop()
         self.end_program()
 
     def end_program(self) -> None:
-        """Somebody ends at the pendant what no command of a client ends in this dialect."""
+        """End a program at the pendant, where no command of a client ends it in this dialect."""
         if not self.controller.state.dialect.stop_ends_program:
             self.stop_at_pendant()
 
     # ---- the command port ----
 
     def accepted(self, cable: Cable) -> None:
-        """A client has connected (docs/controller-protocol.md section 1)."""
+        """Admit or reject a client that has connected (docs/controller-protocol.md section 1)."""
         if cable.port is not Port.COMMAND:
             return
         if self._second_client == REFUSED and self._first is not None:
@@ -216,7 +218,7 @@ class ControllerRoom:
         return self.controller.state.dialect.second_client
 
     def _take_over(self, client: _Client) -> None:
-        """From now on this is the only client."""
+        """Make this client the only one."""
         for other in self._clients:
             if other is not client:
                 other.cable.close_by_controller()
@@ -224,7 +226,7 @@ class ControllerRoom:
         self.controller.state.client_connected()
 
     def lost(self, cable: Cable) -> None:
-        """A client's connection has ended."""
+        """Drop a client whose connection has ended."""
         client = self._client_of(cable)
         if client is None:
             return
@@ -242,14 +244,14 @@ class ControllerRoom:
         return None
 
     def arrived(self, cable: Cable, arrival: Arrival) -> None:
-        """Bytes of a client."""
+        """Take bytes of a client."""
         client = self._client_of(cable)
         if client is not None and not self.is_off:
             client.inbox.extend(client.parser.feed(arrival.data, self.clock.now))
             self._carry_out(client)
 
     def _carry_out(self, client: _Client) -> None:
-        """Carry out what a client asks for, unless it waits for a reply, and send the replies that are due."""
+        """Carry out a client's requests, unless it waits for a reply, and send the replies that are due."""
         self._send_due(client)
         while client.inbox and not client.replies.is_blocked and client in self._clients and not self.is_off:
             request = client.inbox.popleft()
@@ -271,7 +273,8 @@ class ControllerRoom:
 
     @property
     def keeps_driver_waiting(self) -> bool:
-        """No request of the driver's is carried out now: a reply is not there yet, or another client has the port."""
+        """True while no request of the driver is carried out: a reply is outstanding, or another client has the
+        port."""
         if any(client.replies.is_blocked for client in self._clients if client.cable.host.name in (DRIVER, ORPHAN)):
             return True
         first = self._first
@@ -314,7 +317,7 @@ class ControllerRoom:
             return self._refusal(request, who)
         if now < faults.lies_until.get(name, 0.0) and is_motion(request):
             self._execute(request, who)
-            self._note("says that it did not")
+            self._note("reports a refusal of what it did")
             return RequestResult(name, refused(self.controller.state.dialect, name, Refused()))
         if name == "is_in_servomove" and now < faults.denies_servo_until:
             return RequestResult(name, accepted(self.controller.state.dialect, name, {"in_servomove": False}))
@@ -330,7 +333,7 @@ class ControllerRoom:
         return RequestResult(name, refused(self.controller.state.dialect, name, Refused()))
 
     def _hold(self, request: Dict[str, Any], who: str) -> RequestResult:
-        """Say yes now and begin later; a motion that could not begin now is refused as ever."""
+        """Accept now and begin later; a motion that could not begin now is refused as usual."""
         state, name = self.controller.state, str(request["cmdName"])
         if not state.is_enabled or state.emergency_stop or state.protective_stop or state.plant.is_servo_active:
             return self._execute(request, who)
@@ -352,7 +355,7 @@ class ControllerRoom:
             elif name == "pause_program" and self._held and self.controller.state.dialect.pause_pauses_moves:
                 self._is_held_paused = True
             if name == "stop_program" or (name == "jog" and request.get("jog_mode") == 0):
-                self._held = []  # what has not begun never will
+                self._held = []  # a held motion never begins after this
             if name == "stop_program":
                 self.stop_executed_at = self.clock.now
             elif is_motion(request):
@@ -364,7 +367,7 @@ class ControllerRoom:
     # ---- people beside it ----
 
     def driver_has_died(self, name: str) -> None:
-        """What the driver's process has begun is nobody's now; what it had sent may still be on its way."""
+        """Assign the dead driver's motions to ``name``; its requests may still be on their way."""
         if self.mover is DRIVER:
             self.mover = name
         if self.player is DRIVER:
@@ -372,22 +375,22 @@ class ControllerRoom:
         self._held = [held._replace(who=name) if held.who is DRIVER else held for held in self._held]
 
     def press_emergency_stop(self) -> None:
-        """The button."""
+        """Press the emergency stop button."""
         self._held = []
         self.controller.state.press_emergency_stop()
 
     def hit(self, force: float) -> None:
-        """Somebody stands in the way."""
+        """Let the arm hit somebody who stands in its way."""
         if self.controller.state.hit(force):
             self._held = []
 
     def stop_at_pendant(self) -> None:
-        """Somebody stops the program at the pendant; it is not this driver's stop."""
+        """Stop the program at the pendant; this is not the driver's stop."""
         self._held = []
         self.controller.state.stop()
 
     def move_at_pendant(self, joint: int, step: float) -> None:
-        """Somebody moves an idle arm from the pendant."""
+        """Move an idle arm from the pendant."""
         if self.is_idle and self.controller.state.is_enabled:
             target = [0.0] * 6
             target[joint] = step
@@ -398,14 +401,14 @@ class ControllerRoom:
             self.mover = PENDANT
 
     def play_at_pendant(self, duration: float) -> None:
-        """Somebody plays a program from the pendant, and stops it."""
+        """Play a program from the pendant, and stop it later."""
         state = self.controller.state
         if self.is_idle and state.is_enabled and state.program_state is ProgramState.IDLE:
             state.program_state, self.player = ProgramState.RUNNING, PENDANT
             self.clock.after(duration, lambda: self.player is PENDANT and self.stop_at_pendant() or None)
 
     def pause_at_pendant(self, duration: float) -> None:
-        """Somebody holds the motion under way, and lets it go on later, if it is still there."""
+        """Pause the running motion at the pendant, and resume it later if it is still there."""
         self.controller.state.pause()
         self.clock.after(duration, self._resume)
 
@@ -415,19 +418,19 @@ class ControllerRoom:
             self.controller.state.resume()
 
     def guide_at_arm(self, joint: int, velocity: float, duration: float) -> None:
-        """Somebody takes the arm by the hand, with the button on it."""
+        """Guide the arm by hand, with the button on it pressed."""
         with contextlib.suppress(Refused, TargetRejected):
             self.controller.state.set_hand_guiding(True)
             self.push(joint, velocity, 0.5 * duration)
             self.clock.after(duration, lambda: self.controller.state.set_hand_guiding(False))
 
     def push(self, joint: int, velocity: float, duration: float) -> None:
-        """Somebody pushes the arm; it gives way in hand guiding only."""
+        """Push the arm; it gives way in hand guiding only."""
         if self.controller.state.push(joint, velocity, duration):
             self.mover = HAND
 
     def power_cut(self, down: float, silent: bool) -> None:
-        """The cabinet loses power and starts again by itself; silent: no end of a connection is seen."""
+        """Cut the cabinet's power until it starts again by itself; silent: no end of a connection is seen."""
         if self.is_off:
             return
         self.is_off = self._network.is_off = True
@@ -444,6 +447,6 @@ class ControllerRoom:
         self.is_off = self._network.is_off = False
         self.mover = NOBODY
         self.feed.start()
-        for port in Port:  # an end that still believes in its connection is told otherwise at its next word
+        for port in Port:  # a driver that still believes in its connection learns of the end with its next bytes
             for cable in self._network.on(port):
                 cable.cut(driver_learns=True, controller_learns=False)

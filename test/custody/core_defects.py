@@ -1,7 +1,7 @@
-"""Defects put around a good core: each must be found by the rules that it breaks, or a rule finds nothing.
+"""Defects put around a good core: the rule that each breaks must find it, or that rule finds nothing.
 
-They work at the contract of core and shell: what the core is told, what it asks for, what it says of itself. More of
-them, and the table of all, are in defects.py.
+They work at the interface of core and shell: on the core's inputs, its actions and its answers about itself. More
+defects, and the table of all, are in defects.py.
 """
 import contextlib
 import json
@@ -18,7 +18,7 @@ _MOTIONS = ("joint_move", "moveL", "jog")
 
 
 class Wrapped:
-    """A core, to be made worse by overriding what is to go wrong."""
+    """A good core and hooks for its subclasses, each of which overrides what is to go wrong."""
 
     def __init__(self, settings: Any, model: Any) -> None:
         self.good = ArmCore(settings, model)
@@ -28,25 +28,25 @@ class Wrapped:
         return getattr(self.good, name)
 
     def take_actions(self) -> List[Any]:
-        """The good core's actions, each changed, left out or doubled."""
+        """Return the good core's actions, each changed, left out or doubled."""
         return [made for action in self.good.take_actions() for made in self.change(action)]
 
     def change(self, action: Any) -> List[Any]:
-        """What comes out instead of this action."""
+        """Return the actions that take the place of this one."""
         return self.change_requests(action) if isinstance(action, Send) else [action]
 
     def change_requests(self, action: Send) -> List[Any]:
-        """The requests of one Send, each changed or left out."""
+        """Return the requests of one Send, each changed or left out."""
         kept = [request for request in requests_in(action.data) if self.lets_pass(request)]
         return [Send(b"".join([json.dumps(request).encode() for request in kept]))] if kept else []
 
     def lets_pass(self, request: Dict[str, Any]) -> bool:
-        """May change the request."""
+        """Return whether a request goes out; may change it."""
         return True
 
 
 class FreeAtOnce(Wrapped):
-    """Custody is given away as soon as it is taken."""
+    """Custody given away as soon as it is taken."""
 
     @property
     def is_free(self) -> bool:
@@ -54,7 +54,7 @@ class FreeAtOnce(Wrapped):
 
 
 class NeverFree(Wrapped):
-    """Custody that was taken once does not end."""
+    """Custody that never ends once it was taken."""
 
     has_begun = False
 
@@ -65,7 +65,7 @@ class NeverFree(Wrapped):
 
 
 class StopsForCallsOnly(Wrapped):
-    """A stop of the driver's own (watchdog, link, feed, repetition) does not go out, and is taken for accepted."""
+    """Own stops (watchdog, link, feed, repetition) that are not sent and count as accepted."""
 
     is_in_call = False
     swallowed: Tuple[str, ...] = ()
@@ -87,7 +87,7 @@ class StopsForCallsOnly(Wrapped):
         return True
 
     def swallows(self) -> bool:
-        """This stop does not go out."""
+        """Return whether this stop is not sent."""
         return not self.is_in_call
 
     def tick(self, now: float) -> None:
@@ -99,7 +99,7 @@ class StopsForCallsOnly(Wrapped):
 
 
 class StopsOnce(StopsForCallsOnly):
-    """A stop that was refused or lost is not repeated."""
+    """A refused or lost stop that is not repeated."""
 
     has_stopped = False
 
@@ -116,7 +116,7 @@ class StopsOnce(StopsForCallsOnly):
 
 
 class JogsOn(Wrapped):
-    """The jog's watchdog is disarmed: the jog is called for by the driver itself."""
+    """A jog without watchdog: the driver itself repeats the jog call."""
 
     command: Any = None
     next_at = 0.0
@@ -140,7 +140,7 @@ class JogsOn(Wrapped):
 
 
 class StopsLater(Wrapped):
-    """A stop waits for the next turn of a loop."""
+    """A stop that waits for the next turn of a loop."""
 
     waiting: Tuple[Any, ...] = ()
 
@@ -155,7 +155,7 @@ class StopsLater(Wrapped):
 
 
 class SendsAgain(Wrapped):
-    """What a lost link swallowed is sent once more on the next one."""
+    """Requests lost with a link that are sent again on the next one."""
 
     motion = b""
 
@@ -172,7 +172,7 @@ class SendsAgain(Wrapped):
 
 
 class ForgetsStops(Wrapped):
-    """A move that waits for its turn outlives a stop: it is asked for again behind it."""
+    """A waiting move that outlives a stop: it is asked for again behind it."""
 
     def __init__(self, settings: Any, model: Any) -> None:
         super().__init__(settings, model)
@@ -194,14 +194,14 @@ class ForgetsStops(Wrapped):
 
 
 class AnswersTwice(Wrapped):
-    """A call is answered twice."""
+    """Two answers to one call."""
 
     def change(self, action: Any) -> List[Any]:
         return [action] * 2 if isinstance(action, Answer) else [action]
 
 
 class AnswersNever(Wrapped):
-    """A move that was interrupted is not answered."""
+    """No answer to an interrupted move."""
 
     def change(self, action: Any) -> List[Any]:
         is_lost = isinstance(action, Answer) and isinstance(action.error, MotionInterrupted)
@@ -209,7 +209,7 @@ class AnswersNever(Wrapped):
 
 
 class AnswersGood(Wrapped):
-    """An interrupted move is said to be completed."""
+    """An interrupted move that is reported as completed."""
 
     def change(self, action: Any) -> List[Any]:
         if isinstance(action, Answer) and isinstance(action.error, MotionInterrupted):
@@ -218,7 +218,7 @@ class AnswersGood(Wrapped):
 
 
 class PowersAgain(Wrapped):
-    """After a lost link the arm is made ready again, kindly."""
+    """An arm that is enabled again by itself after a lost link."""
 
     connections = 0
 
@@ -231,7 +231,7 @@ class PowersAgain(Wrapped):
 
 
 class JumpsInServo(Wrapped):
-    """Now and then a servo frame is far from the one before."""
+    """A servo frame now and then that is far from the one before."""
 
     count = 0
 
@@ -244,7 +244,7 @@ class JumpsInServo(Wrapped):
 
 
 class StreamsOn(Wrapped):
-    """Servo frames repeat the last step when no target comes."""
+    """Servo frames that repeat the last step when no target comes."""
 
     before: Any = None
 
@@ -259,7 +259,7 @@ class StreamsOn(Wrapped):
 
 
 class BesidePath(Wrapped):
-    """Servo frames lie a little beside where they should."""
+    """Servo frames that lie a little beside their place."""
 
     def lets_pass(self, request: Dict[str, Any]) -> bool:
         if request["cmdName"] == "servo_j":
@@ -268,7 +268,7 @@ class BesidePath(Wrapped):
 
 
 class LeavesSegmentsOut(StopsForCallsOnly):
-    """Now and then a segment of a path is not sent, and taken for accepted."""
+    """A path segment now and then that is not sent and counts as accepted."""
 
     count = 0
 
@@ -282,7 +282,7 @@ class LeavesSegmentsOut(StopsForCallsOnly):
 
 
 class LeavesPrograms(Wrapped):
-    """A program that was played has the arm no more."""
+    """A running program that does not keep custody."""
 
     @property
     def is_free(self) -> bool:
@@ -290,7 +290,7 @@ class LeavesPrograms(Wrapped):
 
 
 class PausesNothing(Wrapped):
-    """A pause is said to be done, and the trajectory goes on."""
+    """A pause that is answered as done while the trajectory goes on."""
 
     def run(self, call: Any, procedure: Any, now: float, exclusive: bool = False) -> None:
         if call is not None and call.command == ("pause", None):
@@ -300,7 +300,7 @@ class PausesNothing(Wrapped):
 
 
 class KeepsHold(Wrapped):
-    """The last message of a velocity jog counts for ever."""
+    """A velocity jog whose last message counts for ever."""
 
     message: Any = None
 
@@ -316,7 +316,7 @@ class KeepsHold(Wrapped):
 
 
 class NeedsNoRest(Wrapped):
-    """A velocity jog is begun by whatever message comes first."""
+    """A velocity jog that begins with any message, without rest before it."""
 
     def jog_velocity(self, message: Any, now: float) -> None:
         if message.wish is not None and not self.good.dead_man.is_held:
@@ -327,7 +327,7 @@ class NeedsNoRest(Wrapped):
 
 
 class LeavesLimits(Wrapped):
-    """Targets are not held against the joint limits."""
+    """Targets that are not checked against the joint limits."""
 
     def lets_pass(self, request: Dict[str, Any]) -> bool:
         if request["cmdName"] == "joint_move":
@@ -336,21 +336,21 @@ class LeavesLimits(Wrapped):
 
 
 class ShowsOldAsNew(Wrapped):
-    """Every frame that is read is shown as new."""
+    """Frames that are all shown as new."""
 
     def change(self, action: Any) -> List[Any]:
         return [Show(action.state, True)] if isinstance(action, Show) else [action]
 
 
 class GuardIsNotTold(Wrapped):
-    """The guard never hears that the arm moves."""
+    """A guard that is never notified that the arm moves."""
 
     def change(self, action: Any) -> List[Any]:
         return [] if isinstance(action, Tell) and action.is_moving else [action]
 
 
 class GuardIsToldTooSoon(Wrapped):
-    """The guard hears that the arm rests when a stop is sent, not when it rests."""
+    """A guard that is notified of rest when a stop is sent, not when the arm rests."""
 
     def change(self, action: Any) -> List[Any]:
         made = [action]
@@ -360,7 +360,7 @@ class GuardIsToldTooSoon(Wrapped):
 
 
 class DoesNotSeeSilence(Wrapped):
-    """A feed that has fallen silent is not noticed: its last frame is read again and again, and no witness is asked."""
+    """A silent feed that goes unnoticed: its last frame is read again and again, and no witness is asked."""
 
     frame = b""
     fed_at = 0.0
@@ -387,7 +387,7 @@ class DoesNotSeeSilence(Wrapped):
 
 
 class ConnectsOnce(Wrapped):
-    """A status port that was lost is not connected again."""
+    """A lost status port that is not connected again."""
 
     has_opened = False
 
@@ -400,7 +400,7 @@ class ConnectsOnce(Wrapped):
 
 
 class TalksToStrangers(Wrapped):
-    """The controller is asked for its version before it has said who it is."""
+    """A version request that goes out before the controller has identified itself."""
 
     def opened(self, port: Port, now: float) -> None:
         self.good.opened(port, now)
@@ -409,7 +409,7 @@ class TalksToStrangers(Wrapped):
 
 
 class Raises(Wrapped):
-    """An error of the core's own comes out of it."""
+    """An error of the core's own that comes out of it."""
 
     def jog(self, call: Any, command: Any, now: float) -> None:
         raise KeyError("jog")

@@ -1,4 +1,4 @@
-"""Defects that are had inside the core only, those of the guard, and the table of all planted defects.
+"""Defects that exist only inside the core, those of the guard, and the table of all planted defects.
 
 Each must be found by the rule that it breaks, or that rule finds nothing.
 """
@@ -46,7 +46,7 @@ from jaka_ros_driver.client.stopping import Step, Stopping
 
 
 class StopsHalf(StopsForCallsOnly):
-    """A stop ends moves and programs only; that jogs and servo mode are ended is taken for granted."""
+    """A stop that ends moves and programs only; the ends of jogs and servo mode count as accepted."""
 
     def change_requests(self, action: Send) -> List[Any]:
         requests = requests_in(action.data)
@@ -58,7 +58,7 @@ class StopsHalf(StopsForCallsOnly):
 
 
 class WaitsForStart(Wrapped):
-    """A motion that does not begin is waited for."""
+    """A motion that does not begin and is waited for."""
 
     def __init__(self, settings: Any, model: Any) -> None:
         super().__init__(settings, model)
@@ -71,7 +71,7 @@ class WaitsForStart(Wrapped):
 
 
 class IgnoresFaults(Wrapped):
-    """Stops, faults and drives that are off are not seen."""
+    """Stops, faults and de-energised drives that are not seen."""
 
     def received(self, port: Port, data: bytes, now: float) -> None:
         if port is Port.STATUS:
@@ -85,7 +85,7 @@ class IgnoresFaults(Wrapped):
 
 
 class IgnoresRefusedFrames(Wrapped):
-    """What the controller says of servo frames is not looked at."""
+    """Replies to servo frames that are not looked at."""
 
     def received(self, port: Port, data: bytes, now: float) -> None:
         if port is Port.COMMAND and b'"servo_' in data:
@@ -99,7 +99,7 @@ class IgnoresRefusedFrames(Wrapped):
 
 
 class StreamsAfterStop(Wrapped):
-    """One more servo frame goes out behind a stop."""
+    """One more servo frame behind a stop."""
 
     frame: Any = None
 
@@ -117,7 +117,7 @@ class StreamsAfterStop(Wrapped):
 
 
 class SendsInBursts(Wrapped):
-    """Servo frames are kept, and go out a dozen at a time."""
+    """Servo frames that are kept and go out a dozen at a time."""
 
     kept: Tuple[Dict[str, Any], ...] = ()
 
@@ -134,7 +134,7 @@ class SendsInBursts(Wrapped):
 
 
 class RecoversTwice(Wrapped):
-    """Each step of a recovery is sent twice, to be sure."""
+    """Recovery steps that are each sent twice."""
 
     def change_requests(self, action: Send) -> List[Any]:
         is_step = any(request["cmdName"] in ("clear_error", "power_on", "enable_robot")
@@ -143,7 +143,7 @@ class RecoversTwice(Wrapped):
 
 
 class LeavesMoving(Wrapped):
-    """A driver that is told to end gives custody up, and stops nothing."""
+    """A shutdown that gives custody up and stops nothing."""
 
     def close(self, now: float) -> None:
         self.good.close(now)
@@ -155,7 +155,7 @@ class LeavesMoving(Wrapped):
 
 
 class ForgetsOwedStop(Wrapped):
-    """A stop that was refused is not due again."""
+    """A refused stop that is not due again."""
 
     def tick(self, now: float) -> None:
         if self.good.custody.must_stop:
@@ -164,7 +164,7 @@ class ForgetsOwedStop(Wrapped):
 
 
 class KeepsBacklog(Wrapped):
-    """A status connection that is to be made anew is kept, with all that waits in it, and believed."""
+    """A stale status connection that is kept, with all that waits in it, and believed."""
 
     is_kept = False
 
@@ -188,7 +188,7 @@ class KeepsBacklog(Wrapped):
 
 
 class IsReadyOnce(Wrapped):
-    """After a lost link the driver says for ever that it is not ready."""
+    """A driver that reports for ever after a lost link that it is not ready."""
 
     has_lost = False
 
@@ -201,14 +201,14 @@ class IsReadyOnce(Wrapped):
 
 
 class BlindGuard(Stopping):
-    """The guard stands by and watches."""
+    """A guard that watches and does nothing."""
 
     def step(self, now: float, driver: Any) -> Step:
         return Step.WAIT
 
 
 class GuardStopsOnce(Stopping):
-    """The guard sends one stop, and goes home."""
+    """A guard that sends one stop and ends."""
 
     has_sent = False
 
@@ -225,9 +225,9 @@ class Defect(NamedTuple):
 
     Attributes:
         make: Makes it.
-        rule: It must be found broken.
-        also: Others, separated by blanks, that may be found broken on the way to it.
-        is_guard: It is what decides how the guard stops an arm.
+        rule: The rule that must be found broken.
+        also: Other rules, separated by blanks, that may be found broken on the way to it.
+        is_guard: It decides how the guard stops an arm.
         first: The seed to try first, where those before it were seen to find nothing: they take minutes.
     """
 

@@ -1,4 +1,4 @@
-"""The driver's process: the core under test, and the thin shell around it, as its contract has it, on a virtual wire.
+"""The driver's process: the core under test, and the thin shell around it, on a virtual wire.
 
 Connections are made and dropped as the core asks, bytes go out at once, and the core is ticked when it wants to be,
 and every 20 ms at least. The process may stand still for a while, as every process can: then bytes pile up unread,
@@ -24,7 +24,7 @@ from jaka_ros_driver.state import RobotState
 LONGEST_TICK = 0.02
 READ_BYTES = 1 << 16
 KERNEL_BYTES = 1 << 18
-"""So much of the status feed waits in the kernel of a host whose reader stands still; further frames are lost."""
+"""Bytes of the status feed that the kernel keeps for a reader that stands still; further frames are lost."""
 _SHORTEST_TICK = 5e-5
 _WRITE_TIME = 0.002
 """s; from a driver's word to the file on disk, which is written in a thread of its own."""
@@ -68,20 +68,20 @@ class Call:
     """One request to the driver.
 
     Attributes:
-        number: Counts calls in the order in which the core got them; 0 before.
-        kind: Which of the core's methods it goes to.
+        number: The call's place in the order in which the core got them; 0 before.
+        kind: The core's method that it goes to.
         command: Its argument: a command, or True or False, or the name of a procedure.
-        waits: A move whose answer comes at its end.
+        waits: It is a move whose answer comes at its end.
         made_at, given_at, answered_at: When the client made it, the core got it, and it was answered, s.
         was_sent: The motion that it asks for has gone out.
         was_there: The arm has been at its target since.
-        error: How it failed; None otherwise.
+        error: The error of its answer; None for success.
         give: Hands it to the core.
-        path, start: Of a trajectory: what is to be followed, and where it begins.
-        asked: Of a trajectory: the call with which it was asked for.
+        path, start: For a trajectory: its path, and where it begins.
+        asked: For a trajectory: the call that asked for its start.
         stops: The core's number of stops then.
-        next_segment, passed: Of a path: how many segments were sent, and how many corners the arm has come to.
-        is_cancelled: Of a path: its client wants it no more.
+        next_segment, passed: For a path: the numbers of segments sent, and of corners that the arm has passed.
+        is_cancelled: For a path: its client has cancelled it.
         blindness: Why the driver could not see how far the arm came, as ``StatusFeed.blindness`` has it.
     """
 
@@ -106,7 +106,7 @@ class Call:
 
     @property
     def is_given(self) -> bool:
-        """The core has got it."""
+        """True once the core has got it."""
         return self.number > 0
 
     def __str__(self) -> str:
@@ -125,10 +125,10 @@ class DriverProcess:
     """One driver.
 
     Attributes:
-        name: Who it is for the controller: "driver", or what is said of it once it is dead.
-        core: What is tested.
+        name: The controller's name for it: "driver", or another one once it is dead.
+        core: The core under test.
         shown: The newest state that was shown as new.
-        is_moving_told: The last word to the guard.
+        is_moving_told: The newest notification to the guard.
         paused_until: It stands still until then, s.
         is_gone: It has ended.
         guard: Its guard; None where it has none.
@@ -166,12 +166,12 @@ class DriverProcess:
     # ---- events ----
 
     def start(self) -> None:
-        """The process starts, and finds what a dead one left."""
+        """Start the process, which finds what a dead one left."""
         left = self.disk.left
         self._do(lambda now: self.core.start(now, left))
 
     def tick(self) -> None:
-        """The shell's timer."""
+        """Run the shell's timer."""
         now = self._clock.now
         at, turns = self._turns_at
         self._turns_at = (now, turns + 1 if at == now else 1)
@@ -182,16 +182,16 @@ class DriverProcess:
         self._of_core(self.core.prepare)
 
     def call(self, call: Call) -> None:
-        """A client's request has come in."""
+        """Take a client's request."""
         call.made_at = self._clock.now
         self._when_awake(lambda: self._give(call))
 
     def whenever_awake(self, action: Callable[[float], None]) -> None:
-        """Do something in this process."""
+        """Do something in this process, once it is awake."""
         self._when_awake(lambda: self._do(action))
 
     def pause(self, duration: float) -> None:
-        """Stand still."""
+        """Stand still for so long."""
         now = self._clock.now
         if self.is_gone or self.is_paused:
             return
@@ -202,12 +202,12 @@ class DriverProcess:
             self.guard.driver_is_silent()
 
     def die(self, name: str) -> None:
-        """The process is killed; ``name``: who the controller's motions are of from now on."""
+        """Kill the process; ``name`` owns the controller's motions from now on."""
         self.name = name
         self.leave()
 
     def leave(self) -> None:
-        """The process ends: its connections end with it, and the pipe to its guard."""
+        """End the process: its connections end with it, and the pipe to its guard."""
         self.is_gone = True
         if self.guard is not None:
             self.guard.driver_has_ended()
@@ -219,11 +219,11 @@ class DriverProcess:
 
     @property
     def is_paused(self) -> bool:
-        """It stands still."""
+        """True while it stands still."""
         return self._clock.now < self.paused_until
 
     def arrived(self, cable: Cable, arrival: Arrival) -> None:
-        """Bytes have come to this host."""
+        """Take bytes that have come to this host, or leave them to the kernel."""
         if cable is not self.cables[cable.port] or self.is_gone:
             return
         if self.is_paused:
@@ -234,7 +234,7 @@ class DriverProcess:
         self._take([_Unread(cable, arrival.data, arrival.marks)])
 
     def lost(self, cable: Cable) -> None:
-        """This host learns that a connection has ended."""
+        """Note that a connection has ended."""
         if cable is not self.cables[cable.port] or self.is_gone:
             return
         if self.is_paused:
@@ -245,12 +245,12 @@ class DriverProcess:
     # ---- inside ----
 
     def _wake_up(self) -> None:
-        """What waits is taken up: which of it first is chance, as it is between a program's threads."""
+        """Take up everything that waits, in a random order, as between a program's threads."""
         if self.is_gone:
             return
         self._note("process goes on")
         if self.guard is not None:
-            self.guard.is_told(self.is_moving_told, self._jog_stop)  # it says so 50 times a second
+            self.guard.is_told(self.is_moving_told, self._jog_stop)  # a driver notifies its guard 50 times a second
         self._judge.resumed(self._clock.now)
         turns = [self._read_all, self._give_all]
         if not self._has_turns:
@@ -260,7 +260,7 @@ class DriverProcess:
             turn()
 
     def _read_all(self) -> None:
-        """All that waits on a port is one piece, if it is not too much."""
+        """Read the bytes that wait on each port in one piece, if they are not too many."""
         unread, self._unread = self._unread, []
         self._unread_bytes = dict.fromkeys(Port, 0)
         ports, events = list(Port), []
@@ -310,7 +310,7 @@ class DriverProcess:
         self._lost_in_turn = False
 
     def _heard(self, event: _Unread) -> Callable[[float], None]:
-        """What the core is told of an event."""
+        """Return the function that passes an event on to the core."""
         cable = event.cable
 
         def tell(now: float) -> None:
@@ -339,7 +339,7 @@ class DriverProcess:
         self._judge.was_called(call)
 
     def _do(self, event: Callable[[float], Any]) -> None:
-        """One event of the core, and what it asks for because of it."""
+        """Run one event of the core, and perform the actions that it asks for."""
         if self.is_gone:
             return
         now = self._clock.now
@@ -355,7 +355,7 @@ class DriverProcess:
         self.next_tick = max(due, now + _SHORTEST_TICK) + self._lateness * self._chance.random()
 
     def _of_core(self, asked: Callable[[], Any]) -> Any:
-        """What the core gives; what it raises is a breach of its contract."""
+        """Return the core's result; an exception from it breaks its interface."""
         try:
             return asked()
         except RuleBroken:
@@ -380,7 +380,7 @@ class DriverProcess:
                 self.guard.is_told(action.is_moving, action.jog_stop)
             self.disk.note(self, action)
             self._judge.tells(action.is_moving, now)
-            self._note("tells guard", "moving" if action.is_moving else "at rest")
+            self._note("notifies guard", "moving" if action.is_moving else "at rest")
         elif isinstance(action, Log):
             self._note("log", action.level, action.text)
         elif isinstance(action, Open):
@@ -388,12 +388,12 @@ class DriverProcess:
         elif isinstance(action, Close):
             self._close(action.port, action.reason, now)
         else:
-            self._judge.broken("an action that the contract does not know: %r" % (action,))
+            self._judge.broken("an action that the interface does not have: %r" % (action,))
 
     def _send(self, data: bytes, now: float) -> None:
         cable = self.cables[Port.COMMAND]
         if cable is None and self._lost_in_turn:
-            return  # it was asked for before the end was told, in the same turn
+            return  # it was asked for in the same turn, before the core knew of the end
         self._judge.sends(data, cable is not None, now)
         if cable is not None:
             cable.send(data, self._settings.reply_timeout)

@@ -1,4 +1,4 @@
-"""One seed -> one scenario: who asks for what and when, and what goes wrong around the driver.
+"""One seed -> one scenario: which calls are made when, and which faults come around the driver.
 
 A scenario is plain data, drawn before anything runs: leaving some of its events out gives another scenario, which is
 how a long trace is made short. Numbers are chosen so that every motion can come to rest within 0.4 s.
@@ -12,7 +12,7 @@ from jaka_ros_driver.simulation.dialect.dialect import Dialect
 
 
 class Event(NamedTuple):
-    """Something that happens, by the name of a method ``do_<kind>`` of the world, and with which arguments."""
+    """One event: the name of a method ``do_<kind>`` of the world, its time and its arguments."""
 
     at: float
     kind: str
@@ -24,24 +24,24 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True)
 class Scenario:
-    """All that a world needs.
+    """The whole input of a world.
 
     Attributes:
-        seed: Of the draws that are left to the world: latencies, pieces, lateness.
+        seed: Seed of the draws that are left to the world: latencies, pieces, lateness.
         length: s of virtual time until everything is well again.
-        events: In order of time.
-        settings: Of the driver, over its defaults.
-        firmware: Of the controller.
+        events: The events in order of time.
+        settings: Settings of the driver that differ from its defaults.
+        firmware: The controller's firmware.
         start: "off", "powered" or "enabled".
-        dialect: What the controller does on open points, where that is not its firmware's default.
+        dialect: The controller's behaviour on open points, where it differs from its firmware's default.
         full_frames: Frames have all fields; they cost ten times as much.
-        latency: Of the wire, from, to, s.
-        lateness: Of the driver's timer, at most, s.
-        identity: What the simulated controller says that it is; the settings may ask for another one.
-        auto_enable: It powers and enables the arm at its start.
-        has_turns: Its shell ticks the core after whatever came from the wire, and only then does what it asks for.
-        has_guard: A guard process runs beside it.
-        ends: "close" or "leave".
+        latency: Shortest and longest latency of the wire, s.
+        lateness: Longest lateness of the driver's timer, s.
+        identity: The identity that the simulated controller reports; the settings may ask for another one.
+        auto_enable: The driver powers and enables the arm at its start.
+        has_turns: The driver's shell ticks the core after all that came from the wire, and acts only then.
+        has_guard: A guard process runs beside the driver.
+        ends: "close", "leave" or "close in trouble".
     """
 
     seed: int
@@ -96,7 +96,7 @@ def _linear_move(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
 
 
 def _queue(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
-    """Moves in one go, each to a place near the start; the same place may come twice."""
+    """Draw moves in one go, each to a place near the start; the same place may come twice."""
     places = [(chance.choice((0.0, 0.005, 0.1, 0.3)) * chance.choice((-1.0, 1.0))) for _ in range(2)]
     return "queue", {"joint": chance.randrange(6), "ways": tuple(chance.choice(places) for _ in range(
         chance.choice((2, 3, 4)))), "speed": _log_uniform(chance, 0.2, 2.0), "first_waits": chance.random() < 0.5,
@@ -137,7 +137,7 @@ def _servo_session(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
 
 
 def _trajectory(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
-    """Points that most often can be followed; the same caller may replace, cancel or pause its trajectory."""
+    """Draw points that most often can be followed; the same caller may replace, cancel or pause its trajectory."""
     count = chance.choice((1, 2, 3, 8))
     size = chance.choice((0.0, 0.01, 0.2, 0.6))
     return "trajectory", {
@@ -150,7 +150,7 @@ def _trajectory(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
 
 
 def _velocity_jog(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
-    """Messages of one publisher that end in one of many ways."""
+    """Draw messages of one publisher that end in one of many ways."""
     frame, axis = chance.choice((JogFrame.JOINT, JogFrame.JOINT, JogFrame.BASE, JogFrame.TOOL)), chance.randrange(6)
     highest = 0.25 if frame is not JogFrame.JOINT and axis < 3 else 0.8
     return "velocity_jog", {
@@ -159,7 +159,7 @@ def _velocity_jog(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
         "end": chance.choice(("rest", "silence", "frozen", "nonsense", "second", "stalled", "held")),
         "says_rest": chance.random() < 0.9}
 def _path(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
-    """Segments around the place where the arm was last shown; blend radii that most often are allowed."""
+    """Draw segments around the last published place; the blend radii are mostly allowed."""
     return "path", {
         "segments": tuple((chance.choice(("joint", "line", "line", "arc")), tuple(
             chance.choice((0.02, 0.05, 0.1)) * chance.uniform(-1.0, 1.0) for _ in range(6))) for _ in range(
@@ -170,7 +170,7 @@ def _path(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
 
 
 def _program(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
-    """A program is played, and perhaps paused, resumed and stopped."""
+    """Draw a program that is played, and perhaps paused, resumed and stopped."""
     steps = [("play", 0.0)]
     for step in chance.choice((("stop",), ("pause", "resume", "stop"), ("pause", "stop"), ("resume",), ("load",), ())):
         steps.append((step, chance.choice((0.0, 0.1, 0.6))))
@@ -182,7 +182,7 @@ def _stop(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
 
 
 def _stop_with_move(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
-    """A stop and a new motion in the same instant."""
+    """Draw a stop and a new motion in the same instant."""
     kind, args = chance.choice((_joint_move, _joint_move, _linear_move, _jogging, _servo_mode(True)))(chance)
     return "stop_with", {"stop_first": chance.random() < 0.5, "kind": kind, "args": args}
 
@@ -207,7 +207,8 @@ CALLS: _Weighted = (
 # ---- what goes wrong ----
 
 def _with(kind: str, **choices: Any) -> _Draw:
-    """An event whose arguments are drawn: a list or tuple is chosen from, a dict is drawn from ``low`` to ``high``."""
+    """Return the draw of an event's arguments: one of a list or tuple, or a number from a dict's ``low`` to
+    ``high``."""
     def draw(chance: random.Random) -> Tuple[str, Dict[str, Any]]:
         args: Dict[str, Any] = {}
         for name, values in choices.items():
@@ -285,7 +286,7 @@ def _drawn(chance: random.Random, choices: _Weighted) -> Tuple[str, Dict[str, An
 
 
 def _takes(kind: str, args: Dict[str, Any], jog_timeout: float) -> float:
-    """How long a call has its effect where nothing comes between, about, s."""
+    """Return about how long a call has its effect where nothing disturbs it, s."""
     if kind == "jogging":
         return float(args["duration"]) * (1.5 if args["then_back"] else 1.0) + jog_timeout + 0.5
     if kind == "joint_move":
@@ -306,7 +307,7 @@ def _takes(kind: str, args: Dict[str, Any], jog_timeout: float) -> float:
 
 
 def _aimed(chance: random.Random, events: Sequence[Event], jog_timeout: float) -> List[Event]:
-    """Trouble at the moments that matter: while a call is under way, or when a jog is to end by itself."""
+    """Draw faults at the moments that matter: during a call, or when a jog is to end by itself."""
     aimed: List[Event] = []
     for event in events:
         if "caller" not in event.args or chance.random() > 0.15:
@@ -324,12 +325,12 @@ _QUICK_DRIVES = {"power_delay": 0.5, "enable_delay": 0.3}
 """s; where drives take 12 s, little else happens in a scenario."""
 _CALMED: Dict[str, float] = {"start_delay": 0.75, "frame_bytes": 0.9, "missing_frame_fields": 0.5,
                              "missing_commands": 0.5}
-"""Dimensions that are left at their defaults so often. An arm that begins seconds late is stopped each time, and shows
-nothing else; frames of 15 kB cost ten times the time of others."""
+"""Shares of scenarios in which a dimension keeps its default. An arm that begins seconds late is stopped each time, and
+shows nothing else; frames of 15 kB cost ten times the time of others."""
 
 
 def _dialect(chance: random.Random, seed: int, firmware: str) -> Dict[str, Any]:
-    """What the controller does on every open point, where that is not its firmware's default."""
+    """Draw the controller's behaviour on every open point, where it differs from its firmware's default."""
     usual, drawn = Dialect.default(firmware), Dialect.from_seed(seed, firmware)
     values = {name: value for name, value in drawn.as_dict().items() if value != usual.as_dict()[name]}
     if chance.random() < 0.7:
@@ -339,12 +340,12 @@ def _dialect(chance: random.Random, seed: int, firmware: str) -> Dict[str, Any]:
 
 
 def dialect_of(scenario: Scenario) -> Dialect:
-    """The controller's dialect."""
+    """Return the controller's dialect."""
     return Dialect.default(scenario.firmware).replaced(scenario.dialect)
 
 
 def generate(seed: int) -> Scenario:
-    """The scenario of a seed."""
+    """Draw the scenario of a seed."""
     chance = random.Random(seed)
     length = chance.choice((8.0, 15.0, 25.0, 40.0))
     events: List[Event] = []

@@ -1,7 +1,7 @@
 """The guard's process on the virtual wire: the product's own ``Stopping`` decides, and both ports are really used.
 
-What stands for ``DriverPipe`` and ``ArmStopper`` is only who has spoken and who carries a step out; what is decided,
-and when, is the product's.
+Only two things stand in for ``DriverPipe`` and ``ArmStopper``: who has spoken, and who carries a step out. What is
+decided, and when, is the product's.
 """
 from typing import Any, Callable, Dict, Optional
 
@@ -24,13 +24,13 @@ MakeStopping = Callable[[float, Callable[[str], None], Optional[JogStop]], Any]
 
 
 class GuardProcess:
-    """Watches one driver, and stops the arm where that is dead or silent while it moves the arm.
+    """A guard that watches one driver, and stops the arm when the driver is dead or silent during a motion.
 
     Attributes:
-        name: Who it is for the controller.
-        driver: Whom it watches.
+        name: The controller's name for it.
+        driver: The driver that it watches.
         is_stopping: It is stopping the arm.
-        has_killed: Ends the driver's process; called where a controller serves a frozen driver only.
+        kill_driver: Ends the driver's process; called where a controller serves a frozen driver only.
     """
 
     def __init__(self, clock: Clock, network: Network, note: Callable[..., None],
@@ -51,28 +51,28 @@ class GuardProcess:
 
     @property
     def is_stopping(self) -> bool:
-        """It is stopping the arm."""
+        """True while it is stopping the arm."""
         return self._stopping is not None
 
-    # ---- what the driver says ----
+    # ---- notifications of the driver ----
 
     def is_told(self, is_moving: bool, jog_stop: Optional[JogStop] = None) -> None:
-        """Take the driver's word; ``jog_stop`` is what its custody file says of a jog."""
+        """Take the driver's notification; ``jog_stop`` is the end of a jog from its custody file."""
         self._is_moving, self._jog_stop = is_moving, jog_stop
 
     def driver_is_silent(self) -> None:
-        """The driver's process stands still from now on; perhaps it wakes up in time."""
+        """Look again after the silence time-out: the driver's process stands still from now on."""
         self._clock.after(SILENCE_TIMEOUT_S, self._look)
 
     def driver_has_ended(self) -> None:
-        """The pipe has closed; a driver in good order has said before that the arm rests."""
+        """Look at once: the pipe has closed; a driver in good order has reported rest before."""
         self._look()
 
     def _look(self) -> None:
         if self._is_moving and self._stopping is None and self._driver() is not Driver.BACK:
             self._note("guard", "the driver is", self._driver().value)
             self._is_moving = False
-            self._stopping = self._make_stopping(self._clock.now, lambda text: self._note("guard says", text),
+            self._stopping = self._make_stopping(self._clock.now, lambda text: self._note("guard logs", text),
                                                  self._jog_stop)
             self._turn(self._stopping)
 
@@ -84,7 +84,7 @@ class GuardProcess:
     # ---- its loop ----
 
     def _turn(self, stopping: Any) -> None:
-        """Go on every 20 ms at least, as its ``select`` does."""
+        """Take a step every 20 ms at least, as its ``select`` does."""
         if stopping is self._stopping:
             self._step()
             self._clock.after(_TURN, lambda: self._turn(stopping))
@@ -172,10 +172,10 @@ class GuardProcess:
             cable.to_controller.send(data)
 
     def on_send(self, data: bytes, now: float) -> None:
-        """Replaced by the judge."""
+        """Do nothing; the judge replaces this."""
 
     def arrived(self, cable: Cable, arrival: Arrival) -> None:
-        """Bytes have come to this process."""
+        """Take bytes that have come to this process."""
         if cable is not self._cables[cable.port] or self._stopping is None:
             return
         now = self._clock.now
@@ -197,7 +197,7 @@ class GuardProcess:
             self._stopping.saw_nothing(str(error))
 
     def lost(self, cable: Cable) -> None:
-        """A connection has ended."""
+        """Handle the end of a connection."""
         if cable is self._cables[cable.port] and self._stopping is not None:
             self._cables[cable.port] = None
             self._failed(cable.port, "connection closed by the controller", True)

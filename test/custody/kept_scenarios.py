@@ -1,4 +1,4 @@
-"""Scenarios that once broke a rule, shortened to what it took; each name says what was wrong.
+"""Scenarios that once broke a rule, shortened to what it took; each name describes the defect.
 
 Unlike seeds they keep their meaning when the generator changes. Some failed by a fault of the judge.
 """
@@ -196,4 +196,4 @@ AWAITED: Dict[str, Scenario] = {
         (5.0, "program", {"caller": 0, "steps": (("play", 0.0), ("stop", 0.4))}), (5.4, "stop", {"caller": 9}),
         length=15.0, settings=_SETTINGS, dialect={"stop_ends_program": False}),
 }
-"""For each check of ``verdict.AWAITED`` what the product does not pass yet."""
+"""The scenario of each check in ``verdict.AWAITED`` that the product does not pass yet."""

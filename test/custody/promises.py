@@ -1,6 +1,6 @@
-"""The table that holds the simulation to docs/safety.md: for each promise its rules, and the defects that show it.
+"""The table that ties the simulation to docs/safety.md: for each promise its rules, and the planted defects.
 
-A promise that no simulation of the core can judge has its live tests instead, with the reason. Run as a program, this
+A promise that no simulation of the core can judge names the live tests that do, and the reason. Run as a program, this
 writes the table into the page:
 
     build/venv/bin/python3 test/custody/promises.py
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Dict, List, NamedTuple, Tuple
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE / "rules"), str(HERE.parents[1])]
+sys.path[:0] = [str(folder) for folder in (HERE, HERE / "rules", HERE.parent / "support", HERE.parents[1])]
 
 import defects  # noqa: E402
 from verdict import RULES  # noqa: E402
@@ -23,14 +23,14 @@ _ARCHITECTURE = "it is made in a room that the core does not know"
 
 
 class Promise(NamedTuple):
-    """How one promise is judged.
+    """The judgement of one promise.
 
     Attributes:
-        begins: First words of its row, which no other row begins with.
-        rules: Of verdict.RULES, separated by blanks.
-        defects: Of defects.DEFECTS: without the promise kept, one of its rules is found broken.
-        live: Tests that judge what the rules cannot; empty where they judge all of it.
-        why: What they cannot judge.
+        begins: First words of its row; no other row begins with them.
+        rules: Names in verdict.RULES, separated by blanks.
+        defects: Names in defects.DEFECTS: cores that break the promise; one of its rules must find each.
+        live: Tests that judge what the rules cannot; empty where the rules judge all of it.
+        why: What the rules cannot judge.
     """
 
     begins: str
@@ -125,18 +125,18 @@ BESIDES: Dict[str, str] = {
     "state": "custody itself, seen from within",
     "contract": "a core that fails keeps no promise",
 }
-"""Rules that serve no single promise, and why they are there."""
+"""Rules that serve no single promise, each with the reason why it exists."""
 
 
 def rows(text: str) -> List[str]:
-    """The promises on the page, each as its row has it."""
+    """Return the promises on the page, each by the text of its row."""
     part = text.split("## Promises", 1)[1].split("\n## ", 1)[0].split(BEGIN, 1)[0]
     found = [match.group(1).split("|")[0].strip() for match in map(_ROW.match, part.split("\n")) if match]
     return [row for row in found if row != "promise" and set(row) != {"-"}]
 
 
 def table() -> str:
-    """The page's table of rules, as it must be."""
+    """Return the rules table as the page must have it."""
     lines = ["| promise | rules of the simulation | planted defects | live tests, and for what |", "|---|---|---|---|"]
     for promise in PROMISES:
         lines.append("| %s ... | %s | %s | %s |" % (
@@ -147,13 +147,13 @@ def table() -> str:
 
 
 def written(text: str) -> str:
-    """The page with this table."""
+    """Return the page's text with this table in it."""
     before, rest = text.split(BEGIN, 1)
     return before + BEGIN + "\n" + table() + "\n" + END + rest.split(END, 1)[1]
 
 
 def rule_of(name: str) -> str:
-    """Which rule a planted defect must be found by."""
+    """Return the rule that must find a planted defect."""
     return next(defect.rule for defect in defects.DEFECTS if defect.make.__name__ == name)
 
 

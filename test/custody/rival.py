@@ -9,18 +9,18 @@ from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.protocol.framing import encode_object
 
 _AGAIN_AFTER = 0.5
-"""s; a driver that has lost its port connects anew after a while, as this one does."""
+"""s; a driver that has lost its port connects anew after a while, as the one under test does."""
 
 
 class Rival:
-    """One client that wants the command port for so long.
+    """A client that wants the command port for so long.
 
     Attributes:
-        name: Who it is for the controller.
+        name: The controller's name for it.
     """
 
     def __init__(self, clock: Clock, network: Network, until: float, step: float, note: Callable[..., None]) -> None:
-        """``step``: by how much it moves joint 1 whenever it gets the port, rad; 0.0: it only asks."""
+        """Begin to connect; ``step``: joint 1 moves by this much whenever it gets the port, rad; 0.0: it only asks."""
         self.name = RIVAL
         self._clock, self._network, self._until, self._step, self._note = clock, network, until, step, note
         self._cable: Optional[Cable] = None
@@ -46,17 +46,17 @@ class Rival:
         cable.to_controller.send(b"".join(map(encode_object, requests)))
 
     def leave(self) -> None:
-        """Want the port no more."""
+        """Give the port up for good."""
         self._until = min(self._until, self._clock.now)
         if self._cable is not None:
             self._cable.close_by_driver()
             self._cable = None
 
     def arrived(self, cable: Cable, arrival: Arrival) -> None:
-        """It looks at no reply."""
+        """Ignore a reply."""
 
     def lost(self, cable: Cable) -> None:
-        """Somebody else has taken the port, or the link is gone."""
+        """Connect again later: another client has taken the port, or the link is gone."""
         if cable is self._cable:
             self._cable = None
             self._clock.after(_AGAIN_AFTER, self._connect)

@@ -1,4 +1,4 @@
-"""Runs seeds of the custody simulation, says which of them break a rule, and how to run one of them again."""
+"""The runner of the custody simulation: runs seeds, lists those that break a rule, and how to run one of them again."""
 import argparse
 import gc
 import hashlib
@@ -16,14 +16,14 @@ ALWAYS = range(1, 201)
 NIGHT = 100_000
 _DRAWN_FROM = 1_000_000
 _PROGRESS_S = 60.0
-sys.path[:0] = [str(HERE), str(HERE / "rules"), str(HERE.parents[1])]
+sys.path[:0] = [str(folder) for folder in (HERE, HERE / "rules", HERE.parent / "support", HERE.parents[1])]
 
 from generator import Scenario, generate  # noqa: E402
 from world import Result, World  # noqa: E402
 
 
 class Outcome(NamedTuple):
-    """One seed: what is kept of its result."""
+    """The part of a seed's result that is kept."""
 
     seed: int
     broken: str
@@ -46,7 +46,7 @@ def _first_of(text: bytes) -> int:
 
 
 def _state_of_the_tree() -> bytes:
-    """The commit, or the text of what is tested where there is no git."""
+    """Return the commit's hash, or one over the tested source where there is no git."""
     root = HERE.parents[1]
     try:
         return subprocess.run(["git", "-C", str(root), "rev-parse", "HEAD"], stdout=subprocess.PIPE,
@@ -71,12 +71,12 @@ def run_seed(seed: int) -> Outcome:
 
 
 def rerun_command(seed: int) -> str:
-    """How to see a seed's trace."""
+    """Return the command that shows a seed's trace."""
     return "python3 test/custody/simulate.py --seed %d --trace" % seed
 
 
 def report_one(seed: int, scenario: Scenario, result: Result) -> int:
-    """The last words about one seed."""
+    """Print the result of one seed; return the exit code."""
     print("%d events, %.1f s simulated, %.1f s of motion, trace %s" % (
         len(scenario.events), result.simulated, result.moving, result.digest[:16]))
     for check, broken in result.awaited.items():
@@ -86,7 +86,7 @@ def report_one(seed: int, scenario: Scenario, result: Result) -> int:
 
 
 def shortened(scenario: Scenario) -> Scenario:
-    """A scenario with as few of the events as still break the same rule."""
+    """Return a scenario with as few of the events as still break the same rule."""
     rule = _rule(scenario)
     if rule is None:
         return scenario
@@ -106,7 +106,7 @@ def shortened(scenario: Scenario) -> Scenario:
 
 
 def _usual_dialect(scenario: Scenario, rule: str) -> Scenario:
-    """The scenario with as few dimensions of the dialect beside their defaults as still break the rule."""
+    """Return the scenario with as few non-default dialect dimensions as still break the rule."""
     for name in list(scenario.dialect):
         fewer = _with(scenario, dialect={key: value for key, value in scenario.dialect.items() if key != name})
         if _rule(fewer) == rule:
@@ -124,13 +124,13 @@ def _rule(scenario: Scenario) -> Optional[str]:
 
 
 def told(outcome: Outcome) -> str:
-    """A seed that has failed: the rule, the controller that it was seen with, how to see it again."""
+    """Return the report of a failed seed: the rule, its controller's dialect, and how to run it again."""
     return "seed %d: %s\n    dialect %s\n    %s" % (
         outcome.seed, outcome.broken, generate(outcome.seed).dialect, rerun_command(outcome.seed))
 
 
 def simulate(first: int, count: int, jobs: int, tells_progress: bool = False) -> int:
-    """Run many seeds and say how they did."""
+    """Run many seeds and print a summary; return the exit code."""
     began = time.monotonic()
     outcomes: List[Outcome] = []
     failures: List[Outcome] = []
@@ -175,7 +175,7 @@ def simulate(first: int, count: int, jobs: int, tells_progress: bool = False) ->
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
-    """The command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(prog="simulate", description=__doc__)
     parser.add_argument("--seeds", type=int, default=400, metavar="N", help="how many seeds (default: %(default)s)")
     parser.add_argument("--first", type=int, default=1, metavar="S", help="the first of them (default: %(default)s)")

@@ -1,4 +1,4 @@
-"""The status feed of the world's controller: its honest frames, and those that lie, lack something or are damaged."""
+"""The status feed of the world's controller: honest frames, and those that lie, lack something or are damaged."""
 import random
 from collections import deque
 from typing import Any, Deque, Dict, List, NamedTuple, Optional, Tuple
@@ -20,22 +20,23 @@ _ESSENTIAL_FIELDS = frozenset((
     "joint_actual_position", "powered_on", "enabled", "inpos", "emergency_stop", "protective_stop"))
 _SAME_MOMENT = 1e-6
 _AFTER_FREEZE = 1.5
-"""s; what was begun by frozen frames is under way for a while, and callers that waited for rest begin."""
+"""s; motions begun by frozen frames still run for a while, and callers that waited for rest begin."""
 _AFTER_JUMP = 1.0
-"""s; so long may a driver go by a frame in which the joints jumped: until it has begun what it was asked for then."""
+"""s; how long a driver may rely on a frame in which the joints jumped: until it has begun what it was asked for
+then."""
 _KEPT_S = 3.0
-"""s; frames so old may be sent again."""
+"""s; how long frames are kept, to be sent again."""
 
 
 class Frame(NamedTuple):
-    """What the driver learns when a status frame has arrived whole.
+    """A status frame that has arrived whole, as the driver sees it.
 
     Attributes:
         made_at: s.
         is_readable: It is whole and has all that a driver needs.
-        shows_fault: An emergency or protective stop stands in it.
-        restarts: How often the controller that made it had been started anew.
-        is_old: It comes on time, with what was true at another moment, or never.
+        shows_fault: It shows an emergency or protective stop.
+        restarts: How often its controller had been restarted.
+        is_old: It comes on time, and shows another moment, or one that never was.
         jumps: It shows the joints far from where they were a moment ago.
     """
 
@@ -48,7 +49,7 @@ class Frame(NamedTuple):
 
 
 class FeedFaults:
-    """What is wrong with the status feed at present; times are ends, s."""
+    """The present faults of the status feed; times are ends, s."""
 
     def __init__(self) -> None:
         self.shown: Dict[str, Any] = {}
@@ -68,11 +69,11 @@ class FeedFaults:
 
 
 class StatusFeed:
-    """Sends frames of one controller.
+    """The sender of one controller's frames.
 
     Attributes:
-        faults: What is wrong with it.
-        restarts: How often the controller was started anew.
+        faults: Its faults.
+        restarts: How often the controller was restarted.
         frozen_joints: Where the arm was when the feed began to repeat itself, rad (6,).
     """
 
@@ -90,7 +91,7 @@ class StatusFeed:
         self.start()
 
     def start(self) -> None:
-        """The controller has been started."""
+        """Start with the controller."""
         state = self._controller.state
         if not self._has_all_fields:
             for name in all_field_names(state.firmware):
@@ -141,7 +142,7 @@ class StatusFeed:
                 cable.to_driver.send(text, frame)
 
     def _jumped(self) -> bytes:
-        """A frame in which the joints are somewhere else, as from a sensor that has lost count."""
+        """Return a frame whose joints are somewhere else, as from a sensor that has lost count."""
         self._jumped_at = self._clock.now
         frame, joints = self._controller.feed_frame, self._controller.state.plant.joint_position
         frame.added = {"joint_actual_position": [rad_to_deg(value + self.faults.jump_by) for value in joints]}
@@ -150,18 +151,18 @@ class StatusFeed:
         return text
 
     def blindness(self) -> str:
-        """Which check fails where a driver believes this feed at present; "" where it may."""
+        """Return the check that fails where a driver believes this feed at present; "" for none."""
         if self._clock.now < self.faults.frozen_until + _AFTER_FREEZE:
             return "frozen"
         return "jump" if self._clock.now < self._jumped_at + _AFTER_JUMP else ""
 
     @property
     def frame_bytes(self) -> int:
-        """Size of a frame."""
+        """The size of a frame, bytes."""
         return len(self._honest_text())
 
     def _frame_text(self, now: float) -> Tuple[bytes, bool, bool]:
-        """The text, whether it is whole, and whether it shows a stop that there is not."""
+        """Return the text, whether it is readable, and whether it shows a stop that there is not."""
         faults, frame = self.faults, self._controller.feed_frame
         is_shown = now < faults.shown_until or faults.shown_frames > 0
         if faults.shown_frames > 0:
@@ -182,7 +183,7 @@ class StatusFeed:
         return text, _ESSENTIAL_FIELDS.isdisjoint(dropped), shows_fault
 
     def _honest_text(self) -> bytes:
-        """The frame's text; kept while the arm rests and nothing else in it has changed, for speed."""
+        """Return the frame's text; kept while the arm rests and nothing else in it has changed, for speed."""
         state = self._controller.state
         plant, memory = state.plant, state.memory
         key = (plant.joint_position, plant.is_in_position, plant.is_hand_guided, plant.is_moving, state.is_powered,
@@ -204,10 +205,10 @@ class StatusFeed:
             return text[:self._chance.randrange(1, len(text))]
         if how == "twice":
             return text + text
-        middle = self._chance.randrange(20, len(text) - 1)  # a byte of it is wrong
+        middle = self._chance.randrange(20, len(text) - 1)  # the fifth kind: one wrong byte
         return text[:middle] + b"\xff" + text[middle + 1:]
 
 
 def noise(chance: random.Random, count: int) -> bytes:
-    """Bytes that are no JSON and no UTF-8."""
+    """Return bytes that are neither JSON nor UTF-8."""
     return bytes([chance.randrange(0x80, 0x100) for _ in range(count)])

@@ -1,4 +1,4 @@
-"""Promises, rules and planted defects hold each other: none of them stands alone."""
+"""The tie between promises, rules and planted defects: none of them stands alone."""
 import re
 from pathlib import Path
 

@@ -22,7 +22,7 @@ def test_no_seed_breaks_a_rule(first):
 
 @pytest.mark.parametrize("place", range(0, len(DRAWN), CHUNK))
 def test_no_seed_of_this_commit_breaks_a_rule(place):
-    """They run again with ``tools/dev simulate --seed S``, also under another commit."""
+    # They run again with ``tools/dev simulate --seed S``, also under another commit.
     print("seeds from %d on" % DRAWN[place])
     no_seed_breaks_a_rule(DRAWN[place:place + CHUNK])
 

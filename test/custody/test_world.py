@@ -10,7 +10,7 @@ import simulate
 import world
 
 SEEDS = range(1, 301)
-"""So many are tried with a defective core before it counts as not found."""
+"""The seeds tried with a defective core before it counts as not found."""
 
 
 def digest(seed):
@@ -23,7 +23,7 @@ def test_a_seed_runs_the_same_again():
 
 
 def test_a_seed_runs_the_same_in_another_process():
-    """Sets and dictionaries there have another order of hashes."""
+    """Run with two hash seeds, which give sets and dictionaries of texts another order."""
     script = Path(simulate.__file__)
     told = [subprocess.run([sys.executable, str(script), "--seed", "5", "--trace"], env={"PYTHONHASHSEED": number},
                            stdout=subprocess.PIPE, check=True).stdout for number in ("1", "2")]
@@ -41,7 +41,7 @@ def test_a_trace_changes_nothing():
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("defect", defects.DEFECTS, ids=lambda defect: defect.make.__name__)
 def test_a_planted_defect_is_found(defect):
-    """By its own rule; seeds that another rule ends first are passed over where that is to be expected."""
+    """Find it by its own rule; pass over a seed that ends first by a rule that is listed for the defect."""
     planted = {"make_stopping" if defect.is_guard else "make_core": defect.make}
     for seed in [*SEEDS[defect.first - 1:], *SEEDS[:defect.first - 1]]:
         result = world.World(generator.generate(seed), **planted).run()
@@ -62,7 +62,7 @@ def test_a_scenario_is_shortened_to_what_breaks_the_rule(monkeypatch):
 
 
 def test_the_scenarios_move_the_arm():
-    """A simulation in which nothing happens finds nothing."""
+    """Check that the scenarios move the arm: a simulation in which nothing happens finds nothing."""
     results = [world.World(generator.generate(seed)).run() for seed in range(1, 21)]
     assert sum(result.moving for result in results) > 0.1 * sum(result.simulated for result in results)
     done = {kind for result in results for kind, how in result.answers if how == "done"}

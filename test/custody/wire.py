@@ -1,7 +1,7 @@
-"""The wire between driver and controller: TCP connections that are late, stand still, break, or never come about.
+"""The wire between driver and controller: TCP connections that are late, stand still, break, or are never made.
 
-What TCP keeps is kept: bytes of one direction stay in order and whole, and nothing arrives that was not sent. What
-it does not promise is not: how bytes are cut into pieces, how late they are, how many a second get through, and whether
+TCP's guarantees hold: the bytes of one direction stay in order and whole, and nothing arrives that was not sent. What
+TCP leaves open is drawn: how bytes are cut into pieces, how late they are, how many a second get through, and whether
 both ends learn of an end.
 """
 import random
@@ -20,12 +20,12 @@ PORTS = (Port.COMMAND, Port.STATUS)
 
 
 class Terms:
-    """What holds for one direction of a port, whichever connection is on it.
+    """The conditions of one direction of a port, on every connection.
 
     Attributes:
-        latency: From, to, s.
+        latency: Shortest and longest, s.
         stalled_until: Nothing arrives before; then all of it at once.
-        splits_until: Until then what arrives comes in random pieces.
+        splits_until: Until then bytes arrive in random pieces.
         slow_until: Until then only ``rate`` bytes a second get through; the others queue up behind them.
         rate: Bytes a second.
     """
@@ -56,7 +56,7 @@ class Pipe:
 
     Attributes:
         is_dead: Nothing arrives any more.
-        unsent_bytes: On their way.
+        unsent_bytes: Bytes on their way.
     """
 
     def __init__(self, clock: Clock, chance: random.Random, terms: Terms, deliver: Callable[[Arrival], None],
@@ -90,12 +90,12 @@ class Pipe:
         self._wait()
 
     def wake(self) -> None:
-        """What holds for this direction has changed: look again when the next bytes are due."""
+        """Compute anew when the next bytes are due, after the terms have changed."""
         self._is_waiting = False
         self._wait()
 
     def die(self) -> None:
-        """Nothing arrives any more, and nobody is told."""
+        """Drop everything on its way, and notify nobody."""
         self.is_dead = True
         self._queue.clear()
 
@@ -129,7 +129,7 @@ class Pipe:
             self._ended()
 
     def _all_due(self, now: float) -> Tuple[Optional[bytes], Tuple[Any, ...]]:
-        """Everything that has come, in one piece; the end of the stream comes alone."""
+        """Return all bytes that are due, in one piece; the end of the stream comes alone."""
         pieces: List[bytes] = []
         marks: List[Any] = []
         queue = self._queue
@@ -143,19 +143,19 @@ class Pipe:
 
 
 class Host(Protocol):
-    """A process that connects to the controller: a driver, its guard, or somebody else's.
+    """A process that connects to the controller: a driver, its guard, or a rival.
 
     Attributes:
-        name: Who it is, for whatever the controller does at its request.
+        name: Identifies it in the controller's records.
     """
 
     name: str
 
     def arrived(self, cable: "Cable", arrival: Arrival) -> None:
-        """Bytes have come to this host."""
+        """Take bytes that have come to this host."""
 
     def lost(self, cable: "Cable") -> None:
-        """This host learns that a connection has ended."""
+        """Handle the end of a connection."""
 
 
 class Cable:
@@ -163,9 +163,9 @@ class Cable:
 
     Attributes:
         host: Who made it.
-        port: Which of the controller's.
+        port: The controller's port.
         number: Counts connections.
-        driver_knows, controller_knows: That end believes that it is open; "driver" is its host, whoever that is.
+        driver_knows, controller_knows: That end believes that it is open; "driver" is its host, of any name.
     """
 
     def __init__(self, network: "Network", host: Host, port: Port, number: int) -> None:
@@ -181,23 +181,23 @@ class Cable:
 
     @property
     def works(self) -> bool:
-        """Bytes get through, both ways."""
+        """True while bytes get through both ways."""
         return not (self.to_controller.is_dead or self.to_driver.is_dead) and self.driver_knows
 
     def close_by_driver(self) -> None:
-        """What was sent arrives yet, then the end."""
+        """Close the driver's end: bytes sent before still arrive, then the end."""
         self.driver_knows = False
         self.to_driver.die()
         self.to_controller.send(None)
 
     def close_by_controller(self) -> None:
-        """As ``close_by_driver``, the other way round."""
+        """Close the controller's end: bytes sent before still arrive, then the end."""
         self.controller_knows = False
         self.to_controller.die()
         self.to_driver.send(None)
 
     def cut(self, driver_learns: bool, controller_learns: bool) -> None:
-        """It breaks: what is on its way is lost, and each end learns of it or not."""
+        """Break the connection: bytes on their way are lost, and each end learns of it or not."""
         self.to_controller.die()
         self.to_driver.die()
         self._is_cut = True
@@ -213,7 +213,7 @@ class Cable:
             self._network.clock.after(acknowledge_timeout, self._driver_learns)
 
     def controller_finds_it_dead(self) -> None:
-        """The controller's host has found out that nobody is at the other end."""
+        """Let the controller's host find out that nobody is at the other end."""
         if not self.works:
             self._controller_learns()
 
@@ -229,10 +229,10 @@ class Cable:
 
 
 class Network:
-    """Makes connections, and knows those that are.
+    """The maker of connections, which knows those that exist.
 
     Attributes:
-        at_controller: Called with a cable and what has arrived at the controller.
+        at_controller: Called with a cable and the bytes that have arrived at the controller.
         controller_lost: Called when the controller learns that a connection is over.
         accepted: Called with a new cable at the controller.
         refused_until, unreachable_until: By port; refused at once, or no answer at all.
@@ -272,21 +272,21 @@ class Network:
         done(cable, "")
 
     def on(self, port: Port) -> List[Cable]:
-        """Connections of a port that at least one end holds for open."""
+        """Return a port's connections that at least one end takes for open."""
         return [cable for cable in self.cables if cable.port is port and (cable.driver_knows or cable.controller_knows)]
 
     def carries(self, port: Port) -> bool:
-        """A new connection would come about now, and bytes would flow on it."""
+        """Return whether a new connection would be made now, and carry bytes."""
         return not self.is_off and self.clock.now >= max(self.refused_until[port], self.unreachable_until[port],
                                      self.terms[port, True].stalled_until, self.terms[port, False].stalled_until)
 
     def is_slow(self, port: Port, to_controller: bool) -> bool:
-        """Bytes of this direction queue up, or did and are still on their way."""
+        """Return whether bytes of this direction queue up, or did and are still on their way."""
         return self.clock.now < self.terms[port, to_controller].slow_until or any(
             (cable.to_controller if to_controller else cable.to_driver).is_backed_up for cable in self.on(port))
 
     def heal(self) -> None:
-        """Nothing stands against a connection any more; connections that broke stay broken."""
+        """End every obstacle to connections; broken connections stay broken."""
         now = self.clock.now
         for port in PORTS:
             self.refused_until[port] = min(self.refused_until[port], now)

@@ -1,6 +1,6 @@
 """A whole world in one process: driver core, guard, wire and simulated controller, under virtual time and one seed.
 
-The same scenario runs the same everywhere: every draw comes from the seed, nothing looks at a clock of the host.
+The same scenario runs the same everywhere: every draw comes from the seed, nothing reads the host's clock.
 """
 import hashlib
 import random
@@ -12,8 +12,9 @@ from controller_room import ORPHAN, ControllerRoom
 from driver_process import Call, CustodyDisk, DriverProcess
 from generator import Event, Scenario, dialect_of
 from guard_process import GuardProcess, MakeStopping
-from invariants import FREE_AFTER, REST_AFTER_STOP, Judge
+from invariants import Judge
 from rival import Rival
+from slacks import FREE_AFTER, REST_AFTER_STOP
 from verdict import RuleBroken
 from virtual_clock import Clock
 from wire import Network
@@ -29,14 +30,14 @@ from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 
 MODEL = "zu7"
 BEGIN = 1000.0
-"""s; the host's monotonic clock is not 0 when a driver starts."""
+"""s; not 0, because a host's monotonic clock is not 0 when a driver starts."""
 LONGEST_GOOD_BYE = 1.0
-"""s; a driver that shuts down waits so long for the arm to rest, as ``ArmClient`` does."""
+"""s; how long a driver that shuts down waits for the arm to rest, the same as ``ArmClient``."""
 QUIET_WAIT = 4.0
 RESTART_AFTER = 1.0
-"""s; so soon is a driver started again that its guard has killed."""
+"""s; how soon a driver is started again after its guard has killed it."""
 SERVO_FRAME_BYTES = 120
-"""About; a link slower than a servo stream."""
+"""About the size of a servo frame: sets how slow a link must be to carry less than a servo stream."""
 TRIES_TO_STOP = 5
 _NEVER = float("inf")
 
@@ -44,16 +45,16 @@ MakeCore = Callable[[ClientSettings, ArmModel], Any]
 
 
 class Result(NamedTuple):
-    """What became of a scenario.
+    """The outcome of a scenario.
 
     Attributes:
         broken: The rule that was broken; None for none.
-        awaited: Breaks of checks that the product does not pass yet, by their names.
-        used: How much of each slack was needed at most.
+        awaited: Breaks of checks that the product does not pass yet, by the checks' names.
+        used: The largest amount of each slack that was needed.
         simulated: Virtual time, s.
-        moving: Of it with the arm in motion by the driver, s.
-        answers: By kind of call and how it ended.
-        digest: Of the trace, where there is one.
+        moving: The part of it in which the driver moved the arm, s.
+        answers: Counts of answers by kind of call and outcome.
+        digest: Hash of the trace, where there is one.
     """
 
     broken: Optional[RuleBroken]
@@ -69,18 +70,18 @@ class World:
     """One run of one scenario.
 
     Attributes:
-        trace: What happened, a line each, where it was asked for.
+        trace: The events, a line each, where a trace was asked for.
     """
 
     def __init__(self, scenario: Scenario, make_core: MakeCore = ArmCore,
                  on_line: Optional[Callable[[str], None]] = None, make_stopping: MakeStopping = Stopping) -> None:
-        """Build it; ``run`` runs it.
+        """Build the world; ``run`` runs it.
 
         Args:
-            scenario: What happens.
-            make_core: Gives the driver's core.
-            on_line: Gets the trace, line by line.
-            make_stopping: Gives what decides how the guard stops an arm.
+            scenario: The events.
+            make_core: Makes the driver's core.
+            on_line: Receives the trace, line by line.
+            make_stopping: Makes the object that decides how the guard stops an arm.
         """
         self._model = model = load_model(MODEL)
         self._settings = settings = ClientSettings("10.5.5.100", **scenario.settings)
@@ -108,7 +109,7 @@ class World:
             room.on_executed = self._note_executed
 
     def _new_driver(self) -> DriverProcess:
-        """A process with a guard of its own."""
+        """Make a driver process with a guard of its own."""
         scenario, guard = self._scenario, None
         if scenario.has_guard:
             guard = GuardProcess(self._clock, self._network, self.note, self._make_stopping)
@@ -122,7 +123,7 @@ class World:
         return driver
 
     def note(self, what: str, *details: Any) -> None:
-        """A line of the trace."""
+        """Add a line to the trace."""
         if self._on_line is not None:
             line = "%10.5f  %s %s" % (self._clock.now - BEGIN, what, " ".join(map(str, details)))
             self._digest.update(line.encode() + b"\n")
@@ -135,7 +136,7 @@ class World:
     # ---- time ----
 
     def run(self) -> Result:
-        """Let the scenario happen; it ends at its end, or where a rule is broken."""
+        """Run the scenario to its end, or until a rule is broken."""
         clock = self._clock
         broken: Optional[RuleBroken] = None
         try:
@@ -186,7 +187,7 @@ class World:
     # ---- the end ----
 
     def _end(self) -> None:
-        """Everything is well again; nobody asks for anything any more."""
+        """Begin the end: the clients stop asking, and everything becomes well again."""
         self.note("the end begins", self._scenario.ends)
         self._clients.are_gone = True
         if self._scenario.ends == "close in trouble":
@@ -206,7 +207,7 @@ class World:
         self._network.heal()
 
     def _last_stop(self, tries: int) -> None:
-        """Somebody stops what is still under way; a driver that does not know yet that all is well gets time."""
+        """Stop any running motion; a driver that has not noticed yet that all is well gets more tries."""
         def answered(call: Call) -> None:
             if call.error is None:
                 self._room.end_program()
@@ -226,7 +227,7 @@ class World:
         self._clients.are_gone = True
 
     def _close(self) -> None:
-        """The driver is told to shut down, and does so as its shell does."""
+        """Shut the driver down in the way its shell does."""
         if self._driver.is_paused or self._driver.is_gone:
             self._clock.at(max(self._clock.now, self._driver.paused_until) + 0.1, self._close)
             return
@@ -236,7 +237,7 @@ class World:
         self._closing_until = self._clock.now + LONGEST_GOOD_BYE
 
     def _say_good_bye(self) -> None:
-        """Leave once the arm rests, or after a time; with the arm in motion its guard is told that it is so."""
+        """End the driver once the arm rests, or after a time; its guard knows whether the arm still moves."""
         driver, now = self._driver, self._clock.now
         assert self._closing_until is not None
         if driver.is_paused or not (driver.core.is_free or now >= self._closing_until):
@@ -335,7 +336,7 @@ class World:
         self.do_cut(port, True, True)
 
     def do_slow_link(self, port: str, carries: float, duration: float) -> None:
-        """So much of the feed gets through, or of a servo stream; the rest queues up behind it."""
+        """Let only this share of the feed, or of a servo stream, get through; the rest queues up behind it."""
         until, state = self._clock.now + duration, self._room.controller.state
         for one in self._ports(port):
             rate = (self._room.feed.frame_bytes / state.feed_period if one is Port.STATUS
@@ -448,7 +449,7 @@ class World:
             self._kill()
 
     def _kill(self) -> None:
-        """The driver's process dies; its guard kills one that nobody starts again but this."""
+        """Kill the driver's process, and schedule a new one where its guard did it: nobody else would start one."""
         self.note("the driver is killed")
         if self._driver.is_gone:
             return

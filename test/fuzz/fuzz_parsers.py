@@ -36,7 +36,7 @@ def in_pieces(feed, data, cut):
 
 
 def split(data):
-    """A cut width, and the bytes to be cut."""
+    """Return a cut width, and the bytes to be cut."""
     return (data[0] % 16 + 1, data[1:]) if data else (1, b"")
 
 

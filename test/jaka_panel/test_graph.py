@@ -1,4 +1,4 @@
-"""What the panel reads from and writes to the ROS graph without a graph: bytes, rotations, descriptions, requests."""
+"""The panel's side of the ROS graph without a graph: bytes, rotations, descriptions, requests."""
 import io
 import math
 import random

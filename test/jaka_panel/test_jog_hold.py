@@ -1,4 +1,4 @@
-"""The dead-man of a page, told events and the time: which heartbeats count, and what each way of ending says."""
+"""The dead-man of a page, driven by events and times: which heartbeats count, and the reason for each end."""
 import pytest
 
 from jaka_panel.authority.jog_hold import (

@@ -1,4 +1,4 @@
-"""Curves that are shortened keep every spike; alarms are told once, with their text and their end."""
+"""Curves that are shortened and keep every spike; alarms that are published once, with their text and their end."""
 import math
 
 import pytest

@@ -1,4 +1,4 @@
-"""The options: what lets others in says so; the token's file is its owner's alone."""
+"""The options: those that let others in warn of it; the token's file is its owner's alone."""
 import os
 import stat
 

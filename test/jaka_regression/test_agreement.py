@@ -1,4 +1,4 @@
-"""What jaka_bag says again, because it stands without the driver, is what the driver says."""
+"""The agreement of jaka_bag with the driver in what it repeats, because it stands without the driver."""
 from jaka_bag.driver_interface import MotionState
 from jaka_ros_driver import state
 

@@ -1,9 +1,9 @@
-"""Calls made again by threads, against a stand-in that answers when it is told to."""
+"""Calls made again by threads, against a stand-in that answers when the test wants it."""
 import threading
 import time
 
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_bag.compare.run import Call
 from jaka_regression.command_player import CommandPlayer, ReplayStopped, Reply
@@ -16,7 +16,7 @@ def call(start, duration, service, success=True):
 
 
 class Driver:
-    """Answers calls; ``move`` ends when ``stop_move`` comes, ``late`` when ``move`` is under way."""
+    """A server of calls; ``move`` ends when ``stop_move`` comes, ``late`` while ``move`` is running."""
 
     def __init__(self, refuse=()):
         self.log = []
@@ -38,7 +38,7 @@ class Driver:
 
 
 def ignore(entry, at, reply):
-    """Nobody listens."""
+    """Do nothing with a call."""
 
 
 def test_calls_that_overlapped_overlap_again():

@@ -1,4 +1,4 @@
-"""When calls are made again: recorded times, causes, overlaps."""
+"""The times at which calls are made again: recorded times, causes, overlaps."""
 import pytest
 
 from jaka_bag.compare.run import Call

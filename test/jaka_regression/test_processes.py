@@ -1,4 +1,4 @@
-"""Programs are started, heard and ended; none stays behind."""
+"""Child processes that are started, read and ended; none stays behind."""
 import os
 import signal
 import time

@@ -1,4 +1,4 @@
-"""What stands beside a golden log, and what the log itself says."""
+"""The scenario beside a golden log, and the facts of the log itself."""
 import pytest
 from synthetic_session import Step, simulate, write_log
 

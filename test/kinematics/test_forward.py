@@ -97,7 +97,7 @@ def test_the_a12_has_one_measure_from_its_determinant():
 @pytest.mark.parametrize("name, joint, measure", [
     ("zu7", 2, "elbow"), ("minicobo", 2, "elbow"), ("zu7", 4, "wrist"), ("minicobo", 4, "wrist")])
 def test_joint_offsets_count_for_singularities(name, joint, measure):
-    """An arm whose joint reads 0.3 rad less than its DH angle is singular where it would be without, less 0.3 rad."""
+    # An arm whose joint reads 0.3 rad less than its DH angle is singular where it would be without, less 0.3 rad.
     nominal = load_model(name)
     rows = list(nominal.dh)
     rows[joint] = dataclasses.replace(rows[joint], theta_offset=rows[joint].theta_offset + 0.3)

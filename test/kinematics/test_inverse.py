@@ -111,7 +111,7 @@ def test_the_nearest_of_all_branches_and_turns_is_chosen():
 
 
 def rounded_to_float32(target):
-    """What is left of a pose that was sent as float32 mm and a float32 rotation vector."""
+    """Return what is left of a pose that was sent as float32 mm and a float32 rotation vector."""
     vector = [float(np.float32(angle)) for angle in rotations.rotation_vector_from_matrix(target)]
     position = [mm_to_m(float(np.float32(length * 1000.0))) for length in target[9:]]
     return rotations.transform(rotations.matrix_from_rotation_vector(vector), position)
@@ -215,7 +215,7 @@ def test_limits_also_bind_the_solution_followed_from_the_reference():
 
 
 def calibrated(model, rng):
-    """The model with every DH value a little off its structure, as a calibrated arm's are."""
+    """Return the model with every DH value a little off its structure, as a calibrated arm's are."""
     rows = tuple(DhRow(row.a + rng.uniform(-1e-3, 1e-3), row.d + rng.uniform(-1e-3, 1e-3),
                        row.alpha + rng.uniform(-3e-3, 3e-3), row.theta_offset + rng.uniform(-5e-3, 5e-3))
                  for row in model.dh)
@@ -267,7 +267,7 @@ def test_where_the_wrist_is_singular_the_offset_of_joint_6_counts_once():
 
 
 def test_the_a12_finds_every_original_where_roots_lie_close_too():
-    """Of 400 poses some have two roots within one step of the grid, or one at the edge of what joint 1 reaches."""
+    # Of 400 poses some have two roots within one step of the grid, or one at the edge of what joint 1 reaches.
     rng = random.Random(12)
     for number in range(400):
         joints = dh_oracle.random_joints(A12, rng)
@@ -278,7 +278,7 @@ def test_the_a12_finds_every_original_where_roots_lie_close_too():
 @pytest.mark.parametrize("nominal, ways", [(ZU7, (0.02, 0.11, -0.03, 0.1, 0.09, 0.08)),
                                            (MINICOBO, (0.1, 0.04, 0.03, 0.2, 0.0, 0.07))], ids=["zu7", "minicobo"])
 def test_offsets_of_the_shoulder_add_up_wherever_along_it_they_are(nominal, ways):
-    """A file of the user's may have them in other rows than the models that are known."""
+    # A file of the user's may have them in other rows than the models that are known.
     free = [row.d != 0.0 or n in (1, 2) for n, row in enumerate(nominal.dh)]
     rows = tuple(DhRow(row.a, way if is_free else 0.0, row.alpha, row.theta_offset)
                  for row, way, is_free in zip(nominal.dh, ways, free))

@@ -73,7 +73,7 @@ def test_what_is_no_command_is_refused(thing):
 
 
 def spoiled():
-    """Each field of each sound command in turn replaced by things that it can never hold."""
+    """Yield each field of each sound command in turn replaced by things that it can never hold."""
     for command in GOOD:
         if isinstance(command, enum.Enum):
             continue
@@ -251,7 +251,7 @@ def test_no_whole_number_is_too_big_to_be_refused(make, highest):
 
 
 def inflated(value, big):
-    """The same thing, once for each number in it, with that number replaced."""
+    """Yield the same thing once for each number in it, with that number replaced."""
     if isinstance(value, (bool, enum.Enum)) or value is None or isinstance(value, str):
         return
     if isinstance(value, tuple):

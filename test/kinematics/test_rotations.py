@@ -20,7 +20,7 @@ def close(a, b, tolerance=1e-12):
 
 
 def about(axis, angle):
-    """Rotation matrix about one base axis, written out independently of the module."""
+    """Return the rotation matrix about one base axis, written out independently of the module."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array({"x": [[1, 0, 0], [0, c, -s], [0, s, c]],
                      "y": [[c, 0, s], [0, 1, 0], [-s, 0, c]],

@@ -18,7 +18,7 @@ def numbers(text):
 
 
 def origin(element):
-    """The 4x4 matrix of an <origin>, as the URDF specification defines it."""
+    """Return the 4x4 matrix of an <origin>, as the URDF specification defines it."""
     matrix = np.eye(4)
     found = element.find("origin")
     roll, pitch, yaw = numbers(found.get("rpy", "0 0 0"))
@@ -35,7 +35,7 @@ def origin(element):
 
 
 def chain(robot, joint_position):
-    """Pose of each link in the base, following the tree from its root."""
+    """Return the pose of each link in the base, following the tree from its root."""
     angles = dict(zip(JOINTS, joint_position))
     joints = {joint.find("parent").get("link"): joint for joint in robot.iter("joint")}
     link, frame, frames = "base_link", np.eye(4), {"base_link": np.eye(4)}
@@ -123,7 +123,7 @@ def test_every_visual_has_a_size_and_a_known_colour():
 
 @pytest.mark.parametrize("link, is_above", [("base_link", True), ("tool0", False)])
 def test_base_and_flange_are_flat_discs_on_their_frames(link, is_above):
-    """The base stands on its frame, the flange ends at its own: there the tool is fixed."""
+    # The base stands on its frame, the flange ends at its own: there the tool is fixed.
     robot = ElementTree.fromstring(urdf_from_model(load_model("zu7")))
     visual, = next(one for one in robot.findall("link") if one.get("name") == link).findall("visual")
     cylinder = visual.find("geometry/cylinder")
@@ -136,7 +136,7 @@ def test_base_and_flange_are_flat_discs_on_their_frames(link, is_above):
 
 
 def cylinders(robot, link):
-    """(radius, bottom, top) of each cylinder of a link, m, in the frame of the link."""
+    """Return (radius, bottom, top) of each cylinder of a link, m, in the frame of the link."""
     found = []
     for visual in robot.find("link[@name='%s']" % link).iter("visual"):
         cylinder = visual.find("geometry/cylinder")

@@ -1,4 +1,4 @@
-"""The mutants and what runs them lie beside the test of this folder."""
+"""The import path of the mutants and their runner, which lie beside the test of this folder."""
 import sys
 from pathlib import Path
 

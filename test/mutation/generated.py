@@ -1,4 +1,4 @@
-"""Tries a sample of the mutants that are made from the source, each against the tests that run its line.
+"""A trial of mutants that are made from the source, each against the tests that run its line.
 
 pytest and what the tests import from elsewhere are loaded once; each mutant is a child of that process, in a copy of
 the checkout, and ends at its first failing test.
@@ -23,13 +23,12 @@ import yaml
 from source_mutants import SourceMutant, of_rooms, sample
 
 EQUIVALENT = Path(__file__).with_name("equivalent.yaml")
-"""Mutants that no test can tell from the code, by their key, with the reason."""
+"""Mutants that no test can distinguish from the code, by their key, with the reason."""
 LONGEST_TESTS_S = 40.0
 """s; of the tests that run a line the fastest ones are taken, until they take so long together."""
 _LEAST_S, _SLOWER, _WAITS = 20.0, 4.0, 2.0
 """A mutant's tests may take 20 s of a processor and four times as long as without it, and twice that while they wait;
-then the mutant counts as noticed.
-"""
+then the mutant counts as noticed."""
 _LOADED_FIRST = ("numpy", "yaml", "hypothesis", "aiohttp", "rospy", "actionlib", "actionlib_msgs.msg",
                  "control_msgs.msg", "diagnostic_msgs.msg", "diagnostic_updater", "geometry_msgs.msg", "jaka_msgs.msg",
                  "jaka_msgs.srv", "roslaunch", "sensor_msgs.msg", "std_srvs.srv", "trajectory_msgs.msg")
@@ -40,10 +39,10 @@ _FIRST_FILES = 2
 
 
 class Tried(NamedTuple):
-    """What became of one mutant.
+    """The outcome of one mutant.
 
     Attributes:
-        mutant: It.
+        mutant: The mutant.
         by: The test that noticed it, or what happened instead; "" where it lives.
         tests: How many tests were to run.
         took: s.
@@ -75,7 +74,7 @@ class _Order:
 
 
 class _Child:
-    """One mutant's tests under way in a copy of the checkout."""
+    """A run of one mutant's tests in a copy of the checkout."""
 
     def __init__(self, folder: Path, mutant: SourceMutant, tests: Sequence[str], limit: float) -> None:
         self.folder, self.mutant, self._tests = folder, mutant, tests
@@ -89,7 +88,7 @@ class _Child:
             self._process = _forked(folder, tests, self._output, limit)
 
     def ended(self) -> Optional[Tried]:
-        """What became of it; None while its tests run."""
+        """Return the outcome; None while its tests run."""
         if not self._tests:
             return self._tried("")
         process, status = os.waitpid(self._process, os.WNOHANG)
@@ -135,14 +134,15 @@ _moment = [int(time.time()) - 10_000_000]
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a module under a time that it never had: compiled files are told from outdated ones by whole seconds."""
+    """Write a module under a time that it never had: Python compares the times of compiled files in whole seconds."""
     path.write_bytes(content)
     _moment[0] += 1
     os.utime(str(path), (_moment[0], _moment[0]))
 
 
 def _run(tests: Sequence[str]) -> int:
-    """Run these tests until one fails twice: what fails once has perhaps waited for a busy machine. pytest's code."""
+    """Run these tests until one fails twice, since what fails once has perhaps waited for a busy machine; return
+    pytest's code."""
     while tests:
         order = _Order(tests)
         files = sorted({mutate.file_of(test) for test in tests})
@@ -183,7 +183,7 @@ def _forked(folder: Path, tests: Sequence[str], output: TextIO, limit: float) ->
 
 
 def parts(tests: Sequence[str]) -> List[List[str]]:
-    """Two parts of these tests: first those of the files with the most of them; to load all files takes seconds."""
+    """Split these tests: first those of the files with the most of them; to load all files takes seconds."""
     counts = collections.Counter(mutate.file_of(test) for test in tests)
     first = [file for file, _ in counts.most_common(_FIRST_FILES)]
     halves: List[List[str]] = [[], []]
@@ -203,7 +203,7 @@ def load_first() -> None:
 
 
 def chosen_tests(known: line_tests.LineTests, mutant: SourceMutant) -> Tuple[List[str], float]:
-    """The tests that a mutant is tried with, and how long they take without it, s."""
+    """Return the tests that a mutant is tried with, and how long they take without it, s."""
     tests: List[str] = []
     total = 0.0
     for test in known.of(mutant):
@@ -215,7 +215,7 @@ def chosen_tests(known: line_tests.LineTests, mutant: SourceMutant) -> Tuple[Lis
 
 
 def tried(mutants: Sequence[SourceMutant], known: line_tests.LineTests, jobs: int) -> Iterator[Tried]:
-    """Try each of them, so many at a time; as they end."""
+    """Try each of the mutants, so many at a time; yield the outcomes as they end."""
     waiting = collections.deque(mutants)
     running: List[_Child] = []
     with mutate.copies(jobs) as free:
@@ -238,13 +238,14 @@ def tried(mutants: Sequence[SourceMutant], known: line_tests.LineTests, jobs: in
 
 
 def equivalents() -> Dict[str, str]:
-    """The reason of each mutant that no test can notice, by the mutant's key."""
+    """Return the reason of each mutant that no test can notice, by the mutant's key."""
     rows: List[Dict[str, Any]] = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8")) or []
     return {" | ".join(row["mutant"]): row["why"] for row in rows}
 
 
 def report(count: int, seed: int, jobs: int, only: Sequence[str]) -> int:
-    """Print what lives of so many mutants, and the share that was noticed; 1 where one lives that is not listed."""
+    """Print what lives of so many mutants, and the share that was noticed; return 1 where one lives that is not
+    listed."""
     began = time.monotonic()
     every = list(of_rooms(line_tests.PACKAGE))
     chosen = sample(line_tests.PACKAGE, [one for one in every if not only or any(text in one.key for text in only)],

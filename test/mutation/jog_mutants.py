@@ -1,4 +1,4 @@
-"""The mutants of the velocity jog: of its dead-man, its ramp, its motion, and what it reads of messages.
+"""The mutants of the velocity jog: in its dead-man, its ramp, its motion, and its reading of messages.
 
 ``mutants.py`` puts them together with those of all other rooms.
 """

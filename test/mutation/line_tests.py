@@ -1,7 +1,7 @@
 """The tests that run a line: recorded once with coverage, file of tests by file of tests, and kept in ``build/``.
 
-A file of tests is recorded again when it, or any module of the package, has changed. As a program: ``FILE OUT`` records
-one run of pytest into OUT; that is done in a process of its own.
+A file of tests is recorded again when it, or any module of the package, has changed. As an executable: ``FILE OUT``
+records one run of pytest into OUT; that is done in a process of its own.
 """
 import functools
 import hashlib
@@ -50,14 +50,14 @@ LIVE: Dict[str, Tuple[str, ...]] = {
     "ros/topics/velocity.py": ("test/ros/topics/test_publishing.py",),
     "ros/trajectories/topics.py": ("test/ros/trajectories/test_goals.py",),
 }
-"""What notices a mutant of a line that is run in processes of their own only, beside a ROS master."""
+"""Tests that notice a mutant of a line that is run in processes of their own only, beside a ROS master."""
 _FAST_S = 0.5
 _CHUNKS_OF_SEEDS = 3
-"""Of ten seeds each."""
+"""Chunks of ten seeds each."""
 
 
 class LineTests(NamedTuple):
-    """What is known of the tests.
+    """The tests by the lines that they run.
 
     Attributes:
         seconds: How long each test takes, by its pytest id.
@@ -68,7 +68,7 @@ class LineTests(NamedTuple):
     lines: Dict[str, Dict[int, Set[str]]]
 
     def of(self, mutant: SourceMutant, package: Optional[Path] = None) -> List[str]:
-        """The tests that may notice a mutant: fast ones of its module, then the fastest first.
+        """Return the tests that may notice a mutant: fast ones of its module, then the fastest first.
 
         Of a line that none runs, whole files of slow tests.
         """
@@ -79,7 +79,7 @@ class LineTests(NamedTuple):
             found = self._at(lines, lines)
             if name:
                 found |= self._users(name.group(1), mutant.file, package or PACKAGE)
-            module = Path(mutant.file).stem  # a test of a table, say, runs no line of its module
+            module = Path(mutant.file).stem  # a test of a table, for example, runs no line of its module
             found |= {test for test, seconds in self.seconds.items()
                       if seconds < _FAST_S and module in _words(ROOT / test.split("::")[0])}
         own = "/test_%s.py" % Path(mutant.file).stem  # the likeliest to notice
@@ -93,7 +93,7 @@ class LineTests(NamedTuple):
         return {test for number in numbers for test in lines.get(number, ())}
 
     def _users(self, name: str, home: str, package: Path) -> Set[str]:
-        """The tests of the lines that use a name of a module; a private one is used in its module only."""
+        """Return the tests of the lines that use a name of a module; a private one is used in its module only."""
         found: Set[str] = set()
         for file, lines in self.lines.items():
             if name.startswith("_") and file != home:
@@ -104,7 +104,7 @@ class LineTests(NamedTuple):
 
 @functools.lru_cache(maxsize=None)
 def _words(path: Path) -> Dict[str, List[int]]:
-    """The lines of a file in which each word stands."""
+    """Return the lines of a file in which each word stands."""
     found: Dict[str, List[int]] = {}
     for number, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
         for word in set(re.findall(r"\w+", text)):
@@ -135,7 +135,7 @@ class _Recorder:
 
 
 def record(files: Sequence[str]) -> Dict[str, Any]:
-    """Run these files of tests in this process; returns what is known of each, ready for JSON.
+    """Run these files of tests in this process; return what is known of each, ready for JSON.
 
     That is the seconds of each test, and for each line of a module the tests by their place among the seconds.
     """
@@ -197,13 +197,13 @@ def known() -> LineTests:
 
 
 def read(path: Path) -> Dict[str, Any]:
-    """What was recorded into a file."""
+    """Return what was recorded into a file."""
     found: Dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return found
 
 
 def joined(parts: Iterable[Dict[str, Any]]) -> LineTests:
-    """Put what was recorded of several files of tests together."""
+    """Join the records of several files of tests."""
     known = LineTests({}, {})
     for part in parts:
         known.seconds.update(part["seconds"])

@@ -1,4 +1,4 @@
-"""What a mutant is, and how it changes its file."""
+"""The form of a mutant, and the change of its file."""
 from pathlib import Path
 from typing import NamedTuple, Tuple
 
@@ -8,9 +8,9 @@ class Mutant(NamedTuple):
 
     Attributes:
         name: What goes wrong.
-        file: Below ``jaka_ros_driver``.
+        file: Path below ``jaka_ros_driver``.
         old: The text to be replaced.
-        new: What stands there instead.
+        new: The text in its place.
         tests: Arguments of pytest.
     """
 
@@ -22,12 +22,12 @@ class Mutant(NamedTuple):
 
 
 def path_of(root: Path, mutant: Mutant) -> Path:
-    """The file that it changes."""
+    """Return the file that a mutant changes."""
     return root / "jaka_ros_driver" / mutant.file
 
 
 def mutated(mutant: Mutant, text: str) -> str:
-    """The text of its file with the defect; raises ValueError where it fits in no place, or in several."""
+    """Return the text of its file with the defect; raise ValueError where it fits in no place, or in several."""
     if text.count(mutant.old) != 1:
         raise ValueError("%s: its text occurs %d times in %s" % (mutant.name, text.count(mutant.old), mutant.file))
     return text.replace(mutant.old, mutant.new)

@@ -1,4 +1,4 @@
-"""Do the tests notice a defect? Applies the mutants of ``mutants.py`` one at a time, runs the tests that should fail.
+"""Trial of the tests: applies the mutants of ``mutants.py`` one at a time, and runs the tests that should fail.
 
 Every mutant is applied to a copy of the checkout in a temporary folder, never to the checkout itself. A mutant that no
 test notices is a gap in the tests. The tests must pass in the copy before anything is changed there.
@@ -26,7 +26,7 @@ from mutants import MUTANTS  # noqa: E402
 NOT_COPIED = ("build", "devel", "install", "__pycache__", "*.pyc", ".*_cache", ".git", ".hypothesis", "*.egg-info",
               "jaka_reports")
 TIME_LIMIT_S = 120.0
-"""s; a mutant whose tests have not ended by then is noticed, too: the time limits of the tests would tell."""
+"""s; a mutant whose tests have not ended by then counts as noticed: the time limits of the tests would fail."""
 _SLOWER = 4.0
 """A mutant's tests may take so many times as long as they did without it, where that is more."""
 TESTS_FAILED = 1
@@ -38,7 +38,7 @@ R = TypeVar("R")
 
 
 class Verdict(NamedTuple):
-    """What the tests say of one mutant.
+    """The tests' verdict on one mutant.
 
     Attributes:
         is_killed: A test failed, or the time was over.
@@ -52,16 +52,17 @@ class Verdict(NamedTuple):
 
 
 class CannotTell(Exception):
-    """The tests do not run, so that they say nothing about a mutant."""
+    """A failure of the tests to run, so that they prove nothing about a mutant."""
 
 
 def run_tests(folder: Path, tests: Sequence[str], time_limit: float = TIME_LIMIT_S) -> Verdict:
-    """Run these tests in a copy of the checkout until the first one fails; killed is what fails or does not end.
+    """Run these tests in a copy of the checkout until the first one fails; a mutant is killed where one fails or does
+    not end.
 
     Raises CannotTell where there are no such tests.
     """
     command = [sys.executable, "-m", "pytest", "-q", "-x", "--tb=no", "-rfE", "-p", "no:cacheprovider", *tests]
-    # Compiled files are told from outdated ones by their time, in whole seconds: mutants come faster.
+    # Python compares the times of compiled files in whole seconds: mutants come faster.
     environment = dict(os.environ, PYTHONDONTWRITEBYTECODE="1", COLUMNS="200")
     began = time.monotonic()
     with tempfile.TemporaryFile("w+") as output:
@@ -99,7 +100,7 @@ def try_mutant(folder: Path, mutant: Mutant, time_limit: float = TIME_LIMIT_S) -
 
 @contextlib.contextmanager
 def copies(count: int) -> Iterator["queue.Queue[Path]"]:
-    """So many copies of the checkout, in a temporary folder."""
+    """Make so many copies of the checkout, in a temporary folder."""
     with tempfile.TemporaryDirectory(prefix="mutants") as parent:
         free: queue.Queue[Path] = queue.Queue()
         for number in range(count):
@@ -110,7 +111,7 @@ def copies(count: int) -> Iterator["queue.Queue[Path]"]:
 
 
 def in_copies(jobs: int, work: Callable[[Path, T], R], items: Sequence[T]) -> Iterator[R]:
-    """The results of ``work`` on the items, in their order; so many at a time, each in a copy of its own."""
+    """Return the results of ``work`` on the items, in their order; so many at a time, each in a copy of its own."""
     with copies(jobs) as free, ThreadPoolExecutor(jobs) as pool:
         def run(item: T) -> R:
             folder = free.get()
@@ -129,12 +130,12 @@ def in_copies(jobs: int, work: Callable[[Path, T], R], items: Sequence[T]) -> It
 
 
 def file_of(test: str) -> str:
-    """The file or folder of an argument of pytest."""
+    """Return the file or folder of an argument of pytest."""
     return test.split("::")[0]
 
 
 def time_without(jobs: int, mutants: Sequence[Mutant]) -> Dict[str, float]:
-    """Run all the tests of these mutants without any of them; how long each file took, s.
+    """Run all the tests of these mutants without any of them; return how long each file took, s.
 
     Raises CannotTell where one fails.
     """
@@ -150,18 +151,18 @@ def time_without(jobs: int, mutants: Sequence[Mutant]) -> Dict[str, float]:
 
 
 def time_limit(mutant: Mutant, times: Dict[str, float]) -> float:
-    """How long a mutant's tests may take, s."""
+    """Return how long a mutant's tests may take, s."""
     return max(TIME_LIMIT_S, _SLOWER * sum(times[name] for name in {file_of(test) for test in mutant.tests}))
 
 
 def chosen(names: Sequence[str]) -> Tuple[Mutant, ...]:
-    """The mutants in whose name or file one of these texts stands; all without texts."""
+    """Return the mutants in whose name or file one of these texts stands; all without texts."""
     return tuple(mutant for mutant in MUTANTS
                  if not names or any(name in mutant.name or name in mutant.file for name in names))
 
 
 def main() -> int:
-    """Print a row for each mutant; 1 where one is alive, 2 where the tests fail without any."""
+    """Print a row for each mutant; return 1 where one is alive, 2 where the tests fail without any."""
     parser = argparse.ArgumentParser(prog="tools/dev mutate", description="Do the tests notice seeded defects?")
     parser.add_argument("--only", metavar="NAME", action="append", default=[],
                         help="mutants in whose name or file this text stands; may be repeated")
@@ -189,7 +190,7 @@ def main() -> int:
 
 
 def report(mutants: Sequence[Mutant], jobs: int) -> int:
-    """Print a row for each of these mutants; 1 where one is alive."""
+    """Print a row for each of these mutants; return 1 where one is alive."""
     began = time.monotonic()
     times = time_without(jobs, mutants)
     widths = [max(len(row) for row in column) for column in zip(*((m.name, m.file) for m in mutants))]

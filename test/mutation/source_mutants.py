@@ -31,16 +31,16 @@ class SourceMutant(NamedTuple):
     """One change of a source file.
 
     Attributes:
-        file: Below ``jaka_ros_driver``.
+        file: Path below ``jaka_ros_driver``.
         kind: What is changed: "comparison", "reset", ...
         scope: Dotted name of the function or class, "" for the module.
         line: Where the change begins, from 1.
-        start: Of the changed bytes in the file.
-        end: Behind the changed bytes.
-        new: What stands there instead.
+        start: Begin of the changed bytes in the file.
+        end: End of the changed bytes.
+        new: The text in their place.
         code: The line before the change, without its indentation.
         changed: The same line after it.
-        lines: Whose coverage tells which tests may notice.
+        lines: Lines whose coverage shows which tests may notice.
         count: How many equal changes of equal lines of this scope come before.
     """
 
@@ -63,12 +63,12 @@ class SourceMutant(NamedTuple):
         return " | ".join(parts + (["%d" % self.count] if self.count else []))
 
     def applied(self, source: bytes) -> bytes:
-        """The file with this change."""
+        """Return the file with this change."""
         return source[:self.start] + self.new.encode() + source[self.end:]
 
 
 class _Walk(ast.NodeVisitor):
-    """Collects the mutants of one file."""
+    """A walk through one file that collects its mutants."""
 
     def __init__(self, file: str, source: bytes) -> None:
         self.found: List[SourceMutant] = []
@@ -111,7 +111,7 @@ class _Walk(ast.NodeVisitor):
                                        " ".join(code.split()), " ".join(changed.split()), lines))
 
     def _body_lines(self) -> Tuple[int, ...]:
-        """Of a line that is run when the module is imported: the first lines of the function it belongs to, or none."""
+        """Return the first lines of the function that a line run at import belongs to, or none."""
         body = getattr(self._function, "body", None)
         return tuple(sorted({statement.lineno for statement in body} | {body[-1].end_lineno})) if body else ()
 
@@ -244,7 +244,7 @@ class _Walk(ast.NodeVisitor):
         self.visit(node.value)
 
     def _reset(self, node: ast.stmt, targets: Sequence[ast.expr], values: Sequence[ast.expr]) -> None:
-        """What an attribute is set to again, left out; not its first value."""
+        """Leave out an assignment that sets an attribute again; not its first value."""
         if self._scope[-1:] == ["__init__"] or not self._in_body:
             return
         for target, value in zip(targets, values):
@@ -286,7 +286,7 @@ def _is_simple(node: ast.expr) -> bool:
 
 
 def _is_plain(node: ast.expr) -> bool:
-    """A value that says "nothing", or a flag; an upper-case name is a constant such as ``_NEVER``."""
+    """Return whether a value means "nothing", or is a flag; an upper-case name is a constant such as ``_NEVER``."""
     if isinstance(node, ast.Constant):
         return node.value is None or node.value in (False, True, 0, "")
     if isinstance(node, (ast.List, ast.Tuple)):
@@ -297,7 +297,7 @@ def _is_plain(node: ast.expr) -> bool:
 
 
 def of_source(file: str, source: bytes) -> List[SourceMutant]:
-    """Every mutant of a file, in its order."""
+    """Return every mutant of a file, in its order."""
     walk = _Walk(file, source)
     walk.visit(ast.parse(source))
     found: List[SourceMutant] = []
@@ -309,7 +309,7 @@ def of_source(file: str, source: bytes) -> List[SourceMutant]:
 
 
 def is_change(mutant: SourceMutant, source: bytes) -> bool:
-    """Whether the mutant is Python, and other than the file without it."""
+    """Return whether the mutant is Python, and other than the file without it."""
     try:
         return ast.dump(ast.parse(mutant.applied(source))) != ast.dump(ast.parse(source))
     except SyntaxError:
@@ -317,14 +317,14 @@ def is_change(mutant: SourceMutant, source: bytes) -> bool:
 
 
 def of_rooms(package: Path, rooms: Sequence[str] = ROOMS) -> Iterator[SourceMutant]:
-    """Every mutant of these rooms of the package."""
+    """Return every mutant of these rooms of the package."""
     for room in rooms:
         for path in sorted((package / room).rglob("*.py")):
             yield from of_source(path.relative_to(package).as_posix(), path.read_bytes())
 
 
 def sample(package: Path, mutants: Sequence[SourceMutant], count: int, seed: int) -> List[SourceMutant]:
-    """Choose so many of them, by seed: an edit elsewhere changes nothing in what is chosen of the rest."""
+    """Choose so many of them, by seed: an edit elsewhere changes nothing in the choice among the rest."""
     shuffled = sorted(mutants, key=lambda one: hashlib.sha256(("%d %s" % (seed, one.key)).encode()).digest())
     changes = (mutant for mutant in shuffled if is_change(mutant, (package / mutant.file).read_bytes()))
     return list(itertools.islice(changes, count))

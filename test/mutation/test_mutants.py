@@ -1,4 +1,4 @@
-"""The table of mutants fits the code; a verdict is what the tests say. ``tools/dev mutate`` tries all of them."""
+"""The table of mutants, which fits the code, and their verdicts. ``tools/dev mutate`` tries all of them."""
 import collections
 import shutil
 
@@ -38,7 +38,7 @@ def test_there_are_mutants_of_every_room():
 
 @pytest.fixture
 def checkout(tmp_path):
-    """A package of one function and its test."""
+    """Write a package of one function and its test."""
     (tmp_path / "jaka_ros_driver").mkdir()
     (tmp_path / "jaka_ros_driver" / "sums.py").write_text("def total(a, b):\n    return a + b\n")
     (tmp_path / "test_sums.py").write_text(

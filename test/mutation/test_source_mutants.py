@@ -111,7 +111,7 @@ TESTS = """
 
 @pytest.fixture
 def checkout(tmp_path):
-    """A checkout of one module, one file of tests, and what measures them."""
+    """Write a checkout of one module, one file of tests, and what measures them."""
     for folder in ("jaka_ros_driver/client", "test/client", "test/mutation", "build"):
         (tmp_path / folder).mkdir(parents=True)
     for folder in ("jaka_ros_driver", "jaka_ros_driver/client"):
@@ -151,7 +151,7 @@ TRY = """
 
 
 def tried(folder):
-    """What became of every mutant, by its changed line; a process of its own has no threads when it forks."""
+    """Return the outcome of every mutant, by its changed line; a process of its own has no threads when it forks."""
     subprocess.run([sys.executable, "test/mutation/line_tests.py", "lines.json", "test/client/test_sums.py"],
                    cwd=str(folder), stdout=subprocess.DEVNULL, check=True)
     said = subprocess.run([sys.executable, "-c", textwrap.dedent(TRY)], cwd=str(folder), stdout=subprocess.PIPE,

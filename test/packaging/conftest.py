@@ -12,14 +12,17 @@ Shell = Callable[..., "subprocess.CompletedProcess[str]"]
 
 
 def clean_environment(home: Path) -> "dict[str, str]":
-    """Nothing of the shell that runs the tests: no other workspace, no other interpreter."""
+    """Return an environment with nothing of the shell that runs the tests: no other workspace, no other interpreter."""
     return {"PATH": "/usr/bin:/bin", "HOME": str(home), "ROS_HOME": str(home), "LANG": "C.UTF-8",
             "ROS_LANG_DISABLE": "geneus:genlisp:gennodejs"}
 
 
 @pytest.fixture(scope="session")
 def shell(tmp_path_factory) -> Shell:
-    """Runs a bash command: ``shell(command, setup=FILE, cwd=FOLDER, VARIABLE=VALUE)``; the result, checked or not."""
+    """Return a function that runs a bash command: ``shell(command, setup=FILE, cwd=FOLDER, VARIABLE=VALUE)``.
+
+    It returns the result, checked or not.
+    """
     home = tmp_path_factory.mktemp("home")
 
     def run(command, setup=None, cwd=None, check=True, **variables):
@@ -36,7 +39,8 @@ def shell(tmp_path_factory) -> Shell:
 
 @pytest.fixture(scope="session")
 def make_workspace(tmp_path_factory) -> Callable[..., Path]:
-    """Makes a catkin workspace that links to the checkout and to the named folders beside this file."""
+    """Return a function that makes a catkin workspace with links to the checkout and to named folders beside this
+    file."""
     def make(*folders: str) -> Path:
         workspace = tmp_path_factory.mktemp("workspace")
         source = workspace / "src"
@@ -51,5 +55,5 @@ def make_workspace(tmp_path_factory) -> Callable[..., Path]:
 
 @pytest.fixture(scope="session")
 def cmake_options() -> Sequence[str]:
-    """The interpreter of the tests has what the programs need."""
+    """Return the options that choose the interpreter of the tests, which has what the executables need."""
     return ("-DPYTHON_EXECUTABLE=" + sys.executable, "-DCATKIN_ENABLE_TESTING=OFF", "-Wno-dev")

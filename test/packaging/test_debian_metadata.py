@@ -15,7 +15,7 @@ NOT_IN_DEBIAN = {
     "dask", "duckdb", "fsspec", "ray",  # data sets of jaka_bag; distributed, which Debian has, brings dask and fsspec
     "ompl", "ruckig", "toppra",  # the simulated arm moves in trapezoids without ruckig
 }
-GUARDED = {  # imported by modules that are imported for a part which says so where they are missing
+GUARDED = {  # imported only for a part of the tools, which reports where they are missing
     "python3-jaka-bag": {"aiohttp", "cryptography", "distributed", "matplotlib", "mpl_toolkits", "pyarrow"},
     "python3-jaka-ros-driver": {"pytest", "rosunit"},  # the plugin of pytest, the program of rostest
     "jaka-panel": set(),
@@ -24,7 +24,7 @@ OF_PYTHON3_ROSLIB = {"roslib"}  # which rospy depends on
 
 
 def paragraphs():
-    """Binary package to the values of its fields."""
+    """Return the values of its fields for each binary package."""
     found = {}
     for text in (DEBIAN / "control").read_text(encoding="utf-8").split("\n\n")[1:]:
         fields = dict(re.findall(r"^([\w-]+):((?:.*\n?)(?: .*\n?)*)", text, re.MULTILINE))
@@ -34,7 +34,7 @@ def paragraphs():
 
 @pytest.fixture(scope="module")
 def substituted():
-    """Values of the variables in debian/control, as far as the packages' own metadata give them."""
+    """Return values of the variables in debian/control, as far as the packages' own metadata give them."""
     printed = subprocess.run([sys.executable, str(DEBIAN / "ros_depends.py"), str(ROOT / "package.xml")], check=True,
                              stdout=subprocess.PIPE, text=True).stdout
     return dict(line.split("=", 1) for line in printed.splitlines())
@@ -48,7 +48,7 @@ def wheel_requirements():
 
 
 def names_in(package, fields, substituted):
-    """Names of packages in these fields, and in those of this project's packages that it depends on."""
+    """Return names of packages in these fields, and in those of this project's packages that it depends on."""
     names = set()
     for field in fields:
         value = paragraphs()[package].get(field, "")
@@ -67,7 +67,7 @@ needs_standard = pytest.mark.skipif(not STANDARD, reason="Python names the modul
 
 
 def roots(package, tree_of):
-    """Top-level modules from outside this project and the standard library, each with a file that imports it."""
+    """Return top-level modules from outside this project and the standard library, each with a file that imports it."""
     found = {}
     for name in CONTENTS[package]:
         for path in sorted(PACKAGES[name].rglob("*.py")):

@@ -1,4 +1,4 @@
-"""The package as catkin's builders lay it out: what a user's shell finds in devel and install space."""
+"""The package as catkin's builders lay it out: the files that a user's shell finds in devel and install space."""
 import hashlib
 import re
 import shutil
@@ -34,13 +34,14 @@ def fields_of(text):
 
 
 def service_md5(name):
-    """md5 of a service of built-in types, as genmsg defines it: over its fields, one a line, request then reply."""
+    """Return the md5 of a service of built-in types, as genmsg defines it: over its fields, one a line, request then
+    reply."""
     return hashlib.md5("".join("\n".join(fields_of(part)) for part in SERVICES[name]).encode()).hexdigest()
 
 
 @pytest.fixture(scope="module")
 def plain_build(root, tmp_path_factory, shell, cmake_options):
-    """A copy of the checkout, built in its folder build as tools/dev does it, and installed."""
+    """Return a copy of the checkout, built in its folder build as tools/dev does it, and installed."""
     copy = tmp_path_factory.mktemp("plain") / "checkout"
     shutil.copytree(str(root), str(copy),
                     ignore=shutil.ignore_patterns(".*", "__pycache__", "build", "devel", "install"))

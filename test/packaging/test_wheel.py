@@ -7,9 +7,9 @@ import subprocess
 
 import pytest
 from import_graph import ROOT
-from live_ros import SYSTEM_PYTHON, Process
-from live_samples import wait_until
 from program_places import wheel_venv
+from ros_graph import SYSTEM_PYTHON, Process
+from waiting import wait_until
 
 PUBLISH = """
 import rospy
@@ -51,13 +51,13 @@ for topic, message, time in rosbag.Bag(sys.argv[1]).read_messages():
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
-    """The ``bin`` folder of a venv that has the wheel and what it needs, and nothing of the system."""
+    """Return the ``bin`` folder of a venv that has the wheel and what it needs, and nothing of the system."""
     return wheel_venv(tmp_path_factory.mktemp("wheel"), extras="") / "bin"
 
 
 @pytest.fixture
 def environment(tmp_path):
-    """Nothing of the shell that runs the tests, and a master that is not there yet, on a free port."""
+    """Return an environment with nothing of the test's shell, and a master that is not there yet, on a free port."""
     with contextlib.closing(socket.socket()) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -67,7 +67,7 @@ def environment(tmp_path):
 
 @pytest.fixture
 def start(tmp_path, environment):
-    """Starts programs, of which none outlives the test; the first is the roscore."""
+    """Return a function that starts commands, of which none outlives the test; the first is the roscore."""
     running = []
 
     def started(*command):

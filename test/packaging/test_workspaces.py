@@ -14,7 +14,7 @@ def builder_command(builder, cmake_options, *more):
 
 @pytest.fixture(scope="module", params=sorted(BUILDERS))
 def built(request, make_workspace, shell, cmake_options):
-    """A workspace with a C++ package, built and installed by each builder: the setup files of both spaces."""
+    """Build and install a workspace with a C++ package by each builder; return the setup files of both spaces."""
     workspace = make_workspace("cpp_client")
     devel = BUILDERS[request.param]
     install = "install" if request.param == "catkin_make" else "--install"

@@ -1,4 +1,4 @@
-"""Which reply answers which request."""
+"""The assignment of replies to requests."""
 from jaka_ros_driver.protocol.exchange import Exchange
 
 

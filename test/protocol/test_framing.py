@@ -1,4 +1,4 @@
-"""Cutting JSON objects and status frames out of byte streams, whole, split, glued and damaged."""
+"""JSON objects and status frames cut out of byte streams, whole, split, glued and damaged."""
 import json
 import time
 
@@ -25,7 +25,7 @@ FRAME = encode_frame({"errcode": "0x0", "note": 'a "quoted" { brace', "joint_act
 
 
 def fed(stream, data, cuts):
-    """What a stream yields of data that arrives cut at these places."""
+    """Return what a stream yields of data that arrives cut at these places."""
     items, last = [], 0
     for cut in sorted(cut % (len(data) + 1) for cut in cuts) + [len(data)]:
         items += stream.feed(data[last:cut])

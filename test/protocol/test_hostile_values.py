@@ -48,7 +48,7 @@ JSON = st.recursive(
 
 
 def leaves(value):
-    """Every number and text in a state or a result."""
+    """Return every number and text in a state or a result."""
     if isinstance(value, (tuple, list)):
         for item in value:
             yield from leaves(item)
@@ -80,7 +80,7 @@ def assert_fit_for_logs(text, longest=LONGEST_MESSAGE):
 
 
 def places(value, path=()):
-    """Every place in a JSON value, as a path of keys and indices."""
+    """Return every place in a JSON value, as a path of keys and indices."""
     yield path
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, item in items:

@@ -24,7 +24,8 @@ QUARTER = math.pi / 2.0
 
 
 def turned(axis, speed):
-    """Fastest joint, rad/s, and angle turned, rad, of a quarter turn about an axis of the tool, done at its place."""
+    """Return the fastest joint, rad/s, and the angle turned, rad, of a quarter turn about an axis of the tool, done at
+    its place."""
     controller = Controller(load_model("zu7"), FIRMWARES["1.7"], Options(start=Start.ENABLED))
     plant = controller.state.plant
     begin = transform_from_pose(plant.tcp_pose())

@@ -181,7 +181,7 @@ def test_flags_come_in_several_writings(value, expected):
 
 
 def test_a_frame_captured_from_a_real_controller_is_understood(root):
-    """Client and simulator share this codec and would agree on a shared mistake; a real arm would not."""
+    # Client and simulator share this codec and would agree on a shared mistake; a real arm would not.
     text = (root / "test" / "data" / "frames" / "zu5s_1.5.14.json").read_bytes()
     fields, = FrameStream().feed(text)
     assert fields["len"] == len(text) == 3208

@@ -1,47 +1,27 @@
 """A roscore of the tests' own, on loopback and a free port, and launch files started against it."""
 import contextlib
-import socket
 from pathlib import Path
 from typing import Callable, Iterator, List, Sequence, Tuple
 
 import import_graph
 import pytest
-import rosgraph
 import roslaunch
 import rospy
-from launching import launched_parent
-from ros_bench import Arm, SimulatorProcess
-
-
-def free_port() -> int:
-    """A port that was free a moment ago: roscore, unlike our own programs, cannot be told to take any."""
-    with contextlib.closing(socket.socket()) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+import waiting
+from driver_bench import Arm, SimulatorProcess
+from ros_graph import core, launched_parent
 
 
 @pytest.fixture(scope="session")
 def ros_master(tmp_path_factory) -> Iterator[str]:
-    """URI of a running master; the environment points at it, logs go to a temporary folder."""
-    home = tmp_path_factory.mktemp("ros_home")
-    with pytest.MonkeyPatch.context() as environment:
-        port = free_port()
-        uri = "http://127.0.0.1:%d" % port
-        environment.setenv("ROS_MASTER_URI", uri)
-        environment.setenv("ROS_IP", "127.0.0.1")
-        environment.setenv("ROS_HOME", str(home))
-        environment.setenv("TMPDIR", str(home))
-        environment.setenv("ROS_LOG_DIR", str(home / "log"))
-        environment.delenv("ROS_HOSTNAME", raising=False)
-        environment.delenv("ROS_NAMESPACE", raising=False)
-        with launched_parent(is_core=True, port=port, num_workers=3):
-            assert rosgraph.is_master_online(uri)
-            yield uri
+    """Start a master and return its URI; the environment points at it, logs go to a temporary folder."""
+    with core(tmp_path_factory.mktemp("ros_home")) as uri:
+        yield uri
 
 
 @pytest.fixture(scope="session")
 def ros_node(ros_master) -> Iterator[str]:
-    """Makes the test process a ROS node; its name."""
+    """Make the test process a ROS node; return its name."""
     rospy.init_node("jaka_tests", anonymous=True, disable_signals=True)
     yield rospy.get_name()
     rospy.signal_shutdown("tests are over")
@@ -49,14 +29,17 @@ def ros_node(ros_master) -> Iterator[str]:
 
 @pytest.fixture
 def launch(ros_master) -> Iterator[Callable[..., roslaunch.parent.ROSLaunchParent]]:
-    """Starts a launch file of this package: ``launch("demo.launch", "model:=zu7")``; all end with the test."""
+    """Return a function that starts a launch file of this package: ``launch("demo.launch", "model:=zu7")``.
+
+    All end with the test.
+    """
     with contextlib.ExitStack() as running:
         yield lambda name, *arguments: running.enter_context(launched(name, arguments))
 
 
 @contextlib.contextmanager
 def launched(name: str, arguments: Sequence[str] = ()) -> Iterator[roslaunch.parent.ROSLaunchParent]:
-    """A launch file of this package, running; also for fixtures of a wider scope, which need ros_master themselves."""
+    """Run a launch file of this package; also for fixtures of a wider scope, which need ros_master themselves."""
     path = str(Path(import_graph.ROOT, "launch", name))
     files: Sequence[Tuple[str, Sequence[str]]] = [(path, arguments)]
     with launched_parent(files, is_core=False) as parent:
@@ -65,7 +48,7 @@ def launched(name: str, arguments: Sequence[str] = ()) -> Iterator[roslaunch.par
 
 @contextlib.contextmanager
 def driven(simulator: SimulatorProcess, *arguments: str) -> Iterator[Arm]:
-    """The driver node on a simulated controller, started by its launch file; needs ros_node.
+    """Run the driver node on a simulated controller by its launch file; needs ros_node.
 
     Without the guard process: on a busy host a driver that gets no time for 0.25 s is as good as a dead one.
     """
@@ -76,20 +59,20 @@ def driven(simulator: SimulatorProcess, *arguments: str) -> Iterator[Arm]:
 
 @pytest.fixture(scope="module")
 def simulator() -> Iterator[SimulatorProcess]:
-    """A simulated controller for a module, its drives enabled."""
+    """Start a simulated controller for a module, its drives enabled."""
     with contextlib.closing(SimulatorProcess("--start", "enabled")) as process:
         yield process
 
 
 @pytest.fixture(scope="module")
 def log_file(tmp_path_factory) -> Path:
-    """Where the simulated controller of a module keeps its log."""
+    """Return where the simulated controller of a module keeps its log."""
     return tmp_path_factory.mktemp("wire") / "wire.mcap"
 
 
 @pytest.fixture(scope="module")
 def arm(ros_node, simulator) -> Iterator[Arm]:
-    """The driver on it, interface documented."""
+    """Start the driver on it, interface documented."""
     with driven(simulator) as running:
         running.wait_until_ready()
         yield running
@@ -97,23 +80,17 @@ def arm(ros_node, simulator) -> Iterator[Arm]:
 
 @pytest.fixture(scope="session")
 def launched_file(ros_master) -> Callable[..., "contextlib.AbstractContextManager[roslaunch.parent.ROSLaunchParent]"]:
-    """``with launched_file(name, arguments)``, for fixtures of a wider scope than ``launch``."""
+    """Return the context ``launched(name, arguments)``, for fixtures of a wider scope than ``launch``."""
     return launched
 
 
 @pytest.fixture(scope="session")
 def free_ports() -> Callable[[int], List[int]]:
-    """So many different ports, for programs that must be told theirs before they start."""
-    def choose(count: int) -> List[int]:
-        with contextlib.ExitStack() as probes:
-            sockets = [probes.enter_context(contextlib.closing(socket.socket())) for _ in range(count)]
-            for probe in sockets:
-                probe.bind(("127.0.0.1", 0))
-            return [int(probe.getsockname()[1]) for probe in sockets]
-    return choose
+    """Return a function that finds so many different ports, for executables that must have them before they start."""
+    return waiting.free_ports
 
 
 @pytest.fixture(scope="session")
 def driven_by() -> Callable[..., "contextlib.AbstractContextManager[Arm]"]:
-    """``with driven_by(simulator, *launch_arguments) as arm``."""
+    """Return the context ``driven(simulator, *launch_arguments)``, which gives the arm."""
     return driven

@@ -1,4 +1,4 @@
-"""Nobody who merely connects keeps others from being served: a node with few descriptors under floods of each kind."""
+"""Connections that merely connect and keep nobody from being served: a node with few descriptors under each flood."""
 import contextlib
 import errno
 import os
@@ -14,9 +14,9 @@ import pytest
 import rosgraph
 import rospy
 from import_graph import ROOT
-from ros_bench import WAIT, eventually
 from rosgraph.network import encode_ros_handshake_header
 from std_srvs.srv import Empty, SetBool, Trigger
+from waiting import WAIT, eventually
 
 from jaka_msgs.srv import GetIO
 from jaka_ros_driver.ros import connections
@@ -49,7 +49,7 @@ def hold_all_descriptors(request):
 serve_from_the_start()
 rospy.init_node("doorkeeper", disable_signals=True)
 tcpros_base.start_tcpros_server()
-early = socket.create_connection(tcpros_base.get_tcpros_server_address())  # it says nothing, and is there first
+early = socket.create_connection(tcpros_base.get_tcpros_server_address())  # it sends nothing, and connects first
 time.sleep(0.2)  # so that rospy's own thread has taken it, of which nothing tells
 log_to_ros()
 keep_serving(take_connection)
@@ -81,7 +81,7 @@ class Node:
         return socket.create_connection((address.hostname, address.port), WAIT)
 
     def greet(self, **fields):
-        """A connection that has said what it wants, and heard that it may."""
+        """Return a connection that has sent its header, and has been accepted."""
         sock = self.connect()
         header = dict({"callerid": "/tests", "md5sum": "*", "type": "*", "tcp_nodelay": "0"}, **fields)
         sock.sendall(encode_ros_handshake_header(header))
@@ -105,14 +105,15 @@ def node(ros_node):
 
 
 def answered_after(service="stop", kind=Empty, **fields):
-    """s that a new caller waits for the answer."""
+    """Return the seconds that a new caller waits for the answer."""
     begin = time.monotonic()
     rospy.ServiceProxy("/doorkeeper/" + service, kind)(**fields)
     return time.monotonic() - begin
 
 
 def assert_served():
-    """Once for the host's sake: what counts is that nobody waits for ever, and hardly anybody for long."""
+    """Assert that a new caller is served; once more for the host's sake: nobody may wait for ever, and hardly anybody
+    long."""
     waits = [answered_after() for _ in range(5)]
     assert sorted(waits)[-2] < SERVED_WITHIN, waits
 
@@ -153,7 +154,7 @@ def test_a_service_is_answered_while_hundreds_of_connections_stay(node, kind):
         flood(lambda: FLOODS[kind](node), 600, stack)
         assert_served()
         assert node.descriptors() < DESCRIPTORS
-    if kind != "subscribers":  # rospy sees that one has gone when it has something to tell it
+    if kind != "subscribers":  # rospy sees that a subscriber has gone when it publishes to it
         assert eventually(lambda: node.descriptors() <= before + 8), node.descriptors()
     assert_served()
 
@@ -183,7 +184,7 @@ def test_who_says_nothing_is_sent_away_and_who_says_little_too(node):
     with node.connect() as silent, node.connect() as slow:
         slow.sendall(b"\xff\0\0\0")
         for _ in range(3):
-            time.sleep(1.0)  # this is what it is to say little
+            time.sleep(1.0)  # this caller sends little
             with contextlib.suppress(OSError):
                 slow.sendall(b"\x10")
         assert not is_closed(slow, 0.1) or time.monotonic() - begin >= 5.0, "5 s are not over"
@@ -217,7 +218,7 @@ def test_a_request_that_comes_with_the_greeting_is_served(node):
 
 
 def test_the_caller_that_was_idle_longest_has_to_go(node):
-    """The node has room for half as many callers as it has descriptors."""
+    # The node has room for half as many callers as it has descriptors.
     busy = rospy.ServiceProxy("/doorkeeper/stop", Empty, persistent=True)
     busy()
     with contextlib.ExitStack() as stack:
@@ -273,7 +274,7 @@ class Listener:
 
 @pytest.fixture
 def spared(monkeypatch):
-    """How often a connection had to make room; nothing waits."""
+    """Count how often a connection had to make room; nothing waits."""
     made = []
     monkeypatch.setattr(connections, "_make_room", lambda: made.append(True))
     monkeypatch.setattr(connections.time, "sleep", lambda seconds: None)

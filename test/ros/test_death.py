@@ -10,9 +10,8 @@ import time
 import pytest
 import rosgraph
 from arm_bench import fill
-from launching import ArmOfAnotherMaster
-from live_driver import LiveDriver, begin
-from ros_bench import HOME, WAIT, Arm, SimulatorProcess, eventually
+from driver_bench import HOME, Arm, ArmOfAnotherMaster, LiveDriver, SimulatorProcess, begin
+from waiting import WAIT, eventually
 
 IN_TIME = 3.0
 """s; on a quiet host it is a tenth of that."""
@@ -27,7 +26,7 @@ def live(ros_node, tmp_path):
 
 
 def assert_stopped_in_time(verdict, since):
-    """A stop came in after that moment, and the arm came to rest with it; all such moments."""
+    """Assert that a stop came in after that moment, and the arm came to rest with it; return all such moments."""
     stops = verdict.times_of("stop_program", after=since)
     assert stops and stops[0] - since < IN_TIME
     assert verdict.rest_after(since) - stops[0] < IN_TIME
@@ -35,7 +34,7 @@ def assert_stopped_in_time(verdict, since):
 
 
 def assert_stopped(verdict, since, motion):
-    """A stop came in after that moment; the arm came to rest with it, and nothing was sent after it."""
+    """Assert that a stop came in after that moment, the arm came to rest with it, and nothing was sent after it."""
     stops = assert_stopped_in_time(verdict, since)
     moves = [at for at, request in verdict.received() if at > stops[0] and (
         request["cmdName"] in ("joint_move", "moveL", "servo_j", "servo_p", "power_on", "enable_robot")
@@ -138,7 +137,7 @@ def test_a_driver_told_to_end_at_any_moment_of_its_start_ends(ros_node, tmp_path
 
 
 def test_a_terminal_that_stops_reading_stops_nothing_else(live):
-    """Nobody reads the program's output here: after some hundred refusals the pipe is full."""
+    # Nobody reads the program's output here: after some hundred refusals the pipe is full.
     for _ in range(700):
         assert live.arm.call("joint_move", pose=HOME, mvvelo=-1.0, mvacc=1.0).ret == 0
     pending = begin(live, "move")

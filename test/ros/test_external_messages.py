@@ -7,10 +7,10 @@ import pytest
 import roslib.packages
 import rospy
 import std_msgs
+from driver_bench import Arm, DriverProcess, SimulatorProcess, on
 from genpy.generate_initpy import write_modules
 from genpy.generator import MsgGenerator, SrvGenerator
 from import_graph import ROOT
-from ros_bench import Arm, DriverProcess, SimulatorProcess, on
 
 from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed
 
@@ -19,7 +19,7 @@ NAME = "external_driver"
 
 @pytest.fixture
 def external_messages(tmp_path):
-    """A folder with the Python modules of the maker's jaka_msgs."""
+    """Make a folder with the Python modules of the maker's jaka_msgs."""
     source = ROOT / "test" / "packaging" / "other_jaka_msgs"
     search = {"jaka_msgs": [str(source / "msg")],
               "std_msgs": [str(Path(roslib.packages.get_pkg_dir(std_msgs.__name__), "msg"))]}

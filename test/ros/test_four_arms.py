@@ -3,8 +3,9 @@ import contextlib
 
 import pytest
 import rosgraph
-from ros_bench import HOME, Arm, DriverProcess, SimulatorProcess, collecting, eventually, on
+from driver_bench import HOME, Arm, DriverProcess, SimulatorProcess, collecting, on
 from sensor_msgs.msg import JointState
+from waiting import eventually
 
 NAMESPACES = ("arm_1", "arm_2", "arm_3", "arm_4")
 SHARED = {"/diagnostics", "/rosout", "/tf", "/tf_static"}
@@ -41,7 +42,7 @@ def test_each_publishes_at_its_rate(arms):
         received = [listening.enter_context(collecting(arm.name + "/joint_position", JointState)) for arm in arms]
 
         def at_full_rate(messages):
-            """Of the last second by the stamps: the listener here has four arms to hear."""
+            """Return whether the last second by the stamps is full: the listener here has four arms to receive."""
             stamps = [message.header.stamp.to_sec() for _, message in messages[-126:]]
             return len(stamps) == 126 and 125.0 / (stamps[-1] - stamps[0]) == pytest.approx(125.0, rel=0.05)
         assert all(eventually(lambda messages=messages: at_full_rate(messages)) for messages in received)

@@ -1,9 +1,9 @@
 """Values that no field should have: a controller that sends them ends neither log nor rosout, diagnostics or calls."""
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from live_driver import LiveDriver
-from ros_bench import collecting, eventually
+from driver_bench import LiveDriver, collecting
 from rosgraph_msgs.msg import Log
+from waiting import eventually
 
 HALF = "half \ud800 of it \x1b[2J\n"
 
@@ -56,7 +56,7 @@ def test_numbers_that_nothing_can_hold_end_no_call_and_are_forgotten_with_the_ne
 
 
 def test_the_driver_says_no_traceback(live):
-    """The last one: it ends the driver. It needs none of the others, so that it can be repeated by itself."""
+    # The last one: it ends the driver. It needs none of the others, so that it can be repeated by itself.
     live.arm.simulator.panel("fields", add={"errcode": "0xf0017", "errmsg": HALF})
     assert eventually(lambda: live.arm.listen("robot_states", 1)[0].motion_state == 4)
     live.arm.call("joint_move", pose=[0.0, 1.5, -1.5, 1.5, 1.5, 0.0], mvvelo=-2.0, mvacc=1.0)

@@ -8,10 +8,11 @@ import pytest
 import roslaunch
 import rospy
 import std_msgs.msg
+from driver_bench import Arm, SimulatorProcess, collecting
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from import_graph import ROOT
-from ros_bench import Arm, SimulatorProcess, collecting, eventually
 from tf2_msgs.msg import TFMessage
+from waiting import eventually
 from wire_verdict import WireVerdict
 
 from jaka_ros_driver.client.core.velocity_jog.dead_man import FRESH_S
@@ -31,7 +32,7 @@ def nodes(arguments, path=START):
 
 
 def identities(path, *arguments):
-    """By namespace: the name that a simulated controller is given, and the one that its driver looks for."""
+    """Return by namespace: the name that a simulated controller is given, and the one that its driver looks for."""
     config = roslaunch.config.load_config_default([(path, arguments)], None, verbose=False)
     words = {node.namespace: node.args.split() for node in config.nodes if node.type == "jaka_sim"}
     assert all(args[-2] == "--identity" for args in words.values()), "behind sim_args: the last one counts"
@@ -116,7 +117,7 @@ def test_what_the_launch_file_sets_is_what_the_driver_takes_and_has_its_defaults
     ([], "/jaka_driver/jog_twist", "base"), (["driver:=left/jaka_driver", "frame:=tool"], "/left/jaka_driver/jog_twist",
                                              "tool")], ids=["defaults", "another arm, tool"])
 def test_a_gamepad_is_stamped_and_sent_to_the_driver(ros_node, arguments, topic, frame):
-    """joy and teleop_twist_joy are not packaged by Debian: the file is read, and what stamps is tried here."""
+    # joy and teleop_twist_joy are not packaged by Debian: the file is read, and its stamping part is tried here.
     path = str(ROOT / "launch" / "gamepad.launch")
     started, params = nodes(arguments, path)
     assert {(node.package, node_type) for node_type, node in started.items()} == {
@@ -167,7 +168,7 @@ def test_display_has_one_tree_from_base_to_tool_that_equals_ours(ros_node, launc
     arm.wait_until_seen()
     with collecting("/tf", TFMessage) as moving, collecting("/tf_static", TFMessage) as fixed:
         def parents():
-            """Of each frame, every (parent, transform) that somebody has said."""
+            """Return for each frame every (parent, transform) that somebody has published."""
             said = {}
             for _, message in fixed + moving[-100:]:
                 for one in message.transforms:

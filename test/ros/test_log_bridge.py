@@ -1,4 +1,4 @@
-"""Log records on their way to the screen and rosout: what one of them does to the handler never ends the others."""
+"""Log records on their way to the screen and rosout: a failing record never ends the handler of the others."""
 import io
 import logging
 
@@ -10,7 +10,7 @@ WAIT = 10.0
 
 
 class Kept(logging.Handler):
-    """Keeps texts; raises where told to, as a handler that does not guard its stream."""
+    """A stream that keeps texts; it raises where the test wants it, as a handler that does not guard its stream."""
 
     def __init__(self, refuses=lambda text: False):
         super().__init__()
@@ -25,7 +25,7 @@ class Kept(logging.Handler):
 
 
 class Screen(logging.Handler):
-    """As rospy's: writes, and lets errors out."""
+    """A screen handler like rospy's: it writes, and lets errors out."""
 
     def __init__(self, encoding):
         super().__init__()

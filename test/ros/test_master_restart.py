@@ -5,8 +5,9 @@ import threading
 
 import pytest
 import rosgraph
-from launching import Roscore
-from ros_bench import HOME, WAIT, DriverProcess, SimulatorProcess, eventually, on
+from driver_bench import HOME, DriverProcess, SimulatorProcess, on
+from ros_graph import Roscore
+from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros import master_watch
 from jaka_ros_driver.ros.services.service_table import SERVICES
@@ -50,7 +51,8 @@ def test_the_driver_registers_with_the_new_master(roscore):
 # ---- with a master that the test plays ----
 
 class Master:
-    """A ROS master; ``run_id``: of its start, None where roscore did not set it. ``knows``: this node is registered."""
+    """A ROS master; ``run_id`` is that of its start, None where roscore did not set it; ``knows``: this node is
+    registered."""
 
     def __init__(self):
         self.run_id, self.knows = "first", True
@@ -70,7 +72,7 @@ class Master:
 
 @pytest.fixture
 def watched(monkeypatch):
-    """The master, and how often this node has registered and set its parameters since."""
+    """Return the master, and how often this node has registered and set its parameters since."""
     master, registered, told = Master(), [], []
     monkeypatch.setattr(master_watch.rosgraph, "Master", lambda name: master)
     monkeypatch.setattr(master_watch, "register_all", lambda: registered.append(True))

@@ -1,4 +1,4 @@
-"""The configured model against the controller's pose: right ones agree, wrong ones are found and told once."""
+"""The configured model against the controller's pose: right ones agree, wrong ones are found and reported once."""
 import dataclasses
 import random
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""The program: what it refuses to start with, a controller that comes later, energising, the URDF, its exit."""
+"""The executable: what it refuses to start with, a controller that comes later, energising, the URDF, its exit."""
 import contextlib
 import os
 import subprocess
@@ -8,8 +8,9 @@ from types import SimpleNamespace
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from ros_bench import HOME, PROGRAM, Arm, DriverProcess, SimulatorProcess, collecting, eventually, on
+from driver_bench import HOME, PROGRAM, Arm, DriverProcess, SimulatorProcess, collecting, on
 from sensor_msgs.msg import JointState
+from waiting import eventually
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.audit.recorder import Recorder
@@ -138,7 +139,7 @@ def test_every_thread_of_the_driver_has_short_slices(ros_node):
 
 
 def scheduling_of(pid):
-    """(policy, slice) of each thread."""
+    """Return (policy, slice) of each thread."""
     found = set()
     for task in os.listdir("/proc/%d/task" % pid):
         with contextlib.suppress(ProcessLookupError, FileNotFoundError), \
@@ -148,7 +149,7 @@ def scheduling_of(pid):
 
 
 def slice_in(account):
-    """ns; None where the kernel does not tell it."""
+    """Return the slice in ns; None where the kernel does not show it."""
     return next((int(line.split()[-1]) for line in account.splitlines() if line.startswith("se.slice")), None)
 
 

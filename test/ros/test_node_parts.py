@@ -1,4 +1,4 @@
-"""What the node makes of its parameters, with parts that the test plays; without a ROS master."""
+"""The node's use of its parameters, with parts that the test plays; without a ROS master."""
 import io
 import threading
 import time
@@ -19,7 +19,7 @@ PARTS = ("ArmClient", "CallPublisher", "Diagnostics", "DriverLock", "FrameTable"
 
 @pytest.fixture
 def parts(monkeypatch):
-    """The parts by name; a parameter server that holds nothing."""
+    """Return the parts by name, with a parameter server that holds nothing."""
     made = {name: mock.MagicMock(name=name) for name in PARTS}
     for name, part in made.items():
         monkeypatch.setattr(node, name, part)
@@ -77,7 +77,7 @@ def test_whether_the_arm_is_real_is_told_when_it_becomes_known_and_when_it_chang
 # ---- the process ----
 
 class Rospy:
-    """What of rospy the life of a node asks, and is told."""
+    """The part of rospy that the life of a node uses, and a record of its calls."""
 
     def __init__(self):
         self.is_down = self.is_asked_to_end = False
@@ -106,7 +106,7 @@ class Rospy:
 
 @pytest.fixture
 def life(monkeypatch):
-    """A life whose driver has started; ``life.made`` is its driver, ``life.rospy`` what it is told."""
+    """Return a life whose driver has started; ``life.made`` is its driver, ``life.rospy`` the record of its calls."""
     played, started = Rospy(), threading.Event()
     made = mock.Mock(has_failed=False)
     made.start.side_effect = started.set
@@ -187,7 +187,7 @@ def test_the_urdf_of_a_model_is_printed_or_why_not(capsys, arguments, code, told
 
 @pytest.mark.parametrize("is_text", [True, False])
 def test_a_log_in_a_file_is_complete_while_the_driver_runs(monkeypatch, is_text):
-    """Standard output is a text file, or whatever else a program that embeds this one has put there."""
+    # Standard output is a text file, or whatever else a program that embeds this one has put there.
     stdout = io.TextIOWrapper(io.BytesIO()) if is_text else io.StringIO()
     monkeypatch.setattr(node.sys, "stdout", stdout)
     monkeypatch.setattr(node, "ask_for_short_slices", lambda: None)

@@ -1,4 +1,5 @@
-"""Private parameters: a wrong value is refused with name, value and what is valid; the documentation is the code's."""
+"""Private parameters: a wrong value is refused with name, value and the valid range; the documentation is the
+code's."""
 import dataclasses
 import math
 
@@ -137,5 +138,5 @@ def test_the_documentation_is_what_the_code_says():
 
 
 def test_the_longest_host_name_is_taken():
-    """Of 253 characters (RFC 1035)."""
+    # A host name has up to 253 characters (RFC 1035).
     assert len(config_from({"ip": ("a" * 62 + ".") * 4 + "a"}).ip) == 253

@@ -7,10 +7,10 @@ import time
 
 import pytest
 import rosgraph
-from arm_bench import eventually
+from driver_bench import HOME, evidence_of
 from import_graph import ROOT
 from program_places import command_of
-from ros_bench import HOME, evidence_of
+from waiting import eventually
 
 from jaka_bag.live.graph import RemoteNode
 
@@ -92,7 +92,7 @@ def begun(*arguments):
 
 
 def interrupted(process, seconds=10.0):
-    """What a program prints that gets Ctrl-C; it must end soon."""
+    """Send Ctrl-C to a process; return its output. It must end soon."""
     process.send_signal(signal.SIGINT)
     errors = process.communicate(timeout=seconds)[1].decode()
     assert process.returncode == 1 and "interrupted" in errors, errors

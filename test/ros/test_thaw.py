@@ -4,12 +4,12 @@ import time
 
 import pytest
 import rospy
-from live_driver import LiveDriver
-from ros_bench import eventually
+from driver_bench import LiveDriver
 from sensor_msgs.msg import JointState
+from waiting import eventually
 
 OLDEST = 0.25
-"""s; a frame may have been on its way for so long on a busy host."""
+"""s; how long a frame may have been on its way on a busy host."""
 
 
 @pytest.mark.parametrize("seconds", [0.4, 4.0])

@@ -1,4 +1,4 @@
-"""The tables of docs/simulation.md say what the code says; ``WRITE_ANEW`` writes them anew."""
+"""The tables of docs/simulation.md, which are made from the code; ``WRITE_ANEW`` writes them anew."""
 import json
 import re
 from pathlib import Path
@@ -28,14 +28,14 @@ def table(heads, rows):
 
 
 def where_tested(command):
-    """``test_commands`` tests each; the others go deeper into some."""
+    """Return the tests of a command: ``test_commands`` tests each; the others go deeper into some."""
     deeper = [file.split("/")[-1] for file in DEEPER
               if '"%s"' % command in (HERE / (file + ".py")).read_text(encoding="utf-8")]
     return ", ".join(["test_commands", *deeper])
 
 
 def default_of(dimension):
-    """The default, or those of the firmwares where they differ; nothing for none of many names."""
+    """Return the default, or those of the firmwares where they differ; nothing for none of many names."""
     shown = [json.dumps(value) if not isinstance(value, (str, tuple)) else value or "none"
              for value in map(dimension.default, FIRMWARE_NAMES)]
     return shown[0] if len(set(shown)) == 1 else ", ".join(
@@ -65,7 +65,7 @@ def test_table_is_what_the_code_says(name):
 
 
 def open_points():
-    """The numbered points of section 13 of the protocol page: number and text."""
+    """Return the numbered points of section 13 of the protocol page: number and text."""
     section = PROTOCOL.read_text(encoding="utf-8").split("## 13. Open uncertainties")[1].split("\n## ")[0]
     return re.findall(r"^(\d+)\. (.*?)(?=^\d+\. |\Z)", section, re.DOTALL | re.MULTILINE)
 

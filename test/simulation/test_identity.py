@@ -1,4 +1,4 @@
-"""The simulated controller can be told from a real one, and from another simulated one, by who asks for that only."""
+"""The identity of a simulated controller: it differs from a real one, and from another, for clients that ask for it."""
 import json
 import subprocess
 

@@ -1,4 +1,4 @@
-"""The program as people start it."""
+"""The executable as users start it."""
 import json
 import re
 import signal

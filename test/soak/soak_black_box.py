@@ -1,4 +1,4 @@
-"""Fifty triggers of each kind on a black box: what each file holds, and what is missing in it (nothing may be).
+"""Fifty triggers of each kind on a black box: the content of each file, and its losses (there may be none).
 
 Poses carry their number, and the recorder numbers the messages of every topic: a number that is skipped is a loss.
 In the devel space; it takes minutes:
@@ -10,18 +10,18 @@ import sys
 import tempfile
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"),
-                str(Path(__file__).resolve().parents[1] / "support" / "logs"), str(Path(__file__).resolve().parents[2])]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "test/support", "test/support/live", "test/support/logs")]
 
 from accidents import KINDS, Driver, account_of, black_box, files_of, set_off  # noqa: E402
-from live_ros import Graph  # noqa: E402
-from live_samples import wait_until  # noqa: E402
+from ros_graph import Graph  # noqa: E402
+from waiting import wait_until  # noqa: E402
 
 BEFORE_S, AFTER_S = 1.0, 0.25
 
 
 def run(graph, kind, count):
-    """One row of the table: so many triggers of one kind."""
+    """Run one row of the table: so many triggers of one kind."""
     with black_box(graph, before="%gs" % BEFORE_S, after="%gs" % AFTER_S) as box, \
             graph.publisher("/jaka_driver") as publisher:
         driver = Driver(publisher)

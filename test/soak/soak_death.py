@@ -1,4 +1,4 @@
-"""How fast the arm stops when the driver's process ends, dies or freezes: every way x every motion, many times.
+"""The time to rest when the driver's process ends, dies or freezes: every way x every motion, many times.
 
 Moments on the wire and of the arm are those of the simulated controller's log. In the devel space; it takes a quarter
 of an hour:
@@ -13,8 +13,13 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "test/support", "test/support/live")]
 
+from driver_bench import LiveDriver, begin  # noqa: E402
+from figures import summary  # noqa: E402
+from ros_graph import master  # noqa: E402
+from waiting import eventually  # noqa: E402
 from drawn_dialects import dialect_options  # noqa: E402
 from live_driver import LiveDriver, begin  # noqa: E402
 from ros_bench import eventually  # noqa: E402
@@ -26,7 +31,7 @@ DEATHS = {"SIGKILL": signal.SIGKILL, "SIGSEGV": signal.SIGSEGV, "SIGSTOP": signa
 
 
 def deaths_of(live, number, motion, repeats):
-    """(moment of the signal, moment at which the arm was seen at rest) of each repeat."""
+    """Return (moment of the signal, moment at which the arm was seen at rest) of each repeat."""
     moments = []
     for repeat in range(repeats):
         if repeat and number != signal.SIGSTOP:

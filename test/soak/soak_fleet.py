@@ -1,5 +1,5 @@
-"""What a fleet's engines bear in real, and takes too long for the suite: a scheduler that is killed and started again,
-Ctrl-C over a cluster, golden logs replayed while a worker is killed.
+"""Faults of a fleet's engines that take too long for the suite: a scheduler that is killed and started again, Ctrl-C
+over a cluster, golden logs replayed while a worker is killed.
 
     tools/dev test test/soak/soak_fleet.py
 """
@@ -16,8 +16,8 @@ from dask_cluster import DaskCluster
 from fleet_logs import write_plant
 from fleet_tasks import die_once, wait_for_gate
 from import_graph import ROOT
-from live_samples import wait_until
 from program_places import command_of
+from waiting import wait_until
 
 from jaka_bag.cli.main import main
 from jaka_bag.errors import BagError
@@ -112,7 +112,7 @@ def test_ctrl_c_ends_a_cluster_of_this_computer_in_order(tmp_path, after):
 
 
 def stages():
-    """Process numbers of stages, each with that of the process that started it."""
+    """Return process numbers of stages, each with that of the process that started it."""
     found = {}
     for entry in Path("/proc").glob("[0-9]*"):
         try:

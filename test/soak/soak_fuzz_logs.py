@@ -2,7 +2,7 @@
 
     build/venv/bin/python3 test/soak/soak_fuzz_logs.py [MINUTES [SEED [FOLDER]]]        60 minutes, seed 1
 
-A damaged log whose run went wrong is kept in FOLDER (``fuzzed`` in the current one), beside what the run said.
+A damaged log whose run went wrong is kept in FOLDER (``fuzzed`` in the current one), beside the run's output.
 """
 import contextlib
 import faulthandler
@@ -32,7 +32,7 @@ from jaka_bag.cli.main import main as jaka_bag  # noqa: E402
 from jaka_bag.errors import JakaBagError  # noqa: E402
 
 CASES = 400
-"""In one process: the memory of each is told from the highest so far."""
+"""Cases in one process: the memory of each is measured from the highest so far."""
 MOST_SIZE = 100000
 PATIENCE_S = 60
 NUMBERS = (0, 1, 2, 0x7F, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 1 << 40, (1 << 63) - 1, 1 << 63,
@@ -40,7 +40,7 @@ NUMBERS = (0, 1, 2, 0x7F, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFF
 
 
 def seeds(folder):
-    """Whole logs of every kind: (suffix, bytes)."""
+    """Return whole logs of every kind: (suffix, bytes)."""
     found = []
     for suffix, codecs in ((".bag", ("none", "lz4", "bz2")), (".mcap", ("none", "lz4", "zstd"))):
         for codec in codecs:
@@ -59,7 +59,7 @@ def seeds(folder):
 
 
 def damaged(dice, raw, others):
-    """A log with one to five damages."""
+    """Return a log with one to five damages."""
     data = bytearray(raw)
     for _ in range(dice.choice((1, 1, 1, 2, 3, 5))):
         at = dice.randrange(len(data) or 1)
@@ -89,7 +89,7 @@ def damaged(dice, raw, others):
 
 
 def calls(log, folder, dice):
-    """What is asked of each damaged log: two commands of all, and to recover it."""
+    """Return the commands on each damaged log: two of all, and to recover it."""
     out = [str(folder / name) for name in ("a.mcap", "b.bag", "ros2", "c.mcap", "d", "e.mcap")]
     one = str(log)
     some = dice.sample([
@@ -102,7 +102,7 @@ def calls(log, folder, dice):
 
 
 def run_cases(seed, folder):
-    """One process: cases of a seed; anything that is wrong ends it with a traceback."""
+    """Run the cases of a seed in one process; anything that is wrong ends it with a traceback."""
     dice = random.Random(seed)
     logs = seeds(folder)
     codes = Counter()
@@ -142,7 +142,7 @@ def run_cases(seed, folder):
 
 
 def main(minutes, seed, kept):
-    """Processes of cases, one after the other, until the time is over; 1 where something went wrong."""
+    """Run processes of cases, one after the other, until the time is over; return 1 where something went wrong."""
     end = time.monotonic() + 60.0 * minutes
     codes, cases, wrong = Counter(), 0, 0
     while time.monotonic() < end:

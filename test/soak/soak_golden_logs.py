@@ -25,7 +25,7 @@ FOLDER = ROOT / "test" / "data" / "golden"
 
 
 def main() -> int:
-    """Replay and tally."""
+    """Replay golden logs, and count the verdicts."""
     names = sorted(path.stem for path in FOLDER.glob("*.mcap"))
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help="of golden logs; default: all in turn")

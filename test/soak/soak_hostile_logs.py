@@ -1,4 +1,4 @@
-"""Every command on every hostile log, the heavy ones also: processor time and memory of each.
+"""The commands on every hostile log, the heavy ones also: processor time and memory of each.
 
     build/venv/bin/python3 test/soak/soak_hostile_logs.py
 
@@ -18,7 +18,7 @@ from test_hostile_logs import MOST_BYTES, MOST_CPU_S, RUN_ALL, commands  # noqa:
 
 
 def main() -> int:
-    """Run all; 1 where one goes beyond the bounds."""
+    """Run all; return 1 where one goes beyond the bounds."""
     failed = 0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -1,7 +1,7 @@
-"""A hundred cuts of the links of a running driver, of every kind, and a thousand reconnects: times, and what it holds.
+"""A hundred cuts of the links of a running driver, of every kind, and a thousand reconnects: times, and resources held.
 
-Times are those of an observer outside: when the driver said that a link was lost, when calls and topics worked again.
-What was sent is judged by the simulated controller's log. In the devel space; it takes a quarter of an hour:
+Times are those of an outside observer: when the driver reported a lost link, when calls and topics worked again.
+Requests are judged by the simulated controller's log. In the devel space; it takes a quarter of an hour:
 
     build/venv/bin/python3 test/soak/soak_links.py [CUTS [RECONNECTS [SEED [DIALECTS]]]]     100, 1000, seed 1, none
 
@@ -11,12 +11,14 @@ import sys
 import tempfile
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "test/support", "test/support/live")]
 
+from driver_bench import LiveDriver  # noqa: E402
+from figures import summary  # noqa: E402
 from drawn_dialects import dialect_options  # noqa: E402
 from link_cuts import CUTS, LinkWatch, size_of  # noqa: E402
-from live_driver import LiveDriver  # noqa: E402
-from soak_bench import master, summary  # noqa: E402
+from ros_graph import master  # noqa: E402
 
 SHOWN = 10
 

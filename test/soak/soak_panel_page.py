@@ -1,4 +1,4 @@
-"""The panel's page does not grow: its heap and its elements over half an hour of an arm that moves, alarms and calls.
+"""The growth of the panel's page, which must be none: heap and elements over half an hour of motion, alarms and calls.
 
 No ROS: a server of the tests' own sends what the panel sends. It ends with code 1 where the heap after the first tenth
 of the time has grown by more than a fifth.
@@ -10,7 +10,8 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/panel")]
+sys.path[:0] = [str(ROOT / folder) for folder in (
+    ".", "tools", "test/support", "test/support/live", "test/support/panel")]
 
 from browser import Browser  # noqa: E402
 from fake_panel import FakePanel  # noqa: E402
@@ -21,7 +22,7 @@ TABS = ("jog", "move", "run", "io", "setup", "alarms", "calls", "diagnostics")
 
 
 def heap(page):
-    """(MB of the heap after a collection, elements of the page)."""
+    """Return (MB of the heap after a collection, elements of the page)."""
     page.call("HeapProfiler.collectGarbage")
     metrics = {one["name"]: one["value"] for one in page.call("Performance.getMetrics")["metrics"]}
     return metrics["JSHeapUsedSize"] / 1e6, int(metrics["Nodes"])

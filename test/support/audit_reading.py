@@ -1,4 +1,4 @@
-"""Reads a driver's audit log in tests."""
+"""Readers of a driver's audit log for tests."""
 import json
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from jaka_bag.operations.audit_log import verify_audit
 
 
 def lines_of(folder):
-    """The lines of the one log below a folder, as dictionaries; those that are no JSON are left out."""
+    """Return the lines of the one log below a folder, as dictionaries; those that are no JSON are left out."""
     found = []
     for path in sorted(Path(str(folder)).rglob("*.jsonl")):
         for line in path.read_bytes().splitlines():
@@ -18,13 +18,13 @@ def lines_of(folder):
 
 
 def whole(folder):
-    """The account of the one log below a folder, which must be whole."""
+    """Return the account of the one log below a folder, which must be whole."""
     account, = verify_audit([str(folder)])
     assert account.defect is None, account.defect
     return account
 
 
 def those_of(folder, kind, **fields):
-    """The lines of a kind that have these fields."""
+    """Return the lines of a kind that have these fields."""
     return [line for line in lines_of(folder) if line["kind"] == kind
             and all(line.get(name) == value for name, value in fields.items())]

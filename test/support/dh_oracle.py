@@ -5,7 +5,7 @@ import numpy as np
 
 
 def matrices(model, joint_position):
-    """Frames 0..6 of the standard DH table as products of the four elementary motions, shape (7, 4, 4)."""
+    """Return frames 0..6 of the standard DH table as products of the four elementary motions, shape (7, 4, 4)."""
     frames = [np.eye(4)]
     for row, angle in zip(model.dh, joint_position):
         theta = angle + row.theta_offset
@@ -24,7 +24,7 @@ def flange(model, joint_position):
 
 
 def as_matrix(transform):
-    """A package Transform as a 4x4 matrix."""
+    """Convert a package Transform to a 4x4 matrix."""
     matrix = np.eye(4)
     matrix[:3, :3] = np.array(transform[:9]).reshape(3, 3)
     matrix[:3, 3] = transform[9:]
@@ -32,17 +32,18 @@ def as_matrix(transform):
 
 
 def error(reached, target):
-    """Largest difference of the two 4x4 matrices (m and direction cosines together)."""
+    """Return the largest difference of the two 4x4 matrices (m and direction cosines together)."""
     return float(np.max(np.abs(reached - target)))
 
 
 def distance(a, b):
-    """Largest difference of two joint positions, whole turns not counted, rad."""
+    """Return the largest difference of two joint positions, whole turns not counted, rad."""
     return max(abs(math.remainder(x - y, math.tau)) for x, y in zip(a, b))
 
 
 def solutions(model, target, random, starts):
-    """Branches that reach the 4x4 target, found by damped Newton with a difference quotient from random starts."""
+    """Return branches that reach the 4x4 target, found by damped Newton with a difference quotient from random
+    starts."""
     found = []
     for _ in range(starts):
         angles = np.array([random.uniform(-math.pi, math.pi) for _ in range(6)])
@@ -61,5 +62,5 @@ def solutions(model, target, random, starts):
 
 
 def random_joints(model, random):
-    """Joint angles within the limits, at most half a turn either way."""
+    """Draw joint angles within the limits, at most half a turn either way."""
     return tuple(random.uniform(max(low, -math.pi), min(high, math.pi)) for low, high in model.joint_limits)

@@ -1,4 +1,4 @@
-"""Every command of the simulated controller with parameters that it takes, and what it answers on an enabled Zu 7."""
+"""The commands of the simulated controller with parameters that it takes, and its replies on an enabled Zu 7."""
 HOME = [0.0, 90.0, -90.0, 90.0, 90.0, 0.0]
 HOME_POSE = [417.0, 115.01, 373.15, 180.0, 0.0, -90.0]
 NEAR = [5.0, 90.0, -90.0, 90.0, 90.0, 0.0]

@@ -11,7 +11,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from arm_bench import WAIT, eventually, processes_with
+from arm_bench import processes_with
+from waiting import WAIT, eventually
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -59,7 +60,7 @@ guard.close()
 
 
 class GuardedDriver:
-    """One such process; ``motion`` is "move", "jog", "servo" or "idle"."""
+    """A driver with its guard in one process; ``motion`` is "move", "jog", "servo" or "idle"."""
 
     def __init__(self, bench, motion):
         self._bench = bench
@@ -80,22 +81,22 @@ class GuardedDriver:
         self.process.stdin.flush()
 
     def health(self):
-        """The guard's health as the driver sees it."""
+        """Return the guard's health as the driver sees it."""
         self.order("health")
         return json.loads(self.process.stdout.readline())
 
     def guards(self):
-        """Process ids of the live guards of this controller."""
+        """Return the process ids of the live guards of this controller."""
         return processes_with("jaka_ros_driver.client.guard", "--port\0%d\0" % self._bench.controller.command_port)
 
     def watched(self):
-        """The process id of its guard, once that has answered."""
+        """Wait until its guard has answered; return the guard's process id."""
         assert eventually(lambda: self.health()["is_alive"])
         pid, = self.guards()
         return pid
 
     def hears(self, words):
-        """Wait until it or its guard has said this."""
+        """Wait until it or its guard has printed these words."""
         def heard():
             if select.select([self.process.stderr], [], [], 0.0)[0]:
                 self._said += os.read(self.process.stderr.fileno(), 65536).decode()
@@ -103,17 +104,17 @@ class GuardedDriver:
         return eventually(heard)
 
     def leave(self):
-        """End in good order; what it and its guard have said."""
+        """End in good order; return what it and its guard have printed."""
         self.order("leave")
         return self.end()
 
     def end(self):
-        """What it and its guard have said; it must be over, or is ended."""
+        """Return what it and its guard have printed; it must be over, or is ended."""
         self._said += self.process.communicate(timeout=WAIT)[1]
         return self._said
 
     def kill(self):
-        """End it in disorder; what it and its guard have said, when both are gone."""
+        """End it in disorder; return what it and its guard have printed, when both are gone."""
         if self.process.poll() is None:
             self.send(signal.SIGCONT)
             self.process.kill()

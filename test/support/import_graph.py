@@ -1,4 +1,4 @@
-"""Who imports whom, read from the syntax tree: nothing is imported to find out."""
+"""The imports between modules, read from the syntax tree: nothing is imported to find out."""
 import ast
 import re
 from functools import lru_cache
@@ -18,7 +18,7 @@ def parse(path: Path) -> ast.Module:
 
 
 def dotted(path: Path) -> str:
-    """The module's name of a file, or the package's of a folder or its ``__init__.py``."""
+    """Return the module's name of a file, or the package's of a folder or its ``__init__.py``."""
     for name, folder in PACKAGES.items():
         if folder == path or folder in path.parents:
             parts = [part[:-3] if part.endswith(".py") else part for part in path.relative_to(folder).parts]
@@ -27,13 +27,13 @@ def dotted(path: Path) -> str:
 
 
 def at_import(tree: ast.Module) -> ast.Module:
-    """The module without the bodies of its functions: their imports run when they are called."""
+    """Return the module without the bodies of its functions: their imports run when they are called."""
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)
     return ast.Module(body=[node for node in tree.body if not isinstance(node, functions)], type_ignores=[])
 
 
 def imported_names(tree: ast.AST, folder: Path) -> Iterator[str]:
-    """Absolute dotted names of all modules, and of what is taken from them, that a file in ``folder`` imports."""
+    """Return absolute dotted names of all modules, and of names taken from them, that a file in ``folder`` imports."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -45,13 +45,13 @@ def imported_names(tree: ast.AST, folder: Path) -> Iterator[str]:
 
 
 def named_modules(tree: ast.AST) -> Set[str]:
-    """Modules of this project that a file names in strings: what it starts as programs, or imports by name."""
+    """Return the modules of this project that a file names in strings, to start them or to import them by name."""
     words = (node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str))
     return {found.group(1) for found in map(_MODULE_NAME.fullmatch, words) if found}
 
 
 def source_of(module: str) -> Path:
-    """The file of a module of this project, or the ``__init__.py`` of a package; it need not be there."""
+    """Return the file of a module of this project, or the ``__init__.py`` of a package; it need not be there."""
     parts = module.split(".")
     path = PACKAGES[parts[0]].joinpath(*parts[1:])
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
@@ -59,13 +59,13 @@ def source_of(module: str) -> Path:
 
 @lru_cache(maxsize=None)
 def modules() -> Dict[str, Path]:
-    """Every module of this project by its name; packages by theirs."""
+    """Return every module of this project by its name; packages by theirs."""
     return {dotted(path): path for folder in PACKAGES.values() for path in sorted(folder.rglob("*.py"))}
 
 
 @lru_cache(maxsize=None)
 def outside_imports(module: str) -> FrozenSet[str]:
-    """Top-level packages from outside that importing this module of the project brings in, directly or not."""
+    """Return the outside top-level packages that importing this module of the project brings in, directly or not."""
     source = source_of(module)
     if not source.is_file():  # a name inside a module, whose module is looked at besides
         return frozenset()
@@ -74,9 +74,12 @@ def outside_imports(module: str) -> FrozenSet[str]:
 
 @lru_cache(maxsize=None)
 def behind_support(module: str) -> FrozenSet[str]:
-    """As ``outside_imports``, for a module beside this one; empty for any other."""
-    source = Path(__file__).with_name(module + ".py")
-    return roots_behind(at_import(parse(source)), source.parent) if source.is_file() else frozenset()
+    """Return the same as ``outside_imports`` for a module beside this one; empty for any other."""
+    for folder in (Path(__file__).parent, Path(__file__).with_name("live")):
+        source = folder / (module + ".py")
+        if source.is_file():
+            return roots_behind(at_import(parse(source)), source.parent)
+    return frozenset()
 
 
 def roots_behind(tree: ast.AST, folder: Path) -> FrozenSet[str]:

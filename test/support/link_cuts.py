@@ -1,4 +1,4 @@
-"""Cuts of the links of a running driver, each noticed, survived and judged; times as an observer outside has them."""
+"""Cuts of the links of a running driver, each noticed, survived and judged; times are an outside observer's."""
 import math
 import random
 import time
@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any, Callable, Dict, List, NamedTuple
 
 import rospy
-from live_driver import MOTIONS, begin
+from driver_bench import HOME, MOTIONS, begin
 from raw_client import RawClient
-from ros_bench import HOME, InBackground, eventually
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
+from waiting import InBackground, eventually
 
 ENERGISING = ("power_on", "enable_robot")
 MOTION_COMMANDS = ("joint_move", "moveL")
@@ -23,13 +23,13 @@ def _another_client(simulator):
 
 
 def _lose_a_reply(simulator):
-    """One that is waited for: nobody waits for those of a servo stream."""
+    """Lose a reply that is waited for: nobody waits for those of a servo stream."""
     one = {"command": "is_in_servomove"} if simulator.state()["is_servo_active"] else {}
     simulator.panel("fault", kind="drop", port="command", **one)
 
 
 class Cut(NamedTuple):
-    """How a link is cut; ``down`` is how long the controller cannot be reached afterwards, s."""
+    """A way to cut a link; ``down`` is how long the controller cannot be reached afterwards, s."""
 
     strike: Callable[[Any], Any]
     down: float = 0.0
@@ -57,7 +57,7 @@ ACTIVITIES = (None, *MOTIONS)
 
 
 class CutOutcome(NamedTuple):
-    """One cut. Times in s: from the cut until it was noticed, and from the controller's return until all works."""
+    """The times of one cut, s: from the cut until it was noticed, and from the controller's return until all works."""
 
     cut: str
     activity: str
@@ -66,7 +66,7 @@ class CutOutcome(NamedTuple):
 
 
 class LinkWatch:
-    """Cuts the links of a LiveDriver and watches how it takes it."""
+    """A series of cuts of a LiveDriver's links, with its reactions."""
 
     def __init__(self, live, seed):
         self.live = live
@@ -88,7 +88,7 @@ class LinkWatch:
         self._samples.append((time.monotonic(), rospy.get_time() - message.header.stamp.to_sec(), message.position))
 
     def cut(self, name):
-        """One cut of this kind, in the middle of something or of nothing."""
+        """Make one cut of this kind, during a motion or at rest."""
         live, cut = self.live, CUTS[name]
         activity = self.chance.choice(ACTIVITIES)
         pending = None
@@ -114,7 +114,7 @@ class LinkWatch:
         self.recover()
 
     def _works(self):
-        """Reading and moving: both links, the state is fresh and the controller answers."""
+        """Return whether both links are up, the state is fresh and the controller answers."""
         if not self.live.arm.call("get_fk", joint=HOME).cartesian_pose:
             return False
         seen = len(self._samples)
@@ -130,7 +130,7 @@ class LinkWatch:
         assert not simulator.is_moving(), "something resumed after " + name
 
     def recover(self):
-        """As a person would: the driver itself energises nothing."""
+        """Make the arm ready again as a person would: the driver itself energises nothing."""
         arm = self.live.arm
         self.live.simulator.panel("clear_faults")
         assert eventually(self._works)
@@ -142,19 +142,20 @@ class LinkWatch:
         assert eventually(lambda: arm.listen("robot_states", 1)[0].power_state == 1)
 
     def reconnect(self):
-        """One cut, at rest, and all works again; from one thread only, so that the driver keeps its connections."""
+        """Make one cut at rest and wait until all works; from one thread only, so that the driver keeps its
+        connections."""
         self.live.simulator.panel(self.chance.choice(("close", "reset")),
                                   port=self.chance.choice(("command", "status", "all")))
         assert eventually(self._works)
 
     def assert_topics_were_sane(self):
-        """Every sample was finite and, when it came, fresh."""
+        """Assert that every sample was finite and, when it came, fresh."""
         assert self._samples
         assert all(math.isfinite(q) and abs(q) < 6.3 for _, _, position in self._samples for q in position)
         assert max(age for _, age, _ in self._samples) < 1.5, "a stale sample was published"
 
     def judge(self, verdict):
-        """By the log: nothing was sent twice, nothing energised that was not asked for."""
+        """Judge by the log that nothing was sent twice, and nothing energised that was not asked for."""
         received = verdict.received()
         values = [request["value"] for _, request in received if request["cmdName"] == "set_analog_output"]
         assert len(values) == len(set(values)), "a command was sent twice"
@@ -171,7 +172,7 @@ class LinkWatch:
 
 
 class Size(NamedTuple):
-    """What a process holds: threads, file descriptors, resident memory in kB."""
+    """The resources of a process: threads, file descriptors, resident memory in kB."""
 
     threads: int
     descriptors: int
@@ -179,6 +180,6 @@ class Size(NamedTuple):
 
 
 def size_of(pid):
-    """Of this process."""
+    """Return the resources of a process."""
     status = dict(line.split(":", 1) for line in Path("/proc/%d/status" % pid).read_text().splitlines())
     return Size(int(status["Threads"]), len(list(Path("/proc/%d/fd" % pid).iterdir())), int(status["VmRSS"].split()[0]))

@@ -3,9 +3,10 @@ import os
 import re
 import signal
 import subprocess
-import time
 from pathlib import Path
 from typing import Callable, Dict, List, NamedTuple, Tuple
+
+from waiting import wait_until
 
 PATIENCE_S = 280.0
 
@@ -19,7 +20,7 @@ class Block(NamedTuple):
 
 
 def blocks(page: Path, section: str = "") -> List[Block]:
-    """All of a page, or those below one of its headings."""
+    """Return all blocks of a page, or those below one of its headings."""
     text = page.read_text(encoding="utf-8")
     if section:
         text = text.split("\n## %s\n" % section)[1].partition("\n## ")[0]
@@ -27,11 +28,11 @@ def blocks(page: Path, section: str = "") -> List[Block]:
 
 
 class Shell:
-    """bash, always in the same folder and with the same environment.
+    """A bash session, always in the same folder and with the same environment.
 
     Args:
         folder: Where the commands run.
-        environment: Theirs.
+        environment: Their environment.
         prelude: Runs before each of them, and must succeed.
     """
 
@@ -46,13 +47,13 @@ class Shell:
                                 env=self.environment, start_new_session=True, stdin=subprocess.DEVNULL, **options)
 
     def run(self, text: str) -> Tuple[int, str]:
-        """Exit code and output of a command."""
+        """Run a command; return its exit code and output."""
         process = self._start(text, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         said = process.communicate(timeout=PATIENCE_S)[0]
         return process.returncode, said
 
     def start(self, name: str, line: str) -> None:
-        """Begin a program in the background."""
+        """Start a command in the background."""
         with open(str(self.folder / (name + ".txt")), "w") as output:
             self._running[name] = self._start("exec " + line, stdout=output, stderr=subprocess.STDOUT)
 
@@ -60,7 +61,7 @@ class Shell:
         return (self.folder / (name + ".txt")).read_text(errors="replace")
 
     def end(self, name: str) -> None:
-        """As Ctrl-C does."""
+        """Interrupt a background command, like Ctrl-C."""
         process = self._running.pop(name)
         os.killpg(process.pid, signal.SIGINT)
         process.wait(PATIENCE_S)
@@ -71,8 +72,5 @@ class Shell:
 
 
 def until(condition: Callable[[], bool], what: Callable[[], str]) -> None:
-    """Wait; where it is in vain, what ``what`` says is shown."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, what()
-        time.sleep(0.2)
+    """Wait until the condition holds; fail with the text of ``what`` where it does not."""
+    wait_until(condition, what, PATIENCE_S)

@@ -1,4 +1,4 @@
-"""Runs a Python script to where it has understood its arguments, and no further.
+"""A runner that executes a Python script until it has understood its arguments, and no further.
 
 Its arguments are the script's file and the script's arguments. All that the script imports and prepares is done. Where
 it has an argparse parser, that one judges the arguments; else the last block of the script does, with functions that do
@@ -13,7 +13,7 @@ from pathlib import Path
 
 
 class Understood(BaseException):
-    """The parser accepts the arguments."""
+    """The sign that the parser accepts the arguments."""
 
 
 def _stop_after(parse):
@@ -24,13 +24,13 @@ def _stop_after(parse):
 
 
 def is_start(node: ast.stmt) -> bool:
-    """Tell whether this is the block ``if __name__ == "__main__"``."""
+    """Return whether this is the block ``if __name__ == "__main__"``."""
     return isinstance(node, ast.If) and "__name__" in {part.id for part in ast.walk(node.test)
                                                        if isinstance(part, ast.Name)}
 
 
 def understand(script: Path) -> int:
-    """Run it as described above; the exit code."""
+    """Run the script as described above; return the exit code."""
     tree = ast.parse(script.read_text(encoding="utf-8"))
     start = ast.Module([node for node in tree.body if is_start(node)], [])
     main = types.ModuleType("__main__")

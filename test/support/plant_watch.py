@@ -13,12 +13,12 @@ NO_TURN = (0.0, 0.0, 0.0)
 
 
 class PlantWatch:
-    """Steps a plant and checks each cycle; keeps what it saw.
+    """A plant whose cycles are all checked, and what was seen of them.
 
     Attributes:
         plant: The plant.
         joints: After each cycle, the start first.
-        events: All of them.
+        events: All events.
         fastest: Highest share of a joint's speed limit seen.
         hardest: Highest share of a joint's acceleration limit seen.
     """
@@ -62,7 +62,7 @@ class PlantWatch:
         self.events += self.plant.take_events()
 
     def tools(self) -> List[Transform]:
-        """``base_t_flange`` after each cycle, the start first."""
+        """Return ``base_t_flange`` after each cycle, the start first."""
         frames = ArmFrames(self.model)
         return [frames.tool_at(joints) for joints in self.joints]
 
@@ -72,5 +72,5 @@ class PlantWatch:
 
 
 def shift(x=0.0, y=0.0, z=0.0, rpy=NO_TURN) -> Pose:
-    """An increment, m and rad."""
+    """Return an increment, m and rad."""
     return Pose((x, y, z), rpy)

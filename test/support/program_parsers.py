@@ -1,4 +1,4 @@
-"""The parsers of the programs, taken from the programs themselves: all their commands, and what these understand."""
+"""The parsers of the executables, taken from the executables themselves: all their commands and options."""
 import argparse
 import contextlib
 import importlib
@@ -14,20 +14,20 @@ from jaka_bag.cli.main import COMMANDS, _with_files_first, load_command, parser_
 
 
 class Wrong(Exception):
-    """Words that a program does not understand, or what else a reader cannot type as it stands; the reason."""
+    """Words that an executable does not understand, or that a reader cannot type as they stand; the reason."""
 
 
 class _Stopped(BaseException):
-    """The program has come to its parser."""
+    """The sign that the executable has come to its parser."""
 
 
 def needs_ros(program: str) -> bool:
-    """Tell whether a program imports rospy."""
+    """Return whether an executable imports rospy."""
     return "rospy" in outside_imports(program_places.declared()[program].split(":")[0])
 
 
 def commands() -> Iterator[Tuple[str, List[str]]]:
-    """Every program of the build with each of its subcommands, and with none."""
+    """Return every executable of the build with each of its subcommands, and with none."""
     for program in sorted(program_places.declared()):
         yield program, []
         if program == "jaka_bag":
@@ -38,9 +38,9 @@ def commands() -> Iterator[Tuple[str, List[str]]]:
 
 
 def parser(program: str, words: Sequence[str], judged: bool = False) -> argparse.ArgumentParser:
-    """Return the parser that a program, or subcommand, makes for these words.
+    """Return the parser that an executable, or subcommand, makes for these words.
 
-    With ``judged`` the words must be understood, else Wrong is raised; the program never comes further than that.
+    With ``judged`` the words must be understood, else Wrong is raised; the executable never comes further than that.
     """
     if program == "jaka_bag" and words:
         name = " ".join(words[:2]) if " ".join(words[:2]) in COMMANDS else words[0]
@@ -97,7 +97,7 @@ def _asked(main, argv: List[str], judged: bool) -> argparse.ArgumentParser:
 
 
 def understand(program: str, words: Sequence[str], is_whole: bool = True) -> None:
-    """Raise Wrong where a program does not understand these words.
+    """Raise Wrong where an executable does not understand these words.
 
     Where they are not a whole command, it must have the subcommand and the options that they name.
     """

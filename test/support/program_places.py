@@ -34,19 +34,20 @@ PACKAGE = "jaka_ros_driver"
 SYSTEM_PYTHON = "/usr/bin/python3"
 BUILT = (Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "jaka_test_places"
          / hashlib.sha256(str(ROOT).encode()).hexdigest()[:12])
-"""Where places are built and kept; not below the checkout, where roslaunch would find each launch file twice."""
+"""The folder where places are built and kept; not below the checkout, where roslaunch would find each launch file
+twice."""
 OF_A_SHELL = ("CMAKE_PREFIX_PATH", "PKG_CONFIG_PATH", "PYTHONPATH", "ROS_PACKAGE_PATH", "ROSLISP_PACKAGE_DIRECTORIES")
 """Variables by which a sourced space is found."""
 LOG_PROGRAMS = ("jaka_bag", "jaka_foxglove")
-"""Those that the wheel has."""
+"""The executables in the wheel."""
 
 
 class Place(NamedTuple):
-    """Where the programs are.
+    """The place of the executables.
 
     Attributes:
         name: One of the names above.
-        prefix: Its folder; None for the checkout, whose programs are written when they are needed.
+        prefix: Its folder; None for the checkout, whose executables are written when they are needed.
     """
 
     name: str
@@ -54,7 +55,7 @@ class Place(NamedTuple):
 
     @property
     def folder(self) -> Path:
-        """The folder of the programs."""
+        """The folder of the executables."""
         if self.prefix is None:
             return _programs_of_the_checkout()
         return self.prefix / ("bin" if self.name in ("wheel", "deb") else "lib/" + PACKAGE)
@@ -74,7 +75,7 @@ class Place(NamedTuple):
 
 @functools.lru_cache(maxsize=None)
 def place() -> Place:
-    """The place under test."""
+    """Return the place under test."""
     name, prefix = os.environ.get("JAKA_TEST_PLACE"), os.environ.get("JAKA_TEST_PREFIX")
     sourced = _sourced_devel_space()
     if name is None:
@@ -97,7 +98,7 @@ def place() -> Place:
 
 
 def command_of(program: str) -> List[str]:
-    """Return the words that start a program of the place under test, without its arguments; its process stays one.
+    """Return the words that start an executable of the place under test, without its arguments; its process stays one.
 
     Raises SkipTest where the wheel is not to have it, RuntimeError where the place lacks it.
     """
@@ -133,7 +134,8 @@ def enter() -> None:
 # ---- what the build makes ----
 
 def declared() -> Dict[str, str]:
-    """Every program of the build, with the ``module:function`` that it calls, from the root CMakeLists.txt."""
+    """Return every executable of the build, with the ``module:function`` that it calls, from the root
+    CMakeLists.txt."""
     text = (ROOT / "CMakeLists.txt").read_text(encoding="utf-8")
     rows = re.search(r"^set\(programs\n(.*?)\)$", text, re.DOTALL | re.MULTILINE).group(1)
     return dict(row.split("=", 1) for row in rows.split())
@@ -155,7 +157,8 @@ def _programs_of_the_checkout() -> Path:
 
 
 def _sourced_devel_space() -> Optional[Path]:
-    """The first devel space on ``CMAKE_PREFIX_PATH`` that leads to this very checkout; a copy has no part in it."""
+    """Return the first devel space on ``CMAKE_PREFIX_PATH`` that leads to this very checkout; a copy has no part in
+    it."""
     for prefix in filter(None, os.environ.get("CMAKE_PREFIX_PATH", "").split(os.pathsep)):
         relay = Path(prefix, "lib", "python3", "dist-packages", "jaka_bag", "__init__.py")
         found = relay.is_file() and re.search(r"__extended_path = '(.*?)'", relay.read_text(encoding="utf-8"))
@@ -167,7 +170,7 @@ def _sourced_devel_space() -> Optional[Path]:
 # ---- places that are built ----
 
 def _kept(name: str, build) -> Path:
-    """Have a place built in the folder that is kept for it, by one process at a time; the prefix."""
+    """Build a place in the folder that is kept for it, by one process at a time; return the prefix."""
     BUILT.mkdir(parents=True, exist_ok=True)
     with open(str(BUILT / (name + ".lock")), "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -183,7 +186,7 @@ def _run(*words, folder: Path, **variables: str) -> None:
 
 
 def install_space(folder: Path) -> Path:
-    """Build an install space from the checkout; the prefix, beside whose packages nothing else is."""
+    """Build an install space from the checkout; return the prefix, beside whose packages nothing else is."""
     folder.mkdir(parents=True, exist_ok=True)
     prefix = folder / "prefix"
     shutil.rmtree(str(prefix), ignore_errors=True)
@@ -215,7 +218,7 @@ def wheel_venv(folder: Path, extras: str = "[fleet,foxglove,plot]") -> Path:
 
 @functools.lru_cache(maxsize=None)
 def _sourced(prefix: Path) -> Dict[str, Optional[str]]:
-    """The variables of ``OF_A_SHELL`` as a shell has them that has sourced this space and no other."""
+    """Return the variables of ``OF_A_SHELL`` in a shell that has sourced this space and no other."""
     environment = {name: value for name, value in os.environ.items() if name not in OF_A_SHELL}
     said = subprocess.run(["bash", "-c", ". '%s/setup.bash' && exec /usr/bin/env -0" % prefix], env=environment,
                           stdout=subprocess.PIPE, check=True).stdout.decode()

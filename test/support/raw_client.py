@@ -1,12 +1,13 @@
-"""Plain sockets against the simulated controller, written from the protocol document; no code of our client in it."""
+"""Plain sockets against the simulated controller, written from the protocol document; no code of the driver's
+client."""
 import json
 import socket
 import time
 import zlib
-from typing import Any, Callable, Dict, List, Optional
+from typing import Any, Callable, Dict, List
 
 PATIENCE_S = 20.0
-"""How long a test waits for what must come; never a measure of speed."""
+"""s; the longest wait for something that must come; never a measure of speed."""
 
 
 class RawClient:
@@ -21,7 +22,7 @@ class RawClient:
         self.socket.sendall(data)
 
     def reply(self, timeout: float = PATIENCE_S) -> Dict[str, Any]:
-        """The next reply; TimeoutError when none comes, ConnectionError when the link ends."""
+        """Return the next reply; raise TimeoutError when none comes, ConnectionError when the link ends."""
         deadline = time.monotonic() + timeout
         while True:
             text = self._text.lstrip()
@@ -55,7 +56,7 @@ class RawClient:
         return False
 
     def is_closed(self, timeout: float = PATIENCE_S) -> bool:
-        """True when the other side ends the link within the time; what comes before is dropped."""
+        """Return whether the other side ends the link within the time; bytes before the end are dropped."""
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline:
             self.socket.settimeout(max(0.001, deadline - time.monotonic()))
@@ -79,7 +80,7 @@ class RawClient:
 
 
 class RawFeed(RawClient):
-    """The status feed: frames cut by ``len``, each checked to be exactly as long as it says."""
+    """The status feed: frames cut by ``len``, each checked to be exactly as long as it states."""
 
     def __init__(self, port: int) -> None:
         super().__init__(port)
@@ -105,7 +106,7 @@ class RawFeed(RawClient):
         return json.loads(self.raw_frame(timeout))
 
     def until(self, condition: Callable[[Dict[str, Any]], bool], timeout: float = PATIENCE_S) -> List[Dict[str, Any]]:
-        """Frames up to the first that fulfils the condition, that one included."""
+        """Return frames up to the first that fulfils the condition, that one included."""
         deadline, frames = time.monotonic() + timeout, []
         while True:
             frames.append(self.frame(max(0.001, deadline - time.monotonic())))
@@ -114,7 +115,7 @@ class RawFeed(RawClient):
 
 
 def poll(client: RawClient, timeout: float = PATIENCE_S) -> bytes:
-    """One request of the maker's SDK to the polled port: the inflated answer."""
+    """Send one request of the maker's SDK to the polled port; return the inflated answer."""
     client.send(b'{"cmdName":"data_request"}')
     client.socket.settimeout(timeout)
     inflate = zlib.decompressobj()
@@ -126,14 +127,3 @@ def poll(client: RawClient, timeout: float = PATIENCE_S) -> bytes:
         text += inflate.decompress(data)
     assert not inflate.unused_data
     return text
-
-
-def wait_for(condition: Callable[[], Any], what: str, timeout: float = PATIENCE_S) -> Any:
-    """The first true value of the condition."""
-    deadline: Optional[float] = time.monotonic() + timeout
-    while True:
-        value = condition()
-        if value:
-            return value
-        assert time.monotonic() < deadline, "waited in vain for %s" % what
-        time.sleep(0.005)

@@ -1,4 +1,4 @@
-"""The requests of the maker's SDK 2.1.14, and what it reads in each reply (docs/sdk-client.md section 9)."""
+"""The requests of the maker's SDK 2.1.14, and the keys it reads in each reply (docs/sdk-client.md section 9)."""
 from pathlib import Path
 
 REQUESTS = Path(__file__).resolve().parents[1] / "data" / "sdk" / "requests-2.1.14.txt"
@@ -96,7 +96,7 @@ WHY_REFUSED = {
 
 
 def requests():
-    """(command, bytes of the request), each once."""
+    """Return (command, bytes of the request), each once."""
     lines = REQUESTS.read_text(encoding="ascii").splitlines()
     return [(name, text.encode("ascii")) for name, text in (line.split("\t") for line in lines)]
 
@@ -106,7 +106,7 @@ def refusal(request):
 
 
 def read_in(command, firmware):
-    """Evidence and keys of its reply."""
+    """Return evidence and keys of a command's reply."""
     if command == "get_robot_state":
         return ROBOT_STATE["1.5.14" if firmware == "1.5.14" else "1.7"]
     return READS.get(command, ("error code only", {}))
@@ -123,7 +123,7 @@ def has_shape(value, shape):
 
 
 def table_rows():
-    """Command, its answer on 1.5.14 and on 1.7, what is read of it, evidence; for docs/simulation.md."""
+    """Return command, its answer on 1.5.14 and on 1.7, the keys read of it, evidence; for docs/simulation.md."""
     for command in sorted({name for name, _ in requests()}):
         answer = "as the SDK reads it"
         if command in WHY_REFUSED:

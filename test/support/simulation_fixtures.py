@@ -43,7 +43,7 @@ def make_arm():
 
 @pytest.fixture
 def arm(make_arm):
-    """An enabled Zu 7, twenty times faster than time."""
+    """Start an enabled Zu 7, twenty times faster than time."""
     return make_arm()
 
 

@@ -1,4 +1,4 @@
-"""What a simulated controller's own log tells: which requests came in when, and where the arm really was.
+"""The evidence of a simulated controller's own log: when each request came in, and where the arm really was.
 
 Times are the host's monotonic clock, s, the same as ``time.monotonic()`` of every process on it.
 """
@@ -18,7 +18,7 @@ class WireVerdict:
         self._received = None
 
     def received(self):
-        """(time, request) of all that came in on the command port."""
+        """Return (time, request) of all that came in on the command port."""
         if self._received is None:
             self._received = self._read_requests()
         return list(self._received)
@@ -32,21 +32,21 @@ class WireVerdict:
         return requests
 
     def wire(self, port, *what):
-        """Pieces of bytes, and beginnings and ends of connections, of a port."""
+        """Return pieces of bytes, and beginnings and ends of connections, of a port."""
         return [event for event in self.events
                 if isinstance(event, WireEvent) and event.port == port and event.what in what]
 
     def times_of(self, name, after=0.0, **fields):
-        """When requests of this name, with these fields, came in after a moment."""
+        """Return when requests of this name, with these fields, came in after a moment."""
         return [at for at, request in self.received() if request["cmdName"] == name and at >= after
                 and all(request.get(key) == value for key, value in fields.items())]
 
     def joints(self):
-        """(time, joint position in rad) of every cycle."""
+        """Return (time, joint position in rad) of every cycle."""
         return [(item.time_ns * 1e-9, item.joint_position) for item in self.events if isinstance(item, TrueJoints)]
 
     def rest_after(self, moment, until=float("inf")):
-        """When, after this moment, the arm came to rest; it rests until the other one, for good without."""
+        """Return when the arm came to rest after this moment; it rests until ``until``, for good without."""
         path = [(at, joints) for at, joints in self.joints() if moment <= at <= until]
         end, since = path[-1][1], path[-1][0]
         for at, joints in reversed(path):

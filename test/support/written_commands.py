@@ -1,4 +1,4 @@
-"""Every command line that the pages, the heads of files and the hints of tests tell a reader to type."""
+"""The command lines that the pages, the heads of files and the hints of tests ask a reader to type."""
 import ast
 import re
 import shlex
@@ -17,16 +17,16 @@ _HINT = re.compile(r"(?:[A-Z_]+=\S* )*(?:build/venv/bin/)?\bpython3? (?:-m jaka[
 PLANTED = ("test_program_starts.py", "test_written_commands.py")
 """Tests with commands that are wrong on purpose."""
 STUBS = re.compile(r"jaka_\w+ -{3,}|jaka_\w+: ")
-"""Pictures, and what a program prints."""
+"""Pictures, and lines that a command prints."""
 
 
 class Written(NamedTuple):
     """One command line.
 
     Attributes:
-        where: File, and the number of its line or what it is there.
-        text: As it stands, on one line and without remarks.
-        is_whole: It is to be typed as it stands; else prose names a program with some of its words.
+        where: File, and the number of its line or a name for its place.
+        text: The command on one line and without remarks.
+        is_whole: It is to be typed as it stands; else prose names a command with some of its words.
     """
 
     where: str
@@ -39,12 +39,12 @@ def _place(path: Path) -> str:
 
 
 def lines_of(text: str) -> List[str]:
-    """The lines of a shell block; those that end in a backslash go on."""
+    """Return the lines of a shell block; those that end in a backslash go on."""
     return [line for line in re.sub(r"\s*\\\n\s*", " ", text).splitlines() if line.strip()]
 
 
 def of_page(name: str, text: str) -> Iterator[Written]:
-    """Of a page: what stands in blocks of commands, and in running text what begins with a program."""
+    """Return the commands of a page: blocks of commands, and running text in marks that begins with an executable."""
     for block in re.findall(r"^```(\w*)\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
         for line in lines_of(block[1]) if block[0] in ("", "sh", "bash", "console") else []:
             if block[0] or (_COMMAND.match(line) and not STUBS.match(line)):
@@ -56,7 +56,8 @@ def of_page(name: str, text: str) -> Iterator[Written]:
 
 
 def of_head(name: str, text: str) -> Iterator[Written]:
-    """Of the docstring of a file: indented lines, where a remark follows after two spaces, and marked code."""
+    """Return the commands of a file's docstring: indented lines, where a remark follows after two spaces, and marked
+    code."""
     for line in text.splitlines():
         found = re.match(r" {4}(\S+(?: \S+)*)", line)
         if found and _COMMAND.match(found.group(1)) and " " in found.group(1):
@@ -68,7 +69,7 @@ def of_head(name: str, text: str) -> Iterator[Written]:
 
 
 def of_hints(name: str, tree: ast.AST) -> Iterator[Written]:
-    """Of the texts in the code of a test: what they tell to run."""
+    """Return the commands that texts in the code of a test ask to run."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and "\n" not in node.value:
             for found in _HINT.findall(node.value):
@@ -76,7 +77,7 @@ def of_hints(name: str, tree: ast.AST) -> Iterator[Written]:
 
 
 def everything() -> List[Written]:
-    """All of them, each once for each file."""
+    """Return all commands, each once for each file."""
     found: List[Written] = []
     for page in PAGES:
         found += of_page(_place(page), page.read_text(encoding="utf-8"))
@@ -90,7 +91,7 @@ def everything() -> List[Written]:
 
 
 def concrete(text: str) -> List[str]:
-    """A usage as commands: without what stands in brackets, and with it; words in capitals become values."""
+    """Return a usage as commands: without what stands in brackets, and with it; words in capitals become values."""
     if not re.search(r" \[(?:[A-Z]|--)", text):
         return [_filled(text)]
     least = text
@@ -110,7 +111,7 @@ def _filled(text: str) -> str:
 
 
 def parts(text: str) -> List[List[str]]:
-    """The commands of a line of the shell as words, without redirections; assignments stay in front."""
+    """Return the commands of a line of the shell as words, without redirections; assignments stay in front."""
     lexer = shlex.shlex(text, posix=True, punctuation_chars="|&;<>")
     lexer.whitespace_split = True
     commands: List[List[str]] = [[]]

@@ -1,4 +1,4 @@
-"""What the tests of this folder share is a module beside them."""
+"""The import path of the modules that the tests of this folder share."""
 import sys
 from pathlib import Path
 

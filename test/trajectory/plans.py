@@ -20,7 +20,7 @@ START_TOLERANCE = 0.01
 
 
 def six(*values):
-    """These, and 0 for the joints that are left."""
+    """Return these, and 0 for the joints that are left."""
     return tuple(map(float, values + REST[len(values):]))
 
 
@@ -29,7 +29,7 @@ def joints(*ways):
 
 
 def at(time, ways, velocity=None, acceleration=None):
-    """A point; each of the three is a tuple of the first joints' values, or None."""
+    """Return a point; each of the three is a tuple of the first joints' values, or None."""
     return TrajectoryPoint(time, joints(*ways), None if velocity is None else six(*velocity),
                            None if acceleration is None else six(*acceleration))
 
@@ -47,7 +47,7 @@ def build(points, start=None, elapsed=0.0, tolerance=START_TOLERANCE, **settings
 
 
 def wave(spacing, has_acceleration=False, duration=4.0, size=0.6, first=True):
-    """Points of a smooth curve that begins and ends at rest at home; each joint swings its own way."""
+    """Return points of a smooth curve that begins and ends at rest at home; each joint swings its own way."""
     count = int(round(duration / spacing))
     times = np.linspace(0.0, duration, count + 1)
     turns = np.array([1, 2, 3, 1, 2, 3]) * np.pi / duration
@@ -63,7 +63,7 @@ def wave(spacing, has_acceleration=False, duration=4.0, size=0.6, first=True):
 
 
 def samples(path, step=0.0005):
-    """Times of the whole path, and the three arrays of ``Path.at`` there."""
+    """Return times of the whole path, and the three arrays of ``Path.at`` there."""
     times = np.arange(path.begin, path.end + step, step)
     states = [path.at(t) for t in times.tolist()]
     return (times, *(np.array([getattr(state, name) for state in states])

@@ -1,4 +1,4 @@
-"""The circle through three places, wherever it lies: where it leads, how long it is, and when there is none."""
+"""The circle through three places, wherever it lies: its way, its length, and when there is none."""
 import math
 import random
 
@@ -10,7 +10,7 @@ from jaka_ros_driver.trajectory.segments import circle_through
 
 
 def on_circle(rng, radius, *angles):
-    """Points at these angles of a circle that lies anywhere."""
+    """Return points at these angles of a circle that lies anywhere."""
     m = matrix_from_rpy([rng.uniform(-math.pi, math.pi) for _ in range(3)])
     centre = [rng.uniform(-0.5, 0.5) for _ in range(3)]
     return [tuple(c + radius * (math.cos(angle) * m[3 * k] + math.sin(angle) * m[3 * k + 1])

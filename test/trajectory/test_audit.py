@@ -1,4 +1,4 @@
-"""The audit: whatever a joint cannot do on the whole way is refused, by joint, time, value and limit."""
+"""The audit, which refuses whatever a joint cannot do on the whole way, by joint, time, value and limit."""
 import numpy as np
 import pytest
 from plans import HOME, MODEL, REST, START_TOLERANCE, at, build, joints, moving, resting, six, wave

@@ -1,4 +1,5 @@
-"""Onto a trajectory from where the arm is: at rest or moving, in time or late, at its start or a little beside it."""
+"""The begin of a trajectory where the arm is: at rest or moving, in time or late, at its start or a little beside
+it."""
 import numpy as np
 import pytest
 from plans import ACCELERATION, HOME, MODEL, REST, at, build, joints, moving, resting, samples, wave
@@ -10,7 +11,7 @@ from jaka_ros_driver.trajectory.splines import spline
 
 
 def is_smooth(path):
-    """Nothing jumps, neither position nor speed, and no joint needs more than it has."""
+    """Assert that nothing jumps, neither position nor speed, and no joint needs more than it has."""
     _, position, velocity, acceleration = samples(path)
     assert np.abs(np.diff(position, axis=0)).max() <= np.abs(velocity).max() * 0.000501
     assert np.abs(np.diff(velocity, axis=0)).max() <= ACCELERATION * ACCELERATION_SLACK * 0.000501
@@ -130,7 +131,7 @@ def test_a_moving_arm_does_not_wait_for_a_trajectory_that_starts_later():
     wave(0.1), [at(1.0, (0.1,), REST)], [at(0.7, (0.1,)), at(1.4, (0.2, 0.3))],
     [at(0.8, (0.4,), (-0.1,)), at(1.8, (0.2,), REST)]], ids=["under way", "one", "without velocities", "later"])
 def test_the_frames_of_one_path_and_of_the_next_are_smooth(points, rate):
-    """As a running trajectory is replaced: built ahead of where the clock is, and joined there."""
+    # As a running trajectory is replaced: built ahead of where the clock is, and joined there.
     clock = PathClock(build([at(3.0, (0.4, 0.3), REST)]), MODEL)
     frames = [clock.step(rate) for _ in range(60)]
     time = clock.time + 0.02
@@ -147,7 +148,7 @@ def test_the_frames_of_one_path_and_of_the_next_are_smooth(points, rate):
 
 
 def test_a_point_that_is_due_now_but_for_rounding_is_not_still_to_be_reached():
-    """Stamps are whole nanoseconds and times floating point: nothing can be done within what is lost between them."""
+    # Stamps are whole nanoseconds and times floating point: nothing can be done within what is lost between them.
     points = [at(1.0, (0.3,), REST), at(2.0, (0.4,), REST)]
     path = build(points, resting(0.295), elapsed=1.0 - 1e-12)
     assert path.at(path.begin).position == pytest.approx(joints(0.295), abs=1e-9)

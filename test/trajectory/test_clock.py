@@ -14,7 +14,7 @@ SLACK = 1.03
 
 
 def run(clock, wanted=1.0, limit=4000):
-    """Positions of each cycle until the end, from where the clock is."""
+    """Return positions of each cycle until the end, from where the clock is."""
     frames = [clock.position]
     while not (clock.is_at_end and clock.is_still):
         frames.append(clock.step(wanted))
@@ -23,7 +23,7 @@ def run(clock, wanted=1.0, limit=4000):
 
 
 def accelerations(frames):
-    """rad/s2 of each second difference; the arm rests before the first frame and behind the last."""
+    """Return rad/s2 of each second difference; the arm rests before the first frame and behind the last."""
     padded = np.concatenate((frames[:1], frames, frames[-1:]))
     return np.abs(np.diff(padded, 2, axis=0)).max(axis=1) / PERIOD ** 2
 
@@ -66,7 +66,7 @@ PATHS = {
 
 
 def drawn_rates(seed):
-    """Rates that a client, a pendant and a pause might ask for: some for long, some for one cycle."""
+    """Draw rates that a client, a pendant and a pause might ask for: some for long, some for one cycle."""
     chance = random.Random(seed)
     while True:
         rate = chance.choice([0.0, 0.0, 1.0, 1.0, 0.01, 0.1, 0.5, 1.05, chance.random(), chance.random()])
@@ -105,7 +105,7 @@ def test_a_brake_that_needs_what_the_audit_allows_above_the_ceiling_keeps_its_ti
 
 
 def drawn_points(chance):
-    """Points of some kind, near to each other or far apart; many of them ask too much."""
+    """Draw points of some kind, near to each other or far apart; many of them ask too much."""
     count, apart, kind, size = chance.integers(2, 8), chance.uniform(0.08, 0.6), chance.integers(3), chance.uniform(
         0.02, 1.2)
     positions, velocities, accelerations_ = (
@@ -176,7 +176,7 @@ def test_half_the_rate_takes_twice_the_time():
 
 
 def test_points_of_the_highest_speed_are_not_passed_any_faster():
-    """Between them the spline is a little faster than that; the audit lets it, and the clock slows there."""
+    # Between them the spline is a little faster than that; the audit lets it, and the clock slows there.
     points = [at(0.0, (0.0,), REST), at(0.5, (0.25 * TOP,), (TOP,)), at(0.6, (0.351 * TOP,), (TOP,)),
               at(1.1, (0.601 * TOP,), REST)]
     path = build(points)
@@ -250,7 +250,7 @@ def test_what_was_computed_ahead_changes_no_frame_whatever_happens_meanwhile():
 
 @pytest.mark.parametrize("name", ["fast wave", "with accelerations"])
 def test_a_clock_that_hurries_is_never_slower_than_one_that_does_not(name):
-    """Where a turn lies ahead it goes at the programmed speed, and no slower."""
+    # Where a turn lies ahead it goes at the programmed speed, and no slower.
     usual, hurried = PathClock(PATHS[name](), MODEL), PathClock(PATHS[name](), MODEL)
     while not usual.is_at_end:
         usual.step(1.0)
@@ -260,7 +260,7 @@ def test_a_clock_that_hurries_is_never_slower_than_one_that_does_not(name):
 
 @pytest.mark.parametrize("share", [1.0, 1.019])
 def test_starts_that_need_what_the_audit_allows_above_the_ceiling_lose_no_time(share):
-    """Each would lose 2 ms of a cycle's 8 if the clock kept to the ceiling; ten lose what is seen at the end."""
+    # Each would lose 2 ms of a cycle's 8 if the clock kept to the ceiling; ten lose what is seen at the end.
     speed, points = 2.5, []
     length = speed / (share * ACCELERATION)
     for n in range(10):

@@ -7,7 +7,7 @@ from jaka_ros_driver.trajectory.build import InvalidTrajectory
 
 
 def zigzag(seed, count=8, apart=0.5):
-    """Targets at random around home, far enough apart in time for the turns."""
+    """Return targets at random around home, far enough apart in time for the turns."""
     chance = np.random.default_rng(seed)
     return [at(apart * (n + 1), tuple(chance.uniform(-0.25, 0.25, 6))) for n in range(count)]
 

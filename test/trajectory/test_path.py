@@ -8,7 +8,7 @@ from jaka_ros_driver.trajectory.splines import spline, with_brake
 
 
 def reference_quintic(t, p0, v0, a0, p1, v1, a1):
-    """As in ros_controllers' quintic spline segment, from the constant term on."""
+    """Return the coefficients of ros_controllers' quintic spline segment, from the constant term on."""
     t2 = t * t
     return np.array([p0, v0, 0.5 * a0,
                      (-20 * p0 + 20 * p1 - 3 * a0 * t2 + a1 * t2 - 12 * v0 * t - 8 * v1 * t) / (2 * t ** 3),
@@ -24,7 +24,7 @@ def reference_cubic(t, p0, v0, p1, v1):
 
 @pytest.fixture
 def ends():
-    """Durations (20,), and positions, velocities, accelerations at both ends, (20, 6) each."""
+    """Draw durations (20,), and positions, velocities, accelerations at both ends, (20, 6) each."""
     chance = np.random.default_rng(1)
     return chance.uniform(0.008, 2.0, 20), *(chance.uniform(-2.0, 2.0, (20, 6)) for _ in range(6))
 

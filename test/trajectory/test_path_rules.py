@@ -1,4 +1,4 @@
-"""What a path from points must keep: what is refused, what is left out, corners and the brake behind the last point."""
+"""The rules of a path from points: refused and dropped points, corners, and the brake behind the last point."""
 import math
 
 import numpy as np
@@ -39,7 +39,7 @@ def joint_1(path, time):
 
 
 def highest_acceleration(path):
-    """From one cycle to the next of the positions of joint 1, rad/s2."""
+    """Return the highest acceleration from one cycle to the next of joint 1, rad/s2."""
     positions = path.samples(np.arange(path.breaks[0], path.end, 0.008))[0][:, 0]
     return float(np.abs(np.diff(positions, 2)).max()) / 0.008 ** 2
 
@@ -135,7 +135,7 @@ def test_corners_between_straight_lines_are_rounded_as_closely_as_the_joints_can
 # ---- the clock ----
 
 def run(clock, rate, cycles):
-    """Positions of joint 1."""
+    """Return positions of joint 1."""
     return [clock.step(rate)[0] for _ in range(cycles)]
 
 

@@ -1,6 +1,6 @@
 """Plans of a real planner, carried out in virtual time: OMPL finds ways between joints, TOPP-RA gives them their time.
 
-What reaches the wire is compared with the spline through the plan's points, which scipy computes here by itself.
+The frames on the wire are compared with the spline through the plan's points, which scipy computes here by itself.
 """
 import importlib
 import sys
@@ -18,7 +18,8 @@ from jaka_ros_driver.trajectory.points import TrajectoryPoint
 
 
 def planner(name):
-    """A module of the planners, which requirements.txt asks for from Python 3.10 on: only below may it be missing."""
+    """Return a module of the planners, which requirements.txt asks for from Python 3.10 on: only below may it be
+    missing."""
     return pytest.importorskip(name) if sys.version_info < (3, 10) else importlib.import_module(name)
 
 
@@ -32,7 +33,7 @@ BATCH = 10
 SPACINGS_S = (0.1, 0.05, 0.04, 0.02, 0.01, 0.008)
 SPEED_SHARE = 0.6
 ACCELERATION = 4.0
-"""rad/s2, of the plans."""
+"""rad/s2 of the plans."""
 MARGIN = 0.3
 """rad; a spline through a planner's points swings out beside them."""
 FLOOR = 0.05
@@ -44,7 +45,7 @@ REST_TOLERANCE = 1e-3
 
 
 def limits(model):
-    """Lower and upper bounds, rad, and speeds, rad/s, (6,) each, as the URDF tells them to a planner."""
+    """Return lower and upper bounds, rad, and speeds, rad/s, (6,) each, as the URDF gives them to a planner."""
     found = [joint.find("limit") for joint in ElementTree.fromstring(urdf_from_model(model)).iter("joint")
              if joint.get("type") == "revolute"]
     return tuple(np.array([float(limit.get(name)) for limit in found]) for name in ("lower", "upper", "velocity"))
@@ -55,7 +56,7 @@ def is_free(model, joints):
 
 
 def way(model, low, high, seed):
-    """Joints from one place at random to another, rad (n, 6), all above the floor."""
+    """Return joints from one place at random to another, rad (n, 6), all above the floor."""
     util.setLogLevel(util.LogLevel.LOG_NONE)
     util.RNG.setSeed(seed)
     chance = np.random.default_rng(seed)
@@ -87,7 +88,7 @@ def way(model, low, high, seed):
 
 
 def plan(model, seed):
-    """Points of one plan; their spacing, and whether they have accelerations, are drawn."""
+    """Return points of one plan; their spacing, and whether they have accelerations, are drawn."""
     low, high, speed = limits(model)
     points = way(model, low + MARGIN, high - MARGIN, seed)
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -109,7 +110,7 @@ def plan(model, seed):
 
 
 def ideal(points):
-    """The spline through points, at any time, rad."""
+    """Return the spline through points, at any time, rad."""
     kinds = [[point.position for point in points], [point.velocity for point in points]]
     if points[0].acceleration is not None:
         kinds.append([point.acceleration for point in points])
@@ -118,7 +119,7 @@ def ideal(points):
 
 
 def followed(model, points):
-    """One plan carried out by an arm: how far its duration, s, and its joints (RMS of the worst one), rad, are off."""
+    """Carry out one plan; return how far its duration, s, and its joints (RMS of the worst one), rad, are off."""
     arm = SimulatedArm(model, points[0].position)
     error = arm.follow(points)
     assert error is None, error

@@ -1,4 +1,4 @@
-"""Points of a trajectory: what is malformed is refused by name."""
+"""Points of a trajectory: malformed ones are refused by name."""
 import math
 
 import pytest
@@ -20,7 +20,7 @@ BAD_NUMBERS = [float("nan"), float("inf"), -float("inf")]
 
 
 def with_number(kind, joint, value):
-    """A point of which one number is this."""
+    """Return points of which one number is this."""
     values = {"position": joints(0.2), "velocity": REST, "acceleration": REST}
     values[kind] = values[kind][:joint] + (value,) + values[kind][joint + 1:]
     return TrajectoryPoint(1.0, **values)

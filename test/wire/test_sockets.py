@@ -1,4 +1,4 @@
-"""When bytes came in is told by the system, not by the moment at which they are read."""
+"""The arrival times of bytes, which are the system's, not those of the moment at which they are read."""
 import contextlib
 import platform
 import socket
@@ -21,7 +21,8 @@ def pair():
 
 
 def wait_for_stamps(sender, receiver):
-    """Linux begins to stamp a moment after the first socket of the computer asks; until then the reading counts."""
+    """Wait until Linux stamps packets: it begins a moment after the first socket asks; until then the reading
+    counts."""
     end = time.monotonic() + 10.0
     while time.monotonic() < end:
         sender.sendall(b"one before")

@@ -26,13 +26,13 @@ REQUESTS = ("get_robot_state", "get_version", "get_robot_state", "nonsense")
 
 
 def talk(port, requests):
-    """The replies to some requests, each after the one before."""
+    """Return the replies to some requests, each after the one before."""
     with RawClient(port) as client:
         return [client.ask(request) for request in requests]
 
 
 def listen(port, count):
-    """So many bytes of a port's feed."""
+    """Return so many bytes of a port's feed."""
     data = b""
     with socket.create_connection(("127.0.0.1", port), WAIT) as link:
         link.settimeout(WAIT)
@@ -45,7 +45,7 @@ def listen(port, count):
 
 
 def talk_and_listen(player, count):
-    """So many bytes of the player's feed, and its replies: both at once, for it ends with what was recorded."""
+    """Return so many bytes of the player's feed, and its replies: both at once, for it ends with what was recorded."""
     with ThreadPoolExecutor(1) as pool:
         feed = pool.submit(listen, player.port_numbers["status"], count)
         replies = talk(player.port_numbers["command"], REQUESTS)
@@ -70,7 +70,7 @@ def playing(path, speed=1.0):
 
 
 def sent(path, port):
-    """All bytes that a log says were sent on a port."""
+    """Return all bytes that a log records as sent on a port."""
     return b"".join(event.data for event in read_log(str(path))
                     if isinstance(event, WireEvent) and event.port == port and event.what == "out")
 
@@ -107,7 +107,7 @@ def test_the_end_is_told_with_what_was_answered(recorded):
 
 
 def test_the_frame_that_caused_a_request_comes_before_time_stands_still_for_it(tmp_path):
-    """Also to a client whose connection for status was made later than in the log."""
+    # This holds for a client whose connection for status was made later than in the log, too.
     path = str(tmp_path / "wire.mcap")
     log, second = WireLog(path), 10 ** 9
     for number, port in ((1, "command"), (2, "status")):
@@ -191,7 +191,7 @@ def test_without_a_controller_a_client_is_turned_away(tmp_path):
 
 @contextlib.contextmanager
 def unanswered_port():
-    """A port whose backlog is full: the system answers no further client."""
+    """Open a port whose backlog is full: the system answers no further client."""
     with contextlib.ExitStack() as links:
         listener = links.enter_context(socket.create_server(("127.0.0.1", 0), backlog=0))
         for _ in range(4):
@@ -230,7 +230,7 @@ def test_nobody_reads_what_the_proxy_says_and_it_forwards_all_the_same(tmp_path)
 
 @pytest.fixture
 def recorded_move(tmp_path):
-    """A move of joint 1, begun half a second after the start."""
+    """Record a move of joint 1, begun half a second after the start."""
     path = tmp_path / "move.mcap"
     with SimulatedController(log=str(path), start="enabled") as arm:
         with RawFeed(arm.status_port) as feed, RawClient(arm.command_port) as client:

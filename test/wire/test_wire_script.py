@@ -74,7 +74,7 @@ def test_a_log_without_connections_is_refused():
 
 
 def test_questions_about_the_present_are_not_answered_from_another_moment():
-    """The driver would take the feed for old: it shows other joints than the answer."""
+    # The driver would take the feed for old: it shows other joints than the answer.
     replies = Replies()
     for at, text in ((1.0, b"off"), (5.0, b"on")):
         replies.add("get_joint_pos", Reply(0.0, b"then"), at)

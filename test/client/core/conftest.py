@@ -1,4 +1,4 @@
-"""The stories of this folder are a module beside its tests."""
+"""The import path of the stories of this folder, a module beside its tests."""
 import sys
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A core whose controller, feed and time are told by the test, event by event."""
+"""A core whose controller, feed and time are played by the test, event by event."""
 import json
 import math
 
@@ -16,14 +16,14 @@ WHOLE_STOP = ["servo_move", "stop_program"] + ["jog"] * 6
 
 
 class Story:
-    """One arm and its driver's core. Time goes on with ``run``; frames come every 8 ms and tell ``joints``, ``fields``.
+    """One arm and its driver's core. Time goes on with ``run``; frames come every 8 ms and show ``joints``, ``fields``.
 
     Attributes:
-        answers: What was answered, by the call's token: (time, result, error).
+        answers: The answers by the call's token: (time, result, error).
         sent: (time, request) of all that was sent.
-        told: Words for the guard; tells: the same, with what moves.
-        replies: What the controller answers: command name to errorCode, or None for no reply.
-        extra: What its replies hold besides: command name to fields.
+        told: Notifications of the guard; tells: the same, with the moving parts.
+        replies: The controller's replies: command name to errorCode, or None for no reply.
+        extra: Further fields of its replies, by command name.
     """
 
     def __init__(self, ready=True, **settings):
@@ -126,7 +126,7 @@ class Story:
         return self.names().count(name)
 
     def error(self, call):
-        """What the call was answered: "pending", None for success, or its error."""
+        """Return the call's answer: "pending", None for success, or its error."""
         return self.answers[call][2] if call in self.answers else "pending"
 
     def cause(self, call):

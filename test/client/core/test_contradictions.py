@@ -27,7 +27,7 @@ REQUESTS = {MotionOwner.MOVE: "joint_move", MotionOwner.PATH: "moveL", MotionOwn
 
 
 class Cell(Story):
-    """An arm that does what it is told: it follows servo frames, else joint 1 goes on slowly while it is moved."""
+    """An arm that obeys: it follows servo frames, else joint 1 goes on slowly while it is moved."""
 
     moves = False
     wish = None
@@ -105,7 +105,7 @@ class Cell(Story):
         return self
 
     def suffers(self, condition, owner):
-        """The condition holds from now on."""
+        """Bring the condition about, from now on."""
         self.fields.update({
             "emergency stop": {"emergency_stop": 1}, "protective stop": {"protective_stop": 1},
             "no power": {"powered_on": 0}, "drives disabled": {"enabled": False},
@@ -167,7 +167,7 @@ def test_a_motion_that_is_sent_and_not_accepted_yet_is_ended_too(row, owner):
 
 @pytest.mark.parametrize("row, owner", AT_START)
 def test_what_ends_a_motion_forbids_one_to_begin(row, owner):
-    """A stream has no case of servo mode: that it is off is what a stream begins with."""
+    # A stream has no case of servo mode: it begins while that is off.
     cell = Cell().suffers(row.name, owner).run(0.35)
     cell.begin(owner).run(0.1)
     if owner in row.except_for and not (owner is MotionOwner.PROGRAM and row.name == "another's program"):
@@ -181,7 +181,7 @@ def test_what_ends_a_motion_forbids_one_to_begin(row, owner):
 
 @pytest.mark.parametrize("owner", [MotionOwner.MOVE, MotionOwner.JOG])
 def test_what_must_be_waited_for_is(owner):
-    """Another's program that ends within 1.5 s costs nobody his motion."""
+    # Another's program that ends within 1.5 s costs nobody his motion.
     cell = Cell().suffers("another's program", owner).run(0.2).begin(owner).run(0.3)
     assert cell.error("motion") == "pending" and not cell.has_begun(owner)
     cell.fields["interp_state"] = 0
@@ -201,7 +201,7 @@ def test_an_answer_to_a_question_of_before_the_motion_says_nothing_of_it():
 
 
 def test_a_planted_hole_in_the_table_is_found(monkeypatch):
-    """The walk can fail: with one row missing a motion goes on."""
+    # The walk can fail: with one row missing a motion goes on.
     holes = tuple(row for row in TABLE if row.name != "hand guiding")
     monkeypatch.setattr(contradictions, "TABLE", holes)
     assert not Cell().under_way(MotionOwner.MOVE).suffers("hand guiding", MotionOwner.MOVE).run(NOTICED_S).is_stopped()

@@ -1,4 +1,4 @@
-"""Motion that is not this driver's: it is noticed at once, and only what a dead driver left is stopped unasked."""
+"""Motion that is not this driver's: it is noticed at once, and only motion left by a dead driver is stopped unasked."""
 import pytest
 from stories import HOME, PERIOD, WHOLE_STOP, Story
 
@@ -13,7 +13,7 @@ MOVING = {"inpos": False}
 
 
 class Heir(Story):
-    """A driver that finds what a dead one left."""
+    """A driver that finds the custody file of a dead one."""
 
     left = LeftMotion("a jog", JogStop(JogFrame.TOOL, 2), 1764000000.0, 4711)
 

@@ -1,4 +1,4 @@
-"""The links: made again at bounded pauses, left when told so, watched, and made sure of whose they are."""
+"""The links: made again at bounded pauses, closed on request, watched, and checked for their controller's identity."""
 import json
 import math
 
@@ -133,7 +133,7 @@ def test_damage_between_replies_costs_neither_of_them():
 
 
 def test_nothing_but_the_question_who_it_is_leaves_on_a_link_that_is_not_confirmed():
-    """A stop is owed, rest is seen, and the reply with the identity is missing: the open link is not usable yet."""
+    # A stop is owed, rest is seen, and the reply with the identity is missing: the open link is not usable yet.
     story = Story(ready=False, simulator="twin")
     story.extra["get_simulator_identity"] = {"identity": "twin"}
     story.core.opened(Port.COMMAND, story.now)

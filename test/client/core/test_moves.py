@@ -1,4 +1,4 @@
-"""When an accepted move counts as completed, when it is stopped, and what its caller is told."""
+"""The end of an accepted move: when it counts as completed, when it is stopped, and the answer to its caller."""
 import math
 
 import pytest
@@ -79,7 +79,7 @@ def test_a_short_move_is_not_completed_before_it_has_begun(away):
 
 @pytest.mark.parametrize("false_for, true_for", [(0.0, 0.2), (0.1, 0.0), (0.2, 0.1)])
 def test_a_move_that_is_held_near_its_target_is_not_completed_without_a_stop(false_for, true_for):
-    """``inpos`` may be true all the time, false for a moment after the acceptance, or true before the arm rests."""
+    # ``inpos`` may be true all the time, false for a moment after the acceptance, or true before the arm rests.
     speed = 0.096 / (false_for + true_for)
     story = begun((0.1,) + HOME[1:]).run(false_for, move=0.095, speed=speed, inpos=False)
     story.run(true_for, move=0.095, speed=speed, inpos=True).run(0.9)
@@ -333,7 +333,7 @@ def line_to(story, call, end, x, y, radius=0.0):
 
 
 def glide(story, x, y, speed=100.0):
-    """The tool goes straight there, mm; the joints move with it."""
+    """Move the tool straight there, mm; the joints move with it."""
     while math.dist(story.tcp[:2], (x, y)) > 1e-6:
         away = math.dist(story.tcp[:2], (x, y))
         share = min(1.0, speed * 0.008 / away)

@@ -14,13 +14,13 @@ from jaka_ros_driver.protocol.status import encode_frame
 STEP = 0.001
 LONGEST_AGE = 0.8
 ALIKE = 0.01
-"""rad; an arm that turns back, or creeps, is for a while where it was: a frame of then tells the same as one of now."""
+"""rad; an arm that turns back, or creeps, is for a while where it was: a frame of then shows the same as one of now."""
 SWAYING = 0.3
 MOVE = c.JointMove((3.0,) + HOME[1:], 0.3, 1.0)
 
 
 def swaying(t):
-    """Joint 1 of an arm that goes on and on at no more than 0.3 rad/s, rad."""
+    """Return joint 1, rad, of an arm that goes on and on at no more than 0.3 rad/s."""
     return math.sin(SWAYING * (t - 100.0))
 
 
@@ -32,7 +32,7 @@ class SlowLink:
     """A controller that makes frames, a link that carries them at a pace of its own, and a host that reads them.
 
     Attributes:
-        ages: Of each frame that was shown as new and is not like one of 0.8 s ago, s.
+        ages: Age of each frame that was shown as new and is not like one of 0.8 s ago, s.
         drops: When the driver dropped the status port.
     """
 
@@ -115,7 +115,7 @@ def test_a_feed_that_falls_behind_stops_what_moves():
 
 @pytest.mark.parametrize("share", [0.5, 0.85])
 def test_frames_of_before_a_motion_are_no_evidence_of_rest_after_its_stop(share):
-    """The arm has rested while the feed fell behind, so that nothing contradicted it; the motion is a short one."""
+    # The arm has rested while the feed fell behind, so that nothing contradicted it; the motion is a short one.
     link = SlowLink(share=share, joint=resting).run(5.0)
     story, begin = link.story, link.story.now
     story.core.move("move", MOVE, True, begin)
@@ -230,7 +230,7 @@ def jumps(story, by=1.5):
 
 
 def test_joints_that_jump_while_the_arm_is_free_are_not_believed_until_the_controller_says_so():
-    """Also where they rest there: nothing begins from where they jumped to."""
+    # The same holds where they rest there: nothing begins from where they jumped to.
     story = Story()
     true = list(story.joints)
     story.extra["get_joint_pos"] = {"joint_pos": [math.degrees(q) for q in true]}

@@ -1,4 +1,4 @@
-"""A path of several segments in custody: audited, sent in order, followed, and what its caller is told of it."""
+"""A path of several segments in custody: audited, sent in order, followed, and answered to its caller."""
 import math
 
 import pytest
@@ -35,7 +35,7 @@ class OnPath(Story):
         return self
 
     def glide(self, x, y, speed=100.0, **fields):
-        """The tool goes straight there, mm and mm/s, and the joints move with it."""
+        """Move the tool straight there, mm and mm/s; the joints move with it."""
         while math.dist(self.tcp[:2], (x, y)) > 1e-6:
             away = math.dist(self.tcp[:2], (x, y))
             share = min(1.0, speed * PERIOD / away)
@@ -338,7 +338,7 @@ def test_rest_on_the_path_that_the_controller_confirms_ends_it_after_0_3_s():
 
 
 def test_where_more_could_still_begin_the_end_is_made_sure_by_a_stop_after_1_s():
-    """The arm rests 1 mm beside the end of the last of two segments: near enough, and perhaps not the end."""
+    # The arm rests 1 mm beside the end of the last of two segments: near enough, and perhaps not the end.
     story = OnPath().begin("path", line(0.5, 0.1), line(0.5, 0.2)).run(0.1)
     story.glide(500.0, 100.0).glide(500.0, 199.0).run(0.9)
     assert story.error("path") == "pending" and story.count("stop_program") == 0

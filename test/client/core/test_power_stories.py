@@ -1,4 +1,4 @@
-"""Power, enabling and alarms: what is sent to an arm that is sick, and what counts as done."""
+"""Power, enabling and alarms: the requests sent to an arm with a fault, and the evidence that they are done."""
 import pytest
 from stories import HOME, Story
 
@@ -11,7 +11,7 @@ OFF = {"powered_on": 0, "enabled": False}
 
 
 def asked(procedure, **fields):
-    """A story in which a procedure of ``power`` was begun on an arm of this state."""
+    """Return a story in which a procedure of ``power`` was begun on an arm of this state."""
     story = Story()
     story.fields.update(fields)
     story.run(0.1)
@@ -139,7 +139,7 @@ def test_disabling_in_mid_move_stops_the_arm_and_waits_for_its_rest():
     (power.set_enabled, power.set_enabled, ["enable_robot", "disable_robot"], {"enabled": False}),
     (power.set_enabled, power.set_power, ["enable_robot", "disable_robot", "power_off"], {"enabled": False})])
 def test_drives_that_are_coming_on_are_switched_off_though_they_are_off_still(on, off, requests, state):
-    """Else the call would be answered "off", and they would come on behind it."""
+    # Else the call would be answered "off", and they would come on behind it.
     story = asked(lambda core: on(core, True), **state).run(0.2)
     story.core.run("off", off(story.core, False), story.now)
     story.run(0.3)
@@ -158,7 +158,7 @@ def test_drives_that_are_off_are_not_switched_off_again():
 @pytest.mark.parametrize("event, is_ready", [("0x020031", True), ("0x050036", True), ("0x060031", False),
                                              ("0x027a31", False)])
 def test_recovery_leaves_the_event_of_a_joint_on_its_soft_limit_standing_and_no_other(event, is_ready):
-    """The joint has to be moved away, which the arm lets happen; another event stands against every motion."""
+    # The joint has to be moved away, which the arm lets happen; another event stands against every motion.
     story = Story()
     story.fields["errcode"] = event
     story.run(0.1)

@@ -1,4 +1,4 @@
-"""Rules of the core that matter seldom: told event by event, as in the other stories."""
+"""Rules of the core that matter seldom, event by event, as in the other stories."""
 import math
 
 import pytest
@@ -64,7 +64,7 @@ def test_what_the_feed_shows_before_the_acceptance_says_nothing_of_a_program():
 
 @pytest.mark.parametrize("tolerance, is_passed", [(0.02, True), (0.0, False)])
 def test_a_joint_target_with_a_rounded_corner_is_passed_beside(tolerance, is_passed):
-    """0.02 m at a lever of 0.1 m are 0.2 rad; the arm turns back 0.1 rad before the target."""
+    # 0.02 m at a lever of 0.1 m are 0.2 rad; the arm turns back 0.1 rad before the target.
     story = Story()
     story.core.move("first", to(0.5, tolerance), False, story.now, "end of first")
     story.core.move("second", to(0.0), False, story.now, "end of second")
@@ -185,7 +185,7 @@ def test_a_pose_that_is_not_reached_in_time_is_refused(target, ahead, is_taken):
 
 
 def test_an_arm_that_lags_behind_a_stream_of_targets_is_where_it_was_sent():
-    """0.15 rad behind the newest frame, where 0.04 rad beside all of them would be too far."""
+    # The arm is 0.15 rad behind the newest frame; 0.04 rad beside all of them would be too far.
     story = in_servo_mode()
     for n in range(1, 126):
         story.core.set_servo_target(ServoJoint((0.004 * n,) + HOME[1:]), story.now)
@@ -196,7 +196,7 @@ def test_an_arm_that_lags_behind_a_stream_of_targets_is_where_it_was_sent():
 
 @pytest.mark.parametrize("away, stops", [(20.0, 0), (50.0, 1)])
 def test_a_tool_that_is_not_where_it_was_sent_is_stopped(away, stops):
-    """mm; 30 are allowed."""
+    # In mm; 30 are allowed.
     story = in_servo_mode().run(0.2)
     story.core.set_servo_target(ServoPose(Pose((0.001, 0.0, 0.0), (0.0, 0.0, 0.0)), True), story.now)
     story.run(0.2)
@@ -288,7 +288,7 @@ def test_a_refused_part_leaves_the_others_of_the_queue():
     assert story.error("end of first") is None and story.core.is_free and story.count("stop_program") == 0
 
 
-# ---- what the log says ----
+# ---- the log ----
 
 def logged(story, words):
     return sum(words in text for text in story.log)
@@ -338,7 +338,7 @@ def test_the_end_of_servo_mode_is_logged_where_it_was_on():
 # ---- pauses between tries, what the controller is asked besides ----
 
 def pauses_between_tries(lasts, tries=5):
-    """Each time the connection is up for so long, s, and then ends."""
+    """Return the pauses between tries to connect; each time the connection is up for so long, s, and then ends."""
     story = Story()
     pauses = []
     for _ in range(tries):

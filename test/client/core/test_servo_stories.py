@@ -10,7 +10,7 @@ from jaka_ros_driver.errors import CommandRejected, InvalidCommand, StopCause
 
 
 def streaming(**settings):
-    """In servo mode, held where the arm is."""
+    """Return a story in servo mode, held where the arm is."""
     story = Story(**settings)
     story.core.servo_mode("servo", True, story.now)
     story.perform()

@@ -11,7 +11,7 @@ PERIOD = 0.008
 
 
 def seen(stillness, begin, end, joints=(0.0,) * 6):
-    """Frames of these joints from begin to end, s, one every 8 ms."""
+    """Feed frames of these joints from begin to end, s, one every 8 ms."""
     for n in range(int(round((end - begin) / PERIOD)) + 1):
         stillness.observe(RobotState(tuple(joints), True, True, True, False, False, received_at=begin + n * PERIOD))
     return stillness
@@ -85,7 +85,7 @@ QUANTUM = math.radians(1e-4)
 
 
 def rests(angle, period, seconds, noise=0.0, is_still=Stillness):
-    """Times at which an arm counts as at rest, whose joint 1 is at ``angle(t)``, as the feed writes it."""
+    """Return when an arm counts as at rest, whose joint 1 is at ``angle(t)``, as the feed writes it."""
     chance, stillness, found = random.Random(1), is_still(), []
     for n in range(int(seconds / period)):
         told = [q + chance.uniform(-noise, noise) for q in (angle(n * period), 0.5)]
@@ -111,7 +111,7 @@ def test_an_arm_whose_readings_are_noisy_rests(period):
 
 
 class _WithoutCreep(Stillness):
-    """Rest as it was before creeping counted."""
+    """Stillness as it was before creeping counted."""
 
     def observe(self, state):
         super().observe(state)
@@ -123,7 +123,7 @@ ENDS = {
     "20 rad/s3": lambda t: -20.0 * t ** 3 / 6.0, "1 rad/s3": lambda t: -t ** 3 / 6.0,
     "a filter of 0.05 s": lambda t: 0.02 * (1.0 - math.exp(t / 0.05)) if t < 0.0 else 0.0}
 SOFT = ("0.1 rad/s2", "1 rad/s3")
-"""They are slower than 0.005 rad/s for long enough to look like a creep for a moment."""
+"""Profiles slower than 0.005 rad/s for long enough to look like a creep for a moment."""
 
 
 @pytest.mark.parametrize("period", [0.008, 0.03, 0.1])

@@ -276,7 +276,7 @@ def test_the_caller_of_a_stop_does_not_wait_for_a_slow_command_before_it():
 
 
 def test_a_stop_that_is_refused_after_a_lost_link_is_repeated_on_the_next_one():
-    """One was on its way when the link went down; its reply will never come, and holds nothing back."""
+    # One was on its way when the link went down; its reply will never come, and holds nothing back.
     story = Story()
     story.core.move("move", MOVE, True, story.now)
     story.run(0.3, move=1.0, inpos=False)

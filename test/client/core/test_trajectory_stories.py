@@ -42,7 +42,7 @@ class Following(Story):
         return self
 
     def follow(self, call, points, tolerances=LOOSE, elapsed=0.0, lead=0.016):
-        """As the shell does it: start, path, audit, goal."""
+        """Follow points as the shell does: start, path, audit, goal."""
         token = "start of %s" % call
         self.core.trajectory_start(token, lead, self.core.stops, self.now)
         self.perform()
@@ -56,7 +56,7 @@ class Following(Story):
 
 
 def to(time, *ways):
-    """A point of rest: joint 1 this far from home, and so on."""
+    """Return a point of rest: joint 1 this far from home, and so on."""
     return TrajectoryPoint(time, tuple(h + w for h, w in zip(HOME, ways + REST[len(ways):])), REST)
 
 
@@ -66,7 +66,7 @@ def frames(story):
 
 
 def moves(story):
-    """Joint 1 from frame to frame, rad."""
+    """Return the motion of joint 1 from frame to frame, rad."""
     path = [frame[0] for frame in frames(story)]
     return [b - a for a, b in zip(path, path[1:])]
 

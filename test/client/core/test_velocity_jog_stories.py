@@ -1,4 +1,4 @@
-"""A velocity jog in the core: what begins it, what ends it, and that nothing begins it again."""
+"""A velocity jog in the core: its begin, its ends, and that nothing begins it again."""
 import math
 
 import pytest
@@ -39,7 +39,7 @@ class Pad:
         story.perform()
 
     def wait(self, seconds, says=None, **fields):
-        """Let time pass; ``says``: a velocity that is said meanwhile."""
+        """Let time pass; ``says``: a velocity that is published meanwhile."""
         for count in range(int(round(seconds / PERIOD))):
             if says is not None and count % 2 == 0:
                 self.say(says)
@@ -58,19 +58,19 @@ class Pad:
         return [(at, request["jointPosition"]) for at, request in self.story.sent if request["cmdName"] == "servo_j"]
 
     def speed(self):
-        """Of the first joint in the last two frames, rad/s."""
+        """Return the first joint's speed in the last two frames, rad/s."""
         (_, before), (_, after) = self.frames()[-2:]
         return math.radians(after[0] - before[0]) / PERIOD
 
     def stopped_after(self):
-        """From the last message that counted until the frames are all the same, s."""
+        """Return the time from the last message that counted until the frames are all the same, s."""
         frames = self.frames()
         moving = [b for a, b in zip(frames, frames[1:]) if a[1] != b[1]]
         return moving[-1][0] - self.told_at
 
 
 def rests(pad, reason, says=WISH):
-    """It has come to rest in time, is free, and does not begin again whatever is said but rest."""
+    """Check that the jog came to rest in time, is free, and begins again only after a message of rest."""
     assert pad.stopped_after() <= STOPPED_WITHIN_S
     pad.wait(0.7)
     count = len(pad.frames())

@@ -1,4 +1,4 @@
-"""The stop as one thing: whole from every sender, and seen to have worked before its caller is told that it has."""
+"""The stop as one thing: whole from every sender, and seen to have worked before its caller gets success."""
 import pytest
 from stories import HOME, PERIOD, WHOLE_STOP, Story
 
@@ -37,7 +37,7 @@ class Jogged(Story):
                 self.axis = None
 
     def pass_time(self, seconds):
-        """Let time pass, while the jog goes on; seconds until it had ended."""
+        """Let time pass while the jog goes on; return the seconds until it had ended."""
         began = self.now
         while self.now < began + seconds and self.axis is not None:
             self.joints[self.axis] += 0.3 * PERIOD
@@ -143,7 +143,7 @@ def test_a_jog_of_nobodys_that_a_program_stop_does_not_end_is_ended(axis):
 
 
 def test_a_jog_in_custody_that_its_own_end_does_not_end_is_ended_by_all():
-    """It was begun by this driver, and another axis moves."""
+    # It was begun by this driver, and another axis moves.
     story = Story()
     story.core.jog("jog", Jog(JogFrame.JOINT, 0, 0.3), story.now)
     story.run(0.3, move=1.0, **MOVING)

@@ -1,4 +1,4 @@
-"""The dead-man: which messages count, and what lets go."""
+"""The dead-man: which messages count, and what ends the hold."""
 import pytest
 
 from jaka_ros_driver.client.core.velocity_jog.dead_man import ALONE_S, FRESH_S, DeadMan, JogMessage
@@ -12,7 +12,7 @@ BEGIN = 100.0
 
 
 def message(now, wish=WISH, source="/pad", age=0.0, stamp=None, problem=""):
-    """One that arrives now; ``stamp``: s, of the publisher's clock."""
+    """Return a message that arrives now; ``stamp``: s, of the publisher's clock."""
     return JogMessage(source, int(1e9 * (now - age if stamp is None else stamp)), age, now, wish, problem)
 
 
@@ -67,7 +67,7 @@ def test_what_arrives_after_the_time_without_a_tick_between_does_not_keep_hold()
     (lambda now: message(now, stamp=BEGIN - 0.01), "not later"),
     (lambda now: message(now, stamp=0.0), "header.stamp is 0")])
 def test_what_does_not_count_does_not_keep_hold(make, match):
-    """The hand is let go when the time of the last message that counted is over, and not before."""
+    # The hold ends when the time of the last message that counted is over, and not before.
     dead_man = held()
     for number in range(1, 20):
         now = BEGIN + 0.01 * number

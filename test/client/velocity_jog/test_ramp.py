@@ -41,7 +41,7 @@ def of_tool(*twist, frame=JogFrame.BASE, tool=TOOL):
 
 
 class Watched:
-    """A ramp whose every step is checked."""
+    """A ramp whose steps are all checked."""
 
     def __init__(self, start=HOME, model=MODEL, speeds=SPEEDS):
         self.model, self.ramp = model, JogRamp(start, model, speeds)
@@ -61,7 +61,7 @@ class Watched:
         return self
 
     def brake(self):
-        """Cycles until it rests."""
+        """Brake to rest; return the cycles it took."""
         for count in range(1, 100):
             self.step(None)
             if self.ramp.is_still:
@@ -204,7 +204,7 @@ def test_a_rotation_of_the_tool_is_none_of_its_centre():
 
 
 def twist_of(watched):
-    """What the tool does in the last cycle, m/s (3,) and rad/s (3,)."""
+    """Return the tool's twist in the last cycle, m/s (3,) and rad/s (3,)."""
     return jacobian(watched.model, watched.path[-2], TOOL) @ np.array(watched.velocity)
 
 

@@ -8,8 +8,8 @@ def broken_invariant(core: Any, is_moving_told: bool, now: float) -> str:
     """Return the first invariant that does not hold, in words; "" where all hold.
 
     Args:
-        core: The core, when all that it asked for has been done.
-        is_moving_told: Its last word to the guard.
+        core: The core, when all actions that it asked for have been performed.
+        is_moving_told: The newest notification to the guard.
         now: s.
     """
     for text in _broken(core, is_moving_told, now):
@@ -22,13 +22,13 @@ def _broken(core: Any, is_moving_told: bool, now: float) -> Iterator[str]:
     if custody.is_free is not (custody.motion is None):
         yield "custody is %s, and its motion is %r" % ("free" if custody.is_free else "held", custody.motion)
     if is_moving_told is custody.is_free:
-        yield "custody is %s, and the guard was told that the arm %s" % (
+        yield "custody is %s, and the guard was notified that the arm %s" % (
             "free" if custody.is_free else "held", "moves" if is_moving_told else "rests")
     has_link = channel.is_open
     if custody.must_stop and has_link and not custody._outstanding and custody._retry_at == _NEVER:
         yield "a stop is owed, the link is up, no reply is outstanding, and no retry is due"
     if custody.is_ending and not custody._is_told and custody.deadline == _NEVER:
-        yield "the callers of a motion that is being ended may never be told"
+        yield "the callers of a motion that is being ended may never get an answer"
     if channel.is_open and channel.introduction is not None:
         yield "a link is trusted whose controller is still being asked who it is"
     if links.is_ready and not has_link:

@@ -1,7 +1,8 @@
 """The judge: what must hold of the arm, at every cycle, whatever goes wrong around the driver.
 
-Judged is what is true of the simulated arm, what the controller executed and when, what was on the wire; never what
-the core says of itself, but for its answers, which are themselves judged. Each exception stands here with its reason.
+Evidence is the simulated arm's true state, the controller's executed commands with their times, and the bytes on the
+wire; never the core's own account, except for its answers, which are themselves judged. Each exception stands here with
+its reason.
 """
 from collections import deque
 from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Tuple
@@ -12,6 +13,32 @@ from guard_process import GuardProcess
 from motion_rules import MotionRules
 from path_rules import passes, told_truly
 from sent_rules import SentRules, is_whole_stop, requests_in
+from slacks import (
+    AGE_SLACK,
+    ANSWER_SLACK,
+    AT_REST,
+    GUARD_ACTS,
+    GUARD_AGAIN,
+    GUARD_KILLS,
+    JOG_BRAKE,
+    JOG_LAG,
+    JOG_SLACK,
+    LONGEST_TRAJECTORY,
+    LOOK_PERIOD,
+    MOVING,
+    OLD_NEWS,
+    PAUSE_SLACK,
+    RECOVERY_SLACK,
+    REST_AFTER_STOP,
+    SHOWN_AGE,
+    SHOWN_PERIODS,
+    SIGHT_SLACK,
+    STOP_AGAIN,
+    STOP_ANSWER_SLACK,
+    UNOWNED,
+    UNSEEN_WAY,
+    UNTELLING,
+)
 from status_feed import Frame
 from verdict import RuleBroken, Verdicts
 from virtual_clock import Clock
@@ -27,66 +54,15 @@ from jaka_ros_driver.simulation.controller.controller_state import ProgramState
 from jaka_ros_driver.simulation.dialect.dialect import REFUSED
 from jaka_ros_driver.state import RobotState, Vector
 
-MOVING = 2e-3
-"""rad/s; an arm with a faster joint moves."""
-AT_REST = 5e-3
-"""rad/s; an arm without a faster joint has completed its move."""
-UNSEEN_WAY = 5e-4
-"""rad"""
-UNOWNED = 0.3
-"""s that an arm may move without custody: a driver sees late what it sees."""
-REST_AFTER_STOP = 0.5
-"""s; the longest coast that the generator's motions have is shorter."""
-JOG_SLACK = 0.3
-"""s; the arm rests so soon after the deadline, as the page says: 0.26 s were needed at most in 2,300 seeds."""
-JOG_LAG = 0.15
-"""s; so late an arm follows the frames of a jog, at most: 0.10 s in 2,600 seeds."""
-JOG_BRAKE = 0.1
-STOP_AGAIN = 0.2
-"""s; from the last refusal of a stop to the next one."""
-SIGHT_SLACK = 0.3
-UNTELLING = 0.006
-"""rad; a feed that shows joints as near as this to where they are is not known to repeat itself."""
-SHOWN_AGE = 0.15
-"""s; so old may a state be that is shown as new, beside the wire's own latency."""
-AGE_SLACK = 0.1
-"""s, over ``silence_timeout``: the driver's timer, the wire's latency and one cycle."""
-OLD_NEWS = 0.3
-"""s; after a frame that came on time with what was not true then."""
-SHOWN_PERIODS = 3.5
-"""A hiccup of a slow feed that is shorter cannot be told from its usual jitter: so many periods old a state may be."""
-STOP_ANSWER_SLACK = 0.06
-"""s, over the time-out of the reply: nothing else holds the answer to a stop up but the driver's timer of 0.02 s and
-the judge's look of 0.04 s; 0.016 s were needed in 1,500 seeds."""
-ANSWER_SLACK = 3.5
-"""s, over what a call may take by its settings: 1.5 s of waiting for rest and 2 s for servo mode to be confirmed. 2.1 s
-were needed in 1,500 seeds."""
-RECOVERY_SLACK = 3.5
-"""s, over that: a recovery waits for rest, and twice for what clear_error does. 1,500 seeds needed none of it."""
-LONGEST_TRAJECTORY = 300.0
-"""s; a trajectory may be paused or slowed for most of a scenario."""
-PAUSE_SLACK = 0.02
-"""s; of rest that was seen."""
-FREE_AFTER = 2.0
-"""s; so long after everything is well and the arm at rest, custody has ended."""
 _JOINT_TOLERANCE, _POSITION_TOLERANCE, _ANGLE_TOLERANCE = 0.01, 0.002, 0.02
 _SAME_JOINT = 1e-6
 _CYCLE = 0.008
 _HISTORY_S = 8.0
-_GUARD_AGAIN = 2.2
-"""s; a guard that was turned away, or gets no reply, begins anew: 1 s to connect, 1 s for the reply, and its pauses."""
-GUARD_ACTS = 0.35
-"""s; from the driver's last sign of life: 0.25 s of silence, its turns of 20 ms, the connection, the request. With the
-time to rest, 0.31 s more than REST_AFTER_STOP were needed in 2,200 seeds."""
 _NEVER = float("inf")
-GUARD_KILLS = 0.4
-"""s; before that a guard is turned away for 0.25 s, and then ends the driver's process."""
-_LOOK_PERIOD = 0.04
-"""s; what changes slowly is looked at so often: obstacles, calls that are not answered."""
 
 
 class _Quiet(NamedTuple):
-    """From ``since`` on nothing moves the arm that was asked for before call ``number``."""
+    """A demand for rest: from ``since`` on no motion that was asked for before call ``number`` moves the arm."""
 
     since: float
     number: int
@@ -95,12 +71,12 @@ class _Quiet(NamedTuple):
 
 
 class Judge:
-    """Watches one world; the first broken rule ends it.
+    """The judge of one world; the first broken rule ends it.
 
     Attributes:
         sent: Rules about the command port.
-        cycles_moving: Cycles in which the driver's motion was under way: a seed in which nothing moves shows nothing.
-        answers: How often which kind of call ended how.
+        cycles_moving: Cycles in which a motion of the driver ran: a seed in which nothing moves shows nothing.
+        answers: Counts of answers by kind of call and outcome.
     """
 
     def __init__(self, clock: Clock, network: Network, room: ControllerRoom, model: ArmModel, settings: ClientSettings,
@@ -119,9 +95,9 @@ class Judge:
         low, high = network.terms[Port.STATUS, False].latency
         self._wire_age = high + _CYCLE + lateness
         self._shown_age = SHOWN_AGE + self._wire_age
-        # to find out that a connection is dead, by a beat and its time-out, or by one that nobody answers; the
-        # longest pause before the next try; a round trip
-        self._relink = (0.25 + settings.reply_timeout + settings.connect_timeout + 0.5 + 4.0 * high + _LOOK_PERIOD
+        # The time to find out that a connection is dead (a heartbeat and its time-out, or a try that nobody answers),
+        # the longest pause before the next try, and a round trip.
+        self._relink = (0.25 + settings.reply_timeout + settings.connect_timeout + 0.5 + 4.0 * high + LOOK_PERIOD
                         + 2.0 * lateness)
         self._joints: Deque[Tuple[float, Vector]] = deque()
         self._next_look = clock.now
@@ -129,7 +105,8 @@ class Judge:
         self._begin_anew()
 
     def _begin_anew(self) -> None:
-        """A driver's process starts: what was asked of another one before it is none of its business."""
+        """Reset what is judged of a driver's process: a new one is not answerable for the calls of the one before
+        it."""
         now = self._clock.now
         self.sent = SentRules(self._room, self._model, self._settings, self._lateness, self._identity, self.verdicts)
         self.motion = MotionRules(self._room, self.verdicts, self._lateness)
@@ -154,65 +131,66 @@ class Judge:
     # ---- events of the driver's process ----
 
     def broken(self, text: str) -> None:
-        """The core breaks the contract of core and shell."""
+        """Report that the core breaks the interface of core and shell."""
         raise RuleBroken("contract", self._clock.now, text)
 
     def paused(self, now: float, until: float) -> None:
-        """The process stands still: no driver can act. Judged again from its end; meanwhile its guard is."""
+        """Note that the process stands still: no driver can act. It is judged again from the end; until then its guard
+        is."""
         self._asleep_for += until - now
         if self.driver.is_moving_told and self.guard is not None:
             self._guarded_from = now
 
     def died(self, now: float) -> None:
-        """The process was killed: nobody answers its calls."""
+        """Note that the process was killed: nobody answers its calls."""
         self.sent.open_calls.clear()
         self._quiet.clear()
         if self.driver.is_moving_told and self.guard is not None:
             self._guarded_from = min(self._guarded_from, now)
 
     def starts(self, now: float) -> None:
-        """Another process has been started in its place."""
+        """Note that another process has been started in its place."""
         self._begin_anew()
         self._excused_until = now + self._relink
 
     def guard_sends(self, data: bytes, now: float) -> None:
-        """The guard's bytes for the command port."""
+        """Judge the guard's bytes for the command port."""
         if not is_whole_stop(requests_in(data)):
             self.verdicts.breaks("guard's whole stop", "whole", now, "the guard's stop is only %r" % data)
 
     def tells(self, is_moving: bool, now: float) -> None:
-        """The driver's word to its guard."""
+        """Note the driver's notification to its guard."""
         self.motion.tells(is_moving, now)
 
     def reads_replies(self, replies: Tuple[Reply, ...], now: float) -> None:
-        """The driver has read the last bytes of these replies."""
+        """Note that the driver has read the last bytes of these replies."""
         for reply in replies:
             if reply.command == "get_simulator_identity" and self._settings.simulator:
                 self.sent.is_confirmed = self._settings.simulator.encode() in reply.text
             self.motion.reads_reply(reply, now)
 
     def resumed(self, now: float) -> None:
-        """It goes on."""
+        """Note that the process runs again."""
         self._guarded_from = _NEVER
         self._awake_since = now
         self._excused_until = now + self._relink
         self.sent.resumed(now)
 
     def obstacle(self) -> None:
-        """Connections may be dead, and the driver has not been told."""
+        """Excuse the driver and its guard for a while: connections may be dead without either having noticed."""
         self._mute(self._clock.now)
         self._excused_until = self._clock.now + self._relink
-        self._guard_excused_until = self._clock.now + _GUARD_AGAIN
+        self._guard_excused_until = self._clock.now + GUARD_AGAIN
 
     def _mute(self, now: float) -> None:
-        """The controller's answers do not come through, which would tell how old a slow feed is."""
+        """Note that the controller's answers, which would show how old a slow feed is, do not come through."""
         self._mute_until = now + self._relink + self._settings.silence_timeout
 
     def link_up(self, port: Port, now: float) -> None:
-        """A connection has been made."""
+        """Ignore a new connection."""
 
     def link_lost(self, port: Port, now: float) -> None:
-        """The driver knows that a connection has ended: by a fault, or because it gave it up itself."""
+        """Note that the driver knows of a connection's end: by a fault, or because it gave it up itself."""
         self.sent.alarmed(is_fault=False)
         self.sent.jog.ended(now)
         self.motion.ended()
@@ -222,7 +200,7 @@ class Judge:
             self.sent.is_confirmed = not self._settings.simulator
 
     def reads_frames(self, frames: Tuple[Frame, ...], now: float) -> None:
-        """The driver has read the last bytes of these status frames."""
+        """Note that the driver has read the last bytes of these status frames."""
         for frame in frames:
             if not frame.is_readable:
                 continue
@@ -234,7 +212,7 @@ class Judge:
                 self._true_at = now
             if frame.shows_fault:
                 self.sent.alarmed(is_fault=True, is_standing=self._showed_fault)
-                if not self._showed_fault:  # rest that is said while it stands is said after it
+                if not self._showed_fault:  # a message of rest while the fault stands counts as one after it
                     self.sent.jog.ended(now)
             self._showed_fault = frame.shows_fault
             if frame.restarts > self._restarts_seen:
@@ -242,7 +220,7 @@ class Judge:
                 self.sent.alarmed(is_fault=False)
 
     def called(self, call: Call) -> None:
-        """The core is about to get a call."""
+        """Note a call that the core is about to get."""
         self.sent.called(call)
         self.sent.asking = call
         if call.kind == "jog_message":
@@ -256,13 +234,13 @@ class Judge:
                               and (not self._settings.simulator or self.sent.knows_controller))
 
     def was_called(self, call: Call) -> None:
-        """Everything that the core does at once because of this call has been done."""
+        """Judge a call after the core has done all that it does at once: a stop must have gone out."""
         self.sent.asking = None
         if self._stop_is_owed and self.sent.stops_seen == self._stops_before:
             raise RuleBroken("i", self._clock.now, "%s: the command port is open, and no stop went out" % call)
 
     def sends(self, data: bytes, is_open: bool, now: float) -> None:
-        """Bytes for the command port."""
+        """Judge bytes for the command port."""
         if not is_open:
             raise RuleBroken("contract", now, "bytes for a command port that is not open: %r" % data[:200])
         for request in self.sent.sends(data, self.driver.is_moving_told, now):
@@ -279,7 +257,7 @@ class Judge:
         self._quiet = [quiet for quiet in self._quiet if quiet.number > self.sent.last_motion]
 
     def answered(self, call: Call, was_answered: bool, now: float) -> None:
-        """A call has ended."""
+        """Judge the answer to a call."""
         if was_answered:
             raise RuleBroken("e", now, "%s is answered twice" % call)
         self.sent.answered(call, now)
@@ -300,19 +278,19 @@ class Judge:
         if call.was_sent and isinstance(call.error, MotionInterrupted) and call.error.cause in (
                 StopCause.STOPPED, StopCause.CANCELLED):
             self._is_quiet(_Quiet(now + REST_AFTER_STOP, call.number + 1, "e",
-                                  "after %s was told that it is stopped" % call))
+                                  "after %s was answered as stopped" % call))
 
     def _is_quiet(self, quiet: _Quiet) -> None:
         if quiet.number > self.sent.last_motion:
             self._quiet = self._quiet[-7:] + [quiet]
 
     def shown(self, state: RobotState, is_new: bool, now: float) -> None:
-        """A state for the publishers."""
+        """Judge a state that the driver hands to its publishers."""
         if not is_new:
             return
         self.motion.shown(state, now)
         if now < self._old_until:
-            return  # no driver can know; see the rules for what it does of it
+            return  # no driver can know it; other rules judge what it does because of it
         age = max(self._shown_age, SHOWN_PERIODS * self._room.controller.state.feed_period + self._wire_age)
         oldest = now - age
         until = now
@@ -325,13 +303,16 @@ class Judge:
             until = since
         if self._network.is_slow(Port.STATUS, False) and (
                 now < self._mute_until or not self._is_older(state.joint_position, now)):
-            return  # without the controller's answers, nothing tells how old a slow feed is
+            return  # without the controller's answers, nothing shows how old a slow feed is
         check = "age" if self._network.is_slow(Port.STATUS, False) else "g"
         self.verdicts.breaks(check, check, now, "a state is shown as new that the arm was not in within the last %.3f "
                              "s; %s" % (age, self._age_of(state.joint_position, now)))
 
     def _is_older(self, joints: Vector, now: float) -> bool:
-        """Than may be shown on a link slower than the feed; excepted is motion too small to be told from rest."""
+        """Return whether joints are older than a link slower than the feed allows.
+
+        Motion too small to differ from rest does not count.
+        """
         until, oldest = now, now - self._settings.silence_timeout - AGE_SLACK - self._wire_age
         for since, known in reversed(self._joints):
             if until < oldest:
@@ -350,7 +331,7 @@ class Judge:
         return "it is older than anything known, or was never true"
 
     def closes(self, now: float) -> None:
-        """The driver is told to shut down."""
+        """Note that the driver shuts down from now on."""
         self._closed_at = now
         self.sent.is_closed = True
 
@@ -367,18 +348,18 @@ class Judge:
             while len(self._joints) > 2 and self._joints[1][0] < now - _HISTORY_S:
                 self._joints.popleft()
         if now >= self._next_look:
-            self._next_look = now + _LOOK_PERIOD
+            self._next_look = now + LOOK_PERIOD
             self._look_for_obstacles(now)
             self._scan_calls(now)
             self._note_arrivals(plant)  # also of an arm that rests: its move may lead to where it is
             if room.controller.state.is_paused:
-                self._paused_for += _LOOK_PERIOD
+                self._paused_for += LOOK_PERIOD
             if not self.driver.is_paused and not self.driver.is_gone and self._closed_at is None:
                 self.motion.look(now, max(self._excused_until, self._awake_since))
         frozen = room.feed.frozen_joints
         if frozen and max([abs(a - b) for a, b in zip(frozen, plant.joint_position)]) < UNTELLING:
             self._true_at = now
-        if plant.is_moving:  # whoever moves it
+        if plant.is_moving:  # by anybody
             for call in self.sent.open_calls.values():
                 if call.kind == "path" and call.was_sent:
                     passes(call, plant)
@@ -393,7 +374,10 @@ class Judge:
             self._unowned_since = self._untold_from = None
 
     def _program(self, now: float) -> None:
-        """Excepted: what ``_unowned`` excepts, and a driver that cannot see or stop it yet."""
+        """Judge that a program of the driver runs in its custody.
+
+        Excepted: what ``_unowned`` excepts, and a driver that cannot see or stop it yet.
+        """
         program, driver = self._room.controller.state.program_state, self.driver
         if program is ProgramState.IDLE or self._room.player is not DRIVER:
             self._loose_since, self._why_loose = now, ""
@@ -407,7 +391,7 @@ class Judge:
             self.verdicts.breaks(self._why_loose, "r", now, "a program of the driver's runs without custody")
 
     def _look_for_obstacles(self, now: float) -> None:
-        """Until when no driver could have stopped the arm, whatever it does."""
+        """Note until when no driver could have stopped the arm, whatever it does."""
         faults, network = self._room.faults, self._network
         is_mute = (now < faults.noise_until or now < faults.delays_until or self._room.is_off
                    or self._room.keeps_driver_waiting or not network.carries(Port.COMMAND))
@@ -415,16 +399,16 @@ class Judge:
             self._mute(now)
         if (is_mute or network.is_slow(Port.COMMAND, True) or network.is_slow(Port.COMMAND, False)):
             self._excused_until = now + self._relink
-            self._guard_excused_until = now + _GUARD_AGAIN
+            self._guard_excused_until = now + GUARD_AGAIN
         elif self.driver.is_paused:
             self._excused_until = now + self._relink
         elif now < faults.refuses_stop_until:
             self.stop_is_refused("stop_program")
 
     def stop_is_refused(self, part: str) -> None:
-        """A stop that is refused is to be repeated; ``part``: the request of it that is.
+        """Give the driver and its guard the time to repeat a refused stop; ``part`` is the request that was refused.
 
-        Whether a refused end of a jog had a jog to end no reply tells: the stop was accepted, and is sent again.
+        No reply tells whether a refused end of a jog had a jog to end: the stop was accepted, and is sent again.
         """
         if part == "jog":
             self._jog_end_is_due = self._clock.now + STOP_AGAIN + REST_AFTER_STOP
@@ -432,7 +416,7 @@ class Judge:
         self._guard_excused_until = max(self._guard_excused_until, self._clock.now + STOP_AGAIN)
 
     def _guarded(self, now: float, plant: Any) -> None:
-        """The driver is dead or frozen with a motion in custody: its guard stops the arm."""
+        """Judge the guard of a driver that is dead or frozen with a motion in custody: it must stop the arm."""
         is_without = self.driver.is_paused or self.driver.is_gone
         is_its = self._room.mover is ORPHAN or (is_without and self._room.mover is DRIVER)
         if not is_its and not is_without and self.guard is not None and not self.guard.is_stopping:
@@ -492,17 +476,22 @@ class Judge:
                 call.was_there = _is_there(call.command, plant)[0]
 
     def _untold(self, now: float, joints: Vector) -> None:
-        """Excepted: less than a driver can see, as the last 10 um of a move that is where it is to go already."""
+        """Judge that the guard knows of the motion.
+
+        Excepted: less than a driver can see, as the last 10 um of a move that is where it is to go already.
+        """
         if self.driver.is_moving_told or self._untold_from is None:
             self._untold_from = None if self.driver.is_moving_told else joints
         elif max([abs(a - b) for a, b in zip(joints, self._untold_from)]) > UNSEEN_WAY:
             self.verdicts.breaks(self._room.feed.blindness(), "h", now,
-                                 "the arm moves, and the guard's last word is that it rests")
+                                 "the arm moves, and the guard was last notified that it rests")
 
     def _unowned(self, now: float) -> None:
-        """Excepted: a pause of the process, judged from its end; coasting after a stop that was carried out.
+        """Judge that the arm moves in custody only.
 
-        Hand guiding and what others move never come here.
+        Excepted: a pause of the process, judged from its end; coasting after a stop that was carried out. Hand guiding,
+        and
+        motions of others than the driver, never come here.
         """
         if not self.driver.core.is_free or self.driver.is_paused or (
                 now - self._room.stop_executed_at < REST_AFTER_STOP
@@ -566,14 +555,15 @@ class Judge:
     # ---- the end ----
 
     def must_rest(self, rule: str = "e") -> None:
-        """Nobody wants motion any more, and nothing stands against a stop; or the driver is gone, and no guard acts."""
+        """Judge that the arm rests at the end: no motion is wanted and no stop obstructed, or the driver is gone
+        without guard."""
         plant = self._room.controller.state.plant
         if plant.is_moving and self._room.mover is DRIVER and max(map(abs, plant.joint_velocity)) > MOVING:
             self.verdicts.breaks(self._room.feed.blindness() if rule == "goodbye" else "", rule, self._clock.now,
                                  "the arm has not come to rest at the end")
 
     def must_be_free(self) -> None:
-        """As ``must_rest``; and there is nothing left to guard."""
+        """Judge that the arm is out of custody at the end, and servo mode left."""
         if self._room.controller.state.plant.is_servo_active:
             raise RuleBroken("k", self._clock.now, "all is well, and the controller is still in servo mode")
         if not self.driver.core.is_free or self.driver.is_moving_told:
@@ -581,19 +571,19 @@ class Judge:
                 self.driver.core.motion_owner))
 
     def must_be_ready(self) -> None:
-        """Everything has been well for a while: whoever wants to move the arm can."""
+        """Judge that the driver is ready for a motion, all having been well for a while."""
         if not self.driver.core.is_ready(self._clock.now):
             raise RuleBroken("l", self._clock.now, "all is well, and the driver is not ready: %s, %s" % (
                 self.driver.core.links.health(), self.driver.core.links.feed_health(self._clock.now)))
 
     def all_are_answered(self) -> None:
-        """The driver has ended."""
+        """Judge that the driver has answered every call before its end."""
         for call in self.sent.open_calls.values():
             raise RuleBroken("e", self._clock.now, "%s is not answered at the end" % call)
 
 
 def _is_there(command: Any, plant: Any) -> Tuple[bool, str]:
-    """Whether the arm is at the target of a move, and how far it is from it, in words."""
+    """Return whether the arm is at the target of a move, and how far it is from it, in words."""
     if isinstance(command, c.JointMove):
         away = max([abs(a - b) for a, b in zip(command.joint_position, plant.joint_position)])
         return away <= _JOINT_TOLERANCE, "%.4f rad" % away

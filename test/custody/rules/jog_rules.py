@@ -1,6 +1,6 @@
-"""Rules about velocity jogs: begun by a fresh wish after rest was said, and at rest 0.3 s after the last message.
+"""Rules about velocity jogs: begun by a fresh wish after a message of rest, and at rest 0.3 s after the last message.
 
-Judged by the messages themselves, as they were published, and by what is sent; a dead-man of the judge's own.
+Judged by the messages as they were published, and by the frames sent; the dead-man is the judge's own.
 """
 import math
 from typing import Dict, Optional, Tuple
@@ -11,18 +11,22 @@ from jaka_ros_driver.kinematics.limits import JOINT_ACCELERATION_CEILING
 
 SERVO_CYCLE = 0.008
 FRESH = 0.2
+"""s; how long a message counts, the figure in docs/velocity_jog.md."""
 ALONE = 0.5
+"""s; how long after its last message a publisher is still there, and excludes others."""
 REST_AFTER = 0.3
-"""s; from the last message that counted, to the last frame of motion."""
+"""s; from the last message that counted to the last frame of motion: 0.2 s that a message counts, and BRAKE."""
 BRAKE = 0.1
-"""s; from a second publisher, or a message that cannot be understood."""
+"""s; from a second publisher, or a message that cannot be understood, to rest: a joint brakes from the fastest jog of 1
+rad/s within 0.08 s, and the driver's timer takes 0.02 s."""
 MOVED = 1e-7
-"""rad; frames carry a number of digits."""
+"""rad; a smaller difference of two frames is rounding, from rad to degrees and back."""
 ACCELERATION_SLACK = 1.02
+"""Factor over the ceiling, the same as the driver's own (build.ACCELERATION_SLACK)."""
 
 
 class JogRules:
-    """Looks at each message and at each frame of a jog.
+    """The judge of each message and each frame of a jog.
 
     Attributes:
         is_running: Servo mode was entered for a jog.
@@ -42,7 +46,7 @@ class JogRules:
     # ---- messages ----
 
     def told(self, source: str, stamp: float, speed: Optional[float], now: float) -> None:
-        """The core gets a message that was published at ``stamp``; ``speed``: None where it makes no sense."""
+        """Note a message that was published at ``stamp``; ``speed``: None where it makes no sense."""
         if now > self._counts_until:
             self._rest_said = False
         self._heard = {name: at for name, at in self._heard.items() if now - at <= ALONE}
@@ -56,25 +60,25 @@ class JogRules:
                 self.rests_from = stamp + REST_AFTER
 
     def ended(self, now: float) -> None:
-        """Something lets go: a stop, a fault, a second publisher. Rest must be said anew."""
+        """End the hold: after a stop, a fault or a second publisher, rest must be published anew."""
         self._rest_said = False
         self._counts_until = min(self._counts_until, now)
         self.rests_from = min(self.rests_from, now + BRAKE)
 
     def may_begin(self, now: float) -> None:
-        """Servo mode is entered for a jog."""
+        """Judge that a jog may begin: servo mode is entered for it."""
         if not self._rest_said or now > self._counts_until:
-            raise RuleBroken("v", now, "a jog is begun, and nobody holds it")
+            raise RuleBroken("v", now, "a jog begins, and nobody holds it")
 
     # ---- frames ----
 
     def begin(self, is_jog: bool) -> None:
-        """Servo mode is entered."""
+        """Note that servo mode is entered."""
         self.is_running = is_jog
         self._frames = ()
 
     def sends(self, joints: Tuple[float, ...], awake_since: float, now: float) -> None:
-        """A frame, while a jog is running; the time in which the process stood still does not count."""
+        """Judge a frame of a running jog; the time in which the process stood still does not count."""
         if not self.is_running:
             return
         self._frames = self._frames[-2:] + (joints,)

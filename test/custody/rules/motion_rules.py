@@ -11,23 +11,21 @@ from verdict import Verdicts
 from jaka_ros_driver.state import ProgramState, RobotState, Vector
 
 START_WINDOW = 1.0
-"""s; a motion that was accepted begins within this time, or is stopped."""
+"""s; an accepted motion begins within this time, or is stopped."""
 START_SLACK = 0.35
-"""s; over the window: three frames of the slowest feed (0.1 s), which show that the arm still rests, and this judge's
-own look."""
+"""s, over the window: three frames of the slowest feed (0.1 s), which show that the arm still rests, and the judge's
+own look (0.04 s)."""
 REACTION = 0.05
-"""s; from a frame or reply that contradicts the motion to the stop: one event, or the next turn of the timer."""
-_MUST_BEGIN = ("joint_move", "moveL", "movc", "jog")
-"""Requests after whose acceptance the arm itself moves; servo mode waits for targets, a program may wait for I/O."""
 _BEGUN = 1e-5
 _BELIEVED_S = 0.14
-"""s; frames that come after a longer pause may count as old news (feed.SILENCE_S)."""
+"""s; frames that come after a longer pause may count as old news (feed.SILENCE_S, 0.15 s)."""
 _STANDS_FOR = 3
-"""Frames; what one frame alone says may be damage, where it is no stop and no fault."""
+"""Frames; what one frame alone shows may be damage, unless it is a stop or a fault."""
 
 
 class MotionRules:
-    """Follows one motion after the other, from the word to the guard that the arm moves to the word that it rests."""
+    """The judge of one motion after the other, each from the notification that the arm moves to the one that it
+    rests."""
 
     def __init__(self, room: ControllerRoom, verdicts: Verdicts, lateness: float) -> None:
         self._room, self._verdicts = room, verdicts
@@ -51,7 +49,7 @@ class MotionRules:
     # ---- what happens ----
 
     def tells(self, is_moving: bool, now: float) -> None:
-        """The driver takes custody of a motion, or gives it up."""
+        """Note that the driver takes custody of a motion, or gives it up."""
         self._told_at = now
         self._is_under_way = is_moving
         self._kind, self._accepted_at = "", None
@@ -61,7 +59,7 @@ class MotionRules:
         self._codes = {0, self._code}
 
     def sends(self, request: Dict[str, Any], now: float) -> None:
-        """A request goes out."""
+        """Note a request that goes out."""
         name = request["cmdName"]
         if name == "stop_program" or (name == "servo_move" and not request["relFlag"]):
             if self._is_under_way:
@@ -81,12 +79,13 @@ class MotionRules:
                 and not self._is_paused)
 
     def ended(self) -> None:
-        """The motion is being stopped, or left, or its link is lost: other rules see to the rest."""
+        """Stop judging a motion that is being stopped, or left, or whose link is lost: other rules apply from then
+        on."""
         self._is_under_way = False
         self._due = {}
 
     def reads_reply(self, reply: Reply, now: float) -> None:
-        """The driver has read a reply."""
+        """Note a reply that the driver has read."""
         request = reply.request
         if not self._is_under_way or not isinstance(request, dict):
             return
@@ -99,22 +98,23 @@ class MotionRules:
         elif reply.command == "is_in_servomove" and self._kind == "servo_move":
             is_in = b'"in_servomove": true' in reply.text or b'"in_servomove": 1' in reply.text
             if self._is_confirmed and not is_in and reply.is_accepted:
-                self._contradicts("not in servo mode", now, "the controller says that servo mode is off")
+                self._contradicts("not in servo mode", now, "the controller reports that servo mode is off")
             self._is_confirmed = self._is_confirmed or is_in
 
     def reads_frame(self, frame: Frame, now: float) -> None:
-        """The driver is about to take a frame; joints that jump in a feed that is believed stop a motion."""
-        shows_no_more = self._frame is not None and self._frame.jumps  # where the joints were shown before, too
+        """Note a frame before the driver takes it: joints that jump in a feed that is believed stop a motion."""
+        is_repeated = self._frame is not None and self._frame.jumps
         self._frame = frame
         is_accepted = self._accepted_at is not None and now > self._accepted_at
-        if frame.jumps and not shows_no_more and self._is_under_way and is_accepted and now - self._shown_at < _BELIEVED_S:
+        if (frame.jumps and not is_repeated and self._is_under_way and is_accepted
+                and now - self._shown_at < _BELIEVED_S):
             self._contradicts("jump", now, "the joints were shown to jump")
 
     def shown(self, state: RobotState, now: float) -> None:
-        """A frame was taken for new."""
+        """Note a frame that the driver took for new."""
         self._code, self._shown_at = state.error_code, now
         if now == self._told_at:
-            self._codes.add(self._code)  # the motion was begun because of this frame, and with it
+            self._codes.add(self._code)  # the motion began because of this frame, in spite of its code
         is_accepted = self._accepted_at is not None and now > self._accepted_at
         if not self._is_under_way or not is_accepted:
             return
@@ -140,7 +140,7 @@ class MotionRules:
     # ---- each look ----
 
     def look(self, now: float, excused_until: float) -> None:
-        """Judge what is due; ``excused_until``: until then the driver could not see, or not act."""
+        """Judge the reactions that are due; before ``excused_until`` the driver could not see, or not act."""
         self._excused_until = excused_until
         if not self._is_under_way:
             return

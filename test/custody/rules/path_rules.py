@@ -1,4 +1,4 @@
-"""Rules about paths of several segments: sent in order, each once, and what is told of them is true of the arm."""
+"""Rules about paths of several segments: sent in order, each once, and reported truly."""
 from typing import Any, Dict, Optional, Sequence
 
 from driver_process import Call
@@ -12,13 +12,13 @@ PLANNED = {"joint_move": c.JointMove, "moveL": c.LinearMove, "movc": c.ArcMove}
 _SAME = 1e-6
 _CYCLE = 0.008
 _NEAR_TOOL, _NEAR_JOINT = 0.0021, 0.0101
-"""m and rad; a corner that is met, as the driver sees it."""
+"""m and rad; a corner that is passed, as the driver sees it: its own tolerances (0.002 m, 0.01 rad) and rounding."""
 _LEVER = 0.1
 
 
 def sent_for_path(name: str, request: Dict[str, Any], calls: Sequence[Call], last_stop: int,
                   now: float) -> Optional[Call]:
-    """The path that asks for this motion next; None where none does."""
+    """Return the path that asks for this motion next; None where none does."""
     for call in calls:
         if call.kind != "path" or call.next_segment >= len(call.command):
             continue
@@ -34,18 +34,18 @@ def sent_for_path(name: str, request: Dict[str, Any], calls: Sequence[Call], las
 
 
 def passes(call: Call, plant: Any) -> None:
-    """Note which corner of a path the arm has come to."""
+    """Note which corner of a path the arm has passed."""
     while call.passed < len(call.command) and _is_near(call.command[call.passed], plant):
         call.passed += 1
 
 
 def told_truly(call: Call, verdicts: Verdicts, now: float) -> None:
-    """A path has ended."""
+    """Judge the answer of a path against what the arm has done."""
     if call.error is None and call.was_sent and call.passed < len(call.command):
         verdicts.breaks(call.blindness, "q", now, "path %d is completed, and the arm has not been at the end of "
                         "segment %d" % (call.number, call.passed))
     if isinstance(call.error, PathInterrupted) and call.error.completed > call.passed:
-        verdicts.breaks(call.blindness, "q", now, "path %d is told to have come through %d segments; it was %d" % (
+        verdicts.breaks(call.blindness, "q", now, "path %d is reported to have completed %d segments; it was %d" % (
             call.number, call.error.completed, call.passed))
 
 

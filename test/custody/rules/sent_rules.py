@@ -1,6 +1,6 @@
 """Rules about what the driver puts on the command port: by whose wish, within which limits, and when.
 
-Judged by the requests themselves and the calls that were made; not by what the core says of itself.
+Judged by the requests themselves and the calls that were made; not by the core's own account.
 """
 import json
 import math
@@ -23,12 +23,16 @@ from jaka_ros_driver.units import all_deg_to_rad, all_mm_to_m, deg_to_rad, mm_to
 SERVO_CYCLE = 0.008
 SERVO_SPEED_CEILING = math.pi
 SPEED_SLACK = 1.001
+"""Factor over a joint's largest step in one cycle, for rounding: from rad to degrees and back."""
 FIRST_FRAME_NEAR = 0.05
-"""rad; the first frame of a stream is this near to where the arm is."""
+"""rad; how near the first frame of a stream is to the true arm: 0.04 rad, by which the driver lets an arm differ from
+its stream (streaming.MAX_JOINT_DEVIATION), and 0.01 rad for what the arm goes on to do behind the frame that it is
+based on."""
 SERVO_LATENESS = 0.05
-"""s; over ``servo_ahead``, until a stream rests on its last target."""
+"""s, over ``servo_ahead``, until a stream rests on its last target: two turns of the driver's timer (0.02 s each) and
+one cycle (0.008 s)."""
 BURST_WINDOW = 0.04
-"""s; in so long a time a stream has 5 cycles, a late frame at its begin, and one at each end."""
+"""s; in this time a stream has 5 cycles, a late frame at its begin, and one at each end."""
 BURST_FRAMES = 8
 _STEPS_OF_RECOVERY = ("clear_error", "power_on", "enable_robot")
 _SAME = 1e-6
@@ -38,13 +42,13 @@ _DECODER = json.JSONDecoder()
 
 
 def is_whole_stop(requests: Sequence[Dict[str, Any]]) -> bool:
-    """Whether these requests, sent at once, end a jog, servo mode, moves and programs."""
+    """Return whether these requests, sent at once, end a jog, servo mode, moves and programs."""
     halts = {(request["cmdName"], request.get("jog_mode", request.get("relFlag"))) for request in requests}
     return {("jog", 0), ("servo_move", 0), ("stop_program", None)} <= halts
 
 
 def requests_in(data: bytes) -> List[Dict[str, Any]]:
-    """The requests of one Send; each is whole."""
+    """Return the requests of one Send; each is whole."""
     text, position, found = data.decode("ascii"), 0, []
     while position < len(text):
         request, position = _DECODER.raw_decode(text, position)
@@ -53,16 +57,16 @@ def requests_in(data: bytes) -> List[Dict[str, Any]]:
 
 
 class SentRules:
-    """Looks at each request on its way to the controller.
+    """The judge of each request on its way to the controller.
 
     Attributes:
         last_motion: Number of the call that the newest motion was sent for.
-        last_stop: Number of the newest stop call; what was asked before it is not sent any more.
-        is_closed: The driver has been told to shut down.
-        knows_controller: Something else was asked on this connection than who the controller is.
-        is_confirmed: On this connection the controller has said that it is the one that was meant.
-        open_calls: Those that are not answered, by their numbers.
-        stops_seen: So many stops went out.
+        last_stop: Number of the newest stop call; nothing asked for before it is sent any more.
+        is_closed: The driver is shutting down.
+        knows_controller: Another request than that for the controller's identity has gone out on this connection.
+        is_confirmed: On this connection the controller has reported the identity that was meant.
+        open_calls: Unanswered calls by their numbers.
+        stops_seen: The number of stops sent.
         jog: Rules about velocity jogs.
         asking: The call that the core is getting; None where it gets none.
     """
@@ -101,7 +105,7 @@ class SentRules:
     # ---- what happens ----
 
     def called(self, call: Call) -> None:
-        """The core gets a call."""
+        """Note a call that the core gets."""
         self._orders += 1
         if call.kind == "auto_enable":
             self._auto = self._orders
@@ -119,11 +123,11 @@ class SentRules:
             self._steps = {}
 
     def alarmed(self, is_fault: bool, is_standing: bool = False) -> None:
-        """The driver learns of a fault, a restart or a lost link.
+        """Note that the driver learns of a fault, a restart or a lost link.
 
-        A fault that was shown before, ``is_standing``, is the one that a recovery under way is there for.
+        A fault that was shown before, ``is_standing``, is the one that a running recovery is there for.
 
-        A link that is lost before auto_enable has begun to act says nothing: it waits for the first sight of the arm.
+        A link that is lost before auto_enable has begun to act does not count: it waits for the first sight of the arm.
         """
         goes_on = is_standing and self._recovery > self._alarm
         self._orders += 1
@@ -135,7 +139,7 @@ class SentRules:
             self._auto = self._orders + 1
 
     def answered(self, call: Call, now: float) -> None:
-        """A call ends."""
+        """Note the answer of a call."""
         self.open_calls.pop(call.number, None)
         if call.kind == "servo_target" and call.error is None:
             self._target_at = now
@@ -143,13 +147,13 @@ class SentRules:
             self._is_target_known = self._target is not None
 
     def resumed(self, now: float) -> None:
-        """The process goes on after a pause, in which no frame could be sent."""
+        """Note that the process runs again after a pause, in which no frame could be sent."""
         self._judged_from = now
 
     # ---- what is sent ----
 
     def sends(self, data: bytes, is_told_moving: bool, now: float) -> List[Dict[str, Any]]:
-        """Judge one Send; returns its requests."""
+        """Judge the bytes of one Send; return its requests."""
         requests = requests_in(data)
         if any(request["cmdName"] == "stop_program" for request in requests) and not is_whole_stop(requests):
             self._verdicts.breaks("whole stop", "whole", now, "a stop goes out that is only %s" % ", ".join(
@@ -160,23 +164,23 @@ class SentRules:
                 continue
             self.knows_controller = True
             if not self.is_confirmed:
-                raise RuleBroken("n", now, "%s is sent before the controller has said who it is" % name)
+                raise RuleBroken("n", now, "%s is sent before the controller has reported its identity" % name)
             if name in _STEPS_OF_RECOVERY:
                 self._recovers(name, now)
             if self._is_foreign:
-                raise RuleBroken("n", now, "%s is sent to a controller that says it is another one" % name)
+                raise RuleBroken("n", now, "%s is sent to a controller that reports another identity" % name)
             if name == "stop_program":
                 self.stops_seen += 1
             elif name in self._power_wish:
                 self._energises(name, now)
             elif is_motion(request):
                 if not is_told_moving:
-                    raise RuleBroken("h", now, "%s is sent before the guard is told" % name)
+                    raise RuleBroken("h", now, "%s is sent before the guard is notified" % name)
                 self._motion(name, request, now)
         return requests
 
     def _recovers(self, name: str, now: float) -> None:
-        """A step of a recovery, where only that can be the reason for it."""
+        """Judge a step of a recovery, where only that can be the reason for it."""
         wishes = [call.command for call in self.open_calls.values() if call.kind == "run"]
         others = [wish for wish in wishes if wish[0] in ("power", "enable", "clear_error")]
         if ("recover", None) not in wishes or others or (self._auto or 0) > self._alarm:
@@ -196,7 +200,7 @@ class SentRules:
 
     def _motion(self, name: str, request: Dict[str, Any], now: float) -> None:
         if self.is_closed:
-            raise RuleBroken("b", now, "%s is sent after the driver was told to shut down" % name)
+            raise RuleBroken("b", now, "%s is sent after the driver began to shut down" % name)
         if name not in STREAMED:
             self.jog.begin(name == "servo_move" and self.asking is not None and self.asking.kind == "jog_message")
         if name == "play_program":
@@ -238,7 +242,8 @@ class SentRules:
         self._kind, self._is_target_known = "", True
 
     def _wished(self, name: str, now: float, asks: Callable[[Call], bool]) -> None:
-        """Somebody waits for this, asked for it after the last stop, and has not got it yet: nothing is sent twice."""
+        """Judge that an unanswered call asks for this motion, after the last stop, and has not got it yet: nothing is
+        sent twice."""
         for call in self.open_calls.values():
             if not call.was_sent and asks(call):
                 if (call if call.asked is None else call.asked).number < self.last_stop:
@@ -273,7 +278,7 @@ class SentRules:
         self._rests_on_target(name, values, now)
         self._frame, self._kind = values, name
         goals = [call for call in self.open_calls.values() if call.kind == "trajectory" and call.path is not None
-                 and (call.was_sent or call.start.running is not None)]  # others wait until the arm rests
+                 and (call.was_sent or call.start.running is not None)]  # the others wait until the arm rests
         if goals:
             goals[-1].was_sent = True
             self.last_motion = max(self.last_motion, goals[-1].number)
@@ -303,9 +308,9 @@ class SentRules:
                     index + 1, new - old, cycles))
 
     def _next_target(self, command: Any) -> Any:
-        """Absolute: what the client's newest target means; None where that is not known.
+        """Return the client's newest target as an absolute one; None where that is not known.
 
-        It is not for a relative one that comes before the first frame, nor for those that follow it.
+        It is not known for a relative one that comes before the first frame, nor for those that follow it.
         """
         if isinstance(command, c.ServoPose):
             return None if command.relative else command.target
@@ -317,7 +322,7 @@ class SentRules:
         return None if start is None else tuple([a + b for a, b in zip(start, command.joint_position)])
 
     def _rests_on_target(self, name: str, values: Tuple[float, ...], now: float) -> None:
-        """So long after the last target the stream says nothing but that target.
+        """Judge that the stream repeats only its last target once that is old enough.
 
         Time in which the process stood still does not count, and a late timer leaves frames out.
         """
@@ -331,7 +336,7 @@ class SentRules:
         else:
             is_there = name == "servo_j" and _near(values, self._target, _WIRE_ROUNDING)
         if not is_there:
-            raise RuleBroken("f", now, "the servo stream says %s, %.3f s after its last target %s" % (
+            raise RuleBroken("f", now, "the servo stream sends %s, %.3f s after its last target %s" % (
                 _rounded(values), now - self._target_at, _rounded(
                     self._target.position + self._target.rpy if isinstance(self._target, c.Pose) else self._target)))
 

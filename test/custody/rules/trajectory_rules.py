@@ -11,16 +11,18 @@ from jaka_ros_driver.trajectory.path import Path
 
 SERVO_CYCLE = 0.008
 ACCELERATION_SLACK = 1.1
-"""The wire carries a number of digits, and an audit allows a little more between its samples."""
+"""Factor over the ceiling: 2 % that the driver's audit allows (build.ACCELERATION_SLACK), and more between its
+samples."""
 ON_PATH = 2e-3
-"""rad; a path is looked at every ``_LOOK`` s only."""
+"""rad; a joint at pi rad/s goes 1.6e-3 rad in ``_LOOK``, the time between two samples of the path; with rounding,
+2e-3."""
 _LOOK = 5e-4
 _AROUND = np.arange(-0.02, 0.1, _LOOK)
 """s, around the last place: where a path rests, its place in time is not known."""
 
 
 class TrajectoryRules:
-    """Follows each stream of frames along the path of its goal."""
+    """The judge of each stream of frames, along the path of its goal."""
 
     def __init__(self) -> None:
         self._frames: List[Tuple[float, ...]] = []
@@ -28,11 +30,11 @@ class TrajectoryRules:
         self._goal: Optional[Call] = None
 
     def begin(self) -> None:
-        """Servo mode is entered: nothing of before counts."""
+        """Forget the frames before: servo mode is entered."""
         self._frames, self._paths, self._goal = [], [], None
 
     def sends(self, joints: Tuple[float, ...], goal: Optional[Call], now: float) -> None:
-        """A frame goes out; ``goal``: the newest trajectory that is not answered."""
+        """Judge a frame that goes out; ``goal``: the newest trajectory that is not answered."""
         if goal is not None and goal is not self._goal:
             self._goal = goal
             joined = [known for known in self._paths if known[0] is goal.start.path]
@@ -53,7 +55,8 @@ class TrajectoryRules:
                     acceleration, index + 1))
 
     def _is_on_path(self, joints: Tuple[float, ...], now: float) -> None:
-        """On the newest path from its begin on, or still on the one before it, a little further than the last frame."""
+        """Judge that a frame is on the newest path, or still on the one before it, a little further than the last
+        frame."""
         best = math.inf
         for number in reversed(range(len(self._paths))):
             path, since = self._paths[number]

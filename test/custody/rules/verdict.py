@@ -1,27 +1,27 @@
-"""How a broken rule is told, which rules there are, and which of them the product does not keep yet."""
+"""The rules by name, the exception for a broken one, and the checks that the product does not pass yet."""
 from typing import Dict
 
 RULES: Dict[str, str] = {
     "a": "the arm does not move without custody",
-    "b": "what was asked before an answered stop moves nothing after it",
-    "c": "a jog ends when it is called for no more",
+    "b": "a motion asked for before an answered stop does not run after it",
+    "c": "a jog ends when its calls end",
     "d": "nothing powers or enables after a fault, a restart or a lost link without a call",
     "e": "every call is answered once, in time, and the answer is true",
     "f": "no frame on the wire leaves the limits",
-    "g": "what is shown as new was true a moment ago",
+    "g": "a state that is shown as new was true a moment ago",
     "h": "the guard knows whenever the arm moves",
     "i": "a stop goes out at once",
     "j": "the arm does not move unseen",
     "k": "an arm at rest is free again",
     "l": "when all is well, the driver is ready again",
-    "m": "what the driver began to stop comes to rest, however often the stop is refused or lost",
-    "n": "a controller that is not the one that was meant is left alone",
-    "p": "what is paused rests until it is resumed",
-    "q": "a path's segments are run in order, each once, and what is told of them is true",
+    "m": "a motion that the driver began to stop comes to rest, however often the stop is refused or lost",
+    "n": "a controller with another identity than the one asked for is left alone",
+    "p": "a paused motion rests until it is resumed",
+    "q": "a path's segments are run in order, each once, and reported truly",
     "r": "a program that the driver began runs in its custody only",
     "t": "a trajectory's frames are on its path, and smooth",
-    "v": "a velocity jog begins after rest was said, and rests 0.3 s after its last message that counts",
-    "age": "what is shown as new is at most 0.8 s old, on a link slower than the feed, too",
+    "v": "a velocity jog begins after a message of rest, and rests 0.3 s after its last message that counts",
+    "age": "a state that is shown as new is at most 0.8 s old, on a link slower than the feed, too",
     "late": "a motion that has not begun 1 s after it was accepted is stopped",
     "against": "whatever contradicts a motion stops it",
     "whole": "a stop is the whole stop: of a jog, of servo mode, of moves and programs",
@@ -30,15 +30,15 @@ RULES: Dict[str, str] = {
     "recovery": "a recovery takes each step at most once",
     "burst": "servo frames never come in a burst",
     "state": "the core's own invariants hold after every event",
-    "contract": "the core keeps its contract with the shell",
+    "contract": "the core keeps its interface with the shell",
 }
 
 
 class RuleBroken(Exception):
-    """A rule does not hold.
+    """A rule that does not hold.
 
     Attributes:
-        rule: One of RULES.
+        rule: A name in RULES.
         at: Virtual time, s.
         text: What happened.
     """
@@ -49,7 +49,7 @@ class RuleBroken(Exception):
 
 
 AWAITED: Dict[str, str] = {
-    "program on a slow link": "frames of before a program are believed that none runs; joints at rest tell no age",
+    "program on a slow link": "frames from before a program count as evidence of none; joints at rest show no age",
 }
 """Checks that the product does not pass yet, by their names, with the reason. Their breaks are noted and end no seed.
 
@@ -59,11 +59,11 @@ goes.
 
 
 class Verdicts:
-    """Takes what is found; the first broken rule ends the world.
+    """The collector of findings; the first broken rule ends the world.
 
     Attributes:
         awaited: The first break of each check in ``AWAITED``.
-        used: How much of each slack was needed at most, by its name: what a slack may be shrunk to.
+        used: The largest amount of each slack that was needed, by its name: what a slack may be shrunk to.
     """
 
     def __init__(self) -> None:
@@ -71,12 +71,12 @@ class Verdicts:
         self.used: Dict[str, float] = {}
 
     def uses(self, slack: str, amount: float) -> None:
-        """So much of a slack is needed."""
+        """Note how much of a slack is needed."""
         if amount > self.used.get(slack, 0.0):
             self.used[slack] = amount
 
     def breaks(self, check: str, rule: str, at: float, text: str) -> None:
-        """A check has failed.
+        """Report a failed check.
 
         Raises:
             RuleBroken: It is none of those that are awaited.

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Makes the golden logs of this folder again.
+"""Maker of the golden logs of this folder.
 
     build/venv/bin/python3 test/data/golden/make_golden.py [NAME ...]
 
-Each session below is a list of service calls, and of what the operator does at the simulated controller. It runs
+Each session below is a list of service calls, and of the operator's actions at the simulated controller. It runs
 against the driver and simulated controllers of this checkout and is recorded with ``jaka_bag record``. A golden log
-is made again only when what the driver does has changed on purpose: look at the comparison with the old one first.
+is made again only when the driver's behaviour has changed on purpose: look at the comparison with the old one first.
 
 Needs ROS, and the messages of jaka_msgs (tools/dev setup).
 """
@@ -47,11 +47,11 @@ class Step:
     Attributes:
         pause_s: After the call before has ended, or with ``overlaps`` after it has begun.
         service: Name below the node.
-        fields: Of the request.
+        fields: Fields of the request.
         lasts_s: About how long it takes.
-        overlaps: The call before is still under way.
+        overlaps: The call before is still running.
         arm: Namespace.
-        success: What is expected of it.
+        success: The expected success.
     """
 
     pause_s: float
@@ -81,13 +81,13 @@ TYPES = {"joint_move": "jaka_msgs/Move", "linear_move": "jaka_msgs/Move", "jog":
 
 
 def joints(pause_s: float, change: Sequence[float], speed: float = 0.6, **further: Any) -> Step:
-    """A joint move to HOME plus a change, rad."""
+    """Return a joint move to HOME plus a change, rad."""
     pose = [round(a + b, 4) for a, b in zip(HOME, change)]
     return Step(pause_s, "joint_move", {"pose": pose, "mvvelo": speed, "mvacc": 1.5}, 1.5, **further)
 
 
 def line(pause_s: float, shift_mm: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> Step:
-    """A linear move to the pose of HOME plus a shift, mm, with a turn added to its rotation vector, rad."""
+    """Return a linear move to the pose of HOME plus a shift, mm, with a turn added to its rotation vector, rad."""
     model = load_model("zu7")
     pose = pose_from_transform(forward(model, HOME))
     vector = rotation_vector_from_rpy(pose.rpy)
@@ -97,12 +97,13 @@ def line(pause_s: float, shift_mm: Sequence[float], turn: Sequence[float] = (0.0
 
 
 def jog(pause_s: float, index: int, speed: float, **further: Any) -> Step:
-    """A jog of a joint, rad/s."""
+    """Return a jog of a joint, rad/s."""
     return Step(pause_s, "jog", {"mvvelo": speed, "coord_mode": 0, "index": index}, **further)
 
 
 def _servo_stream() -> List[Step]:
-    """One second and a half of joint targets every 32 ms: joint 1 to and fro on a smooth curve, and back to rest."""
+    """Return a second and a half of joint targets every 32 ms: joint 1 to and fro on a smooth curve, and back to
+    rest."""
     steps = [Step(0.5, "servo_move_enable", {"enable": True}, 0.1)]
     count = 48
     for number in range(1, count + 1):
@@ -114,7 +115,7 @@ def _servo_stream() -> List[Step]:
 
 
 def both(step: Step) -> List[Step]:
-    """The same for two arms at once, mirrored."""
+    """Return the same step for two arms at once, mirrored."""
     fields = dict(step.fields, pose=[-step.fields["pose"][0]] + step.fields["pose"][1:])
     return [Step(step.pause_s, step.service, step.fields, step.lasts_s, False, "/left"),
             Step(0.05, step.service, fields, step.lasts_s, True, "/right")]
@@ -174,7 +175,7 @@ def serialised(message: Any) -> bytes:
 
 
 def calls_of(steps: Sequence[Step]) -> List[Call]:
-    """The calls as a log would tell them."""
+    """Return the calls as a log would record them."""
     calls: List[Call] = []
     for step in steps:
         if not calls:
@@ -192,7 +193,7 @@ def calls_of(steps: Sequence[Step]) -> List[Call]:
 
 
 def write_calls(path: Path, calls: Sequence[Call]) -> None:
-    """A log of nothing but calls, for jaka_bag replay-commands."""
+    """Write a log of nothing but calls, for jaka_bag replay-commands."""
     kind = get_message_class("jaka_msgs/ServiceCall")
     with McapWriter(path) as writer:
         channel = writer.add_channel(Connection("/calls", kind._type, kind._md5sum, kind._full_text))

@@ -6,9 +6,9 @@ import pytest
 
 @pytest.fixture
 def graph(tmp_path, monkeypatch):
-    """A running master; the environment points at it."""
-    import live_ros  # a plain Python without ROS runs the tests that need no master
-    with live_ros.Graph(tmp_path) as running:
+    """Start a master; the environment points at it."""
+    import ros_graph  # a plain Python without ROS runs the tests that need no master
+    with ros_graph.Graph(tmp_path) as running:
         for name in ("ROS_MASTER_URI", "ROS_IP"):
             monkeypatch.setenv(name, running.environment[name])
         for name in ("ROS_HOSTNAME", "ROS_NAMESPACE"):
@@ -18,6 +18,6 @@ def graph(tmp_path, monkeypatch):
 
 @pytest.fixture(autouse=True)
 def no_thread_stays():
-    """Fails a test that leaves a thread behind."""
+    """Fail a test that leaves a thread behind."""
     with live_samples.no_thread_stays():
         yield

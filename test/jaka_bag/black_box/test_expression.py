@@ -1,4 +1,4 @@
-"""Conditions of users: what they mean, what is refused, and that nothing but a condition can be said."""
+"""Conditions of users: their meaning, which are refused, and that only a condition can be expressed."""
 import pytest
 
 from jaka_bag.black_box.expression import Expression, NoValue

@@ -1,4 +1,4 @@
-"""What the black box sees in messages: states when they are entered, failed calls, diagnostics, conditions."""
+"""The triggers of the black box in messages: states when they are entered, failed calls, diagnostics, conditions."""
 import struct
 
 import pytest

@@ -34,7 +34,7 @@ def test_every_command_has_help_and_a_clean_usage_error(name, capsys):
 
 def test_commands_of_a_package_that_is_not_installed_say_how_to_get_it(capsys, monkeypatch):
     class Nowhere:
-        """Says of the package what Python says where it is not installed."""
+        """An importer that raises for the package what Python raises where it is not installed."""
 
         @staticmethod
         def find_spec(name, path=None, target=None):

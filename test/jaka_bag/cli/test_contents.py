@@ -1,4 +1,4 @@
-"""What is in a log, piece by piece: cat, du, doctor, attach, extract."""
+"""The content of a log, piece by piece: cat, du, doctor, attach, extract."""
 import json
 import struct
 

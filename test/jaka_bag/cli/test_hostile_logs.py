@@ -1,4 +1,4 @@
-"""Logs made to do harm: each command ends soon, in bounded memory, with a result or one line that says why not."""
+"""Logs made to do harm: each command ends soon, in bounded memory, with a result or one line of explanation."""
 import json
 import struct
 import subprocess

@@ -11,7 +11,7 @@ SAMPLES = state_log(2.0)
 
 @pytest.fixture(params=[0.3, 0.77])
 def active(tmp_path, request):
-    """What is on the disk of a recording at some moment."""
+    """Return a log as a recording has it on the disk at some moment."""
     whole = write(tmp_path / "whole.mcap", SAMPLES, "zstd")
     path = tmp_path / "run.mcap.active"
     path.write_bytes(whole.read_bytes()[:int(whole.stat().st_size * request.param)])

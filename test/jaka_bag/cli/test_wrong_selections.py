@@ -1,4 +1,4 @@
-"""What is asked for and not in the log is said, with the nearest name or the true range, and is no success."""
+"""Selections that match nothing in the log: an error with the nearest name or the true range, and no success."""
 import os
 import subprocess
 

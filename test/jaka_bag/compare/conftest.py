@@ -12,5 +12,5 @@ def program():
 
 @pytest.fixture(scope="session")
 def golden(tmp_path_factory):
-    """Path of the golden log."""
+    """Return the path of the golden log."""
     return write_log(tmp_path_factory.mktemp("golden") / "golden.mcap", simulate(PROGRAM))

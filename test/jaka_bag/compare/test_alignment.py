@@ -1,4 +1,4 @@
-"""When in the candidate a moment of the golden log happened."""
+"""The moment in the candidate that corresponds to a moment of the golden log."""
 import numpy as np
 import pytest
 from synthetic_session import Conditions, Step, moves, simulate, write_log

@@ -11,7 +11,7 @@ from jaka_ros_driver.kinematics.rotations import matrix_from_rotation_vector, ro
 
 
 def angles_between(a, b):
-    """The angle of unit quaternions as the checks take it: from how far apart they are as points."""
+    """Return the angle of unit quaternions as the checks compute it: from their distance as points."""
     chord = np.minimum(np.linalg.norm(a - b, axis=1), np.linalg.norm(a + b, axis=1))
     return 4.0 * np.arcsin(0.5 * chord)
 

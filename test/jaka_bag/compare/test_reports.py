@@ -69,7 +69,7 @@ def test_junit_has_a_case_for_each_check(bad, good):
 
 
 class Outline(html.parser.HTMLParser):
-    """Tags in balance, names used once, what the page refers to."""
+    """The tags of a page in balance, names used once, and the targets of its links."""
 
     def __init__(self, text):
         super().__init__()

@@ -1,4 +1,4 @@
-"""Each seeded defect is found, by the right check; an unchanged run never differs."""
+"""Seeded defects, each found by the right check; an unchanged run never differs."""
 import pytest
 from seeded_defects import DEFECTS, defective
 from synthetic_session import Conditions, simulate, write_log

@@ -1,4 +1,4 @@
-"""Tolerance files: what is not named keeps its default, what is not understood is refused."""
+"""Tolerance files: a missing name keeps its default, an unknown one is refused."""
 import pytest
 
 from jaka_bag.compare.tolerances import (

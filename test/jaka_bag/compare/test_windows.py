@@ -20,7 +20,7 @@ FIELDS = "fields: {/jaka_driver/tool_position: {twist.linear.y: {absolute: 0.000
 
 @pytest.fixture
 def small_windows(monkeypatch):
-    """Windows of some seconds, of which almost nothing is kept."""
+    """Make windows of some seconds, of which almost nothing is kept."""
     monkeypatch.setattr(windows, "_WINDOW_ROWS", 3000)
     monkeypatch.setattr(windows, "_CELL_S", 2.0)
     monkeypatch.setattr(windows, "_KEPT_BYTES", 400000)
@@ -29,7 +29,7 @@ def small_windows(monkeypatch):
 
 
 def disturb(seed):
-    """Faults of many kinds at random moments of a block."""
+    """Return a change of a block: faults of many kinds at random moments."""
     def change(session, begin):
         random = np.random.RandomState(seed + int(begin))
         at = [int(i) for i in random.randint(100, len(session.time) - 400, 8)]

@@ -20,13 +20,13 @@ def small(path, codec):
 
 
 def places(whole, suffix):
-    """Every byte; of the padding of a bag's first record, which is all spaces, every 61st."""
+    """Return every byte; of the padding of a bag's first record, which is all spaces, every 61st."""
     padding = range(150, 4100) if suffix == ".bag" else range(0)
     return [at for at in range(len(whole)) if at not in padding or at % 61 == 0]
 
 
 def read_strictly(path):
-    """Everything, or the package's own error."""
+    """Read everything, or raise the package's own error."""
     try:
         return read(path)
     except BagError as error:

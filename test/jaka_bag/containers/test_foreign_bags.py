@@ -15,7 +15,7 @@ SAMPLES = [states(START_NS + i * 1000, i, 1, 0, 0) for i in range(20)]
 
 
 def with_index_at(raw, position):
-    """The bag with another index position in its first record."""
+    """Return the bag with another index position in its first record."""
     at = raw.index(b"index_pos=") + 10
     return raw[:at] + struct.pack("<Q", position) + raw[at + 8:]
 
@@ -25,7 +25,7 @@ def index_position(raw):
 
 
 def padded(raw):
-    """49 zero bytes in front of the index, 4 KiB of zeros behind the end."""
+    """Return the bag with 49 zero bytes in front of the index, 4 KiB of zeros behind the end."""
     at = index_position(raw)
     return with_index_at(raw[:at] + bytes(49) + raw[at:] + bytes(4096), at + 49)
 
@@ -76,7 +76,8 @@ TOOL_MESSAGE = tool(1, START_NS, [0.0] * 6).data
 
 
 def forgetful(raw, kept):
-    """The bag with an index that names only the first ``kept`` of its chunks, as ``rosbag reindex`` of a cut file."""
+    """Return the bag with an index that names only the first ``kept`` of its chunks, like ``rosbag reindex`` of a cut
+    file."""
     at = index_position(raw)
     section = raw[at:]
     connections, infos = [], []
@@ -139,7 +140,8 @@ def old_record(fields, data):
 
 
 def bag_of_version_1_2(samples):
-    """``#ROSRECORD V1.2``: a padded first record, definitions in front of their messages, an index for each topic."""
+    """Return a bag ``#ROSRECORD V1.2``: a padded first record, definitions in front of their messages, an index for
+    each topic."""
     out = b"#ROSRECORD V1.2\n" + old_record([("op", b"\x03"), ("index_pos", bytes(8))], b" " * 4000)
     defined = set()
     for sample in samples:

@@ -1,4 +1,4 @@
-"""Every variant of MCAP files is read with the same content, also where records have fields of later versions."""
+"""The variants of MCAP files, each read with the same content, also where records have fields of later versions."""
 import json
 from collections import Counter
 
@@ -15,7 +15,7 @@ from jaka_bag.operations.recover import recover
 
 
 def expected(content):
-    """Messages in the order of time, attachments, metadata."""
+    """Return messages in the order of time, attachments, metadata."""
     messages = sorted((item.time, item.data, item.sequence) for item in content.items if item.kind == MESSAGE)
     return (messages, [item.data for item in content.items if item.kind == ATTACHMENT],
             [FACTS for item in content.items if item.kind == METADATA])

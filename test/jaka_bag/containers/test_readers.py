@@ -144,7 +144,7 @@ def test_empty_logs_and_connections_without_messages(tmp_path, suffix):
 
 
 def foreign(path, **options):
-    """An MCAP by the mcap library, schemas and channels inside its chunks."""
+    """Write an MCAP with the mcap library, schemas and channels inside its chunks."""
     with path.open("wb") as stream:
         writer = Writer(stream, **options)
         writer.start("ros1", "another library")

@@ -1,4 +1,4 @@
-"""What the writers write, seen by others: the mcap library, rosbags."""
+"""Files from the package's writers, read by others: the mcap library, rosbags."""
 import contextlib
 import os
 from pathlib import Path

@@ -1,6 +1,6 @@
 """Real clusters: the same results and bytes as in one process, though workers are killed in the middle of the work.
 
-What takes longer, as a scheduler that is started again and Ctrl-C, is in ``test/soak/soak_fleet.py``.
+Slower tests, such as a scheduler that is started again and Ctrl-C, are in ``test/soak/soak_fleet.py``.
 """
 import threading
 
@@ -8,9 +8,9 @@ import pytest
 from dask_cluster import DaskCluster
 from fleet_logs import write_plant
 from fleet_tasks import describe, die_once
-from live_samples import wait_until
 from many_sessions import drift, run_of
 from synthetic_session import write_log
+from waiting import wait_until
 
 from jaka_bag.cli.main import main
 from jaka_bag.errors import BagError
@@ -30,7 +30,7 @@ def one(tmp_path_factory):
 
 @pytest.fixture
 def cluster(one):
-    """Two workers at least are alive."""
+    """Return a cluster in which two workers at least are alive."""
     alive = sum(process.poll() is None for process in one.workers)
     for _ in range(2 - alive):
         one.add_worker()
@@ -45,7 +45,7 @@ def results(engine, tasks=TASKS, function=describe):
 
 
 def without_a_worker(cluster, is_time, work):
-    """What ``work`` gives while one worker is killed as soon as ``is_time``."""
+    """Return the result of ``work`` while one worker is killed as soon as ``is_time``."""
     victim = next(process for process in cluster.workers if process.poll() is None)
 
     def kill():
@@ -61,7 +61,7 @@ def without_a_worker(cluster, is_time, work):
 
 
 def tree(folder):
-    """Name and content of each file that a reader sees."""
+    """Return name and content of each file that a reader sees."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*"))
             if path.is_file() and not path.relative_to(folder).parts[0].startswith(".")}
 

@@ -14,7 +14,7 @@ ADDRESS = "tcp://nowhere:1"
 
 
 class KilledWorker(Exception):
-    """Three workers died of a task."""
+    """The error of a task of which three workers died."""
 
 
 class Future:
@@ -39,10 +39,10 @@ class Future:
 
 
 class Scheduler:
-    """All schedulers that come one after the other.
+    """The series of schedulers that come one after the other.
 
     Attributes:
-        problems: By the number of the result that is fetched, from 1: what happens then.
+        problems: By the number of the result that is fetched, from 1: the problem that occurs then.
         lost: Keys of tasks that are lost as soon as they are there.
         batches: How many tasks came together.
     """
@@ -94,7 +94,7 @@ def scheduler(monkeypatch):
 
 
 def results(count, on_result=lambda result: None, **options):
-    """Results by path; each task must have one."""
+    """Return results by path; each task must have one."""
     found = []
 
     def take(result):

@@ -1,4 +1,4 @@
-"""Logs become tables and rows of ``runs``: what is in them, what is skipped, what of damaged ones is kept."""
+"""Tables and rows of ``runs`` made of logs: their content, what is skipped, and what is kept of damaged ones."""
 import hashlib
 import io
 import json
@@ -33,7 +33,7 @@ def rows(folder):
 
 
 def tables(folder, row):
-    """Topic and path of each table of a run."""
+    """Return topic and path of each table of a run."""
     found = {}
     for path in sorted(folder.glob("topic=*/*/*-%s.parquet" % row.run)):
         found[parquet.ParquetFile(str(path)).schema_arrow.metadata[b"jaka_bag.topic"].decode()] = str(path)
@@ -41,7 +41,7 @@ def tables(folder, row):
 
 
 def tree(folder):
-    """Name and content of each file that is no working file."""
+    """Return name and content of each file that is no working file."""
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
             for path in sorted(folder.rglob("*")) if path.is_file() and path.name != ".lock"}
 
@@ -218,7 +218,7 @@ def test_urls_of_fsspec_hold_the_same_tables(tmp_path):
 
 
 def test_the_threads_of_pyarrow_get_no_python_file(tmp_path, monkeypatch):
-    """One that let go of a file's object while the program ended aborted the program."""
+    # A thread that released a file's object while the process ended aborted the process.
     write_plant(tmp_path / "logs", 1, 2)
     assert add(tmp_path / "logs", "--to", tmp_path / "fleet") == 0
     readers = set()

@@ -1,4 +1,5 @@
-"""What a data set bears: killed programs, a full disk, changing logs, two writers; no log is lost, doubled, half in."""
+"""Faults that a data set survives: killed processes, a full disk, changing logs, two writers; no log is lost, doubled
+or half in."""
 import json
 import os
 import resource
@@ -52,7 +53,7 @@ def add(logs, target, *words):
 
 
 def tree(folder):
-    """Name and content of each file that a reader sees."""
+    """Return name and content of each file that a reader sees."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*"))
             if path.is_file() and not path.relative_to(folder).parts[0].startswith(".")}
 

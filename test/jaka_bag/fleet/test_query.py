@@ -1,4 +1,4 @@
-"""Questions to a data set: those of docs/fleet.md, answers as table, CSV and Parquet, and what is not shown."""
+"""Questions to a data set: those of docs/fleet.md, answers as table, CSV and Parquet, and hidden columns."""
 import csv
 import json
 import os

@@ -1,4 +1,4 @@
-"""One task a log: failures that stop nothing, packages that are missing, what is left."""
+"""One task a log: failures that stop nothing, packages that are missing, files left behind."""
 import functools
 import sys
 

@@ -5,11 +5,15 @@ import threading
 
 import live_samples
 import pytest
+import waiting
 
 
 @pytest.fixture
 def running():
-    """Runs a source's server until the end of the test: ``running(source, rules, limits)``; its notices are kept."""
+    """Return a function that runs a source's server until the end of the test: ``running(source, rules, limits)``.
+
+    The server's notices are kept.
+    """
     from jaka_bag.foxglove.access import AccessRules
     from jaka_bag.foxglove.server import FoxgloveServer, Limits
 
@@ -22,7 +26,7 @@ def running():
             thread.start()
             stack.callback(thread.join)
             stack.callback(server.stop)
-            assert ready.wait(live_samples.PATIENCE_S)
+            assert ready.wait(waiting.WAIT)
             server.notices = notices
             return server
         yield run
@@ -30,6 +34,6 @@ def running():
 
 @pytest.fixture(autouse=True)
 def no_thread_stays():
-    """Fails a test that leaves a thread behind."""
+    """Fail a test that leaves a thread behind."""
     with live_samples.no_thread_stays():
         yield

@@ -1,4 +1,4 @@
-"""Whose pages and which names are taken; each row is a header that a browser or a program sends."""
+"""The pages and names that are let in; each row is a header that a browser or another client sends."""
 import pytest
 
 from jaka_bag.errors import UsageError

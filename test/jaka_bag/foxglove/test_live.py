@@ -7,18 +7,11 @@ import threading
 
 import pytest
 from foxglove_clients import OLD, SDK, JsClient, RawViewer, Recorder, Refused, Served, data_of
-from live_ros import Graph, with_subscribers
-from live_samples import (
-    STRING,
-    TWIST_STAMPED,
-    string_connection,
-    string_frame,
-    twist_connection,
-    twist_frame,
-    wait_until,
-)
+from live_samples import STRING, TWIST_STAMPED, string_connection, string_frame, twist_connection, twist_frame
 from mcap.reader import make_reader
 from program_places import command_of
+from ros_graph import Graph, with_subscribers
+from waiting import wait_until
 
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.subscriber import accept_all
@@ -52,7 +45,7 @@ CALL = struct.Struct("<BIII")
 
 @pytest.fixture
 def graph(tmp_path, monkeypatch):
-    """A running master; the environment points at it."""
+    """Start a master; the environment points at it."""
     with Graph(tmp_path) as running:
         monkeypatch.setenv("ROS_MASTER_URI", running.environment["ROS_MASTER_URI"])
         monkeypatch.setenv("ROS_IP", "127.0.0.1")
@@ -60,13 +53,13 @@ def graph(tmp_path, monkeypatch):
 
 
 def program(graph, *arguments):
-    """``jaka_foxglove`` on a free port."""
+    """Start ``jaka_foxglove`` on a free port."""
     return Served(*command_of("jaka_foxglove"), "--port", "0", *arguments, environment=graph.environment)
 
 
 @pytest.fixture
 def shown(graph, running):
-    """Serves the graph in this process; gives the server."""
+    """Serve the graph in this process; return the server."""
     from jaka_bag.foxglove.live_topics import LiveOptions, LiveTopics
 
     def show(selection=EVERYTHING, accept=accept_all, **options):
@@ -79,7 +72,7 @@ def shown(graph, running):
 
 
 class Viewer(RawViewer):
-    """A viewer that subscribes to every channel; with all that it was told.
+    """A viewer that subscribes to every channel, with all that it received.
 
     Attributes:
         topics: By number of the channel, which is also that of the subscription.

@@ -1,4 +1,4 @@
-"""What waits for a viewer: in order, bounded, the newest win."""
+"""The messages that wait for a viewer: in order, bounded, the newest win."""
 import struct
 
 from jaka_bag.foxglove.outbox import MAX_ANSWERS, Outbox

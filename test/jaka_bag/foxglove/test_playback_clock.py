@@ -1,4 +1,4 @@
-"""Where a playback stands: 100 to 110 s of a log, told the time."""
+"""The position of a playback from 100 to 110 s of a log, at given times."""
 import pytest
 
 from jaka_bag.foxglove.playback_clock import PlaybackClock

@@ -11,9 +11,9 @@ from jaka_bag.foxglove import protocol
 from jaka_bag.messages.connection import Connection
 
 SEEN_STATE = b"\x05\x00M\x00\x00\x00\x00\x00\x00\x00\x00\x00\xc0?\x01\x03\x00\x00\x00abc"
-"""Of foxglove-sdk: playing, at 77 ns, speed 1.5, after a seek, in answer to the request abc."""
+"""Bytes from foxglove-sdk: playing, at 77 ns, speed 1.5, after a seek, in answer to the request abc."""
 TAKEN_CONTROL = bytes([3, 0]) + struct.pack("<fBQI", 1.5, 1, 10**18 + 5, 3) + b"abc"
-"""foxglove-sdk takes it as: play, speed 1.5, seek to 10**18 + 5 ns, request abc."""
+"""Bytes that foxglove-sdk reads as: play, speed 1.5, seek to 10**18 + 5 ns, request abc."""
 
 
 def test_what_is_sent_has_the_layout_of_the_specification():

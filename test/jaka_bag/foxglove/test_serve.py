@@ -1,12 +1,12 @@
-"""jaka_bag serve and its viewers: what foreign clients receive is what is in the file; play, pause, seek and speed."""
+"""jaka_bag serve and its viewers: foreign clients receive what is in the file; play, pause, seek and speed."""
 import asyncio
 import signal
 import struct
 import time
 from typing import Dict, List
 
-import live_samples
 import pytest
+import waiting
 from foxglove_clients import OLD, SDK, JsClient, RawViewer, Recorder, Served, control, data_of, serving, state_of
 from log_samples import JOINTS, MODEL, STATES, Sample, in_order, state_log, states, text, write
 from mcap.reader import make_reader
@@ -20,7 +20,7 @@ S = 10**9
 
 
 def with_content(samples):
-    """(topic, log time, bytes) of each message, in the order of the log."""
+    """Return (topic, log time, bytes) of each message, in the order of the log."""
     return [(sample.connection.topic, sample.time, sample.data) for sample in samples]
 
 
@@ -38,7 +38,7 @@ def samples():
 
 @pytest.fixture
 def shown(running):
-    """Serves logs in this process: ``shown(*paths, speed=1.0, ...)`` gives the server."""
+    """Return a function that serves logs in this process: ``shown(*paths, speed=1.0, ...)`` gives the server."""
     from jaka_bag.foxglove.log_playback import LogPlayback, PlaybackOptions
 
     def show(*paths, exclude=(), **options):
@@ -146,11 +146,11 @@ class Watching:
             self.until(lambda message: True if len(self.messages) >= number else None)
 
     def state(self, state):
-        """The next state of this kind."""
+        """Return the next state of this kind."""
         return self.until(lambda m: state_of(m) if state_of(m) and state_of(m).state == state else None)
 
     def ask(self, is_playing, speed=1.0, seek=None):
-        """The answer to a control; messages are kept anew from there on."""
+        """Return the answer to a control; messages are kept anew from there on."""
         self._requests += 1
         request = "request %d" % self._requests
         self.viewer.send(control(is_playing, speed, seek, request))
@@ -162,7 +162,7 @@ class Watching:
 
 @pytest.fixture(scope="module")
 def long_log(tmp_path_factory):
-    """20 s, in many chunks, with something rare at the begin."""
+    """Write a log of 20 s, in many chunks, with something rare at the begin."""
     samples = in_order(state_log(20.0, rate=25) + [states(1_700_000_000 * S + 1, 9, 9, 9, 9)])
     return write(tmp_path_factory.mktemp("served") / "long.mcap", samples, chunk_size=2000), samples
 
@@ -224,7 +224,8 @@ def test_seeks_beyond_the_log_and_play_at_its_end(shown, long_log):
 
 @pytest.mark.parametrize("steps", range(4))
 def test_it_ends_when_the_last_viewer_goes_at_that_moment(samples, tmp_path, steps):
-    """steps: of the loop between the two. Before Python 3.12 ``asyncio.wait_for`` can lose a cancel that comes then."""
+    # ``steps`` of the loop pass between the two. Before Python 3.12 ``asyncio.wait_for`` can lose a cancel that comes
+    # then.
     from jaka_bag.foxglove.log_playback import LogPlayback, PlaybackOptions
     log = LogSource([str(write(tmp_path / "log.bag", samples))], (), (), (), bytes, True)
 
@@ -237,7 +238,7 @@ def test_it_ends_when_the_last_viewer_goes_at_that_moment(samples, tmp_path, ste
         playback.want(frozenset())
         for _ in range(steps):
             await asyncio.sleep(0)
-        await asyncio.wait([asyncio.ensure_future(playback.close())], timeout=live_samples.PATIENCE_S)
+        await asyncio.wait([asyncio.ensure_future(playback.close())], timeout=waiting.WAIT)
         assert playback._player.done()
     asyncio.run(run())
 
@@ -281,7 +282,7 @@ def test_it_stands_still_while_nobody_watches(shown, long_log):
     server = shown(long_log[0], speed=20.0)
     with Watching(server) as watching:
         watching.count(50)
-    live_samples.wait_until(lambda: not server._source._topics, "it is noticed that nobody watches")
+    waiting.wait_until(lambda: not server._source._topics, "it is noticed that nobody watches")
     stood_at, sent_to = server._source._clock.position(time.monotonic()), server._source._sent_to
     time.sleep(0.3)  # what must not come has no other sign
     assert server._source._clock.position(time.monotonic()) == stood_at

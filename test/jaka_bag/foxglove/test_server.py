@@ -8,7 +8,7 @@ import time
 
 import pytest
 from foxglove_clients import OLD, SDK, RawViewer, Refused, data_of
-from live_samples import wait_until
+from waiting import wait_until
 
 from jaka_bag.errors import JakaBagError
 from jaka_bag.foxglove import server as servers
@@ -18,7 +18,7 @@ from jaka_bag.foxglove.source import Source
 
 
 class Toy(Source):
-    """Channels and a service whose messages the test makes."""
+    """A source whose channels, service and messages the test makes."""
 
     def __init__(self, channels=2):
         super().__init__("toy")
@@ -158,7 +158,7 @@ def test_a_viewer_that_sends_nothing_but_garbage_is_let_go_and_others_stay(runni
     server = running(toy)
     with RawViewer(server.port) as other, RawViewer(server.port) as viewer:
         other.subscribe(1)
-        with contextlib.suppress(OSError):  # it may be let go before it has said all of it
+        with contextlib.suppress(OSError):  # the server may close it before all of it is sent
             for _ in range(100):
                 viewer.send(b"\x09")
         assert ends_with(viewer, 1008)

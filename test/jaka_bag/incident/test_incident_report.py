@@ -1,4 +1,4 @@
-"""``jaka_bag report``: what its page says of an accident, and that a browser draws it."""
+"""``jaka_bag report``: its page's account of an accident, and that a browser draws it."""
 import html.parser
 import math
 import os
@@ -18,11 +18,12 @@ from jaka_bag.incident.seconds import events_of, seconds_of
 
 CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium") or shutil.which("google-chrome")
 STOP_S = 6.3
-"""When the emergency stop comes, s after the log's start; the arm moves from 4 s on."""
+"""s after the log's start, the moment of the emergency stop; the arm moves from 4 s on."""
 
 
 def accident(error="out of reach", caller="/cell"):
-    """Messages of ten seconds: rest, a call, a motion, an emergency stop, a failed call; a silence of the poses."""
+    """Return messages of ten seconds: rest, a call, a motion, an emergency stop, a failed call; a silence of the
+    poses."""
     samples = []
     for number in range(1250):
         at = number * 0.008
@@ -46,7 +47,7 @@ def accident(error="out of reach", caller="/cell"):
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
-    """As a black box writes it."""
+    """Write a log as a black box does."""
     path = tmp_path_factory.mktemp("log") / "blackbox.mcap"
     with create_log(path) as writer:
         writer.add_metadata("jaka_bag.trigger", {
@@ -81,7 +82,7 @@ def test_each_second_tells_what_happened_in_it(log):
 
 
 class Outline(html.parser.HTMLParser):
-    """Tags in balance, names used once, links that lead somewhere."""
+    """The tags of a page in balance, names used once, and links that lead somewhere."""
 
     def __init__(self, text):
         super().__init__()

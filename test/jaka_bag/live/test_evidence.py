@@ -1,4 +1,4 @@
-"""What must hold when things go wrong: kill -9, a full disk, a buffer that overflows."""
+"""Evidence when things go wrong: kill -9, a full disk, a buffer that overflows."""
 import contextlib
 import json
 import os
@@ -9,13 +9,13 @@ import subprocess
 import threading
 import time
 
-import live_samples
 import pytest
-from live_ros import with_subscribers
+import waiting
 from live_samples import content, twist_connection, twist_frame
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader
 from mcap.stream_reader import StreamReader
+from ros_graph import with_subscribers
 
 KILLED_LOSS_S = 1.1
 """Messages older than this at the moment of kill -9 are in the file."""
@@ -23,7 +23,7 @@ KILLED_LOSS_S = 1.1
 
 @contextlib.contextmanager
 def sending(publisher, outlet, period_s=0.002):
-    """Numbered messages, stamped with the time of sending, until the context ends; gives the list of times, ns."""
+    """Send numbered messages, stamped with the time of sending, until the context ends; yield the list of times, ns."""
     stamps = []
     ending = threading.Event()
 
@@ -42,7 +42,7 @@ def sending(publisher, outlet, period_s=0.002):
 
 
 def readable_stamps(path):
-    """Send times in an .mcap that was cut off, ns, as the mcap library reads it."""
+    """Return send times in an .mcap that was cut off, ns, as the mcap library reads it."""
     stamps = []
     with open(str(path), "rb") as file, contextlib.suppress(EndOfFile):
         for _, _, message in NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False):
@@ -57,7 +57,7 @@ def test_kill_9_loses_at_most_the_newest_second(graph, chance):
         a = publisher.advertise("/a", twist_connection("/a"), False)
         with_subscribers(publisher, a)
         with sending(publisher, a) as stamps:
-            live_samples.wait_until(lambda: len(stamps) > 700, "messages flow")
+            waiting.wait_until(lambda: len(stamps) > 700, "messages flow")
             threading.Event().wait(random.Random(chance).random())
             killed_at = time.time_ns()
             recorder.popen.kill()
@@ -76,7 +76,7 @@ def test_a_killed_bag_recording_is_recovered_to_its_last_chunk(graph):
         a = publisher.advertise("/a", twist_connection("/a"), False)
         with_subscribers(publisher, a)
         with sending(publisher, a) as stamps:
-            live_samples.wait_until(lambda: len(stamps) > 700, "messages flow")
+            waiting.wait_until(lambda: len(stamps) > 700, "messages flow")
             killed_at = time.time_ns()
             recorder.popen.kill()
             recorder.wait()
@@ -88,7 +88,8 @@ def test_a_killed_bag_recording_is_recovered_to_its_last_chunk(graph):
 
 @contextlib.contextmanager
 def small_disk(folder, size):
-    """A full-able file system in ``folder``: a tmpfs where that is permitted; gives False where it is not."""
+    """Mount a file system that can be filled in ``folder``: a tmpfs where that is permitted; yield False where it is
+    not."""
     folder.mkdir()
     mount = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=%d" % size, "jaka-test", str(folder)],
                            stderr=subprocess.PIPE)
@@ -100,9 +101,9 @@ def small_disk(folder, size):
 
 
 def fill(graph, recorder, publisher, outlet):
-    """Publish until the recorder gives up; the number of messages sent."""
+    """Publish until the recorder gives up; return the number of messages sent."""
     number = 0
-    deadline = time.monotonic() + live_samples.PATIENCE_S
+    deadline = time.monotonic() + waiting.WAIT
     while recorder.popen.poll() is None:
         assert time.monotonic() < deadline, "the recorder goes on: %s" % recorder.output
         number += 1

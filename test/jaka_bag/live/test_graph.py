@@ -1,4 +1,4 @@
-"""The XMLRPC side of a node: what others may ask, and what goes wrong."""
+"""The XMLRPC side of a node: the questions of others, and what goes wrong."""
 import os
 import socket
 import threading
@@ -58,7 +58,7 @@ def test_a_topic_is_where_its_owner_says(server, peer):
 
 
 def test_a_transport_that_is_closed_writes_to_nothing(monkeypatch, server, tmp_path):
-    """Its wake-up pipe's number may long be that of the log file."""
+    # Its wake-up pipe's number may long be that of the log file.
     monkeypatch.setenv("ROS_MASTER_URI", server.uri)
     monkeypatch.setenv("ROS_IP", "127.0.0.1")
     transport = Subscriber(NodeNames("/me"), lambda *message: None, lambda *link: None, str, str)

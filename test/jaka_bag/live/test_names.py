@@ -1,4 +1,4 @@
-"""Names as ROS resolves them (ROS wiki "Names")."""
+"""Names resolved by the rules of ROS (ROS wiki "Names")."""
 import pytest
 
 from jaka_bag.errors import BagError

@@ -1,4 +1,4 @@
-"""When messages go out: order, deadlines, pause, step, clock; without ROS."""
+"""The times at which messages go out: order, deadlines, pause, step, clock; without ROS."""
 import gc
 import os
 import pty

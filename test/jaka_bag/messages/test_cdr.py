@@ -1,4 +1,4 @@
-"""CDR by learnt byte maps is what rosbags makes of each message."""
+"""CDR made by learnt byte maps, equal to what rosbags makes of each message."""
 import struct
 
 import numpy as np
@@ -36,7 +36,7 @@ PRIMITIVES = {"bool": "?", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H
 
 @st.composite
 def typed_messages(draw):
-    """A random message definition and messages of it, of few and of many layouts."""
+    """Draw a random message definition and messages of it, of few and of many layouts."""
     fields = draw(st.lists(st.tuples(st.sampled_from(sorted(PRIMITIVES) + ["string", "time", "Inner", "Header"]),
                                      st.sampled_from(["", "[]", "[3]"])), min_size=1, max_size=6))
     fields = [(kind, "" if kind == "Header" else array) for kind, array in fields]

@@ -22,7 +22,7 @@ MEMORY_BYTES = 64 << 20
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """Names and bytes of the files of a log that the driver wrote: some lines in each of four files."""
+    """Write a driver's log; return names and bytes of its files: some lines in each of four files."""
     folder = tmp_path_factory.mktemp("log")
     for count in range(4):
         log = AuditLog(str(folder), 0, file_bytes=450)
@@ -37,7 +37,7 @@ def written(tmp_path_factory):
 
 @pytest.fixture
 def log(written, tmp_path):
-    """A copy of it: a folder, whose lines a test changes."""
+    """Copy it: a folder, whose lines a test changes."""
     return Log(tmp_path / "copy", written)
 
 
@@ -61,14 +61,14 @@ class Log:
         return account
 
     def where(self):
-        """(index of the file, line) of the first defect, and what it is."""
+        """Return (index of the file, line) of the first defect, and its text."""
         defect = self.verified().defect
         assert defect is not None
         return self.names.index(os.path.basename(defect.path)), defect.line, defect.what
 
 
 def sealed(fields):
-    """A line with a right checksum, as somebody makes it who knows the format."""
+    """Return a line with a right checksum, as somebody makes it who knows the format."""
     body = json.dumps(fields).encode()[:-1]
     return body + b',"crc":"%08x"}' % zlib.crc32(body)
 

@@ -1,4 +1,4 @@
-"""Columns hold what rosbags decodes, message by message."""
+"""Columns that hold what rosbags decodes, message by message."""
 import struct
 
 import numpy as np

@@ -19,7 +19,7 @@ SAMPLES = state_log(1.0)
 
 @pytest.fixture
 def cluster(tmp_path):
-    """Address of a scheduler with two workers."""
+    """Return the address of a scheduler with two workers."""
     with DaskCluster(tmp_path) as cluster:
         yield cluster.address
 

@@ -1,4 +1,4 @@
-"""rosbag2 folders, of MCAP and sqlite3 storage, become logs of ROS 1 messages again."""
+"""rosbag2 folders, with MCAP and sqlite3 storage, that become logs of ROS 1 messages again."""
 import json
 import struct
 
@@ -11,7 +11,7 @@ SAMPLES = state_log(0.5)
 
 
 def without_seq(samples):
-    """ROS 2 has no header.seq."""
+    """Return samples without header.seq, which ROS 2 lacks."""
     return [(s.connection.topic, s.connection.md5sum, s.time,
              bytes(4) + s.data[4:] if s.connection in (JOINTS, TOOL) else s.data) for s in samples]
 

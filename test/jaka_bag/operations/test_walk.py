@@ -42,7 +42,7 @@ def kind(request):
 
 @pytest.fixture
 def log(tmp_path, kind):
-    """A log; all that its conversion imports is imported."""
+    """Write a log; everything that its conversion imports is imported."""
     path = write(tmp_path / ("log" + kind.source), state_log(2.0))
     convert(path, "first", kind)
     return path
@@ -54,7 +54,7 @@ def convert(log, name, kind):
 
 
 def files_of_a_conversion(log, kind):
-    """Files of the package whose functions run."""
+    """Return the files of the package whose functions run."""
     seen = set()
 
     def look(frame, event, argument):

@@ -26,7 +26,7 @@ def panel():
 
 @pytest.fixture
 def open_page(browser, panel):
-    """Opens the page; all that it complained of fails the test, unless it is taken away."""
+    """Return a function that opens the page; its complaints fail the test unless they are taken away."""
     pages = []
 
     def begin(url=None, control=False, **options):

@@ -1,4 +1,4 @@
-"""What the page does: STOP from everywhere, the jog only while it is held and seen, control, and every button."""
+"""The actions of the page: STOP from everywhere, the jog only while it is held and seen, control, and every button."""
 import json
 import time
 
@@ -25,7 +25,7 @@ def beats(panel):
 
 
 def rested(panel):
-    """Whether heartbeats have ended: none comes for as long as some would have."""
+    """Return whether heartbeats have ended: none comes for as long as some would have."""
     count = len(beats(panel))
     time.sleep(QUIET_S)
     return len(beats(panel)) == count
@@ -71,7 +71,8 @@ def test_stop_needs_no_control_and_goes_by_http_where_the_socket_does_not_answer
 
 
 def begin(page, panel, count, press):
-    """Press until so many heartbeats have come of one press; its number. A busy host makes a page stand still, too."""
+    """Press until so many heartbeats have come of one press; return its number. A busy host makes a page stand still,
+    too."""
     for _ in range(20):
         last = max([one["hold"] for one in beats(panel)], default=0)
         ends = len(panel.sent("jog_stop"))
@@ -201,7 +202,7 @@ def test_a_target_is_shown_before_go_goes_there_and_only_there(panel, open_page)
 
 
 def test_a_target_that_is_typed_while_the_arm_is_under_way_stays(panel, open_page):
-    panel.answers["joint_move"] = lambda arguments: None  # said below
+    panel.answers["joint_move"] = lambda arguments: None  # answered below
     page = open_page(control=True)
     page.click("#tab-move")
     page.type("#panel-move input", "20")
@@ -271,7 +272,7 @@ def test_an_output_shows_what_the_controller_reports_not_what_was_asked(panel, o
 
 
 def test_every_button_answers(panel, open_page):
-    """Each one, in each tab: something is sent, or something on the page changes."""
+    # Each one is pressed in each tab: something is sent, or something on the page changes.
     page = open_page(control=True, height=1400)
     dead = []
     clicked = 0

@@ -1,4 +1,4 @@
-"""What the page shows: in time, in both languages, readable by everybody, and never the past as the present."""
+"""The sights of the page: in time, in both languages, readable by everybody, and never the past as the present."""
 import json
 import time
 
@@ -9,7 +9,7 @@ from import_graph import ROOT
 AXE = ROOT / "build" / "js" / "node_modules" / "axe-core" / "axe.min.js"
 HOSTILE = "<script>window.pwned = 1</script><img src=x onerror='window.pwned = 2'>&lt;b&gt;"
 LOADED_WITHIN_S = 6.0
-"""On a busy host; `tools/dev bench panel_page` tells the time on a quiet one."""
+"""s on a busy host; `tools/dev bench panel_page` measures the time on a quiet one."""
 
 
 def test_it_is_there_soon_and_its_token_is_not_in_the_address(browser, panel, open_page):

@@ -25,7 +25,7 @@ def names_in(source):
 
 @pytest.fixture
 def checkout(tmp_path):
-    """A small driver with messages, as a checkout with a build has them."""
+    """Write a small driver with messages, as a checkout with a build has them."""
     node = tmp_path / "checkout" / "jaka_ros_driver" / "ros" / "node.py"
     node.parent.mkdir(parents=True)
     node.write_text("def main():\n    print('another driver')\n    return 3\n")

@@ -1,4 +1,4 @@
-"""From samples to a trajectory: smooth, near to them, within the limits, as the driver's own audit sees it."""
+"""The way from samples to a trajectory: smooth, near to them, within the limits that the driver's own audit checks."""
 import importlib
 import importlib.util
 
@@ -24,7 +24,7 @@ solvers = pytest.mark.parametrize("solver", [pytest.param(name, marks=pytest.mar
 
 
 def audited(plan, model="zu7"):
-    """The path that the driver makes of a plan; it raises where it would refuse it."""
+    """Return the path that the driver makes of a plan; raise where it would refuse it."""
     rows = zip(plan.time.tolist(), plan.position.tolist(), plan.velocity.tolist(), plan.acceleration.tolist())
     points = tuple(TrajectoryPoint(t, tuple(p), tuple(v), tuple(a)) for t, p, v, a in rows)
     rest = PathStart(JointState(plan.start, (0.0,) * 6, (0.0,) * 6), True)

@@ -1,4 +1,4 @@
-"""Which joints of a log are replayed, and what is wrong with those that are not."""
+"""The joints of a log that are replayed, and the defects of those that are not."""
 import numpy as np
 import pytest
 from log_samples import START_NS, joints, model, write

@@ -1,4 +1,4 @@
-"""Every golden log happens again: the driver of this checkout against simulated controllers."""
+"""Golden logs replayed: the driver of this checkout against simulated controllers."""
 import dataclasses
 
 import pytest
@@ -54,7 +54,7 @@ def test_what_depends_on_the_drivers_own_clock_keeps_its_speed(tmp_path):
 
 
 def changed(name, **arm):
-    """The scenario of a golden log with something wrong at its first arm."""
+    """Return the scenario of a golden log with something wrong at its first arm."""
     scenario = scenario_of(FOLDER / (name + ".mcap"))
     return dataclasses.replace(scenario, arms=(dataclasses.replace(scenario.arms[0], **arm),) + scenario.arms[1:])
 

@@ -18,7 +18,7 @@ WAIT = 250
 
 @pytest.fixture
 def cell(tmp_path):
-    """A folder with a golden log, and a function that runs pytest there."""
+    """Return a folder with a golden log, and a function that runs pytest there."""
     shutil.copy(str(GOLDEN / "io_sequence.mcap"), str(tmp_path / "golden.mcap"))
     scenario = yaml.safe_load((GOLDEN / "io_sequence.yaml").read_text(encoding="utf-8"))
     scenario["tolerances"] = yaml.safe_load(BUSY_HOST.read_text(encoding="utf-8"))

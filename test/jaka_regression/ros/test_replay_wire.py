@@ -15,7 +15,7 @@ GOLDEN = ROOT / "test" / "data" / "golden"
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A collision, as a state log and as the controller's bytes."""
+    """Record a collision, as a state log and as the controller's bytes."""
     folder = tmp_path_factory.mktemp("recorded")
     golden = GOLDEN / "collision.mcap"
     scenario = scenario_of(golden)

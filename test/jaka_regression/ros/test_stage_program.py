@@ -1,4 +1,4 @@
-"""The program that is one stage of a replay, as a worker starts it."""
+"""The executable that is one stage of a replay, as a worker starts it."""
 import json
 import os
 import signal
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from import_graph import ROOT
-from live_samples import wait_until
+from waiting import wait_until
 
 from jaka_regression.processes import Program
 from jaka_regression.programs import STAGE
@@ -14,7 +14,7 @@ from jaka_regression.programs import STAGE
 
 @pytest.fixture
 def withheld():
-    """What is started in this thread inherits a SIGINT that is blocked and ignored, as from workers of both kinds."""
+    """Give children of this thread a SIGINT that is blocked and ignored, as from workers of both kinds."""
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
     yield

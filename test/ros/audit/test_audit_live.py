@@ -1,4 +1,4 @@
-"""The audit log of a real driver on a simulated controller: who did what stands in it, whatever the driver dies of."""
+"""The audit log of a real driver on a simulated controller: it records who did what, however the driver dies."""
 import os
 import signal
 import subprocess
@@ -9,13 +9,12 @@ from types import SimpleNamespace
 import actionlib
 import pytest
 import rospy
-from arm_bench import eventually
 from audit_reading import lines_of, those_of, whole
+from driver_bench import HOME, LiveDriver, begin, listen
 from jog_pad import Pad
 from jog_pad import begin as begin_jog
-from live_driver import LiveDriver, begin
-from ros_bench import HOME, WAIT, listen
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from waiting import WAIT, eventually
 
 from jaka_bag.cli import main as program
 from jaka_msgs.msg import RecoverAction, RecoverGoal
@@ -25,13 +24,14 @@ JOINTS = ["joint_%d" % number for number in range(1, 7)]
 
 
 def is_here(line):
-    """A line of this test's node, from this machine."""
+    """Return whether a line is of this test's node, from this machine."""
     return line["node"] == rospy.get_name() and line["host"].startswith("127.0.0.1:") and int(line["host"][10:]) > 0
 
 
 @pytest.fixture(scope="module")
 def told(ros_node, tmp_path_factory):
-    """A driver's life with one act of each kind; SIGKILL in the middle of a motion; a second life, ended in order."""
+    """Run a driver's life with one act of each kind; SIGKILL in the middle of a motion; a second life, ended in
+    order."""
     folder = tmp_path_factory.mktemp("audit")
     with LiveDriver(tmp_path_factory.mktemp("wire"), name=NAME, guard=False, audit_dir=str(folder),
                     industrial_names=True) as live:
@@ -75,7 +75,7 @@ def custody_files(port):
 
 
 def went_home(arm):
-    """Again where a busy host stands against it."""
+    """Move home; again where a busy host stands against it."""
     assert eventually(lambda: arm.call("joint_move", pose=HOME, mvvelo=3.0, mvacc=12.0).ret == 1, WAIT)
 
 
@@ -261,7 +261,7 @@ def test_a_full_disk_costs_a_warning_and_the_chain_goes_on_when_there_is_room(ro
 
 
 def test_a_driver_that_is_killed_again_and_again_leaves_one_chain(ros_node, tmp_path):
-    """Each next start goes on with the chain."""
+    # Each next start goes on with the chain.
     folder = tmp_path / "audit"
     with LiveDriver(tmp_path, name="dying", guard=False, audit_dir=str(folder)) as live:
         for death in range(3):

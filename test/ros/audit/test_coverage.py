@@ -1,7 +1,7 @@
-"""Nothing by which a node can ask the driver for something is unrecorded, unless it is listed with the reason.
+"""The coverage of the audit log: every request that a node can make is recorded, or listed with the reason.
 
-The driver tells in its log what it records; the ROS master tells what the node really takes. Whoever adds a
-service, an action or a topic beside both is told here.
+The driver names in its log what it records; the ROS master knows what the node really offers. A service, an action or
+a topic that is added beside both fails here.
 """
 import re
 import sys
@@ -9,10 +9,10 @@ import sys
 import pytest
 import rosgraph
 import rospy
-from arm_bench import eventually
 from audit_reading import those_of
+from driver_bench import DriverProcess, SimulatorProcess, on
 from import_graph import ROOT
-from ros_bench import WAIT, DriverProcess, SimulatorProcess, on
+from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros.audit.recorder import NOT_RECORDED, STREAMED, URGENT
 from jaka_ros_driver.ros.services.service_table import SERVICES
@@ -39,7 +39,7 @@ sys.exit(node.main(sys.argv[1:]))
 
 
 def taken_by(node):
-    """Names of the services that a node offers and of the topics that it reads, as the master knows them."""
+    """Return names of the services that a node offers and of the topics that it reads, as the master knows them."""
     _, subscribers, services = rosgraph.Master("/jaka_tests").getSystemState()
     return {name for name, nodes in services + subscribers if node in nodes}
 
@@ -49,7 +49,7 @@ def resolved(name, node):
 
 
 def unrecorded(node, folder):
-    """What a node takes that its driver neither records nor is listed for."""
+    """Return what a node takes that its driver neither records nor is listed for."""
     known = {resolved(name, node) for name in NOT_RECORDED}
     for entry in those_of(folder, "recorded")[-1]["names"]:
         kind, name = entry.split(" ")
@@ -81,7 +81,7 @@ def test_all_that_a_driver_takes_is_recorded_or_listed_with_the_reason(ros_node,
 def test_what_is_neither_is_found(ros_node, simulator, tmp_path, monkeypatch):
     script = tmp_path / "planted.py"
     script.write_text(PLANTED)
-    monkeypatch.setattr("ros_bench.PROGRAM", [sys.executable, str(script)])
+    monkeypatch.setattr("driver_bench.PROGRAM", [sys.executable, str(script)])
     folder = tmp_path / "audit"
     with DriverProcess("planted", audit_dir=str(folder), **on(simulator, guard=False)):
         wait_until_all_is_offered("/planted", folder)

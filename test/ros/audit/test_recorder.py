@@ -1,4 +1,4 @@
-"""Calls, goals and messages to lines: bounded, with their caller, and never at the cost of a call."""
+"""The lines of calls, goals and messages: bounded, with their caller, and never at the cost of a call."""
 import json
 import logging
 import math

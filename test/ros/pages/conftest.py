@@ -1,4 +1,4 @@
-"""A shell in an empty folder, as somebody has it who types what a page says."""
+"""A shell in an empty folder, like that of a reader who types the commands of a page."""
 import os
 
 import pytest

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import import_graph
 import pytest
-from arm_bench import Bench, eventually
-from ros_bench import HOME
+from arm_bench import Bench
+from driver_bench import HOME
+from waiting import eventually
 
 from jaka_msgs.srv import MoveRequest
 from jaka_ros_driver.client.arm_client import LoopTask
@@ -28,13 +29,14 @@ def part(name):
 
 
 def stations():
-    """(file, names of functions to the wire, names of functions back) of each row."""
+    """Return (file, names of functions to the wire, names of functions back) of each row."""
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in part("the way of a move").splitlines()[2:]]
     return [(row[1].strip("`"), re.findall(r"`(\w+)`:", row[2]), re.findall(r"`(\w+)`:", row[3])) for row in rows]
 
 
 class Trace(LoopTask):
-    """Which functions of the driver are called, in their order, here and in the client's thread, inside ``with``."""
+    """A record of the driver's functions in the order of their calls, here and in the client's thread, inside
+    ``with``."""
 
     def __init__(self, arm):
         self._is_on = False
@@ -78,7 +80,7 @@ class NoCallPublisher:
 
 @pytest.fixture(scope="module")
 def trace(tmp_path_factory, ros_node):
-    """Of one joint_move, from the service's handler on."""
+    """Return the trace of one joint_move, from the service's handler on."""
     bench = Bench(tmp_path_factory.mktemp("bench"))
     try:
         arm = bench.connect()

@@ -1,4 +1,4 @@
-"""The programs of docs/examples, each as a reader would start it."""
+"""The scripts of docs/examples, each as a reader would start it."""
 import math
 import os
 import re
@@ -9,7 +9,8 @@ import sys
 import import_graph
 import log_samples
 import pytest
-from ros_bench import HOME, eventually
+from driver_bench import HOME
+from waiting import eventually
 
 EXAMPLES = import_graph.ROOT / "docs" / "examples"
 TESTED = {"move_and_stop.py", "stream_servo_targets.py", "follow_trajectory.py", "read_log_into_numpy.py",
@@ -18,14 +19,14 @@ PATIENCE_S = 90.0
 
 
 def started(folder, *words):
-    """python3 with these words; it finds the packages where the tests find them."""
+    """Start python3 with these words; it finds the packages where the tests find them."""
     path = os.pathsep.join([str(import_graph.ROOT)] + [entry for entry in sys.path if entry])
     return subprocess.Popen([sys.executable, *words], cwd=str(folder), env=dict(os.environ, PYTHONPATH=path), text=True,
                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
 
 
 def run(folder, *words):
-    """Its exit code and output."""
+    """Run python3 with these words; return its exit code and output."""
     process = started(folder, *words)
     said = process.communicate(timeout=PATIENCE_S)[0]
     return process.returncode, said

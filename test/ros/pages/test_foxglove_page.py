@@ -5,8 +5,8 @@ import re
 import pytest
 from foxglove_clients import PATIENCE_S, RawViewer, data_of
 from import_graph import ROOT
-from live_samples import wait_until
 from page_commands import blocks, until
+from waiting import wait_until
 
 from jaka_bag.messages.definitions import parse_definition
 
@@ -21,12 +21,12 @@ def port_of(shell, name):
 
 
 def panels(node):
-    """The panels that a layout shows."""
+    """Return the panels that a layout shows."""
     return [node] if isinstance(node, str) else panels(node["first"]) + panels(node["second"])
 
 
 def message_paths(layout):
-    """All message paths of the layout's panels."""
+    """Return all message paths of the layout's panels."""
     for config in layout["configById"].values():
         yield from (path["value"] for path in config.get("paths", []))
         yield from (config[name] for name in ("path", "topicPath", "topicToRender") if config.get(name))
@@ -34,12 +34,12 @@ def message_paths(layout):
 
 
 def topic_of(path, channels):
-    """The topic of a message path; None where it is not there."""
+    """Return the topic of a message path; None where it is not there."""
     return max((topic for topic in channels if path == topic or path.startswith(topic + ".")), key=len, default=None)
 
 
 def resolve(path, channels):
-    """Follow a message path through the definition of its topic; the type at its end."""
+    """Follow a message path through the definition of its topic; return the type at its end."""
     topic = topic_of(path, channels)
     assert topic is not None, "%s: no such topic in %s" % (path, sorted(channels))
     name = channels[topic]["schemaName"]

@@ -7,13 +7,13 @@ import shutil
 
 import import_graph
 import pytest
+from driver_bench import SimulatorProcess
 from page_commands import Shell, blocks, until
-from ros_bench import SimulatorProcess
 
 PAGE = import_graph.ROOT / "docs" / "migration.md"
 ARM = "ip:=10.5.5.100"
 OLD = "{ [ ! -e catkin_ws/devel ] || . catkin_ws/devel/setup.bash; }"
-"""What a reader has in the shell before: the old workspace."""
+"""The reader's shell before: the old workspace."""
 CELL = """<launch>
   <arg name="ip"/>
   <include file="$(find jaka_driver)/launch/robot_start_launch.launch">
@@ -38,7 +38,7 @@ catkin_package()
 
 @pytest.fixture
 def cell(root, tmp_path):
-    """The folder in which the page's commands run."""
+    """Make the folder in which the page's commands run."""
     (tmp_path / "jaka_ros_driver").symlink_to(root)
     source = tmp_path / "catkin_ws" / "src"
     source.mkdir(parents=True)
@@ -52,7 +52,7 @@ def cell(root, tmp_path):
 
 @pytest.fixture
 def shell(cell, ros_master):
-    """Nothing of the shell that runs the tests: no other workspace, no other interpreter."""
+    """Return a shell with nothing of the one that runs the tests: no other workspace, no other interpreter."""
     environment = {"PATH": "/usr/bin:/bin", "HOME": str(cell), "ROS_HOME": str(cell), "LANG": "C.UTF-8",
                    "ROS_LANG_DISABLE": "geneus:genlisp:gennodejs", "ROS_MASTER_URI": ros_master, "ROS_IP": "127.0.0.1"}
     one = Shell(cell, environment, OLD)
@@ -63,7 +63,7 @@ def shell(cell, ros_master):
 
 
 def with_ports(command, status):
-    """The ports that a test can have, and no guard: on a busy host a driver that gets no time is as good as dead."""
+    """Add ports that a test can have, and no guard: on a busy host a driver that gets no time is as good as dead."""
     return " command_port:=%d status_port:=%d guard:=false" % (command, status)
 
 
@@ -116,7 +116,7 @@ def test_each_command_of_the_page(shell, cell, free_ports):
 
 
 def largest_number(said):
-    """Of the numbers of a TwistStamped, its header left out."""
+    """Return the largest number of a TwistStamped, its header left out."""
     numbers = [line.split(":")[1] for line in said.partition("twist:")[2].splitlines()
                if line.strip()[:2] in ("x:", "y:", "z:")]
     return max(abs(float(number)) for number in numbers)

@@ -15,7 +15,7 @@ def commands_of_the_other_shell(root):
 
 @pytest.fixture
 def run(root, tmp_path):
-    """Runs one line in bash, in a folder that has the build where the README says it is."""
+    """Return a function that runs one line in bash, in a folder that has the build where the README places it."""
     (tmp_path / "build").symlink_to(root / "build")
 
     def run_line(line):

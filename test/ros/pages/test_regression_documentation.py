@@ -12,7 +12,8 @@ PAGE = "docs/regression_testing.md"
 
 @pytest.fixture
 def shell(root, tmp_path, ros_master):
-    """In a folder that has the build where the page says it is; both logs are made beside other tests there."""
+    """Return a shell in a folder that has the build where the page places it; both logs are made beside other tests
+    there."""
     (tmp_path / "build").symlink_to(root / "build")
     (tmp_path / "golden.yaml").write_text(yaml.safe_dump({"tolerances": yaml.safe_load(
         (root / "test" / "data" / "busy_host.yaml").read_text(encoding="utf-8"))}), encoding="utf-8")

@@ -5,8 +5,9 @@ import re
 
 import import_graph
 import pytest
+from driver_bench import HOME, SimulatorProcess
 from page_commands import blocks, until
-from ros_bench import HOME, SimulatorProcess, eventually
+from waiting import eventually
 
 from jaka_ros_driver.client.core.procedures.recovery import RecoveryStep
 
@@ -37,13 +38,13 @@ ANSWERS = {
 
 @pytest.fixture(scope="module")
 def simulator():
-    """With a force sensor, which a section of the page is about."""
+    """Start a simulated controller with a force sensor, which a section of the page is about."""
     with contextlib.closing(SimulatorProcess("--start", "enabled", "--force-sensor")) as process:
         yield process
 
 
 def has_moved(arm):
-    """Away from home."""
+    """Return whether the arm is away from home."""
     away = [abs(a - math.degrees(b)) for a, b in zip(arm.simulator.state()["joint_position"], HOME)]
     return max(away) > SEEN_DEG
 
@@ -76,7 +77,7 @@ def test_each_command_of_the_page(shell, arm):
             if "_controller/command" in line:
                 is_sent = "points" in line
                 until(lambda is_sent=is_sent: arm.simulator.is_moving() is is_sent, lambda: "the arm moves, or rests")
-            if "/jog_" in line:  # a busy host lets go of the arm
+            if "/jog_" in line:  # a busy host may end the jog
                 assert any(has_moved(arm) or shell.run(line)[0] for _ in range(5)), "%s\n%s" % (line, said)
             if "move_path/" in line:
                 until(lambda line=line: arm.simulator.is_moving() is ("goal" in line), lambda: "it moves, or rests")

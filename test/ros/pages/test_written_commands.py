@@ -1,4 +1,5 @@
-"""Every command line that a reader is told to type: its program is there, and understands it; what is quick is run."""
+"""The command lines that a reader is asked to type: each executable is there, and understands it; quick ones are
+run."""
 import functools
 import importlib
 import os
@@ -27,7 +28,7 @@ from jaka_ros_driver.simulation.server.panel import ACTIONS
 FOREIGN = {"jaka_driver": "the maker's package", "jaka_planner": "the maker's package"}
 """Packages on the pages that are not ours, nor Debian's."""
 SHELL_WORDS = {"cd", "diff", "ln", "mkdir", "mv", "rm", "sed", "touch", "true", "catkin_make"}
-"""Run by the page's own test, in its order."""
+"""Shell commands that the page's own test runs, in its order."""
 NAMES_IN_THE_NODE = "\n".join(path.read_text(encoding="utf-8") for folder in ("jaka_ros_driver/ros", "tools/jaka_bag")
                               for path in (ROOT / folder).rglob("*.py"))
 OF_ACTIONS = ("/goal", "/cancel", "/feedback", "/command")
@@ -35,7 +36,7 @@ FOUND = everything()
 
 
 def shell(text):
-    """Run it as a reader does, at the top of the checkout, in a shell that has sourced the place under test."""
+    """Run a line as a reader does, at the top of the checkout, in a shell that has sourced the place under test."""
     environment = {name: value for name, value in os.environ.items()
                    if name in program_places.OF_A_SHELL or name.startswith("ROS_")}
     environment.update(PATH="/usr/bin:/bin", HOME="/tmp", LANG="C.UTF-8")
@@ -54,7 +55,7 @@ def understand(program, words, is_whole):
 # ---- of ROS ----
 
 def launched(words, program):
-    """A launch file of the place under test, and arguments that it has."""
+    """Check a launch file of the place under test, and that it has these arguments."""
     words = [word for word in words if not word.startswith("--")]
     if words[0] in FOREIGN:
         return
@@ -118,7 +119,7 @@ def topic_used(words):
 
 
 def filled(message, texts):
-    """The message of YAML texts, as rostopic and rosservice read them."""
+    """Return the message of YAML texts, as rostopic and rosservice read them."""
     try:
         genpy.message.fill_message_args(message, [yaml.safe_load(text) for text in texts] or [{}],
                                         keys={"now": genpy.Time(1), "auto": {}})
@@ -129,7 +130,7 @@ def filled(message, texts):
 # ---- Python, and the programs of contributors ----
 
 def run_by_python(before, python, words, target):
-    """A script is run to where it has understood its words; a module of ours that prints a page is run whole."""
+    """Run a script until it has understood its words; a module of ours that prints a page is run whole."""
     if python == "python":
         raise Wrong("Debian has no python, but python3")
     if python == "build/venv/bin/python3" and not (ROOT / python).exists():
@@ -166,7 +167,7 @@ def quoted(word):
 
 
 def dev(words):
-    """A command of tools/dev: of its usage, with words that what it starts understands."""
+    """Check a command of tools/dev: it is in its usage, with words that the started command understands."""
     usage = shell("tools/dev help")
     if not words:
         return
@@ -191,7 +192,7 @@ def dev(words):
 
 
 def extras(words):
-    """What pip is told to install from this checkout."""
+    """Check what pip is asked to install from this checkout."""
     declared = (ROOT / "tools" / "pyproject.toml").read_text(encoding="utf-8")
     for word in words:
         path, _, names = word.partition("[")
@@ -203,7 +204,7 @@ def extras(words):
 
 
 def check(words, written, target=""):
-    """Raise Wrong where a reader cannot do it; else what was done."""
+    """Raise Wrong where a reader cannot do it; else return what was done."""
     before = []
     while re.match(r"[A-Z_]+=", words[0]):
         before.append(words.pop(0))
@@ -246,7 +247,7 @@ def check(words, written, target=""):
 
 
 def checked(written):
-    """What was done about each command of one line."""
+    """Return what was done about each command of one line."""
     for text in concrete(written.text):
         if text.startswith("for "):
             shell("bash -n -c %s" % quoted(text.replace("'", "'\\''")))
@@ -277,7 +278,7 @@ QUICK = {"attach", "cat", "compare", "completion", "convert", "dataset add", "da
          "doctor", "du", "export", "extract", "filter", "info", "merge", "plot", "recover", "report", "split", "verify"}
 """Subcommands that read and write files only."""
 NOT_HERE = ("s3://", "tcp://", "DIR", "FILE", "FOLDER", "GOLDEN", "--sweep", "~/.ros")
-"""What asks for a cluster, for a file of the reader's, or for what such a command or a driver made."""
+"""Words that ask for a cluster, for a file of the reader's, or for one that such a command or a driver made."""
 
 
 def is_quick(words):
@@ -294,7 +295,7 @@ RUN = {page: [written.text for written in FOUND if written.where == page and wri
 
 @pytest.fixture
 def folder(tmp_path):
-    """The files that the pages speak of, as a user's: two golden logs under their names."""
+    """Write the files that the pages name, as a user's: two golden logs under their names."""
     golden = ROOT / "test" / "data" / "golden"
     for name in ("golden.mcap", "run.mcap"):
         shutil.copy(str(golden / "joint_moves.mcap"), str(tmp_path / name))
@@ -376,7 +377,7 @@ def test_commands_are_found_where_they_stand():
 
 
 def test_the_panel_of_the_simulator_understands_what_its_page_says(root):
-    """The actions that stand there, on a running simulated controller."""
+    # The actions of the page are sent to a running simulated controller.
     from jaka_ros_driver.simulation.simulated_controller import SimulatedController
     texts = [written.text for written in FOUND if written.where == "docs/simulation.md"
              and written.text.startswith("jaka_sim panel --port")]

@@ -1,4 +1,4 @@
-"""What the tests of the panel share: pages, which live in one loop."""
+"""The pages that the tests of the panel share; they live in one loop."""
 import contextlib
 
 import pytest

@@ -1,19 +1,19 @@
-"""The dead-man from a page to the arm: every way of letting go stops it, by the controller's log; nothing resumes."""
+"""The dead-man from a page to the arm: every way of release stops it, by the controller's log; nothing resumes."""
 import contextlib
 from types import SimpleNamespace
 
 import pytest
+from driver_bench import LiveDriver
 from jog_pad import last_frame_of_motion
-from live_driver import LiveDriver
 from panel_jog import WAYS, JogBench, let_go
 from panel_page import Loop
-from ros_bench import eventually
+from waiting import eventually
 
 LONGEST_S = 1.0
 """s; 0.3 s on a quiet host (test/benchmark/bench_panel.py), and what a busy one may take away."""
 ALONG_A_LINE = ("silence", "reset", "second page")
 BY_A_BROWSER = ("release", "tab closed", "SIGSTOP", "SIGKILL")
-"""These a real browser's page does in test/ros/panel_page; test/benchmark/bench_panel.py does them all."""
+"""The ways that a real browser's page takes in test/ros/panel_page; test/benchmark/bench_panel.py takes them all."""
 SUITE = [way for way in WAYS if way not in BY_A_BROWSER]
 
 
@@ -34,7 +34,7 @@ def told(ros_node, tmp_path_factory):
 
 
 def stepped(bench, told):
-    """A step of 1 deg of a joint, one of 5 mm along z, with the button held until they are done."""
+    """Make a step of 1 deg of a joint, and one of 5 mm along z, with the button held until they are done."""
     bench.go_home()
     for name, space, values, step in (("joint", "joint", [0, 0, 0, 0, 0, -1.0], 0.0174533),
                                       ("base", "base", [0, 0, 1.0, 0, 0, 0], 0.005)):
@@ -43,7 +43,7 @@ def stepped(bench, told):
             return state["joint_position"][5] if name == "joint" else state["tcp_pose"][2]
 
         def done(name=name, space=space, values=values, step=step, place=place):
-            """Whether one press did the whole step: on a busy host a press can end before."""
+            """Return whether one press did the whole step: on a busy host a press can end before."""
             before = place()
             hold = bench.page.press(bench.arm, values, space, step)
             ended = bench.page.wait("jog", lambda m: m["hold"] == hold and m["state"] == "ended")

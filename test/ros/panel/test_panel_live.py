@@ -1,4 +1,4 @@
-"""A panel on a running driver: what a page is told, and what each of its commands does, with one page and with two."""
+"""A panel on a running driver: the messages of a page, and each of its commands, with one page and with two."""
 import math
 import os
 import signal
@@ -6,10 +6,10 @@ import subprocess
 import time
 
 import pytest
-from live_driver import LiveDriver
+from driver_bench import HOME, LiveDriver
 from motion_logs import log_of, session
 from panel_page import PROGRAM, Page, PanelProcess, get
-from ros_bench import HOME, WAIT, eventually
+from waiting import WAIT, eventually
 
 STAGE = [0.2, 1.4, -1.4, 1.5, 1.4, 0.1]
 SCRIPT = "<script>alert(1)</script>"
@@ -64,12 +64,13 @@ def there(live, target, tolerance=1e-3):
 
 
 def go_home(live):
-    """Again where a busy host stands against it."""
+    """Move home; again where a busy host stands against it."""
     assert eventually(lambda: live.arm.call("joint_move", pose=HOME, mvvelo=3.0, mvacc=12.0).ret == 1)
 
 
 def set_in_motion(page, live, arm, cmd, **args):
-    """Ask for a motion from HOME; again where a busy host has ended it before it began. What waits for its answer."""
+    """Ask for a motion from HOME, again where a busy host has ended it before it began; return the function that waits
+    for its answer."""
     answers = []
     for _ in range(5):
         go_home(live)
@@ -118,10 +119,8 @@ def test_states_come_at_the_rate_at_most_and_show_what_is(page, live, arm):
 
 
 def test_states_come_a_little_behind_a_sample(page, arm):
-    """The driver and a simulated controller beside it are busy when a sample comes: no work for pages then.
-
-    At any moment the newest sample may be 0 to 8 ms old and more; of what is shown most lies within 3 ms.
-    """
+    # The driver and a simulated controller beside it are busy when a sample comes: no work for pages then. At any
+    # moment the newest sample may be 0 to 8 ms old and more; of what is shown most lies within 3 ms.
     def is_behind():
         ages = {}
         assert eventually(lambda: ages.update({page.states[arm]["n"]: page.states[arm]["age"]}) or len(ages) >= 30)
@@ -139,7 +138,7 @@ def test_a_sample_that_is_old_is_not_shown_as_new(page, live, arm):
         page.press(arm, [1, 0, 0, 0, 0, 0])
         assert "not fresh" in page.wait("jog", lambda m: m["state"] == "ended")["why"]
         page.let_go_silently()
-        # a stop of an arm that does not answer holds up nothing, and is not told as done
+        # a stop of an arm that does not answer holds up nothing, and is not reported as done
         begun = time.monotonic()
         answer = page.ask("stop", arm=arm)
         assert not answer["ok"] and time.monotonic() - begun < 10.0
@@ -242,7 +241,7 @@ def test_logs_are_those_of_the_folder_and_a_name_leads_nowhere_else(page, panel,
 def test_a_log_is_replayed_as_it_was_drawn(page, live, panel, arm):
     log_of(panel.logs / "led.bag", session(seconds=1.5, reach=0.2))
     plan = page.command("plan_log", arm, file="led.bag")["data"]
-    assert plan["duration"] > 1.0 and plan["warnings"], "the log does not tell the model"
+    assert plan["duration"] > 1.0 and plan["warnings"], "the log lacks the model"
     begin = plan["start"][0]
     peak = max(abs(place[0] - begin) for place in plan["path"])
     page.plots.clear()

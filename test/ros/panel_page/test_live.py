@@ -1,4 +1,4 @@
-"""The page on a running driver: a first run by clicks only, and every way of letting go, in the controller's log."""
+"""The page on a running driver: a first run by clicks only, and every way of release, in the controller's log."""
 import re
 import sys
 import time
@@ -9,15 +9,16 @@ pytest.importorskip("aiohttp")
 
 from browser import CHROMIUM, Browser
 from import_graph import ROOT
-from live_ros import Graph
 from panel_operator import WAYS, Operator, times_to_rest
+from ros_graph import Graph
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium-headless-shell")
 LONGEST_S = 1.0
 """s; 0.3 s on a quiet host (test/benchmark/bench_panel_deadman.py), and what a busy one may take away."""
 LEFT_TO_THE_BENCHMARK = ("tab frozen", "page crashed", "loaded again", "browser killed")
-"""A browser takes 8 s to freeze a tab: its JavaScript stands still then, as in "JavaScript blocked". The others need
-another page or browser each; for the server they are closed connections, as "tab closed" is."""
+"""Ways that only the benchmark takes. A browser takes 8 s to freeze a tab: its JavaScript stands still then, as in
+"JavaScript blocked". The others need another page or browser each; for the server they are closed connections, as "tab
+closed" is."""
 SUITE = [way for way in WAYS if way not in LEFT_TO_THE_BENCHMARK]
 FIRST_MINUTES_S = 180.0
 LAUNCH = "import sys, roslaunch; sys.argv[0] = 'roslaunch'; roslaunch.main()"
@@ -35,12 +36,12 @@ def rests(ros_node, tmp_path_factory):
 
 @pytest.mark.parametrize("way", SUITE)
 def test_every_way_of_letting_go_of_a_button_stops_the_arm(rests, way):
-    assert max(rests[way]) < LONGEST_S, "below zero: a busy host had let go before"
+    assert max(rests[way]) < LONGEST_S, "below zero: a busy host had ended the jog before"
 
 
 @pytest.fixture
 def demo(tmp_path, free_ports):
-    """What the README's first command starts, on ports of its own; the address that it prints, and since when."""
+    """Start the README's first command, on ports of its own; return the address that it prints, and since when."""
     command, status, simulator = free_ports(3)
     with Graph(tmp_path) as graph:
         since = time.monotonic()
@@ -80,7 +81,7 @@ def test_from_the_first_command_to_an_arm_that_moved_by_clicks_only(demo):
 
 
 def jog(page):
-    """Press until it has moved; again where a busy host lets go of it."""
+    """Press until the arm has moved; again where a busy host ends the jog."""
     moved = "%s > %r" % (FIRST_JOINT, page.evaluate(FIRST_JOINT) + 0.5)
     for _ in range(20):
         x, y = page.press(JOG)

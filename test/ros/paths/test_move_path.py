@@ -1,11 +1,12 @@
-"""The action move_path as a client sees it: on the running node; what was sent and done is in the controller's log."""
+"""The action move_path as a client sees it, on the running node; requests and motion are in the controller's log."""
 import contextlib
 import math
 import time
 
 import pytest
-from path_bench import SQUARE, PathClient, arc, bow, joint, line, nearest, square, tool_way
-from ros_bench import HOME, InBackground, SimulatorProcess, eventually
+from action_bench import SQUARE, PathClient, arc, bow, joint, line, nearest, square, tool_way
+from driver_bench import HOME, SimulatorProcess
+from waiting import InBackground, eventually
 from wire_verdict import WireVerdict
 
 NAN = math.nan
@@ -23,7 +24,7 @@ def cell(ros_node, driven_by, log_file):
 
 @pytest.fixture
 def arm(cell):
-    """At the last corner of the square, at rest, all well."""
+    """Return the arm at the last corner of the square, at rest, all well."""
     cell.simulator.panel("release_emergency_stop")
     assert eventually(lambda: cell.call("recover").success)
     answer = cell.call("linear_move", pose=[400.0, 100.0, 370.0, 2.2214, -2.2214, 0.0], mvvelo=500.0, mvacc=4000.0)
@@ -38,13 +39,13 @@ def client(arm):
 
 
 def sent(log_file, since):
-    """(time, request) of the motions since then."""
+    """Return (time, request) of the motions since then."""
     return [(at, request) for at, request in WireVerdict(log_file).received()
             if request["cmdName"] in MOTIONS and at >= since]
 
 
 def all_sent(log_file, since, count):
-    """The same, when so many are in the log, which is written a little later than things happen."""
+    """Return the same once so many are in the log, which is written a little later than things happen."""
     assert eventually(lambda: len(sent(log_file, since)) >= count)
     return sent(log_file, since)
 
@@ -140,7 +141,7 @@ def test_what_ends_it_tells_how_far_it_came_and_nothing_is_sent_afterwards(arm, 
     state, result = client.end(handle)
     assert state == ENDS[how][0] and ENDS[how][1] in result.message and "segments completed" in result.message, result
     assert result.completed == 1 and 0.3 <= result.fraction < 0.5 and not result.success
-    assert not arm.simulator.is_moving(), "it is told when the arm rests"
+    assert not arm.simulator.is_moving(), "the end is published when the arm rests"
     arm.simulator.panel("release_emergency_stop")
     assert eventually(lambda: arm.call("recover").success)
     where = arm.simulator.state()["tcp_pose"]

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 from actionlib_msgs.msg import GoalStatus
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver.client.core.planned.path_move import PathProgress
 from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, PathInterrupted, StopCause
@@ -14,7 +14,7 @@ from jaka_ros_driver.ros.services.path_action import PathAction
 
 
 class Arm:
-    """Takes one path; the test says when it begins and how it ends."""
+    """An arm that takes one path; the test chooses when it begins and how it ends."""
 
     def __init__(self):
         self.done = Future()
@@ -82,7 +82,7 @@ class Decoder:
 
 @pytest.fixture
 def goal():
-    """An arm, a goal that it has taken, and the action between them; the goal's thread ends with the test."""
+    """Return an arm, a goal that it has taken, and the action between them; the goal's thread ends with the test."""
     arm, handle = Arm(), Handle()
     action = PathAction(arm, Decoder(), Recorder(None))
     action._take(handle)
@@ -120,7 +120,7 @@ def test_a_path_that_is_over_before_anybody_looks_has_an_end_too(goal):
 def test_a_cancel_that_comes_between_the_audit_and_the_first_segment_is_made_good(goal):
     arm, handle, action = goal
     action._cancel(handle)
-    assert arm.is_cancelled() and arm.cancels == [False], "nothing was under way yet"
+    assert arm.is_cancelled() and arm.cancels == [False], "no path was running yet"
     arm.can_be_cancelled = True
     arm.on_begun()
     assert eventually(lambda: True in arm.cancels)

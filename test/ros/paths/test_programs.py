@@ -1,9 +1,10 @@
-"""Programs of the controller's own on the running node, from every state; what was sent is in the log."""
+"""Programs of the controller's own on the running node, from every state; requests are in the log."""
 import contextlib
 
 import pytest
 import rospy
-from ros_bench import HOME, InBackground, SimulatorProcess, eventually
+from driver_bench import HOME, SimulatorProcess
+from waiting import InBackground, eventually
 from wire_verdict import WireVerdict
 
 from jaka_msgs.msg import ProgramState
@@ -21,7 +22,7 @@ def cell(ros_node, driven_by, log_file):
 
 @pytest.fixture
 def arm(cell):
-    """A program is loaded, none runs, the arm is ready."""
+    """Return an arm with a program loaded, none running, ready."""
     cell.simulator.panel("release_emergency_stop")
     assert eventually(lambda: cell.call("recover").success)
     assert cell.call("program/stop").success
@@ -30,7 +31,7 @@ def arm(cell):
 
 
 def last(arm):
-    """The newest message of ~program/state."""
+    """Return the newest message of ~program/state."""
     return arm.listen("program/state", 1)[0]
 
 

@@ -1,12 +1,13 @@
-"""Moves that are only accepted (~blocking false): queued, blended by mvradii, and ~motion_state tells how each ends."""
+"""Moves that are only accepted (~blocking false): queued, blended by mvradii, and their ends on ~motion_state."""
 import contextlib
 import os
 
 import pytest
+from action_bench import bow, nearest, tool_way
+from driver_bench import HOME, SimulatorProcess, collecting
 from import_graph import ROOT
 from page_commands import Shell, blocks
-from path_bench import bow, nearest, tool_way
-from ros_bench import HOME, SimulatorProcess, collecting, eventually
+from waiting import eventually
 from wire_verdict import WireVerdict
 
 from jaka_msgs.msg import MotionState
@@ -25,7 +26,7 @@ def arm(ros_node, driven_by, log_file):
 
 @pytest.fixture
 def ends(arm):
-    """What ~motion_state says from now on: id to [(state, reason), ...]."""
+    """Collect ~motion_state from now on: id to [(state, reason), ...]."""
     with collecting(arm.name + "/motion_state", MotionState) as received:
         yield lambda: {one: [(m.state, m.reason) for _, m in received if m.id == one] for _, last in received
                        for one in [last.id]}
@@ -58,12 +59,13 @@ def ready(arm, ends):
 
 
 def tolerances(log_file, name):
-    """Of the last two requests of this name; the log is written a little later than things happen."""
+    """Return those of the last two requests of this name; the log is written a little later than things happen."""
     return [request.get("tol") for _, request in WireVerdict(log_file).received() if request["cmdName"] == name][-2:]
 
 
 def deviation(log_file, since):
-    """(how near the tool came to the corner on straight lines from sample to sample, how far a line may be off), mm."""
+    """Return (how near the tool came to the corner on straight lines from sample to sample, how far a line may be off),
+    mm."""
     distance, index = nearest(tool_way(log_file, since), [v / 1000.0 for v in CORNER])
     return 1000.0 * distance, 0.05 * bow(log_file, since, index)
 

@@ -1,4 +1,4 @@
-"""Every service under every condition: what the caller is told, and that nothing moves that must not.
+"""The services under every condition: the answer to the caller, and that nothing moves that must not.
 
 The table that comes out is written to build/fault_matrix.md.
 """
@@ -6,8 +6,8 @@ import math
 
 import pytest
 import rospy
-from arm_bench import eventually
-from ros_bench import HOME, InBackground
+from driver_bench import HOME
+from waiting import InBackground, eventually
 
 MOVING = ("joint_move", "linear_move", "jog", "servo_move_enable", "servo_j", "servo_p", "drag_mode")
 POSE = [300.0, 100.0, 300.0, math.pi, 0.0, 0.0]
@@ -110,7 +110,7 @@ CONDITIONS = {
 
 
 def recover(arm):
-    """Back to an enabled arm at rest, as an operator would do it."""
+    """Bring back an enabled arm at rest, as an operator would."""
     arm.simulator.panel("release_emergency_stop")
     arm.simulator.panel("clear_faults")
     assert eventually(lambda: arm.call("get_fk", joint=HOME).cartesian_pose)
@@ -124,7 +124,7 @@ def recover(arm):
 
 
 def outcome(arm, service):
-    """(success, what the caller is told)."""
+    """Return (success, the message to the caller)."""
     try:
         reply = arm.call(service, **CALLS[service])
     except rospy.ServiceException as error:
@@ -173,7 +173,7 @@ def test_every_service_answers_and_says_why(arm, matrix, name):
 
 
 def allowed(condition, service):
-    """What a condition does not stand against."""
+    """Return the services that a condition does not stand against."""
     return ((condition == "servo mode" and service in ("servo_j", "servo_p", "servo_move_enable"))
             or (condition == "hand guiding" and service == "drag_mode")
             or (condition == "a jog under way" and service == "jog"))

@@ -1,4 +1,4 @@
-"""~recover, action and service side by side, on the running node; what was sent is what the controller received."""
+"""~recover, action and service side by side, on the running node; requests are judged by the controller's log."""
 import contextlib
 
 import actionlib
@@ -6,7 +6,8 @@ import pytest
 import rospy
 import rosservice as rosservice_library
 from actionlib_msgs.msg import GoalStatus
-from ros_bench import SimulatorProcess, eventually, rosservice
+from driver_bench import SimulatorProcess, rosservice
+from waiting import eventually
 
 from jaka_msgs.msg import RecoverAction, RecoverActionFeedback, RecoverGoal
 
@@ -15,7 +16,7 @@ STEPS = ["clear error", "power", "enable"]
 
 @pytest.fixture(scope="module")
 def slow_arm(ros_node, driven_by):
-    """A driver on a controller whose drives take their time; it does not power them by itself."""
+    """Start a driver on a controller whose drives take their time; it does not power them by itself."""
     with contextlib.closing(SimulatorProcess("--power-delay", "1.0", "--enable-delay", "1.0")) as simulator:
         with driven_by(simulator, "auto_enable:=false") as arm:
             arm.wait_until_seen()
@@ -24,7 +25,7 @@ def slow_arm(ros_node, driven_by):
 
 @pytest.fixture
 def off(slow_arm):
-    """Its drives are off, nothing stands."""
+    """Switch its drives off, with no fault left."""
     slow_arm.simulator.panel("clear_faults")
     slow_arm.simulator.panel("release_emergency_stop")
     assert eventually(lambda: not slow_arm.listen("robot_states", 1)[0].motion_state == 2)
@@ -46,7 +47,7 @@ class Client:
 
     @property
     def steps(self):
-        """Each once, in the order of the feedback."""
+        """The steps, each once, in the order of the feedback."""
         mine = self._client.gh.comm_state_machine.action_goal.goal_id.id
         return list(dict.fromkeys(message.feedback.step for message in list(self._feedback)
                                   if message.status.goal_id.id == mine))
@@ -59,7 +60,7 @@ class Client:
         self._client.cancel_goal()
 
     def end(self):
-        """Terminal state and result."""
+        """Wait for the end; return terminal state and result."""
         assert self._client.wait_for_result(rospy.Duration(60.0))
         return self._client.get_state(), self._client.get_result()
 

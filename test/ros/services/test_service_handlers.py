@@ -1,4 +1,4 @@
-"""What each service asks of the arm, and what it tells its caller: with an arm that notes what it is asked."""
+"""The services' requests to the arm, and their answers: with an arm that notes what it is asked."""
 from types import SimpleNamespace
 
 import pytest
@@ -16,7 +16,7 @@ IO = IoState({IoBank.CABINET: (0, 1)}, {IoBank.CABINET: (1, 0)}, {IoBank.CABINET
 
 
 class Arm:
-    """Notes moves and how procedures are run; ``result`` is what they return."""
+    """A recorder of moves and of how procedures are run; ``result`` is what they return."""
 
     def __init__(self):
         self.settings = SimpleNamespace(jog_timeout=3.0)
@@ -43,7 +43,7 @@ class Arm:
 
 
 class NoEnds:
-    """Gives every accepted move the same id."""
+    """A stand-in that gives every accepted move the same id."""
 
     def move_accepted(self, end):
         return "7"

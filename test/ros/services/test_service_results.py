@@ -19,7 +19,7 @@ POSE = Pose((0.4, 0.0, 0.3), (0.1, 0.2, 0.3))
 
 
 def response_of(service, value, is_vendor):
-    """The response, and whether the call counts as a success; it is written as rospy does."""
+    """Return the response, and whether the call counts as a success; it is written as rospy does."""
     spec = SPECS[service]._replace(perform=lambda operations, command: Outcome("read", value))
     services = Services(RequestDecoder(load_model("zu7"), is_vendor), None, None, Recorder(None))
     outcome = services._outcome(spec, REQUESTS[service])

@@ -5,10 +5,11 @@ import math
 import pytest
 import rospy
 import rosservice as rosservice_library
+from driver_bench import HOME, SimulatorProcess, evidence_of, rosservice
 from import_graph import ROOT
 from reference_values import reference_values
-from ros_bench import HOME, SimulatorProcess, eventually, evidence_of, rosservice
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from waiting import eventually
 
 from jaka_msgs.srv import Move, MoveRequest, MoveResponse
 from jaka_ros_driver.ros.services.service_table import SERVICES
@@ -38,7 +39,7 @@ def with_a_trajectory_under_way(arm):
 
 @pytest.fixture(scope="module")
 def simulator():
-    """With a force sensor, for the service that zeroes it."""
+    """Start a simulated controller with a force sensor, for the service that zeroes it."""
     with contextlib.closing(SimulatorProcess("--start", "enabled", "--force-sensor")) as process:
         yield process
 
@@ -53,7 +54,7 @@ def rested(arm):
 
 @pytest.fixture
 def idle(arm):
-    """The driver moves nothing, and no more watches an arm that it was refused to move."""
+    """Wait until the driver moves nothing, and no more watches an arm that it was refused to move."""
     assert eventually(lambda: "this driver moves nothing" in arm.call("pause").message)
     return arm
 
@@ -105,7 +106,7 @@ GOOD = [
 
 
 def answer_of(arm, name, request):
-    """What the program answers; asked again where a busy host has kept the feed from the driver for a moment."""
+    """Return the command's answer; ask again where a busy host has kept the feed from the driver for a moment."""
     answers = []
 
     def is_seen():
@@ -216,7 +217,7 @@ def test_servo_targets_are_followed_and_far_ones_refused(rested):
     row for row in reference_values() if row["model"] == "zu7" and not row.get("orientation_only")],
     ids=lambda row: row["id"])
 def test_the_reference_values_of_real_controllers(arm, row):
-    """Printed as float32 by a real one: the wire's float32 costs half a step, 3e-5 mm and 1.2e-7 rad here."""
+    # Printed as float32 by a real one: the wire's float32 costs half a step, 3e-5 mm and 1.2e-7 rad here.
     if "ref_joint" in row:
         found = arm.call("get_ik", ref_joint=row["ref_joint"], cartesian_pose=row["pose"]).joint
         assert found == pytest.approx(row["joint_rad"], abs=1e-6)

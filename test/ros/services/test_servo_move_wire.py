@@ -13,8 +13,9 @@ import pytest
 import rosgraph
 import rosgraph.network
 import rospy
+from driver_bench import HOME, evidence_of
 from import_graph import ROOT
-from ros_bench import HOME, eventually, evidence_of
+from waiting import eventually
 
 from jaka_msgs.srv import ServoMove, ServoMoveResponse
 from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed, ServoMoveWithSpeedRequest
@@ -32,7 +33,7 @@ def md5_of(text):
 
 @pytest.fixture(scope="module")
 def dynamic_service():
-    """The service type as another workspace's generator makes it of the maker's file."""
+    """Return the service type as another workspace's generator makes it of the maker's file."""
     name = "jaka_msgs/ServoMoveRequest"
     request = genpy.dynamic.generate_dynamic(name, WITH_SPEED.split("---")[0])[name]
     md5 = md5_of(WITH_SPEED)[0]
@@ -45,7 +46,7 @@ def floats(*values):
 
 
 def raw_call(service, md5sum, body, persistent=False, count=1):
-    """Greet and call as the wire's description says; (answer's header, responses)."""
+    """Greet and call as the wire's description defines it; return (answer's header, responses)."""
     host, port = rospy.core.parse_rosrpc_uri(rosgraph.Master("/raw").lookupService(service))
     header = {"service": service, "md5sum": md5sum, "callerid": "/raw_client", "type": "jaka_msgs/ServoMove"}
     with contextlib.closing(socket.create_connection((host, port), 20)) as link:
@@ -132,7 +133,7 @@ def test_the_second_definition_moves_the_arm(arm, dynamic_service):
 
 @pytest.fixture(scope="module", params=["ours", "theirs"])
 def cpp_client(request, tmp_path_factory):
-    """A roscpp program that was built with one of the definitions."""
+    """Build a roscpp executable with one of the definitions."""
     folder = tmp_path_factory.mktemp("cpp")
     definition = ROOT / "jaka_msgs" / "srv" / "ServoMove.srv"
     flags = []

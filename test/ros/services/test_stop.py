@@ -1,4 +1,4 @@
-"""What must end a motion ends it: stop, watchdog, shutdown; nothing keeps a stop out."""
+"""The ends of a motion: stop, watchdog, shutdown; nothing keeps a stop out."""
 import contextlib
 import math
 import signal
@@ -8,8 +8,9 @@ import time
 import pytest
 import rosgraph
 import rospy
-from ros_bench import HOME, Arm, DriverProcess, InBackground, SimulatorProcess, eventually, evidence_of, on
+from driver_bench import HOME, Arm, DriverProcess, SimulatorProcess, evidence_of, on
 from std_srvs.srv import Empty
+from waiting import InBackground, eventually
 
 AWAY = [2.0] + HOME[1:]
 SLOW_LINE = {"pose": [420.0, 300.0, 370.0, 2.2214, -2.2214, 0.0], "mvvelo": 20.0, "mvacc": 100.0}
@@ -65,9 +66,9 @@ def test_an_emergency_stop_ends_the_move_with_its_name(arm):
 
 @pytest.mark.parametrize("is_kept_going", [False, True], ids=["once", "kept going"])
 def test_the_jog_watchdog_stops_3_s_after_the_last_call(arm, is_kept_going):
-    """Judged by the way that the arm has gone meanwhile."""
+    # Judged by the way that the arm has gone meanwhile.
     def jog():
-        """The moment of a jog call that was taken; None where it was refused: the host may have cut the link."""
+        """Return when a jog call was taken; None where it was refused: the host may have cut the link."""
         asked = time.monotonic()
         return asked if arm.call("jog", mvvelo=0.05, index=0).ret == 1 else None
 

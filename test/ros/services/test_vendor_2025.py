@@ -4,9 +4,10 @@ import signal
 import subprocess
 
 import pytest
+from driver_bench import HOME
 from geometry_msgs.msg import PoseStamped
 from program_places import command_of
-from ros_bench import HOME, eventually
+from waiting import eventually
 
 from jaka_bag.cli.main import main
 from jaka_bag.compare.loading import load_run
@@ -25,7 +26,7 @@ def driver(ros_node, simulator, driven_by):
 
 
 def pose_of(driver):
-    """The controller's: m (3,), rotation matrix."""
+    """Return the controller's pose: m (3,), rotation matrix."""
     x, y, z, *rpy = driver.simulator.state()["tcp_pose"]
     return (x / 1000.0, y / 1000.0, z / 1000.0), matrix_from_rpy([math.radians(angle) for angle in rpy])
 

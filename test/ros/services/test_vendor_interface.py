@@ -1,9 +1,10 @@
-"""Interface vendor, row by row of docs/interface.md section 5; what holds in both is tested in both."""
+"""Interface vendor, row by row of docs/interface.md section 5; rows that hold in both are tested in both."""
 import math
 
 import pytest
 import rosservice as rosservice_library
-from ros_bench import HOME, InBackground, eventually, listen
+from driver_bench import HOME, listen
+from waiting import InBackground, eventually
 
 from jaka_ros_driver.kinematics.rotations import (
     matrix_from_rotation_vector,

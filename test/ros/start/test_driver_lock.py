@@ -15,7 +15,7 @@ from import_graph import ROOT
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven, DriverLock
 
 PORT = 20000 + os.getpid() % 40000
-"""Of no controller: another run of these tests on this computer has another one."""
+"""A port of no controller: another run of these tests on this computer has another one."""
 HOLDER = """
 import sys, time
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven, DriverLock
@@ -31,7 +31,7 @@ else:
 
 @contextlib.contextmanager
 def elsewhere(*before, host="10.5.5.100", **environment):
-    """Another process that wants the lock, started by the words ``before``; gives it, and what it says first."""
+    """Run another process that wants the lock, started by the words ``before``; yield it, and its first line."""
     process = subprocess.Popen([*before, sys.executable, "-c", HOLDER, host, str(PORT)], stdout=subprocess.PIPE,
                                text=True, cwd=str(ROOT), env=dict(os.environ, **environment))
     try:
@@ -45,7 +45,7 @@ def elsewhere(*before, host="10.5.5.100", **environment):
 
 def test_the_second_is_told_who_has_it_and_gets_it_after_the_first():
     first = DriverLock("10.5.5.100", PORT, "node /left/jaka_driver")
-    for _ in range(20):  # whoever is told of it takes nothing away
+    for _ in range(20):  # a refused start takes nothing away
         with pytest.raises(AlreadyDriven, match=r"10.5.5.100:%d is already driven by node /left/jaka_driver "
                                                 r"\(pid %d\)" % (PORT, os.getpid())):
             DriverLock("10.5.5.100", PORT, "node /right/jaka_driver")
@@ -54,7 +54,7 @@ def test_the_second_is_told_who_has_it_and_gets_it_after_the_first():
 
 
 def test_it_is_released_where_new_sockets_have_a_time_limit():
-    """rospy sets one for its process when it connects to a publisher (rospy/impl/masterslave.py)."""
+    # rospy sets one for its process when it connects to a publisher (rospy/impl/masterslave.py).
     before = socket.getdefaulttimeout()
     socket.setdefaulttimeout(60.0)
     try:
@@ -76,7 +76,7 @@ def test_other_controllers_are_free():
 
 
 def test_processes_with_other_folders_for_temporary_files_refuse_each_other(tmp_path):
-    """As with PrivateTmp of systemd, and with pam_tmpdir."""
+    # As with PrivateTmp of systemd, and with pam_tmpdir.
     for name in ("one", "other"):
         (tmp_path / name).mkdir()
     with elsewhere(TMPDIR=str(tmp_path / "one")) as (holder, said):
@@ -147,7 +147,7 @@ def test_the_name_of_this_machine_is_one_of_loopback():
 
 
 def test_the_same_address_in_another_network_is_another_controller():
-    """Containers have their own 127.0.0.1."""
+    # Containers have their own 127.0.0.1.
     unshare = ["unshare", "--net", "--user", "--map-root-user", "--"]
     if shutil.which("unshare") is None or subprocess.run([*unshare, "true"], stderr=subprocess.DEVNULL).returncode:
         pytest.skip("this machine permits no network namespace")

@@ -1,4 +1,4 @@
-"""A node's name as rospy will have it, and whether one of that name lives already."""
+"""A node's name as rospy resolves it, and whether one of that name is alive already."""
 import os
 import signal
 import subprocess
@@ -8,7 +8,7 @@ import time
 import pytest
 import rosgraph
 from import_graph import ROOT
-from ros_bench import WAIT, eventually
+from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros import single_name
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven
@@ -106,7 +106,7 @@ def test_without_a_master_nothing_is_refused(monkeypatch, uri):
 
 @pytest.mark.parametrize("known_as, is_refused", [("/first", True), ("/another", False), (None, True), (7, True)])
 def test_a_port_that_another_node_has_taken_over_is_no_second_node(monkeypatch, known_as, is_refused):
-    """What does not tell its name may be a stopped node of this one."""
+    # One that does not give its name may be a stopped node of this one.
     answers = {"lookupNode": "http://127.0.0.1:9/", "getName": known_as, "getPid": 1234}
     monkeypatch.setattr(single_name, "_ask", lambda uri, method, *arguments: answers[method])
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")

@@ -1,4 +1,4 @@
-"""What the driver finds out before it powers anything, and how it ends where the master does not answer."""
+"""The driver's checks before it powers anything, and its end where the master does not answer."""
 import contextlib
 import os
 import signal
@@ -10,16 +10,17 @@ from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 import rospy
-from launching import ArmOfAnotherMaster, Roscore
-from ros_bench import WAIT, DriverProcess, SimulatorProcess, eventually, on
+from driver_bench import ArmOfAnotherMaster, DriverProcess, SimulatorProcess, on
+from ros_graph import Roscore
 from std_msgs.msg import Bool
+from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros import start_checks
 from jaka_ros_driver.ros.services.service_table import SERVICES
 from jaka_ros_driver.ros.start_checks import wait_for_time
 
 ENDS_WITHIN_S = 12.0
-"""A driver that waits for the master ends never; the bound is the driver's own, 5 s, on a busy host."""
+"""s; a driver that waits for the master ends never; the bound is the driver's own, 5 s, on a busy host."""
 
 
 @pytest.fixture
@@ -31,7 +32,7 @@ def roscore(ros_master, free_ports, tmp_path):
 
 
 def refusal(simulator, environment=None, **parameters):
-    """The words of a driver that does not start."""
+    """Return the words of a driver that does not start."""
     with DriverProcess("refused", environment, **on(simulator), **parameters) as driver:
         code, said = driver.wait()
     rospy.delete_param("/refused")  # the master keeps what this one was given
@@ -146,7 +147,7 @@ def test_a_driver_in_the_middle_of_its_start_ends_where_the_master_is_frozen(ros
 
 @pytest.fixture
 def at_the_address(monkeypatch):
-    """``serve(answer)``: what answers at the address that the master gives to clients; its TCP port is open."""
+    """Return ``serve(answer)``: it answers at the address that the master gives to clients; its TCP port is open."""
     with contextlib.ExitStack() as made:
         listener = made.enter_context(contextlib.closing(socket.create_server(("127.0.0.1", 0))))
         monkeypatch.setattr(rospy, "get_name", lambda: "/jaka_driver")

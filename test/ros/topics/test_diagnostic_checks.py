@@ -23,7 +23,7 @@ def with_(**fields):
 
 
 class Updater:
-    """Keeps the checks."""
+    """A keeper of the checks."""
 
     def __init__(self):
         self.tasks, self.hardware = {}, None
@@ -61,7 +61,7 @@ class Bench:
         return self.state
 
     def look(self, name):
-        """Level, words and values of a check."""
+        """Return level, words and values of a check."""
         status = self.updater.tasks[name](DiagnosticStatusWrapper())
         return int(status.level if isinstance(status.level, int) else ord(status.level)), status.message, {
             value.key: value.value for value in status.values}
@@ -253,7 +253,7 @@ def test_an_audit_log_that_cannot_be_written_or_that_lost_lines_is_a_warning(ben
     assert bench.level("audit log") == (WARN, "cannot be written: no space")
     bench.audit = bench.audit._replace(trouble="", lost=5)
     assert bench.level("audit log") == (WARN, "5 lines were lost")
-    assert bench.level("audit log") == (OK, "written")  # as other losses, they are said once, and stay in the values
+    assert bench.level("audit log") == (OK, "written")  # like other losses, reported once and kept in the values
     assert bench.look("audit log")[2]["lost lines"] == "5"
 
 

@@ -4,8 +4,9 @@ import re
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from diagnostic_updater import DiagnosticStatusWrapper
+from driver_bench import collecting
 from raw_client import RawClient
-from ros_bench import collecting, eventually
+from waiting import eventually
 
 from jaka_msgs.msg import MotionState
 from jaka_ros_driver.ros.topics import diagnostics
@@ -24,7 +25,7 @@ def reports(arm):
 
 @pytest.fixture
 def healthy(arm, reports):
-    """The arm, all checks OK but that it is simulated and has no guard; whatever a test does to it is undone."""
+    """Return the arm with all checks OK but that it is simulated and has no guard; undo whatever a test does to it."""
     assert eventually(lambda: {name for name, (level, _) in newest(reports).items() if level != OK}
                       == {"arm", "guard"}), newest(reports)
     yield arm
@@ -35,7 +36,8 @@ def healthy(arm, reports):
 
 
 def newest(reports):
-    """Level and message of each check of the last second; what a busy host does to the feed is not judged here."""
+    """Return level and message of each check of the last second; what a busy host does to the feed is not judged
+    here."""
     for _, array in reversed(reports):
         if len(array.status) == len(CHECKS):
             return {s.name.split(": ", 1)[1]: ((OK if is_of_the_host(s.message) else s.level), s.message)

@@ -54,7 +54,7 @@ def table(controller):
 
 
 def read(table):
-    """Have the table read once, without its thread."""
+    """Let the table read once, without its thread."""
     table._read_all()
     return table
 

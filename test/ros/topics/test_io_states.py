@@ -1,4 +1,4 @@
-"""~io_states: when it is published, told by states and times; and on the running node, from terminal to message."""
+"""~io_states: when it is published, driven by states and times; and on the running node, from terminal to message."""
 import contextlib
 import dataclasses
 import itertools
@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 import rospy
-from ros_bench import SimulatorProcess, collecting, eventually
+from driver_bench import SimulatorProcess, collecting
+from waiting import eventually
 
 from jaka_msgs.msg import IOStates
 from jaka_ros_driver.ros.topics import io_states
@@ -28,7 +29,7 @@ DIGITAL = [
 
 
 class Bench:
-    """The publisher on an arm whose states the test tells."""
+    """The publisher on an arm whose states the test gives."""
 
     def __init__(self, monkeypatch):
         self.messages, self.subscribers, self.now = [], 1, 100.0
@@ -40,7 +41,7 @@ class Bench:
         io_states.IoPublisher(arm, stamps).start()
 
     def feed(self, io, count=1, is_new=True):
-        """So many frames, each with the next of ``io``; how many messages came of them."""
+        """Feed so many frames, each with the next of ``io``; return how many messages came of them."""
         before = len(self.messages)
         for _, one in zip(range(count), itertools.cycle(io if isinstance(io, list) else [io])):
             self.now += PERIOD_S
@@ -96,7 +97,7 @@ def test_old_news_and_a_feed_without_terminals_are_not_told(bench):
 
 @pytest.fixture(scope="module")
 def simulator():
-    """Of the generation whose feed has relays and field buses."""
+    """Start a controller of the generation whose feed has relays and field buses."""
     with contextlib.closing(SimulatorProcess("--start", "enabled", "--firmware", "1.7")) as process:
         yield process
 
@@ -121,7 +122,7 @@ def test_inputs_and_outputs_of_the_controller_are_told(arm):
 
 
 def test_an_edge_is_told_within_a_few_frames(arm):
-    """The best of several: a busy host delays some. The bound is loose; one frame is 8 ms."""
+    # The best of several counts: a busy host delays some. The bound is loose; one frame is 8 ms.
     with collecting(arm.name + "/io_states", IOStates) as received:
         assert eventually(lambda: received)
         delays = []

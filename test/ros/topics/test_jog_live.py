@@ -1,10 +1,11 @@
-"""Velocity jog on the running node: every way of letting go, read in the controller's log, and that nothing resumes."""
+"""Velocity jog on the running node: every way of release, read in the controller's log, and that nothing resumes."""
 import math
 import time
 from types import SimpleNamespace
 
 import pytest
 import rospy
+from driver_bench import LiveDriver, collecting
 from jog_pad import (
     KILLED,
     PERIOD_S,
@@ -17,9 +18,8 @@ from jog_pad import (
     rests,
     twist_message,
 )
-from live_driver import LiveDriver
-from ros_bench import collecting, eventually
 from rosgraph_msgs.msg import Log
+from waiting import eventually
 
 LONGEST_S = 1.0
 """s; 0.3 s on a quiet host (test/benchmark/bench_deadman.py), and what a busy one may take away."""
@@ -52,11 +52,11 @@ def said(told):
 
 
 def moved_along_axes(live, told):
-    """Along y of the base by topic, m/s."""
+    """Jog along y of the base by topic, m/s."""
     told.tool_before = live.simulator.state()["tcp_pose"]
     with Pad(live.arm.name, "jog_twist") as pad:
         def is_there():
-            if not live.simulator.is_moving():  # at first, and where a busy host has let go
+            if not live.simulator.is_moving():  # at first, and where a busy host has ended the jog
                 begin(live.arm, pad, 0.2)
             return live.simulator.state()["tcp_pose"][1] > told.tool_before[1] + 20.0
         assert eventually(is_there)
@@ -66,7 +66,7 @@ def moved_along_axes(live, told):
 
 
 def went_on_after_a_stop(live, told):
-    """The stick stays where it is while stop_move is called."""
+    """Hold the stick where it is while stop_move is called."""
     with Pad(live.arm.name) as pad:
         begin(live.arm, pad)
         told.stopped = time.monotonic()
@@ -81,7 +81,7 @@ def went_on_after_a_stop(live, told):
 
 
 def said_what_cannot_be_understood(live, told):
-    """Each is said until it is in the log."""
+    """Publish each message until it is in the log."""
     told.nonsense_began = time.monotonic()
     with Pad(live.arm.name, "jog_twist") as pad:
         for pad.make, refusal in NONSENSE:

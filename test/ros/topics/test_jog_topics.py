@@ -1,4 +1,4 @@
-"""What the topics of the velocity jog read of a message, and what the core is told of it."""
+"""The messages of the velocity jog's topics, as they are read and given to the core."""
 import math
 
 import pytest
@@ -21,7 +21,7 @@ TOOL = IDENTITY[:9] + (0.0, 0.0, 0.1)
 
 
 class Arm:
-    """Keeps what it is told."""
+    """A recorder of what it is given."""
 
     def __init__(self):
         self.told = []
@@ -36,7 +36,7 @@ class Arm:
 
 
 class Frames:
-    """Knows the active tool, or not."""
+    """A frame table that knows the active tool, or not."""
 
     def __init__(self):
         self.tool = TOOL
@@ -47,7 +47,7 @@ class Frames:
 
 @pytest.fixture
 def topics(monkeypatch):
-    """Subscribed, as rospy would have it; messages come by ``say``."""
+    """Return the subscribed topics, as rospy would have it; messages come by ``say``."""
     takers = {}
     monkeypatch.setattr(rospy, "Subscriber", lambda name, kind, take, **_: takers.update({name: take}))
     monkeypatch.setattr(rospy.Time, "now", classmethod(lambda cls: rospy.Time.from_sec(NOW)))

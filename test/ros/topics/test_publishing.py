@@ -4,10 +4,11 @@ import math
 
 import pytest
 import rospy
+from driver_bench import HOME, collecting
 from geometry_msgs.msg import TwistStamped
-from ros_bench import HOME, collecting, eventually
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
+from waiting import eventually
 
 from jaka_msgs.msg import RobotMsg
 from jaka_ros_driver.kinematics.arm_models import load_model
@@ -22,7 +23,7 @@ def stamps(messages):
 
 @pytest.fixture
 def feed(arm):
-    """The simulated controller's panel; whatever was done to the feed is undone."""
+    """Return the simulated controller's operator port; undo whatever was done to the feed."""
     yield arm.simulator
     arm.simulator.panel("clear_faults")
     assert eventually(lambda: rate_of(arm, 0.5) == pytest.approx(125.0, rel=0.1))
@@ -30,7 +31,7 @@ def feed(arm):
 
 @contextlib.contextmanager
 def newest_of(topic, topic_type):
-    """A function that returns the newest message."""
+    """Yield a function that returns the newest message."""
     with collecting(topic, topic_type) as received:
         assert eventually(lambda: received)
         yield lambda: received[-1][1]
@@ -48,7 +49,7 @@ def test_each_topic_comes_125_times_a_second(arm, topic):
     assert isinstance(arm.listen(topic, 1)[0], TOPICS[topic])
     with collecting("%s/%s" % (arm.name, topic), TOPICS[topic]) as received:
         def at_full_rate():
-            """Of the last second; a busy host delays everybody now and then."""
+            """Return whether the last second was full; a busy host delays everybody now and then."""
             times = [at for at, _ in received[-126:]]
             return len(times) == 126 and 125.0 / (times[-1] - times[0]) == pytest.approx(125.0, rel=0.02)
         assert eventually(at_full_rate)
@@ -98,7 +99,7 @@ def test_joint_states_have_velocity(arm):
     arm.go_home()
     with newest_of("/joint_states", JointState) as newest:
         def velocity_is(expected, tolerance):
-            """None is reported right after a gap in the feed."""
+            """Return whether the velocity is this; none is reported right after a gap in the feed."""
             velocity = newest().velocity
             return len(velocity) == 6 and velocity == pytest.approx(expected, abs=tolerance)
         assert eventually(lambda: velocity_is([0.0] * 6, 1e-6))
@@ -133,7 +134,7 @@ def test_a_slow_feed_is_filled_up_with_samples_that_keep_their_stamp(arm, feed):
     feed.panel("slow_feed", rate=40.0)
     with collecting(arm.name + "/joint_position", JointState) as received:
         def filled():
-            """125 messages in the last second, of 40 samples."""
+            """Return whether the last second has 125 messages, of 40 samples."""
             window = received[-126:]
             elapsed = window[-1][0] - window[0][0]
             return 125.0 / elapsed == pytest.approx(125.0, rel=0.03) and (
@@ -144,13 +145,13 @@ def test_a_slow_feed_is_filled_up_with_samples_that_keep_their_stamp(arm, feed):
 
 
 def test_a_feed_at_the_full_rate_is_never_filled(arm):
-    """Unless the host is so busy that the simulated controller itself falls behind: then once more."""
+    # Unless the host is so busy that the simulated controller itself falls behind: then once more.
     with collecting(arm.name + "/joint_position", JointState) as received:
         assert eventually(lambda: len(received) > 250 and len(set(stamps(received[-250:]))) == 250)
 
 
 def repeats_across_a_gap(received):
-    """How often the last sample before a second without samples was published; 0 where there is no such gap.
+    """Count how often the last sample before a second without samples was published; 0 where there is no such gap.
 
     Counted, not timed: a busy host may deliver late.
     """
@@ -160,7 +161,7 @@ def repeats_across_a_gap(received):
 
 @pytest.mark.parametrize("rate, most", [(None, 1), (40.0, 65)], ids=["full rate", "slow feed"])
 def test_nothing_is_published_of_a_stale_state(arm, feed, rate, most):
-    """0.5 s after its arrival a sample is stale: at most 63 messages can be made of it, and one of a fast feed."""
+    # A sample is stale 0.5 s after its arrival: at most 63 messages can be made of it, and one of a fast feed.
     with collecting(arm.name + "/joint_position", JointState) as received:
         if rate:
             feed.panel("slow_feed", rate=rate)

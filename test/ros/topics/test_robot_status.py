@@ -1,4 +1,4 @@
-"""~robot_status: the truth table over every state of the simulated controller; how soon it is told; its type.
+"""~robot_status: the truth table over every state of the simulated controller; how soon it is published; its type.
 
 The publisher runs on a real master in the process of the tests, whose simulated controller can be put into any state.
 """
@@ -10,7 +10,8 @@ import types
 
 import pytest
 import rospy
-from arm_bench import Bench, InBackground, eventually
+from arm_bench import Bench
+from waiting import InBackground, eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.procedures import power, settings
@@ -50,7 +51,8 @@ class Heard:
 
 @pytest.fixture
 def make(ros_node, tmp_path):
-    """Makes a bench with its client and its publisher, without a subscriber: ``make(start="off")``."""
+    """Return a function that makes a bench with its client and its publisher, without a subscriber:
+    ``make(start="off")``."""
     with contextlib.ExitStack() as made:
         def one(**options):
             bench = made.enter_context(contextlib.closing(Bench(tmp_path, power_delay=0.1, enable_delay=0.1,
@@ -72,7 +74,7 @@ def do(one, action):
 
 
 def nothing(one):
-    """As it starts."""
+    """Leave the controller as it starts."""
 
 
 def disabled(one):
@@ -96,7 +98,7 @@ def jogging(one):
 
 
 def streaming(one):
-    """Joint 1 at 0.1 rad/s, from a thread that ends with the client."""
+    """Stream joint 1 at 0.1 rad/s, from a thread that ends with the client."""
     one.arm.set_servo_mode(True)
 
     def stream():
@@ -197,7 +199,7 @@ TABLE = [
 ]
 UNDER_WAY = ("a move", "a very slow move", "a move that is paused", "a jog", "servo mode, held",
              "servo mode, moving", "protective stop without an event")
-"""States in which another move is refused, or shown only: whether a move is accepted tells nothing."""
+"""States in which another move is refused, or shown only: whether a move is accepted proves nothing."""
 
 
 @pytest.mark.parametrize("name, start, bring_about, truth", TABLE, ids=[row[0] for row in TABLE])
@@ -220,10 +222,8 @@ def test_the_truth_table(make, name, start, bring_about, truth):
 
 
 def test_in_motion_is_told_when_a_move_begins_and_when_it_is_over(make):
-    """From the first cycle in which a joint moves, and from the last; stamps are times of arrival.
-
-    The median of several: a busy host delays some.
-    """
+    # It is true from the first cycle in which a joint moves, and false from the last; stamps are times of arrival. The
+    # median of several counts: a busy host delays some.
     one, publisher = make()
     moves = []
     with contextlib.closing(Heard(publisher)) as heard:
@@ -314,7 +314,8 @@ class Arm:
 
 @pytest.fixture
 def published(monkeypatch):
-    """A publisher, and ``show(at, is_new, **fields)``: what it has published when this state has come."""
+    """Return a publisher, and ``show(at, is_new, **fields)``, which returns what it has published when this state has
+    come."""
     sent, topic = [], types.SimpleNamespace(get_num_connections=lambda: 1, publish=lambda message: sent.append(message))
     monkeypatch.setattr(rospy, "Publisher", lambda *arguments, **options: topic)
     monkeypatch.setattr(robot_status, "ros_clock", lambda: time.time_ns)

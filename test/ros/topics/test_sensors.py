@@ -6,10 +6,11 @@ from types import SimpleNamespace
 
 import pytest
 import rospy
+from driver_bench import Arm, DriverProcess, SimulatorProcess, collecting, on
 from geometry_msgs.msg import WrenchStamped
-from ros_bench import Arm, DriverProcess, SimulatorProcess, collecting, eventually, on
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from waiting import eventually
 
 from jaka_ros_driver.ros.topics import sensors
 from jaka_ros_driver.ros.topics.stamps import SampleStamps, StampClock
@@ -22,7 +23,7 @@ TOPICS = {"~wrench": "wrench", "~joint_temperatures": "joint_temperature", "~joi
 
 
 class Bench:
-    """The publishers on an arm whose states the test tells; ``messages`` by topic, for the topics that are offered."""
+    """The publishers on an arm whose states the test gives; ``messages`` by topic, for the topics that are offered."""
 
     def __init__(self, monkeypatch):
         self.messages, self.subscribers, self.now = {}, 1, 100.0

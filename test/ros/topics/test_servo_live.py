@@ -1,4 +1,4 @@
-"""Streams of servo targets into the running node; what the tests say of a session stands in the controller's log."""
+"""Streams of servo targets into the running node; the evidence of a session is in the controller's log."""
 import math
 import signal
 import time
@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 import rospy
+from driver_bench import HOME, LiveDriver, rosservice, stream
 from geometry_msgs.msg import PoseStamped
-from live_driver import LiveDriver, stream
-from ros_bench import HOME, InBackground, eventually, rosservice
+from waiting import InBackground, eventually
 
 CYCLE = 0.008
 SERVO_TIMEOUT = 1.0
@@ -31,7 +31,7 @@ def session(ros_node, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def patient_session(ros_node, tmp_path_factory):
-    """It waits long for the next target, on a controller that goes on by itself when frames stop."""
+    """Run a session that waits long for the next target, on a controller that goes on by itself when frames stop."""
     with LiveDriver(tmp_path_factory.mktemp("patient"), name="patient", guard=False,
                     simulator=("--starvation", "repeat")) as live:
         live.arm.wait_until_ready()
@@ -48,7 +48,7 @@ def enter(live):
 
 
 def called_at_rates(live, told):
-    """Half a second at 125 Hz and half a second at 250 Hz, then silence until servo mode is left."""
+    """Call half a second at 125 Hz and half a second at 250 Hz, then be silent until servo mode is left."""
     enter(live)
     told.stream_began = time.monotonic()
     target, told.refusals = 0.0, []
@@ -75,7 +75,7 @@ def called_by_the_program(live, told):
 
 
 def streamed_as_poses(live, told):
-    """By topic, 3 cm along y; the same orientation."""
+    """Stream by topic 3 cm along y at the same orientation."""
     enter(live)
     told.poses_began = time.monotonic()
     told.tool_before = live.simulator.state()["tcp_pose"]
@@ -103,7 +103,7 @@ def streamed_as_poses(live, told):
 
 
 def stalled(live, told):
-    """The driver gets no time for a while in the middle of a fast stream.
+    """Stop the driver for a while in the middle of a fast stream.
 
     Tried again where a busy host kept the next target from the driver just before: it holds the arm then, and a
     controller that repeats the last step repeats none.
@@ -153,7 +153,7 @@ def test_no_frame_asks_for_more_than_the_speed_limit(session):
 
 
 def test_a_stream_that_stops_is_held_within_millimetres_and_then_left(session):
-    """The tool is 0.42 m from the axis: 5 mrad are 2 mm."""
+    # The tool is 0.42 m from the axis: 5 mrad are 2 mm.
     path = first_joint(session, session.stream_began, session.silence_ended)
     assert max(joint for _, joint in path) - session.last_target < 0.005
     assert path[-1][1] == pytest.approx(session.last_target, abs=1e-5)
@@ -176,7 +176,7 @@ def test_poses_by_topic_are_followed(session):
 
 
 def test_an_arm_that_runs_away_while_the_driver_had_no_time_is_stopped(patient_session):
-    """It repeats its last step while frames are missing, and then ignores those that lie behind it."""
+    # It repeats its last step while frames are missing, and then ignores those that lie behind it.
     path = dict(first_joint(patient_session, patient_session.frozen, math.inf))
     at_thaw = max(joint for at, joint in path.items() if at <= patient_session.thawed)
     stop = patient_session.verdict.times_of("stop_program", after=patient_session.thawed)[0]

@@ -1,4 +1,4 @@
-"""Which servo targets that come by topic count, by their stamp."""
+"""Servo targets that come by topic: which of them count, by their stamp."""
 import io
 
 import pytest
@@ -18,7 +18,7 @@ NOW = 1000.0
 
 
 class Arm:
-    """Keeps the targets that it is given."""
+    """A keeper of the targets that it is given."""
 
     user_frame_id = 0
 
@@ -34,7 +34,8 @@ class Arm:
 
 @pytest.fixture
 def topics(monkeypatch):
-    """Subscribed, as rospy would have it; ``send(message, stamp)`` returns the number of targets and the refusals."""
+    """Return the subscribed topics, as rospy would have it; ``send(message, stamp)`` gives the number of targets and
+    refusals."""
     takers, refusals, arm = {}, [], Arm()
     monkeypatch.setattr(rospy, "Subscriber", lambda name, kind, take, **_: takers.update({kind: take}))
     monkeypatch.setattr(rospy.Time, "now", classmethod(lambda cls: rospy.Time.from_sec(NOW)))
@@ -77,7 +78,7 @@ def test_a_target_that_is_old_or_from_a_clock_ahead_moves_nothing_and_is_logged(
 
 @pytest.mark.parametrize("kind, target", [(JointState, joints), (PoseStamped, pose)])
 def test_of_targets_that_come_together_only_the_newest_is_taken(monkeypatch, kind, target):
-    """A link that was held up brings them all at once; rospy keeps as many of them as the queue is long."""
+    # A link that was held up brings them all at once; rospy keeps as many of them as the queue is long.
     made = {}
     monkeypatch.setattr(rospy, "Subscriber", lambda name, kind, take, **options: made.update({kind: options}))
     ServoTopics(Arm(), RequestDecoder(load_model("zu7"), False, False, False), FrameNames(DriverConfig()),

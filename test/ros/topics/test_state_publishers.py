@@ -1,4 +1,4 @@
-"""What is published of a state, and what is not: told by states and times, without a ROS master."""
+"""The messages that are published of a state, driven by states and times, without a ROS master."""
 import dataclasses
 from types import SimpleNamespace
 
@@ -18,7 +18,7 @@ REPEATED = ("~tool_position", "~joint_position", "~robot_states")
 
 
 class Topic:
-    """Keeps what is published; somebody subscribes to it."""
+    """A keeper of what is published; somebody subscribes to it."""
 
     def __init__(self):
         self.messages = []
@@ -31,12 +31,12 @@ class Topic:
 
 
 class Bench:
-    """The publishers on an arm whose states the test tells.
+    """The publishers on an arm whose states the test gives.
 
     Attributes:
         topics: By name.
         arm: The arm's client, as far as it is used.
-        publishers: What is tested.
+        publishers: The publishers under test.
     """
 
     def __init__(self, monkeypatch, **parameters):

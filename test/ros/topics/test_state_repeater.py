@@ -9,7 +9,7 @@ PERIOD = 0.008
 
 
 def play(arrivals, until):
-    """Times of (arrivals, repeats), the repeater driven as its thread drives it."""
+    """Return times of (arrivals, repeats), the repeater driven as its thread drives it."""
     repeater, repeats = StateRepeater(PERIOD), []
     for arrival in list(arrivals) + [until]:
         due = repeater.next_repeat()

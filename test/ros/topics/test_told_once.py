@@ -1,13 +1,13 @@
-"""What is published of motions, calls, speed and trajectories, on topics that the test plays: without a ROS master."""
+"""The messages published of motions, calls, speed and trajectories, on topics that the test plays: no ROS master."""
 import dataclasses
 from concurrent.futures import Future
 from types import SimpleNamespace
 
 import pytest
 import rospy
-from arm_bench import eventually
 from std_srvs.srv import Trigger, TriggerResponse
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from waiting import eventually
 
 from jaka_msgs import msg as messages
 from jaka_ros_driver.errors import ConnectionLost, MotionInterrupted, StopCause
@@ -28,7 +28,7 @@ def state(**fields):
 
 
 class Topic:
-    """Keeps what is published."""
+    """A keeper of what is published."""
 
     def __init__(self, kind):
         self.data_class, self.messages, self.subscribers = kind, [], 1
@@ -42,7 +42,7 @@ class Topic:
 
 @pytest.fixture
 def ros(monkeypatch):
-    """Topics and services by name, subscriptions' callbacks; a clock that stands."""
+    """Return topics and services by name, subscriptions' callbacks; a clock that stands."""
     found = SimpleNamespace(topics={}, subscribers={}, services={}, warnings=[])
     monkeypatch.setattr(rospy, "Publisher", lambda name, kind, **_: found.topics.setdefault(name, Topic(kind)))
     monkeypatch.setattr(rospy, "Subscriber", lambda name, kind, callback, argument=None, **_: (
@@ -57,7 +57,7 @@ def ros(monkeypatch):
 
 
 class Arm:
-    """Takes trajectories, tells states; the test says what it is."""
+    """An arm that takes trajectories and shows states; the test sets its state."""
 
     def __init__(self):
         self.stops, self.trajectory, self.followed, self.cancels, self.stopped = 7, None, [], 0, 0

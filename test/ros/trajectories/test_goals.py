@@ -1,4 +1,4 @@
-"""FollowJointTrajectory as a client sees it: on the running node, with what was sent read in the controller's log."""
+"""FollowJointTrajectory as a client sees it: on the running node, with requests read in the controller's log."""
 import contextlib
 import math
 import threading
@@ -6,20 +6,11 @@ import time
 
 import pytest
 import rospy
-from ros_bench import SimulatorProcess, eventually
+from action_bench import CONTROLLER, NAMES, START, Client, goal_of, joints_of, point, smooth, trajectory
+from driver_bench import SimulatorProcess
 from std_msgs.msg import Float64
-from trajectory_bench import (
-    CONTROLLER,
-    NAMES,
-    START,
-    Client,
-    goal_of,
-    joints_of,
-    point,
-    smooth,
-    trajectory,
-)
 from trajectory_msgs.msg import JointTrajectory
+from waiting import eventually
 from wire_verdict import WireVerdict
 
 from jaka_regression.host_watch import HostWatch
@@ -41,7 +32,7 @@ def cell(ros_node, driven_by, log_file):
 
 @pytest.fixture
 def arm(cell):
-    """At the start, at rest, all well, at full speed."""
+    """Return the arm at the start, at rest, all well, at full speed."""
     cell.simulator.panel("release_emergency_stop")
     assert eventually(lambda: cell.call("recover").success)
     assert cell.call("set_speed_slider", speed_slider_fraction=1.0).success
@@ -61,19 +52,19 @@ def now():
 
 
 def frames(log_file, since):
-    """(time, joints in rad) of the servo frames since then."""
+    """Return (time, joints in rad) of the servo frames since then."""
     return [(at, joints_of(request)) for at, request in WireVerdict(log_file).received()
             if request["cmdName"] == "servo_j" and at >= since]
 
 
 def all_frames(log_file, since):
-    """The same, when servo mode has been left; the log is written a little later than things happen."""
+    """Return the same once servo mode has been left; the log is written a little later than things happen."""
     assert eventually(lambda: WireVerdict(log_file).times_of("servo_move", since, relFlag=0))
     return frames(log_file, since)
 
 
 def moving(path):
-    """Those from the last one at the start to the first one at the end."""
+    """Return the frames from the last one at the start to the first one at the end."""
     first = next(i for i, (_, joints) in enumerate(path) if joints != path[0][1])
     last = max(i for i, (_, joints) in enumerate(path) if joints != path[-1][1])
     return path[first - 1:last + 2]
@@ -272,7 +263,7 @@ def test_tolerances_of_the_goal_hold(arm, client):
     start = [math.radians(q) for q in arm.simulator.state()["joint_position"]]
     arm.simulator.panel("fields", add={"joint_actual_position": arm.simulator.state()["joint_position"]})
     arm.listen("joint_position", 2)
-    # by less than the driver needs to notice that the feed does not show where the controller says the arm is
+    # by less than the driver needs to notice that the feed does not show where the controller reports the arm
     state, result = client.run(goal_of([point(1.0, other(start, 0, start[0] + 0.004), REST)], end=[("joint_1", 0.002)],
                                        seconds=0.2))
     arm.simulator.panel("clear_faults")
@@ -342,7 +333,7 @@ def test_the_command_topic_moves_the_arm_and_an_empty_one_stops_it(arm, log_file
 
 
 def test_a_stream_of_short_trajectories_is_followed_without_a_halt(arm, log_file):
-    """As MoveIt Servo sends them: a point with its velocity a little ahead, replaced before it is reached."""
+    # MoveIt Servo sends them so: a point with its velocity a little ahead, replaced before it is reached.
     publisher = rospy.Publisher(CONTROLLER + "/command", JointTrajectory, queue_size=1)
     assert eventually(lambda: publisher.get_num_connections())
     since, begun = now(), now()

@@ -1,4 +1,4 @@
-"""jaka_bag replay-motion on the running node: what a hand did is done again; start pose, cancel, refusals.
+"""jaka_bag replay-motion on the running node: a hand's motion is done again; start pose, cancel, refusals.
 
 The arm is led, recorded and replayed by the commands of docs/state_logs.md, as they stand there.
 """
@@ -8,11 +8,11 @@ import subprocess
 
 import pytest
 import yaml
-from arm_bench import eventually
+from driver_bench import HOME
 from import_graph import ROOT
 from page_commands import Shell, blocks, until
 from program_places import command_of
-from ros_bench import HOME
+from waiting import eventually
 
 from jaka_bag.live.graph import RemoteNode
 from jaka_regression.driver_client import DriverNotThere
@@ -31,7 +31,7 @@ def program(*words):
 
 
 def replay(*words):
-    """With ruckig, which is imported many times as fast as toppra."""
+    """Replay with ruckig, which is imported many times as fast as toppra."""
     return program("replay-motion", *map(str, words), "--solver", "ruckig")
 
 
@@ -64,7 +64,8 @@ def shell(ros_master, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def guided(arm, shell):
-    """A log of an arm that was led by hand, where it stood at the end, and the page's commands that replay it."""
+    """Return a log of an arm that was led by hand, where it stood at the end, and the page's commands that replay
+    it."""
     found = {block.note: block.text.strip() for block in blocks(PAGE, "Replay a motion") if block.language == "sh"}
     arm.go_home()
     shell.start("recorder", found["in the background: recorder"])

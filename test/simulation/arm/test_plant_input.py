@@ -1,4 +1,4 @@
-"""Whatever numbers come in: taken or rejected, never another error, and the arm can still be moved home."""
+"""Any numbers as input: taken or rejected, never another error, and the arm can still be moved home."""
 import math
 
 import pytest

@@ -9,7 +9,7 @@ BOTH = pytest.mark.parametrize("jerk_limited", [True, False])
 
 
 def run(profile, cycles=100_000, stop_at=None):
-    """Positions of every cycle until the profile rests or reaches stop_at."""
+    """Return positions of every cycle until the profile rests or reaches stop_at."""
     positions = [profile.position]
     for _ in range(cycles):
         positions.append(profile.step(DT))

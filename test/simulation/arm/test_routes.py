@@ -30,7 +30,7 @@ def distance_to_segment(p, a, b):
 
 
 def tool_motion(watch):
-    """Highest speed, m/s, and acceleration, m/s2, of the tool centre point."""
+    """Return highest speed, m/s, and acceleration, m/s2, of the tool centre point."""
     points = [point(tool) for tool in watch.tools()]
     velocities = [[(y - x) / CYCLE_TIME_S for x, y in zip(a, b)] for a, b in zip(points, points[1:])]
     speeds = [math.hypot(*v) for v in velocities]

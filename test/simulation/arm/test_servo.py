@@ -12,7 +12,7 @@ from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S, HOME, JogMode, Pl
 
 @pytest.fixture()
 def watch():
-    """Without a filter a stream may be as jerky as its sender made it: acceleration is not checked."""
+    """Return a plant without check of acceleration: without a filter a stream may be as jerky as its sender made it."""
     result = PlantWatch(checks_acceleration=False)
     assert result.plant.enter_servo()
     return result

@@ -1,4 +1,4 @@
-"""Each filter alone: what comes out for a step, a ramp and a sine; all come to rest on the last target."""
+"""Servo filters, each alone: its output for a step, a ramp and a sine; all come to rest on the last target."""
 import math
 
 import pytest
@@ -28,7 +28,7 @@ def joints(first):
 
 
 def response(kind, targets, **changes):
-    """Joint 1 after each cycle."""
+    """Return joint 1 after each cycle."""
     made = make_filter(kind, {**PARAMETERS[kind], **changes}, ArmFrames(ZU7), HOME)
     return [made.step(joints(target), CYCLE_TIME_S)[0] for target in targets]
 

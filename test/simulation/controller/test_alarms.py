@@ -1,4 +1,4 @@
-"""What errcode shows, and for how long (docs/controller-protocol.md section 4.4)."""
+"""The values of errcode, and how long each lasts (docs/controller-protocol.md section 4.4)."""
 import pytest
 
 from jaka_ros_driver.kinematics.arm_models import load_model
@@ -76,7 +76,7 @@ def test_singularity_is_a_protective_stop(monkeypatch):
 
 
 def test_line_that_leaves_the_reach_ends_with_an_event():
-    """From one side of the base to the other, the straight line passes through it."""
+    # From one side of the base to the other, the straight line passes through it.
     state = ControllerState(load_model("zu7"), FIRMWARES["1.5.14"], Options(start=Start.ENABLED), Memory())
     home = state.plant.tcp_pose()
     x, y, z = home.position

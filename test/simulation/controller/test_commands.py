@@ -1,10 +1,11 @@
-"""Every command once as it should be, and tables of what is wrong with them; over real sockets."""
+"""The commands, each once as it should be, and tables of wrong ones; over real sockets."""
 import json
 import math
 
 import pytest
 from good_requests import BEFORE, GOOD, HOME, HOME_POSE, NEAR, NEAR_POSE, TESTED_APART, ZEROS
-from raw_client import RawClient, poll, wait_for
+from raw_client import RawClient, poll
+from waiting import wait_until
 
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
 from jaka_ros_driver.simulation.controller.status_frame import all_field_names
@@ -334,7 +335,7 @@ def test_arrays_of_terminals(make_arm):
 
 
 def test_a_relay_that_a_client_counts_from_1(make_arm):
-    """SDK 2.1.14 sends 2 for its relay 1, to every firmware."""
+    # SDK 2.1.14 sends 2 for its relay 1, to every firmware.
     for firmware in ("1.5.14", "1.7"):
         with RawClient(make_arm(firmware=firmware).command_port) as client:
             assert client.code("set_digital_output", type=3, index=2, value=1) == "0"
@@ -343,7 +344,7 @@ def test_a_relay_that_a_client_counts_from_1(make_arm):
 
 @pytest.mark.parametrize("firmware", ["1.5.14", "1.7"])
 def test_signals_of_the_tools_bus_show_in_frames_as_lists(make_arm, firmware):
-    """On the polled port, that of the SDK, on every firmware; in the feed on the modern one."""
+    # They are on the polled port, that of the SDK, on every firmware; in the feed on the modern one.
     arm = make_arm(firmware=firmware)
     with RawClient(arm.command_port) as client, RawClient(arm.poll_port) as asking:
         def signals():
@@ -379,5 +380,5 @@ def test_lost_client_aborts_motion_where_it_asked_for_that(make_arm):
     with RawClient(arm.command_port) as client:
         assert client.code("set_network_exception_handle", motType=2, timeLimit=100.0) == "0"
         assert client.code("joint_move", jointPosition=[170.0, 90, -90, 90, 90, 0], speed=10) == "0"
-    wait_for(lambda: not arm.state()["is_moving"] and arm.state()["queue_length"] == 0, "the abort")
+    wait_until(lambda: not arm.state()["is_moving"] and arm.state()["queue_length"] == 0, "the abort")
     assert arm.state()["joint_position"][0] < 169.0

@@ -1,4 +1,4 @@
-"""The controller without its sockets: whatever is asked, it answers, and the arm stays within its limits."""
+"""The controller without its sockets: it answers every request, and the arm stays within its limits."""
 import hashlib
 import json
 import os
@@ -113,7 +113,7 @@ def test_random_commands_never_break_it_nor_leave_the_limits(seed, model, firmwa
 
 
 def fingerprint():
-    """Of every reply and frame of a session in told time: motion, faults, clients that come and go, a restart."""
+    """Return a hash of every reply and frame of a session in virtual time: motion, faults, clients, a restart."""
     chance, controller, told = random.Random(5), make("zu7", "1.7"), hashlib.sha256()
     for turn in range(400):
         outcome = controller.execute(some_request(chance))
@@ -135,7 +135,7 @@ def fingerprint():
 
 
 def test_the_same_session_gives_the_same_bytes_in_any_process():
-    """Whoever tells the time can repeat a session: no clock, no chance, no order of a set is in it."""
+    # A caller that sets the time can repeat a session: no clock, no chance, no order of a set is in it.
     paths = os.pathsep.join([str(ROOT), str(ROOT / "test" / "support")])
     seen = {subprocess.run([sys.executable, __file__], env=dict(os.environ, PYTHONPATH=paths, PYTHONHASHSEED=seed),
                            stdout=subprocess.PIPE, check=True, timeout=120).stdout for seed in ("1", "2")}

@@ -1,4 +1,4 @@
-"""The sensor at the flange: what the feed tells of a load, and zeroing."""
+"""The sensor at the flange: the feed's values for a load, and zeroing."""
 import json
 
 import pytest

@@ -1,9 +1,10 @@
-"""Every request of the maker's SDK 2.1.14, byte by byte, is answered with the keys and types that it reads."""
+"""The requests of the maker's SDK 2.1.14, byte by byte, answered with the keys and types that it reads."""
 import json
 
 import pytest
-from raw_client import RawClient, wait_for
+from raw_client import RawClient
 from sdk_2_1_14 import REFUSED, has_shape, read_in, refusal, requests
+from waiting import wait_until
 
 FIRMWARES = ["1.5.14", "1.7.1", "1.7.2"]
 STARTS = {"power_on": "off", "shutdown": "off", "power_off": "powered", "enable_robot": "powered"}
@@ -42,14 +43,14 @@ def test_it_is_answered_as_the_sdk_reads_it(make_arm, firmware, command, request
 
 @pytest.mark.parametrize("firmware", FIRMWARES)
 def test_leaving_servo_mode_is_seen_as_the_sdk_needs_it(make_arm, firmware):
-    """It answers -61 unless a poll 1 ms after ``servo_move`` 0 still reads true, and one within 1 s false."""
+    # It answers -61 unless a poll 1 ms after ``servo_move`` 0 still reads true, and one within 1 s false.
     arm = make_arm(firmware=firmware, time_scale=1.0)
     with RawClient(arm.command_port) as client:
         assert client.code("servo_move", relFlag=1) == "0"
         client.send(b'{"cmdName":"servo_move","relFlag":0}{"cmdName":"is_in_servomove"}')
         assert client.reply()["errorCode"] == "0" and client.reply()["in_servomove"] is True
         began = arm.state()["simulated_s"]
-        wait_for(lambda: client.ask("is_in_servomove")["in_servomove"] is False, "the end of servo mode")
+        wait_until(lambda: client.ask("is_in_servomove")["in_servomove"] is False, "the end of servo mode")
         assert arm.state()["simulated_s"] - began < 1.0
 
 
@@ -65,7 +66,7 @@ def test_slow_commands_are_answered_as_evidence_says(make_arm, command, start, k
         if not is_early:
             client.send(look)
         assert bool(client.reply()[key]) is not is_early
-        wait_for(lambda: client.ask("get_data")[key], "the drives")
+        wait_until(lambda: client.ask("get_data")[key], "the drives")
 
 
 @pytest.mark.parametrize("firmware, event", [("1.5.14", "0x0"), ("1.7.1", "0xf0017"), ("1.7.2", "0xf0017")])

@@ -1,4 +1,4 @@
-"""What the arm maker's SDK sends, needs and dies of; its requests byte by byte."""
+"""The requests, needs and crashes of the arm maker's SDK; its requests byte by byte."""
 import json
 import socket
 import time
@@ -6,7 +6,8 @@ import zlib
 from pathlib import Path
 
 import pytest
-from raw_client import RawClient, RawFeed, poll, wait_for
+from raw_client import RawClient, RawFeed, poll
+from waiting import wait_until
 
 from jaka_ros_driver.simulation.controller.io_banks import IoBanks
 
@@ -49,7 +50,7 @@ def test_every_recorded_request_is_answered_as_a_controller_would(make_arm, firm
             client.send(request.encode("ascii"))
             reply = client.reply()
             if call == "servo_move_enable 0":  # it is left some cycles later
-                wait_for(lambda: client.ask("is_in_servomove")["in_servomove"] is False, "the end of servo mode")
+                wait_until(lambda: client.ask("is_in_servomove")["in_servomove"] is False, "the end of servo mode")
             assert type(reply["errorCode"]) is str and reply["cmdName"] == json.loads(request)["cmdName"]
             codes.append((call, reply["errorCode"]))
     assert len(codes) == 132
@@ -62,7 +63,7 @@ def test_every_recorded_request_is_answered_as_a_controller_would(make_arm, firm
 
 @pytest.mark.parametrize("word", [b"nan", b"-nan", b"inf", b"-inf", b"NaN", b"Infinity"])
 def test_bare_words_are_answered_at_once_and_once(arm, client, word):
-    """Waiting for the rest of the document would hang the SDK for 25 s (docs/sdk-client.md section 1, point 6)."""
+    # Waiting for the rest of the document would hang the SDK for 25 s (docs/sdk-client.md section 1, point 6).
     client.send(b'{"cmdName":"joint_move","executing_line_id":2,"jointPosition":[%s,0.0,0.0,0.0,0.0,0.0],'
                 b'"relFlag":0,"speed":28.64788975654116}' % word)
     assert client.reply(3.0) == {"errorCode": "1", "errorMsg": "Exception:function call failed"}
@@ -154,7 +155,7 @@ def move(client, line, angle, speed=60.0):
 
 
 def test_blocking_move_ends_as_the_sdk_waits_for_it(make_arm):
-    """Not in position in the first frame after acceptance; then the line's number together with inpos."""
+    # Not in position in the first frame after acceptance; then the line's number together with inpos.
     arm = make_arm(time_scale=5.0)
     with RawClient(arm.command_port) as client, RawClient(arm.poll_port) as status:
         assert move(client, 2, 20.0) == "0"
@@ -172,7 +173,7 @@ def test_blocking_move_ends_as_the_sdk_waits_for_it(make_arm):
 
 
 def test_lines_of_an_earlier_client_are_forgotten(make_arm):
-    """Every client begins with id 2; its old number together with inpos would end its first move at once."""
+    # Every client begins with id 2; its old number together with inpos would end its first move at once.
     arm = make_arm(time_scale=20.0)
     with RawClient(arm.poll_port) as status:
         with RawClient(arm.command_port) as client:
@@ -190,7 +191,7 @@ def test_lines_of_an_earlier_client_are_forgotten_though_its_move_goes_on(make_a
     with RawClient(arm.poll_port) as status:
         with RawClient(arm.command_port) as client:
             assert move(client, 2, 100.0) == "0"
-            wait_for(lambda: json.loads(poll(status))["motion_line"] == 2, "the move to begin")
+            wait_until(lambda: json.loads(poll(status))["motion_line"] == 2, "the move to begin")
         with RawClient(arm.command_port) as client:
             assert client.ask("get_version")["errorCode"] == "0"
             assert arm.state()["is_moving"] and json.loads(poll(status))["motion_line"] == 0

@@ -19,7 +19,7 @@ def controller(firmware="1.5.14"):
 
 
 def shape(value):
-    """Types and lengths: bool apart from int, int and float alike."""
+    """Return types and lengths: bool apart from int, int and float alike."""
     if isinstance(value, list):
         return [shape(item) for item in value]
     if isinstance(value, bool) or not isinstance(value, (int, float)):

@@ -1,4 +1,4 @@
-"""The probes lie beside the tests of this folder."""
+"""The import path of the probes, which lie beside the tests of this folder."""
 import sys
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""One probe for each dimension: what a client sees of a controller, which must differ with each value."""
+"""One probe for each dimension: a client's view of a controller, which must differ with each value."""
 import json
 
 from raw_client import RawClient
@@ -26,7 +26,7 @@ class Wire:
         self.line.add(self.controller.execute({"cmdName": command, **parameters}))
 
     def ask(self, command, **parameters):
-        """The reply, which is waited for."""
+        """Send a request, and return its reply after waiting for it."""
         self.send(command, **parameters)
         return self.until(self.replies)[-1]
 
@@ -34,7 +34,7 @@ class Wire:
         return [json.loads(result.due_reply()) for result in self.line.take_due()]
 
     def replies_within(self, seconds):
-        """The replies while so much time passes; they are asked for in every cycle, as the server does."""
+        """Return the replies while so much time passes; they are taken in every cycle, as by the server."""
         came = self.replies()
         for _ in range(round(seconds / CYCLE_TIME_S)):
             self.step()
@@ -47,7 +47,7 @@ class Wire:
             self.time += CYCLE_TIME_S
 
     def until(self, condition, timeout=NEVER):
-        """What the condition returns when it is true; None where it is not within the time."""
+        """Return the condition's value when it is true; None where it is not within the time."""
         end = self.time + timeout
         while self.time < end:
             value = condition()
@@ -83,7 +83,7 @@ class Wire:
 
 
 def reply_time(command, start=Start.ENABLED, **parameters):
-    """When the reply comes, and whether what was asked for is true then."""
+    """Return when the reply comes, and whether the request has taken effect then."""
     def probe(dialect):
         wire = Wire(dialect, start)
         wire.send(command, **parameters)

@@ -1,5 +1,4 @@
-"""Every dimension of the simulated controller shows on the wire with each of its values; files and seeds make dialects.
-"""
+"""The dimensions of the simulated controller, which show on the wire with each value; files and seeds make dialects."""
 import json
 import random
 
@@ -61,7 +60,7 @@ def test_a_seed_draws_every_dimension():
 
 
 def test_a_seed_draws_the_same_everywhere():
-    """A seed that failed must name the same controller elsewhere and later; a new dimension may come beside it."""
+    # A seed that failed must name the same controller elsewhere and later; a new dimension may come beside it.
     drawn = Dialect.from_seed(7, "1.7").as_dict()
     assert {name: drawn[name] for name in SEED_7} == SEED_7
     assert Dialect.from_seed(7, "1.7") == Dialect.from_seed(7, "1.7.2") != Dialect.from_seed(8, "1.7")
@@ -121,7 +120,7 @@ def test_an_unknown_firmware_has_no_dialect():
 
 @pytest.mark.parametrize("firmware", FIRMWARE_NAMES)
 def test_no_dialect_breaks_the_controller(firmware):
-    """Every good request in some order, in each of many dialects: nothing fails, jumps or is left unanswered."""
+    # Every good request in some order, in each of many dialects: nothing fails, jumps or is left unanswered.
     for seed in range(15):
         chance, dialect = random.Random(seed), Dialect.from_seed(seed, firmware)
         wire = Wire(dialect, chance.choice(list(Start)), firmware)

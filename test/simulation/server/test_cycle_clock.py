@@ -5,7 +5,7 @@ from jaka_ros_driver.simulation.server.cycle_clock import MIN_FEED_PERIOD_S, MIN
 
 
 def simulated_after(scale, duration, lateness=lambda tick: 0.0):
-    """Cycles done in a stretch of wall time when each wake-up comes so late."""
+    """Return cycles done in a stretch of wall time when each wake-up comes so late."""
     clock, now, cycles, tick = CycleClock(scale, 0.0), 0.0, 0, 0
     while now < duration:
         now = max(now, clock.next_tick) + lateness(tick)

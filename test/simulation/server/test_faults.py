@@ -9,7 +9,7 @@ from jaka_ros_driver.simulation.server.faults import KINDS, Delivery, Effect, Fa
 
 
 def sent_over(script, port, messages, times):
-    """What a connection sends, and when: messages posted at time 0, looked at at the given times."""
+    """Return what a connection sends, and when: messages posted at time 0, looked at at the given times."""
     connection = Connection(port, 1, "peer", 0.0)
     for message in messages:
         connection.post(script.deliveries(port, message, None, 0.0))

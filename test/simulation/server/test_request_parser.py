@@ -17,7 +17,7 @@ BAD = FramingError
 
 
 def parse(*chunks):
-    """The outcome, errors as the class alone, and what is still waited for."""
+    """Return the outcome, errors as the class alone, and the bytes that still wait."""
     parser = RequestParser()
     items = [item for chunk in chunks for item in parser.feed(chunk, 0.0)]
     return [type(item) if isinstance(item, BAD) else item for item in items], parser.pending

@@ -1,6 +1,7 @@
-"""A hand on a pad: messages for a velocity jog, at a steady rate and with chosen faults; also a program, to be killed.
+"""A hand on a pad: messages for a velocity jog, at a steady rate and with chosen faults; also an executable, to be
+killed.
 
-As a program: the driver's name as argument; it tells each message's moment on standard output.
+As an executable it takes the driver's name, and prints each message's moment on standard output.
 """
 import contextlib
 import io
@@ -11,10 +12,10 @@ import threading
 import time
 
 import rospy
-from arm_bench import eventually
+from figures import percentile
 from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState
-from soak_bench import percentile
+from waiting import eventually
 
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.publisher import Publisher, frame_of
@@ -43,21 +44,21 @@ MESSAGES = {"jog_joints": (JointState, joint_message), "jog_twist": (TwistStampe
 
 
 def raw(message):
-    """As TCPROS sends it."""
+    """Serialize a message as TCPROS sends it."""
     buffer = io.BytesIO()
     message.serialize(buffer)
     return frame_of(buffer.getvalue())
 
 
 class Pad:
-    """Sends from its own thread, as a node of its own, until it is closed.
+    """A sender in its own thread, as a node of its own, until it is closed.
 
     Attributes:
-        speed: What it asks for.
+        speed: The speed that it asks for.
         make: Makes a message of a speed.
         is_silent: It sends nothing.
         is_frozen: It sends its last message again and again.
-        is_stalled: The network holds its messages back; what was held back comes at once when it is not any more.
+        is_stalled: The network holds its messages back; they all come at once when it does so no more.
         sent_at: When the newest message was sent that should count.
     """
 
@@ -108,14 +109,14 @@ class Pad:
 
 
 class PadProcess:
-    """A pad as a program of its own, that jogs from its start on."""
+    """A pad in a process of its own that jogs from its start on."""
 
     def __init__(self, driver, topic="jog_joints"):
         self._process = subprocess.Popen([sys.executable, __file__, driver, topic], stdout=subprocess.PIPE, text=True,
                                          env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)))
 
     def kill(self):
-        """Ends it with SIGKILL; when it sent its last message."""
+        """End it with SIGKILL; return when it sent its last message."""
         self._process.kill()
         said, _ = self._process.communicate(timeout=WAIT)
         return float(said.splitlines()[-1])
@@ -129,7 +130,7 @@ class PadProcess:
 
 
 def begin(arm, pad, speed=SPEED):
-    """Rest first, then motion, until the arm is seen to move; tried again where a busy host lets go of it."""
+    """Ask for rest first, then for motion, until the arm is seen to move; try again where a busy host ends the jog."""
     def moves():
         pad.speed = 0.0
         time.sleep(0.1)
@@ -140,21 +141,21 @@ def begin(arm, pad, speed=SPEED):
 
 
 def rests(arm):
-    """The arm rests, and servo mode is left."""
+    """Return whether the arm rests, and servo mode is left."""
     return eventually(lambda: not arm.simulator.is_moving() and not arm.simulator.state()["is_servo_active"], WAIT)
 
 
 # ---- ways of letting go: each returns when the last message came that wanted motion and counted ----
 
 def release(arm, pad):
-    """The stick is let go: messages of rest."""
+    """Release the stick: messages of rest follow."""
     since = pad.sent_at
     pad.speed = 0.0
     return since
 
 
 def release_the_button(arm, pad):
-    """As teleop_twist_joy does: one message of rest, and no more."""
+    """Release the enabling button: one message of rest and no more, as from teleop_twist_joy."""
     pad.is_silent = True
     time.sleep(PERIOD_S)
     since, pad.speed = pad.sent_at, 0.0
@@ -169,7 +170,7 @@ def fall_silent(arm, pad):
 
 
 def freeze(arm, pad):
-    """It goes on with one and the same message."""
+    """Repeat one and the same message."""
     pad.is_frozen = True
     time.sleep(PERIOD_S)
     return pad.sent_at
@@ -182,7 +183,7 @@ def go_mad(arm, pad):
 
 
 def be_joined(arm, pad):
-    """A second publisher, which wants the same."""
+    """Start a second publisher that wants the same."""
     with Pad(arm.name, next(topic for topic, (_, make) in MESSAGES.items() if make is pad.make), "/other") as other:
         other.speed, since = pad.speed, pad.sent_at
         rests(arm)
@@ -190,7 +191,7 @@ def be_joined(arm, pad):
 
 
 def be_stalled(arm, pad):
-    """The network holds everything back for 0.5 s, and then delivers it at once."""
+    """Hold everything back for 0.5 s in the network, and then deliver it at once."""
     pad.is_stalled = True
     time.sleep(PERIOD_S)
     since = pad.sent_at
@@ -205,7 +206,8 @@ WAYS = {"release": release, "button": release_the_button, "silence": fall_silent
 
 
 def let_go(arm, way, topic="jog_joints"):
-    """Jog, let go in this way, see the arm rest; when the last message came that counted, and when rest was seen."""
+    """Jog, release in this way, and see the arm rest; return when the last counting message came, and when rest was
+    seen."""
     if way == KILLED:
         return _be_killed(arm, topic)
     with Pad(arm.name, topic) as pad:
@@ -225,14 +227,14 @@ def _be_killed(arm, topic):
 
 
 def last_frame_of_motion(verdict, since, until):
-    """When the last servo frame came in that differs from the one before it."""
+    """Return when the last servo frame came in that differs from the one before it."""
     frames = [(at, request["jointPosition"]) for at, request in verdict.received()
               if request["cmdName"] == "servo_j" and since - 1.0 <= at <= until]
     return max([b[0] for a, b in zip(frames, frames[1:]) if a[1] != b[1]], default=since)
 
 
 def main():
-    """Rest, then motion for ever; each message's moment is told."""
+    """Publish rest, then motion for ever, and print each message's moment."""
     rospy.init_node("killed_pad", anonymous=True, disable_signals=True)
     kind, make = MESSAGES[sys.argv[2]]
     publisher = rospy.Publisher("%s/%s" % tuple(sys.argv[1:3]), kind, queue_size=1, tcp_nodelay=True)
@@ -251,7 +253,7 @@ if __name__ == "__main__":
 
 
 def print_rests(moments, verdict):
-    """A table of how soon frames and arm rest: by way of letting go, when that was and until when to look."""
+    """Print a table of how soon frames and arm rest: by way of release, when that was and until when to look."""
     print("way               repeats   frames at rest: p50    max      arm at rest: p50    max   (ms)")
     for way, ends in moments.items():
         wire = [1e3 * (last_frame_of_motion(verdict, since, until) - since) for since, until in ends]

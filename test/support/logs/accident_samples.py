@@ -1,4 +1,4 @@
-"""Messages that tell of accidents, as the driver sends them: states, service calls, diagnostics."""
+"""Messages of accidents, as the driver sends them: states, service calls, diagnostics."""
 import struct
 from typing import Dict, Optional
 

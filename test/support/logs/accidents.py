@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple
 
 from accident_samples import CALLS, DIAGNOSTICS, STATES, call, diagnostics, states
-from live_ros import Graph, Process, all_read, with_subscribers
-from live_samples import twist_connection, twist_frame, wait_until
+from live_samples import twist_connection, twist_frame
+from ros_graph import Graph, Process, all_read, with_subscribers
+from waiting import wait_until
 
 from jaka_bag.containers.contract import Message
 from jaka_bag.containers.registry import open_log, read_index, read_metadata
@@ -25,7 +26,7 @@ KINDS = ("error", "emergency_stop", "collision", "failed_call", "diagnostics", "
 
 
 class Driver:
-    """Publishes numbered poses and states at 125 Hz from a thread of its own until it is closed.
+    """A publisher of numbered poses and states at 125 Hz, in a thread of its own until it is closed.
 
     Attributes:
         sent: Poses sent so far.
@@ -71,7 +72,7 @@ class Driver:
 
 
 def set_off(kind: str, driver: Driver, box: Process, graph: Graph) -> None:
-    """Cause one trigger, and what ends its cause."""
+    """Cause one trigger, and end its cause again."""
     before = driver.sent
     if kind in ("error", "emergency_stop", "collision"):
         driver.state = {"error": states(4, 1, 0, 0), "emergency_stop": states(2, 1, 0, 0),
@@ -94,7 +95,7 @@ def set_off(kind: str, driver: Driver, box: Process, graph: Graph) -> None:
 
 
 def call_trigger(graph: Graph):
-    """Call the service of the black box as any client does; its success and message."""
+    """Call the service of the black box as any client does; return its success and message."""
     import socket
 
     from jaka_bag.live.tcpros import decode_header, encode_header
@@ -113,7 +114,7 @@ def call_trigger(graph: Graph):
 
 
 class Account(NamedTuple):
-    """One file: its triggers, what it holds, what is missing in it.
+    """The content of one file: its triggers, its messages, and what is missing in it.
 
     ``lost`` counts numbers that are skipped between the first and the last pose, and numbers of the recorder that are
     skipped on any topic; ``before_s`` and ``after_s`` are from the first message to the first trigger, and from the
@@ -134,7 +135,7 @@ def metadata_of(path: Path, name: str) -> List[Dict[str, str]]:
 
 
 def account_of(path: Path) -> Account:
-    """What a finished file of the black box holds."""
+    """Read a finished file of the black box."""
     triggers = metadata_of(path, "jaka_bag.trigger")
     with open_log(path) as log:
         messages = list(messages_of(log))
@@ -151,7 +152,7 @@ def account_of(path: Path) -> Account:
 
 @contextlib.contextmanager
 def black_box(graph: Graph, *arguments: str, before: str = "2s", after: str = "0.5s") -> Iterator[Process]:
-    """``jaka_bag record --state-log --black-box box``, listening; ended with the context."""
+    """Run ``jaka_bag record --state-log --black-box box``, listening, until the context ends."""
     process = graph.record("--state-log", "--black-box", "box", "--before", before, "--after", after, "--report",
                            "report.json", "--trigger", CONDITION, *arguments)
     yield process

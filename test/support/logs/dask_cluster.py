@@ -1,34 +1,28 @@
 """A Dask scheduler with workers, each a process, on free ports of this machine."""
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
 from pathlib import Path
 from typing import Dict, List, Optional
 
+from waiting import free_port
+
 DEADLINE_S = 120
 ROOT = Path(__file__).resolve().parents[3]
 
 
-def free_port() -> int:
-    """A port that nobody listens on now."""
-    with socket.socket() as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
-
-
 class DaskCluster:
-    """Leave its block to end it.
+    """A context with a scheduler and workers, which ends them.
 
     Args:
-        folder: For its files.
-        workers: How many.
+        folder: Folder for its files.
+        workers: Number of workers.
         python: An interpreter with packages of its own, in place of this one with those of the checkout.
 
     Attributes:
-        address: Of the scheduler.
+        address: The scheduler's address.
         workers: The processes of the workers that were begun, dead ones among them.
     """
 
@@ -39,7 +33,7 @@ class DaskCluster:
         self.address = "tcp://127.0.0.1:%d" % self._port
         self._environment: Dict[str, str] = dict(
             os.environ, DASK_DISTRIBUTED__WORKER__DAEMON="False",
-            PYTHONPATH=os.pathsep.join([str(ROOT / "tools"), str(ROOT / "test" / "support"),
+            PYTHONPATH=os.pathsep.join([str(ROOT / "tools"), str(ROOT / "test" / "support" / "live"),
                                         str(ROOT / "test" / "support" / "logs"), os.environ.get("PYTHONPATH", "")]))
         if python is not None:
             del self._environment["PYTHONPATH"]
@@ -61,25 +55,25 @@ class DaskCluster:
                                 stderr=subprocess.DEVNULL)
 
     def start_scheduler(self) -> None:
-        """Start it, on the same port each time."""
+        """Start the scheduler, on the same port each time."""
         self._scheduler = self._start("dask_scheduler", "--host", "127.0.0.1", "--port", str(self._port),
                                       "--no-dashboard")
 
     def kill_scheduler(self) -> None:
-        """End it at once."""
+        """Kill the scheduler."""
         assert self._scheduler is not None
         self._scheduler.kill()
         self._scheduler.wait(DEADLINE_S)
 
     def add_worker(self) -> subprocess.Popen:
-        """Start one more."""
+        """Start one more worker."""
         process = self._start("dask_worker", self.address, "--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard",
                               "--no-nanny", "--death-timeout", str(DEADLINE_S))
         self.workers.append(process)
         return process
 
     def wait_for_workers(self, count: int) -> None:
-        """Wait until so many have reported."""
+        """Wait until so many workers have registered."""
         from distributed import Client
         end = time.monotonic() + DEADLINE_S
         while True:
@@ -92,7 +86,7 @@ class DaskCluster:
                     raise
 
     def close(self) -> None:
-        """End all."""
+        """End scheduler and workers."""
         processes = [process for process in [*self.workers, self._scheduler] if process is not None]
         for process in processes:
             if process.poll() is None:

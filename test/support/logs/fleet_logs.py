@@ -1,7 +1,7 @@
 """Logs of the cells of a plant: cycles of moves with all that a fleet's questions are about, in any number.
 
 Each log has the driver's own topics: joints, tool, states, service calls, the trajectory controller's state with its
-following error, diagnostics with the versions; its metadata tell the cell and what the recorder lost.
+following error, diagnostics with the versions; its metadata name the cell and the messages that the recorder lost.
 """
 import copy
 import json
@@ -32,7 +32,7 @@ from jaka_bag.messages.definitions import definition_md5
 
 DAY_S = 86400.0
 FIRST_DAY = "2023-11-14"
-"""Of ``synthetic_session.EPOCH_NS``; its time of day is 22:13:20."""
+"""The day of ``synthetic_session.EPOCH_NS``; its time of day is 22:13:20."""
 FIRST_HOUR = 22
 _POINT = ("=" * 80 + "\nMSG: trajectory_msgs/JointTrajectoryPoint\nfloat64[] positions\nfloat64[] velocities\n"
           "float64[] accelerations\nfloat64[] effort\nduration time_from_start\n")
@@ -43,7 +43,7 @@ _STATE_TYPE = "control_msgs/JointTrajectoryControllerState"
 CONTROLLER = Connection("/jaka_zu7_controller/state", _STATE_TYPE, definition_md5(_STATE_TYPE, _STATE_TEXT),
                         _STATE_TEXT, "/jaka_driver", False)
 _LAG_S = 0.004
-"""A healthy joint is so late; a worn one is later."""
+"""The delay of a healthy joint; a worn one is later."""
 _MOVES = (tuple(np.round(np.array(REST) + (0.5, -0.4, 0.3, 0.2, -0.3, 0.6), 3)),
           tuple(np.round(np.array(REST) + (-0.4, 0.2, -0.3, 0.4, 0.2, -0.5), 3)))
 
@@ -52,7 +52,7 @@ class Run(NamedTuple):
     """One log to be made.
 
     Attributes:
-        cell: Where; empty: the log does not tell.
+        cell: The cell's name; empty: the log has none.
         start_s: Begin, s after the epoch of the synthetic sessions.
         cycles: Rounds of moves; the first move is the same in each.
         pace: Durations of the motions, relative.
@@ -61,8 +61,8 @@ class Run(NamedTuple):
         stops: When the emergency stop is pressed, s from the begin; each time for 1.5 s.
         failed: (caller, error) of calls that fail, one after the other.
         undelivered: Messages of the joints' topic that the recorder knows to be lost.
-        firmware: Of the controller.
-        seed: Of all that is random.
+        firmware: The controller's firmware.
+        seed: Seed of everything random.
     """
 
     cell: str = "press_1"
@@ -79,7 +79,7 @@ class Run(NamedTuple):
 
 
 def session_of(run: Run) -> Session:
-    """The arm's part of a run, its times from 0."""
+    """Return the arm's part of a run, its times from 0."""
     program: List[Step] = []
     for _ in range(run.cycles):
         program += [Step(0.3, _MOVES[0]), Step(0.3, _MOVES[1]), Step(0.3, REST)]
@@ -107,7 +107,7 @@ def _fixed(raw: bytes, count: int) -> np.ndarray:
 
 
 def _controller(session: Session, run: Run, shift_s: float, number: int) -> MessageBatch:
-    """The state of the trajectory controller: 25 a second, every fifth sample of the session."""
+    """Return states of the trajectory controller: 25 a second, every fifth sample of the session."""
     kept = np.flatnonzero(session.keep["joint_position"])[::5]
     speed = np.gradient(session.joints, session.time, axis=0)[kept]
     late = _LAG_S * np.array([run.wear.get(joint, 1.0) for joint in range(1, 7)])
@@ -134,7 +134,7 @@ def _diagnostics(run: Run, end_s: float, shift_s: float, number: int) -> Message
 
 
 def write_run(path: Path, run: Run, session: Optional[Session] = None) -> Path:
-    """Write a run as a .bag or .mcap; a bag has no place for what it tells of itself.
+    """Write a run as a .bag or .mcap; a bag has no place for metadata.
 
     Args:
         path: The log.
@@ -163,7 +163,7 @@ def write_run(path: Path, run: Run, session: Optional[Session] = None) -> Path:
 
 
 def _shifted(session: Session, shift_s: float) -> Session:
-    """The same later."""
+    """Return the same session so much later."""
     later = copy.copy(session)
     later.stamp = session.stamp + shift_s
     later.log_time = {name: time + shift_s for name, time in session.log_time.items()}
@@ -172,7 +172,7 @@ def _shifted(session: Session, shift_s: float) -> Session:
 
 
 def write_plant(folder: Path, cells: int = 3, days: int = 4, cycles: int = 2) -> List[Path]:
-    """Logs of a small plant, one a cell and day, below ``folder/CELL/``.
+    """Write logs of a small plant, one a cell and day, below ``folder/CELL/``.
 
     In cell ``press_2`` joint 3 wears from day to day; ``press_1`` is slow on its second day; the emergency stop is
     pressed in ``press_3`` on every day; calls fail in ``press_1``; messages of ``press_3`` get lost.

@@ -1,4 +1,4 @@
-"""Work for engines: functions that workers import by name; settings tell each what to do."""
+"""Work for engines: functions that workers import by name; each task's settings choose what it does."""
 import os
 import signal
 import time
@@ -10,7 +10,7 @@ from jaka_bag.fleet.tasks import LogResult, LogTask
 
 
 def describe(task: LogTask) -> LogResult:
-    """Fails as the settings say, else tells of the task."""
+    """Fail as the settings demand, else describe the task."""
     if task.settings == "foreseen":
         raise BagError("%s: it is\nbroken" % task.path)
     if task.settings == "system":
@@ -21,7 +21,7 @@ def describe(task: LogTask) -> LogResult:
 
 
 def die_once(task: LogTask) -> LogResult:
-    """The first one that finds no marker makes it and dies; each that comes to its end leaves a file in the folder."""
+    """Die if no marker is found, after making it; else leave a file in the folder."""
     folder = Path(task.settings)
     try:
         os.close(os.open(str(folder / "died"), os.O_CREAT | os.O_EXCL))
@@ -33,7 +33,7 @@ def die_once(task: LogTask) -> LogResult:
 
 
 def wait_for_gate(task: LogTask) -> LogResult:
-    """Leaves a file when it begins; ends when the gate stands in the folder."""
+    """Leave a file at the begin, and wait until the gate stands in the folder."""
     folder = Path(task.settings)
     (folder / ("began %s" % task.path)).touch()
     end = time.monotonic() + 100.0
@@ -45,7 +45,7 @@ def wait_for_gate(task: LogTask) -> LogResult:
 
 
 def measured_add(task: LogTask) -> LogResult:
-    """Adds a log; ``value`` is the worker's process id, its resident set, byte, and the CPU time that it took, s."""
+    """Add a log; ``value`` is the worker's process id, its resident set, byte, and the CPU time that it took, s."""
     begin = time.process_time()
     result = add_log(task)
     pages = int(Path("/proc/self/statm").read_text().split()[1])

@@ -33,7 +33,7 @@ def pymcap_cli() -> str:
 
 
 class Recorder:
-    """``pymcap-cli bridge record`` of all topics, until it has so many messages."""
+    """A process of ``pymcap-cli bridge record`` that records all topics until it has so many messages."""
 
     def __init__(self, port: int, output: Path, limit: int) -> None:
         self.output = output
@@ -54,7 +54,7 @@ class Recorder:
 # ---- @foxglove/ws-protocol ----
 
 def _installed_js() -> Path:
-    """A folder with the client and the packages of its lock file, made once."""
+    """Return a folder with the client and the packages of its lock file, made once."""
     if shutil.which("node") is None or shutil.which("npm") is None:
         pytest.skip("node and npm are not installed")
     folder = ROOT / "build" / "foxglove_js"
@@ -76,7 +76,7 @@ def _installed_js() -> Path:
 
 
 class Message(NamedTuple):
-    """A message as a client got it; ``time`` is ns."""
+    """A message as a client received it; ``time`` is ns."""
 
     topic: str
     time: int
@@ -87,7 +87,7 @@ class JsClient:
     """The client of npm's ``@foxglove/ws-protocol``, subscribed to everything.
 
     Attributes:
-        events: All that it was told, in order: (event, value).
+        events: All its events, in order: (event, value).
     """
 
     def __init__(self, port: int, subprotocol: str) -> None:
@@ -115,7 +115,7 @@ class JsClient:
         return [value for name, value in list(self.events) if name == event]
 
     def wait(self, event: str, count: int = 1) -> List[Any]:
-        """Wait until it was told so many of them."""
+        """Wait until it has had so many of these events."""
         with self._changed:
             self._changed.wait_for(lambda: len(self.values(event)) >= count or self.values("end"), PATIENCE_S)
         found = self.values(event)
@@ -146,7 +146,7 @@ class JsClient:
 # ---- a raw one ----
 
 class Refused(Exception):
-    """The server's answer was no WebSocket: status and text."""
+    """An HTTP answer that is no WebSocket: status and text."""
 
 
 class RawViewer:
@@ -207,11 +207,11 @@ class RawViewer:
             self.socket.sendall(self.frame(1, text.encode()))
 
     def subscribe(self, *channels: int) -> None:
-        """With the channel's number as that of the subscription."""
+        """Subscribe to channels, with the channel's number as that of the subscription."""
         self.send({"op": "subscribe", "subscriptions": [{"id": n, "channelId": n} for n in channels]})
 
     def receive(self) -> Union[bytes, str, None]:
-        """The next message; None where the connection ends, whose code is then in ``close_code``."""
+        """Receive the next message; None where the connection ends, whose code is then in ``close_code``."""
         while True:
             head = self._stream.read(2)
             if len(head) < 2:
@@ -232,7 +232,8 @@ class RawViewer:
                 return payload
 
     def until(self, wanted: Any) -> Any:
-        """What ``wanted`` makes of the first received message for which that is not None; messages before are lost."""
+        """Receive until ``wanted`` makes something other than None of a message; return that. Messages before are
+        lost."""
         while True:
             message = self.receive()
             assert message is not None, "the connection ended"
@@ -241,7 +242,7 @@ class RawViewer:
                 return found
 
     def text(self, op: str) -> Dict[str, Any]:
-        """The next text message of an op."""
+        """Receive the next text message of an op."""
         def wanted(message: Union[bytes, str]) -> Optional[Dict[str, Any]]:
             if isinstance(message, str):
                 value: Dict[str, Any] = json.loads(message)
@@ -259,7 +260,7 @@ class RawViewer:
 
 
 class State(NamedTuple):
-    """A playback's state as it was told."""
+    """A playback's state as it was received."""
 
     state: int
     time: int
@@ -277,7 +278,7 @@ def state_of(message: Union[bytes, str]) -> Optional[State]:
 
 
 def data_of(message: Union[bytes, str]) -> Optional[Tuple[int, int, bytes]]:
-    """Subscription, log time, ns, and payload of a message."""
+    """Return subscription, log time, ns, and payload of a message."""
     if not isinstance(message, bytes) or message[0] != 1:
         return None
     return (*struct.unpack_from("<IQ", message, 1), message[13:])  # type: ignore[return-value]
@@ -291,11 +292,11 @@ def control(is_playing: bool, speed: float = 1.0, seek: Optional[int] = None, re
 # ---- the program ----
 
 class Served:
-    """A server's program, listening.
+    """A server process that listens.
 
     Attributes:
         port: Its port.
-        lines: What it says.
+        lines: Its output.
     """
 
     def __init__(self, *command: str, environment: Optional[Dict[str, str]] = None) -> None:
@@ -315,7 +316,7 @@ class Served:
         self._heard.put("")
 
     def wait_for(self, text: str) -> str:
-        """The next line with a text in it."""
+        """Wait for the next line with a text in it, and return it."""
         while True:
             line = self._heard.get(timeout=PATIENCE_S)
             assert line, "it ended: %s" % self.lines
@@ -323,7 +324,7 @@ class Served:
                 return line.strip()
 
     def stop(self, number: int) -> int:
-        """Its exit code after a signal."""
+        """Send a signal; return the exit code."""
         self.process.send_signal(number)
         return self.process.wait(PATIENCE_S)
 
@@ -340,6 +341,6 @@ class Served:
 
 @contextlib.contextmanager
 def serving(*arguments: str) -> Iterator[Served]:
-    """``jaka_bag serve`` on a free port."""
+    """Run ``jaka_bag serve`` on a free port."""
     with Served(*command_of("jaka_bag"), "serve", "--port", "0", *arguments) as served:
         yield served

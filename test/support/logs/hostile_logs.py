@@ -1,4 +1,4 @@
-"""Small logs that ask for much: what a reader must refuse, or do, in bounded memory and time.
+"""Small logs that ask for much: a reader must refuse them, or read them in bounded memory and time.
 
 All of them are written by
 
@@ -23,7 +23,7 @@ from jaka_bag.messages.connection import Connection
 
 BOMB = bytes(64 << 20)
 HEAVY = ("bz2_claims_4_gb.bag", "empty_payloads.mcap", "overlapping.mcap", "zstd_many.mcap")
-"""Those on which all commands together take long."""
+"""Logs on which all commands together take long."""
 
 
 @lru_cache(maxsize=1)
@@ -56,7 +56,7 @@ def _bag_of(path: Path, kind: Connection, data: bytes, count: int = 3) -> None:
 
 
 def doubling(md5sum: str = "") -> Connection:
-    """A type that holds two of a type that holds two ..., 40 times."""
+    """Return a type that holds two of a type that holds two ..., 40 times."""
     parts = ["test_msgs/T%d" % i for i in range(41)]
     definition = "\n".join("%s %s" % (parts[1], field) for field in "ab") + "\n"
     for i in range(1, 41):
@@ -95,7 +95,7 @@ def _odd_account(text_of_account: str) -> Callable[[Path], None]:
 
 
 def _overlapping(path: Path) -> None:
-    """Chunks of 2 MB of the same time, which compress to little."""
+    """Write chunks of 2 MB of the same time, which compress to little."""
     with McapWriter(path) as writer:
         writer.chunk_size = 1 << 30
         number = writer.add_channel(connection("/zeros", "std_msgs/String", "string data\n"))
@@ -116,7 +116,7 @@ def _empty_payloads(path: Path) -> None:
 
 
 def _extras_elsewhere(position: int, size: int) -> Callable[[Path], None]:
-    """An attachment and metadata whose indexes say that they lie there, and are so large."""
+    """Return an attachment and metadata whose indexes name this position and size."""
     def make(path: Path) -> None:
         with McapWriter(path) as writer:
             writer.add_message(writer.add_channel(STATES), START_NS, bytes(8))
@@ -173,7 +173,7 @@ HOSTILE: Dict[str, Callable[[Path], object]] = {
 
 
 def make(folder: Path, names: Iterable[str] = HOSTILE) -> None:
-    """Write some, or all, of them."""
+    """Write some, or all, of the logs."""
     for name in names:
         HOSTILE[name](folder / name)
 

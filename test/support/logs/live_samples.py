@@ -1,10 +1,11 @@
-"""Messages whose content tells their number, what is in a log, and waiting; without ROS."""
+"""Messages whose content is their number, and the content of a log; without ROS."""
 import contextlib
 import struct
 import threading
-import time
 from pathlib import Path
-from typing import Callable, Dict, List, Tuple
+from typing import Dict, List, Tuple
+
+from waiting import wait_until
 
 from jaka_bag.containers.registry import open_log
 from jaka_bag.containers.time_order import messages_of
@@ -12,7 +13,6 @@ from jaka_bag.live.publisher import frame_of
 from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.definitions import definition_md5
 
-PATIENCE_S = 60.0
 SEPARATOR = "=" * 80 + "\n"
 TWIST_STAMPED = (
     "std_msgs/Header header\ngeometry_msgs/Twist twist\n"
@@ -20,13 +20,6 @@ TWIST_STAMPED = (
     + SEPARATOR + "MSG: geometry_msgs/Twist\ngeometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n"
     + SEPARATOR + "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n")
 STRING = "string data\n"
-
-
-def wait_until(condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
-    deadline = time.monotonic() + patience_s
-    while not condition():
-        assert time.monotonic() < deadline, "waited %g s in vain: %s" % (patience_s, what)
-        threading.Event().wait(0.01)
 
 
 def twist_connection(topic: str) -> Connection:
@@ -39,7 +32,7 @@ def string_connection(topic: str) -> Connection:
 
 
 def twist_frame(sequence: int, stamp_ns: int = 0) -> bytes:
-    """A TwistStamped whose content tells its number."""
+    """Return a TwistStamped whose content is its number."""
     head = struct.pack("<III", sequence, *divmod(stamp_ns, 1000000000)) + struct.pack("<I", 5) + b"world"
     return frame_of(head + struct.pack("<6d", *[float(sequence)] * 6))
 
@@ -50,7 +43,7 @@ def string_frame(text: str) -> bytes:
 
 
 def content(path: Path) -> Dict[str, List[bytes]]:
-    """Messages of a log by topic, in the order of time."""
+    """Return the messages of a log by topic, in the order of time."""
     result: Dict[str, List[bytes]] = {}
     with open_log(path) as reader:
         for message in messages_of(reader):
@@ -59,14 +52,14 @@ def content(path: Path) -> Dict[str, List[bytes]]:
 
 
 def times(path: Path) -> List[Tuple[str, int]]:
-    """Topic and log time, ns, of all messages of a log, in the order of time."""
+    """Return topic and log time, ns, of all messages of a log, in the order of time."""
     with open_log(path) as reader:
         return [(message.connection.topic, message.log_time) for message in messages_of(reader)]
 
 
 @contextlib.contextmanager
 def no_thread_stays():
-    """Fails where its block leaves a thread behind."""
+    """Fail where the block leaves a thread behind."""
     before = set(threading.enumerate())
     yield
     wait_until(lambda: all(t.daemon for t in set(threading.enumerate()) - before), "threads end", 10.0)

@@ -82,7 +82,7 @@ def model(time: int, value: str) -> Sample:
 
 
 def state_log(seconds: float = 1.0, rate: int = 125, seed: int = 1) -> List[Sample]:
-    """What the driver publishes, with a latched text in front."""
+    """Return what the driver publishes, with a latched text in front."""
     dice = random.Random(seed)
     result = [model(START_NS, "zu7")]
     for i in range(int(seconds * rate)):
@@ -107,7 +107,7 @@ def write(path: Path, samples: Sequence[Sample], compression: Optional[str] = No
 
 
 def read(path: Path) -> List[Sample]:
-    """The messages of a log in the order of time."""
+    """Return the messages of a log in the order of time."""
     with open_log(path) as reader:
         return [Sample(m.connection, m.log_time, m.data) for m in messages_of(reader)]
 
@@ -122,7 +122,7 @@ def bag_record(fields: Sequence[Tuple[str, bytes]], data: bytes) -> bytes:
 
 def message_record(number: int, time: int, data: bytes, order: Sequence[int] = (0, 1, 2),
                    extra: Sequence[Tuple[str, bytes]] = ()) -> bytes:
-    """A message record of a bag, its header's fields in any order and with further ones."""
+    """Return a message record of a bag, its header's fields in any order and with further ones."""
     fields = [("conn", struct.pack("<I", number)), ("op", b"\x02"), ("time", bag_format.pack_time(time))]
     return bag_record([fields[i] for i in order] + list(extra), data)
 
@@ -158,5 +158,5 @@ class RawBag:
 
 
 def payload(batch, i):
-    """The bytes of message ``i`` of a batch."""
+    """Return the bytes of message ``i`` of a batch."""
     return batch.data[batch.start[i]:batch.start[i] + batch.length[i]].tobytes()

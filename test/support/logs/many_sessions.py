@@ -7,7 +7,7 @@ HOUR_S = 3600.0
 
 
 def at(session, seconds):
-    """The same session recorded so much later, s."""
+    """Return the same session recorded so much later, s."""
     session.stamp = session.stamp + seconds
     session.log_time = {name: times + seconds for name, times in session.log_time.items()}
     session.calls = [call._replace(start=call.start + seconds) for call in session.calls]
@@ -15,7 +15,7 @@ def at(session, seconds):
 
 
 def run_of(number, change=None, program=None):
-    """One of many runs, an hour after the one before."""
+    """Return one of many runs, an hour after the one before."""
     session = simulate(program or SHORT, Conditions(seed=1000 + number, start_s=0.5 + 0.01 * (number % 7)))
     if change is not None:
         change(session)
@@ -23,7 +23,8 @@ def run_of(number, change=None, program=None):
 
 
 def drift(joint, size):
-    """A joint that is off by so much, rad, where it rests after the motion, and in it by a part of that."""
+    """Return a change of a session: a joint that is off by so much, rad, at rest after the motion, and by a part of
+    that in it."""
     def change(session):
         moved = np.clip((session.time - 1.0) / 1.0, 0.0, 1.0)
         session.joints[:, joint] += size * moved

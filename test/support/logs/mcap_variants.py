@@ -29,7 +29,7 @@ class Item(NamedTuple):
 
 
 class Content(NamedTuple):
-    """What a log holds: a schema and a channel (0: none), and items."""
+    """A log's content: a schema and a channel (0: none), and items."""
 
     schema: int
     channel: int
@@ -62,7 +62,7 @@ def record(opcode: int, body: bytes, later: bytes = b"") -> bytes:
 
 
 def features_for(content: Content) -> Iterator[Tuple[str, ...]]:
-    """The combinations of features that make sense for a content."""
+    """Return the combinations of features that make sense for a content."""
     kinds = {item.kind for item in content.items}
     possible = ["st", "pad", "sum"]
     if ATTACHMENT in kinds:
@@ -83,7 +83,7 @@ def features_for(content: Content) -> Iterator[Tuple[str, ...]]:
 
 
 def variants() -> Iterator[Tuple[str, Content, Tuple[str, ...]]]:
-    """Name, content and features of each file."""
+    """Return name, content and features of each file."""
     for name, content in CONTENTS.items():
         for features in features_for(content):
             yield "-".join((name,) + features), content, features
@@ -101,7 +101,7 @@ def _attachment(item: Item, later: bytes) -> bytes:
 
 def _chunk(content: Content, messages: List[Item], described: bytes, later: bytes
            ) -> Tuple[bytes, bytes, bytes, bytes]:
-    """A chunk, its message index, and the times and the sizes that its chunk index says."""
+    """Return a chunk, its message index, and the times and the sizes that its chunk index states."""
     raw, entries = described, []
     for item in messages:
         entries.append((item.time, len(raw)))
@@ -116,7 +116,7 @@ def _chunk(content: Content, messages: List[Item], described: bytes, later: byte
 
 
 def build(content: Content, features: Tuple[str, ...]) -> bytes:
-    """The bytes of one variant."""
+    """Return the bytes of one variant."""
     later = LATER_FIELDS if "pad" in features else b""
     out = MAGIC + record(HEADER, text("ros1") + text("variants"), later)
     schemas = record(SCHEMA, struct.pack("<H", content.schema) + text(DATATYPE) + text("ros1msg")

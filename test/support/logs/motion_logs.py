@@ -19,7 +19,7 @@ PUNCTUAL = Conditions(noise_rad=0.0, stamp_late_s=0.0005)
 
 
 def led(time, seconds=4.0, reach=0.6):
-    """Joints of an arm that a hand leads to and fro and lets go, rad (n, 6)."""
+    """Return the joints of an arm that a hand leads to and fro and then releases, rad (n, 6)."""
     inside = np.clip(time / seconds, 0.0, 1.0)[:, None]
     share = np.array([1.0, -0.7, 0.5, 0.3, -0.9, 0.2])
     hill = (inside * (1.0 - inside) * 4.0) ** 3
@@ -27,7 +27,7 @@ def led(time, seconds=4.0, reach=0.6):
 
 
 def session(seconds=4.0, reach=0.6, noise=0.0, before=BEFORE_S, after=AFTER_S, seed=1):
-    """A session of nothing but that."""
+    """Return a session of that motion alone."""
     time = np.arange(0.0, before + seconds + after, SAMPLE_S)
     joints = led(time - before, seconds, reach)
     made = Session(time, joints, np.zeros((len(time), 4), np.int16), [], PUNCTUAL)
@@ -52,7 +52,7 @@ def limits_of(model="zu7"):
 
 
 def with_parameters(source, target, model, node="jaka_driver"):
-    """The same log as if it had been recorded with the driver of this model running."""
+    """Write the same log as if it had been recorded with the driver of this model running."""
     parameters = {"robot_description": urdf_from_model(load_model(model)), node: {"model": model}}
     with open_log(source) as reader, create_log(target) as writer:
         writer.add_attachment("rosparam.yaml", json.dumps(parameters).encode(), "application/yaml")

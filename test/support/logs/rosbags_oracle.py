@@ -1,4 +1,4 @@
-"""rosbags as the judge of our output, over the differences of its generations."""
+"""rosbags as the judge of the package's output, over the differences of its generations."""
 from pathlib import Path
 from typing import Any, Dict, List, Tuple
 
@@ -6,7 +6,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 
 def typestore_of(connections) -> Any:
-    """A store with the ROS 1 types of some connections."""
+    """Return a store with the ROS 1 types of some connections."""
     store = get_typestore(Stores.EMPTY)
     types: Dict[str, Any] = {}
     for connection in connections:
@@ -18,12 +18,12 @@ def typestore_of(connections) -> Any:
 
 
 def decoded(store: Any, connection, data: bytes) -> Any:
-    """One ROS 1 message as an object with its fields."""
+    """Return one ROS 1 message as an object with its fields."""
     return store.deserialize_ros1(data, connection.datatype.replace("/", "/msg/"))
 
 
 def read_rosbag2(folder: Path) -> List[Tuple[str, str, int, bytes]]:
-    """(topic, type, time, CDR) of a rosbag2 folder."""
+    """Return (topic, type, time, CDR) of a rosbag2 folder."""
     from rosbags.rosbag2 import Reader
     with Reader(folder) as reader:
         return [(c.topic, c.msgtype, time, bytes(data)) for c, time, data in reader.messages()]

@@ -9,7 +9,7 @@ from jaka_ros_driver.kinematics.rotations import rpy_from_rotation_vector
 
 
 class Defect(NamedTuple):
-    """What is wrong with the candidate, and the checks that fail because of it, the right one first."""
+    """A candidate's defect, and the checks that fail because of it, the right one first."""
 
     seed: Callable[[Session], object]
     found_by: Aspect
@@ -70,7 +70,7 @@ def _millimetres(session: Session) -> None:
 
 
 def _nothing(session: Session) -> None:
-    """The defect is in the conditions."""
+    """Change nothing: the defect is in the conditions."""
 
 
 DEFECTS: Dict[str, Defect] = {
@@ -93,7 +93,7 @@ DEFECTS: Dict[str, Defect] = {
 
 
 def defective(program, defect: Defect) -> Session:
-    """A run of the program that has the defect."""
+    """Return a run of the program that has the defect."""
     session = simulate(program, defect.conditions)
     defect.seed(session)
     return session

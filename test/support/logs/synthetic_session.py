@@ -1,6 +1,6 @@
 """Sessions of an arm made from a formula: joints, poses, states and calls at 125 Hz, written as a log of any length.
 
-The conditions of a run (late start, lateness of calls and stamps, noise) are its own; what the arm does is the
+The conditions of a run (late start, lateness of calls and stamps, noise) are its own; the arm's motion is the
 program's. Two sessions of one program under different conditions are the same run, twice.
 """
 import struct
@@ -29,7 +29,7 @@ REST = (0.1, 1.5, -1.5, 1.5, 1.5, 0.2)
 
 
 class Call(NamedTuple):
-    """A call as the log will tell it; times in s."""
+    """A call as the log will record it; times in s."""
 
     start: float
     duration: float
@@ -51,10 +51,10 @@ class Step(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """What differs from run to run.
+    """The differences from run to run.
 
     Attributes:
-        seed: Of everything random.
+        seed: Seed of everything random.
         start_s: How much later the program begins after the recording.
         call_late_s: Largest lateness of a call.
         stamp_late_s: Largest lateness of a stamp.
@@ -86,7 +86,7 @@ class Session:
         position: m, shape (n, 3).
         rotation_vector: rad, shape (n, 3).
         states: motion, power, servo, collision; shape (n, 4).
-        calls: As the log will tell them.
+        calls: The calls as the log will record them.
         keep: Which samples of each topic are written, bool, shape (n,).
         sequence_step: By how much header.seq of each topic grows from message to message.
         first_sequence: header.seq of the first message.
@@ -116,7 +116,7 @@ TOPICS = ("tool_position", "joint_position", "robot_states")
 
 
 def tool_pose(joints: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-    """A smooth stand-in for the forward kinematics: m and rotation vector."""
+    """Return a smooth stand-in for the forward kinematics: m and rotation vector."""
     a, b, c, d, e, f = joints.T
     reach = 0.3 * np.sin(b) + 0.25 * np.sin(b + c)
     position = np.stack([reach * np.cos(a), reach * np.sin(a), 0.2 + 0.3 * np.cos(b) + 0.25 * np.cos(b + c)], axis=1)
@@ -124,7 +124,7 @@ def tool_pose(joints: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
 
 
 def _profile(distance: float, speed: float, acceleration: float) -> Tuple[float, Callable[[np.ndarray], np.ndarray]]:
-    """Duration and fraction of the way of a trapezoid."""
+    """Return duration and travelled fraction of a trapezoid."""
     ramp = min(speed / acceleration, np.sqrt(distance / acceleration))
     top = acceleration * ramp
     total = distance / top + ramp
@@ -187,7 +187,7 @@ def simulate(program: Sequence[Step], conditions: Conditions = UNDISTURBED) -> S
 
 
 def moves(count: int, pause_s: float = 0.6, seed: int = 7) -> List[Step]:
-    """A program of joint moves, back and forth."""
+    """Return a program of joint moves, back and forth."""
     random = np.random.RandomState(seed)
     return [Step(pause_s, tuple(np.round(np.array(REST) + random.uniform(-0.9, 0.9, 6), 3))) for _ in range(count)]
 
@@ -202,7 +202,7 @@ def log_ns(seconds: np.ndarray) -> np.ndarray:
 
 
 def headed(stamp: np.ndarray, frame: str, first: int, step: int, body: np.ndarray) -> np.ndarray:
-    """Bytes of messages with a header, shape (n, size); ``body`` is uint8 (n, rest)."""
+    """Return bytes of messages with a header, shape (n, size); ``body`` is uint8 (n, rest)."""
     head = np.empty(len(stamp), np.dtype([("seq", "<u4"), ("secs", "<u4"), ("nsecs", "<u4"), ("size", "<u4")]))
     stamp_ns = log_ns(stamp)
     head["seq"] = step * np.arange(len(stamp)) + first
@@ -267,7 +267,7 @@ def _block(session: Session, name: str, number: int) -> MessageBatch:
 
 
 def session_parts(sessions: Sequence[Session]) -> Tuple[List[Connection], MessageBatch]:
-    """The connections of sessions, one an arm, and their messages in the order of time."""
+    """Return the connections of sessions, one an arm, and their messages in the order of time."""
     connections, blocks = [], []
     for session in sessions:
         for name, (datatype, text) in _TYPES.items():
@@ -302,7 +302,7 @@ def write_long_log(path: Path, seconds: float, conditions: Conditions = UNDISTUR
     Args:
         path: A .bag or .mcap.
         seconds: Length.
-        conditions: Of every block; each has random numbers of its own.
+        conditions: Conditions of every block; each has random numbers of its own.
         change: Called with each block's session, whose times count from the block's begin, and that begin, s.
         block_s: s; a whole multiple of the time between two samples.
     """

@@ -28,7 +28,7 @@ KEYS = {"Enter": ("Enter", 13, "\r"), " ": ("Space", 32, " "), "Escape": ("Escap
 
 
 class BrowserError(Exception):
-    """The browser refused a request, or a page's script failed."""
+    """A request that the browser refused, or a page's script that failed."""
 
 
 class Browser:
@@ -89,7 +89,7 @@ class Browser:
             self._arrived.notify_all()
 
     def send(self, method: str, session: str = "", **parameters: Any) -> int:
-        """Send a request; its number."""
+        """Send a request; return its number."""
         number = next(self._numbers)
         message = {"id": number, "method": method, "params": parameters}
         if session:
@@ -104,7 +104,7 @@ class Browser:
         return number
 
     def answer(self, number: int, timeout: Optional[float] = None) -> Dict[str, Any]:
-        """What was answered to the request of this number."""
+        """Return the answer to the request of this number."""
         with self._arrived:
             if not self._arrived.wait_for(lambda: number in self._answers or 0 in self._answers,
                                           timeout or PATIENCE_S):
@@ -123,7 +123,7 @@ class Browser:
             assert self._arrived.wait_for(condition, timeout), what
 
     def open(self, url: str = "about:blank", width: int = 1440, height: int = 900, **emulated: Any) -> "Page":
-        """A page of its own, in a context of its own: it shares no storage with the others."""
+        """Open a page in a context of its own: it shares no storage with the others."""
         context = self.call("Target.createBrowserContext")["browserContextId"]
         target = self.call("Target.createTarget", url="about:blank", browserContextId=context)["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
@@ -187,7 +187,7 @@ class Page:
         return self.browser.call(method, self.session, **parameters)
 
     def send(self, method: str, **parameters: Any) -> int:
-        """A request whose answer nobody waits for."""
+        """Send a request whose answer nobody waits for."""
         return self.browser.send(method, self.session, **parameters)
 
     def take(self, method: str, parameters: Dict[str, Any]) -> None:
@@ -214,7 +214,7 @@ class Page:
         self.until("document.readyState === 'complete' && location.href !== 'about:blank'", "%s loads" % url)
 
     def evaluate(self, expression: str) -> Any:
-        """The value of an expression, of a promise what it becomes."""
+        """Return the value of an expression; a promise is awaited."""
         result = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in result:
             details = result["exceptionDetails"]
@@ -222,7 +222,7 @@ class Page:
         return result["result"].get("value")
 
     def until(self, expression: str, what: str = "", timeout: float = PATIENCE_S) -> Any:
-        """Wait until an expression is true; its value."""
+        """Wait until an expression is true; return its value."""
         deadline = time.monotonic() + timeout
         while True:
             value = self.evaluate(expression)
@@ -241,7 +241,7 @@ class Page:
                    "%r in %r, now %r" % (part, selector, self.text(selector)), timeout)
 
     def place(self, selector: str) -> List[float]:
-        """The middle of an element as soon as it is seen and stands still, px; it is brought into view first."""
+        """Return the middle of an element once it is visible and stands still, px; scroll it into view first."""
         box = self.evaluate("""(async () => {
             let last = null;
             for (let look = 0; look < 100; look += 1) {
@@ -259,7 +259,7 @@ class Page:
         return list(box)
 
     def mouse(self, kind: str, x: float, y: float, buttons: int = 0) -> None:
-        """kind: Pressed, Released, Moved."""
+        """Send a mouse event; kind: Pressed, Released, Moved."""
         button = "none" if kind == "Moved" else "left"
         self.call("Input.dispatchMouseEvent", type="mouse" + kind, x=x, y=y, button=button, buttons=buttons,
                   clickCount=1, pointerType="mouse")
@@ -271,14 +271,14 @@ class Page:
         self.mouse("Released", x, y)
 
     def press(self, selector: str) -> List[float]:
-        """Press the mouse on an element and hold it; where."""
+        """Press the mouse on an element and hold it; return where."""
         x, y = self.place(selector)
         self.mouse("Moved", x, y)
         self.mouse("Pressed", x, y, 1)
         return [x, y]
 
     def key(self, name: str, kind: str = "both", **more: Any) -> None:
-        """kind: down, up, both."""
+        """Send a key event; kind: down, up, both."""
         code, number, text = KEYS[name]
         if kind != "up":
             self.call("Input.dispatchKeyEvent", type="keyDown", key=name, code=code, windowsVirtualKeyCode=number,
@@ -287,13 +287,13 @@ class Page:
             self.call("Input.dispatchKeyEvent", type="keyUp", key=name, code=code, windowsVirtualKeyCode=number)
 
     def type(self, selector: str, text: str) -> None:
-        """Replace what stands in a field."""
+        """Replace the text of a field."""
         self.evaluate("(() => { const field = document.querySelector(%s); field.focus(); field.select(); })()"
                       % json.dumps(selector))
         self.call("Input.insertText", text=text)
 
     def picture(self, path: Path, whole: bool = False, quality: Optional[int] = None) -> Path:
-        """A screenshot, PNG, or with a quality JPEG or WebP by the path's ending."""
+        """Save a screenshot, PNG, or with a quality JPEG or WebP by the path's ending."""
         kind = {".jpg": "jpeg", ".webp": "webp"}.get(path.suffix, "png")
         more = {} if quality is None or kind == "png" else {"quality": quality}
         data = self.call("Page.captureScreenshot", format=kind, captureBeyondViewport=whole, **more)["data"]

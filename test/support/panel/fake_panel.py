@@ -1,4 +1,4 @@
-"""A panel's server of the tests' own: the real page, and arms that do what a test says. No ROS.
+"""A panel's server of the tests' own: the real page, and arms that do what a test wants. No ROS.
 
 It speaks the page's protocol as far as the page needs it, and keeps what the page has sent.
 """
@@ -56,12 +56,12 @@ class FakePanel:
     """A server on a free port of loopback, in a thread of its own.
 
     Attributes:
-        arms, state: What pages are told; a test may change both.
+        arms, state: What pages receive; a test may change both.
         wave: The arm swings by so much, rad.
-        received: What pages have sent, in order, but pings.
+        received: Messages of pages, in order, but pings.
         silent: Nothing is sent any more, as by a server that stands still.
-        answers: By command: what makes an answer of the arguments, None for one that comes later; others are answered
-            with success.
+        answers: By command: a function that makes an answer of the arguments, None for one that comes later; other
+            commands are answered with success.
     """
 
     def __init__(self) -> None:
@@ -251,7 +251,7 @@ class FakePanel:
         asyncio.run_coroutine_threadsafe(close(), self._loop).result(30.0)
 
     def sent(self, kind: str) -> List[Dict[str, Any]]:
-        """Messages of a kind that pages have sent; of a command, by its name."""
+        """Return messages of a kind that pages have sent; of a command, by its name."""
         return [one for one in list(self.received) if kind in (one["t"], one.get("cmd"))]
 
     def close(self) -> None:

@@ -1,12 +1,12 @@
-"""Ways in which a hand, a page, a network or the panel itself lets go of a jog; measured in the controller's log."""
+"""The ways in which a hand, a page, a network or the panel itself ends a jog; measured in the controller's log."""
 import signal
 import time
 
-from arm_bench import eventually
 from panel_page import PERIOD_S, WAIT, Page, PanelProcess
+from waiting import eventually
 
 SPEED = 0.8
-"""Of the driver's jog limits."""
+"""The limit of the driver's jog speed."""
 SPACES = {"joint": [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], "base": [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]}
 
 
@@ -15,8 +15,8 @@ class JogBench:
 
     Args:
         live: A LiveDriver.
-        loop: Of the pages.
-        arguments: Of the panel.
+        loop: The event loop of the pages.
+        arguments: Arguments of the panel.
     """
 
     def __init__(self, live, loop, *arguments):
@@ -26,7 +26,7 @@ class JogBench:
         self.page = self.new_page()
 
     def new_page(self, control=True):
-        """A page that sees the arm, with control."""
+        """Open a page that sees the arm, with control."""
         page = Page(self._loop, self.panel, name="operator")
         seen = eventually(lambda: self._sees(page), WAIT)
         assert seen, "the panel does not show the arm: %s" % page.messages
@@ -40,17 +40,17 @@ class JogBench:
         return eventually(lambda: page.states.get(self.arm, {}).get("fresh"), 1.0)
 
     def restart(self):
-        """Another panel."""
+        """Start another panel."""
         self.panel.end(signal.SIGKILL)
         self.panel = PanelProcess(*self._arguments)
         self.page = self.new_page()
 
     def renew_page(self):
-        """Another page in place of one that has gone."""
+        """Open another page in place of one that has gone."""
         self.page = self.new_page()
 
     def begin(self, space="joint"):
-        """Press, and see the arm move, to and fro in turn; again where a busy host lets go of it."""
+        """Press, and see the arm move, to and fro in turn; press again where a busy host ends the jog."""
         self._sign = -self._sign
 
         def moves():
@@ -60,14 +60,15 @@ class JogBench:
         assert eventually(moves, WAIT), "it is not jogged: %s" % self.page.messages[-5:]
 
     def rests(self):
-        """The arm rests and nothing is streamed any more: in the gaps of a busy host's stream the arm rests, too."""
+        """Return whether the arm rests and nothing is streamed: in the gaps of a busy host's stream the arm rests,
+        too."""
         def done():
             state = self.live.simulator.state()
             return not state["is_moving"] and not state["is_servo_active"]
         return eventually(done, WAIT)
 
     def go_home(self):
-        """When the driver has left servo mode, move the arm to where it began."""
+        """Move the arm to where it began, once the driver has left servo mode."""
         assert self.rests()
         self.live.arm.go_home()
 
@@ -86,7 +87,7 @@ def release(bench):
 
 
 def fall_silent(bench):
-    """JavaScript is blocked, or the tab is frozen: the connection stays open."""
+    """Block the page's JavaScript, or freeze its tab: the connection stays open."""
     bench.page.let_go_silently()
     return bench.page.sent_at
 
@@ -99,14 +100,14 @@ def close_the_tab(bench):
 
 
 def be_cut_off(bench):
-    """The connection is reset."""
+    """Reset the connection."""
     since = time.monotonic()
     bench.page.cut()
     return since
 
 
 def be_stalled(bench):
-    """The network holds everything back for 0.5 s, and then delivers it at once."""
+    """Hold everything back for 0.5 s in the network, and then deliver it at once."""
     page = bench.page
     page.is_stalled = True
     since = page.sent_at
@@ -116,13 +117,13 @@ def be_stalled(bench):
 
 
 def see_the_past(bench):
-    """The page shows no new states any more, and goes on with its heartbeats: by what was 0.25 s ago nobody jogs."""
+    """Show no new states any more, but go on with heartbeats: a state of 0.25 s ago permits no jog."""
     bench.page.is_shown = False
     return time.monotonic() + 0.25
 
 
 def lose_control(bench):
-    """Another page asks for control and is given it."""
+    """Let another page ask for control and be given it."""
     other = bench.new_page(control=False)
     try:
         assert not other.take_control()
@@ -137,7 +138,7 @@ def lose_control(bench):
 
 
 def be_joined(bench):
-    """A second page holds a button, too, without control: the first one goes on, until it lets go."""
+    """Hold a button on a second page, too, without control: the first page goes on, until it releases."""
     other = bench.new_page(control=False)
     try:
         other.press(bench.arm, [0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
@@ -152,7 +153,7 @@ def be_joined(bench):
 
 
 def be_stopped(bench):
-    """Another page, without control, stops the arm."""
+    """Stop the arm from another page without control."""
     other = bench.new_page(control=False)
     try:
         since = time.monotonic()
@@ -164,7 +165,7 @@ def be_stopped(bench):
 
 
 def freeze_the_panel(bench):
-    """SIGSTOP: nothing of it runs any more."""
+    """Freeze the panel with SIGSTOP."""
     since = bench.panel.send(signal.SIGSTOP)
     assert bench.rests(), "it goes on"
     time.sleep(3 * PERIOD_S)
@@ -183,7 +184,7 @@ END_THE_PAGE = ("tab closed", "reset", "control lost", "SIGSTOP")
 
 
 def let_go(bench, way, space="joint"):
-    """Jog, let go in this way, see the arm rest and stay at rest; (last that counted, rest was seen)."""
+    """Jog, release in this way, see the arm rest and stay at rest; return (last that counted, rest was seen)."""
     bench.begin(space)
     since = WAYS[way](bench)
     assert bench.rests(), "%s: it goes on" % way

@@ -1,4 +1,4 @@
-"""An operator at the panel's page, in a real browser: holds a jog button, and lets go in every way in which things end.
+"""An operator at the panel's page, in a real browser: holds a jog button, and releases it in every possible way.
 
 Moments are those of ``time.monotonic()``; the browser stamps what it sends with the same clock.
 """
@@ -8,26 +8,26 @@ import os
 import signal
 import time
 
-from arm_bench import eventually
 from browser import Browser, BrowserError
+from driver_bench import LiveDriver
 from jog_pad import last_frame_of_motion
-from live_driver import LiveDriver
 from panel_page import PanelProcess
+from waiting import eventually
 
 WAIT = 60.0
 BUTTON = ".jog-button[data-axis='%d'][data-sign='%d']"
 SETTLED_S = 0.25
-"""The arm moves for so long before something happens."""
+"""s; the time for which the arm moves before the release."""
 TAKEN_OVER = "second page takes over"
 HELD_ON_S = 0.25
-"""So long the button is held on when the arm rests: what was held back on the way has come by then."""
+"""s; the time for which the button stays pressed once the arm rests: messages held back have come by then."""
 
 
 class Operator:
     """A driver on a simulated controller with a log, the panel, and a page in a browser that has control.
 
     Attributes:
-        moments: By way of letting go: (when the last heartbeat that could count was sent, when rest was seen).
+        moments: By way of release: (when the last heartbeat that could count was sent, when rest was seen).
     """
 
     def __init__(self, folder, **parameters):
@@ -41,7 +41,7 @@ class Operator:
         self.presses = 0
 
     def open(self, control=True):
-        """A page that shows the present, and has control."""
+        """Open a page that shows the present, and has control."""
         page = self.browser.open("%s#token=%s" % (self.panel.address, self.panel.token))
         page.until("!document.body.classList.contains('stale')", "the arm is seen", WAIT)
         if not control:
@@ -51,7 +51,7 @@ class Operator:
         return page
 
     def let_go(self, way):
-        """Jog until the arm moves, let go in this way, see it rest."""
+        """Jog until the arm moves, release in this way, and see it rest."""
         if self.page is None:
             self.page = self.open()
         if way == TAKEN_OVER:
@@ -66,7 +66,7 @@ class Operator:
         self._tidy(held)
 
     def _hold(self):
-        """Press a button until the arm moves; tried again where a busy host lets go of it."""
+        """Press a button until the arm moves; try again where a busy host ends the jog."""
         self.presses += 1
         button = BUTTON % (0, 1 if self.presses % 2 else -1)
         for _ in range(20):
@@ -84,7 +84,7 @@ class Operator:
         return beats[-1]
 
     def _tidy(self, held):
-        """The same again for the next way, with what is left."""
+        """Restore page and panel for the next way of release."""
         with contextlib.suppress(BrowserError):
             self.page.mouse("Released", held[0], held[1])
         has_panel, has_browser = self.panel.process.poll() is None, self.browser.process.poll() is None
@@ -100,7 +100,7 @@ class Operator:
             self.page.sent.clear()
 
     def network_process(self):
-        """Process id of the browser's network service."""
+        """Return the process id of the browser's network service."""
         for name in os.listdir("/proc"):
             with contextlib.suppress(OSError, ValueError):
                 if os.getpgid(int(name)) == self.browser.process.pid:
@@ -150,13 +150,13 @@ def lose_focus(operator, held):
 
 
 def stand_still(operator, held):
-    """The page's JavaScript is busy for a second, with the button down."""
+    """Keep the page's JavaScript busy for a second, with the button down."""
     operator.page.evaluate("(() => { const end = performance.now() + 1000; while (performance.now() < end); })()")
     return ALL
 
 
 def be_frozen(operator, held):
-    """As a browser freezes a tab in the background."""
+    """Freeze the tab as a browser does in the background."""
     operator.page.call("Page.setWebLifecycleState", state="frozen")
     eventually(operator._rests, WAIT)
     operator.page.call("Page.setWebLifecycleState", state="active")
@@ -164,7 +164,7 @@ def be_frozen(operator, held):
 
 
 def be_hidden(operator, held):
-    """The window is minimized."""
+    """Minimize the window."""
     page = operator.page
     page.call("Emulation.setFocusEmulationEnabled", enabled=False)
     window = operator.browser.call("Browser.getWindowForTarget", targetId=page.target)["windowId"]
@@ -205,7 +205,7 @@ def kill_browser(operator, held):
 
 
 def cut_network(operator, held):
-    """The browser's network process stands still: nothing gets through, and nothing is closed."""
+    """Freeze the browser's network process: nothing gets through, and nothing is closed."""
     process = operator.network_process()
     moment = time.monotonic()
     os.kill(process, signal.SIGSTOP)
@@ -233,7 +233,7 @@ def stop_server(operator, held):
 
 
 def be_taken_over(operator, held):
-    """Another page asks for control, and gets it, while the button is down."""
+    """Give control to another page while the button is down."""
     page, other = operator.page, operator.other
     other.click("#control-button")
     page.until("!document.querySelector('#take-over').hidden")
@@ -262,6 +262,7 @@ WAYS = {
 
 
 def times_to_rest(verdict, moments):
-    """By way: for each time, s from the last heartbeat that counted to the last frame of motion on the wire."""
+    """Return by way of release, for each time, s from the last heartbeat that counted to the last frame of motion on
+    the wire."""
     return {way: [last_frame_of_motion(verdict, since, until) - since for since, until in each]
             for way, each in moments.items()}

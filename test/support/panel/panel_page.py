@@ -1,4 +1,4 @@
-"""A page without a browser: a client of the panel's WebSocket that says what a page says, and with chosen faults."""
+"""A page without a browser: a client of the panel's WebSocket that sends what a page sends, and with chosen faults."""
 import asyncio
 import contextlib
 import json
@@ -10,8 +10,8 @@ import threading
 import time
 
 import aiohttp
-from arm_bench import eventually
 from program_places import command_of
+from waiting import eventually
 
 WAIT = 60.0
 PERIOD_S = 0.05
@@ -19,11 +19,11 @@ PROGRAM = command_of("jaka_panel")
 
 
 class PanelProcess:
-    """The program jaka_panel on a free port.
+    """The executable jaka_panel on a free port.
 
     Attributes:
-        address: Of its page, without the token.
-        token: Of the commands.
+        address: The address of its page, without the token.
+        token: The token of its commands.
     """
 
     def __init__(self, *arguments, name="panel"):
@@ -46,13 +46,13 @@ class PanelProcess:
         return re.search(r"open (\S+?)#token=(\S+)", "".join(self.said))
 
     def send(self, number):
-        """Send it a signal; the moment before."""
+        """Send it a signal; return the moment before."""
         moment = time.monotonic()
         self.process.send_signal(number)
         return moment
 
     def end(self, how=signal.SIGINT):
-        """Its exit code, and what it said."""
+        """End it; return its exit code and its output."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGCONT)
             self.process.send_signal(how)
@@ -66,13 +66,13 @@ class PanelProcess:
         return code, "".join(self.said)
 
     def cpu(self):
-        """s of processor time that it has taken."""
+        """Return the processor time that it has taken, s."""
         with open("/proc/%d/stat" % self.process.pid, encoding="ascii") as file:
             words = file.read().rpartition(")")[2].split()
         return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
     def resident(self):
-        """Its memory, MB."""
+        """Return its memory, MB."""
         with open("/proc/%d/statm" % self.process.pid, encoding="ascii") as file:
             return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
@@ -92,7 +92,7 @@ class Loop:
         self._thread.start()
 
     def run(self, work, timeout=WAIT):
-        """What a coroutine returns."""
+        """Return what a coroutine returns."""
         return asyncio.run_coroutine_threadsafe(work, self.loop).result(timeout)
 
     def close(self):
@@ -105,8 +105,8 @@ class Page:
     """One page.
 
     Attributes:
-        messages: All that it was told, oldest first; states and plots are only counted.
-        states: The newest state of each arm, and of all how many came.
+        messages: All that it received, oldest first; states and plots are only counted.
+        states: The newest state of each arm, and how many came altogether.
         is_shown: States that come are shown: heartbeats name the newest.
         sent_at: When the newest heartbeat was sent that should count.
     """
@@ -178,7 +178,7 @@ class Page:
         self._loop.run(self._send(message if text is None else text))
 
     def flood(self, count, **message):
-        """So many messages as fast as they go; fewer where the connection ends."""
+        """Send so many messages as fast as they go; fewer where the connection ends."""
         async def send():
             with contextlib.suppress(ConnectionError, RuntimeError):
                 for _ in range(count):
@@ -186,7 +186,7 @@ class Page:
         self._loop.run(send())
 
     def wait(self, kind, holds=lambda message: True, timeout=WAIT, since=0):
-        """The first message of a kind that came after ``since`` others and for which this holds."""
+        """Return the first message of a kind that came after ``since`` others and for which this holds."""
         def found():
             return next((m for m in self.messages[since:] if m["t"] == kind and holds(m)), None)
         message = eventually(found, timeout)
@@ -194,7 +194,7 @@ class Page:
         return message
 
     def ask(self, kind="cmd", timeout=WAIT, **fields):
-        """The answer to a request."""
+        """Send a request and return its answer."""
         self._number += 1
         number = self._number
         self.send(t=kind, id=number, **fields)
@@ -204,7 +204,7 @@ class Page:
         return self.ask(arm=arm, cmd=cmd, args=args, timeout=timeout)
 
     def begin_command(self, cmd, arm, **args):
-        """Ask for something and do not wait; a function that waits for the answer."""
+        """Send a command without waiting; return a function that waits for the answer."""
         self._number += 1
         number = self._number
         self.send(t="cmd", id=number, arm=arm, cmd=cmd, args=args)
@@ -220,7 +220,7 @@ class Page:
     # ---- jog ----
 
     def press(self, arm, values, space="joint", step=None):
-        """Hold a button from now on; the number of the press."""
+        """Hold a button from now on; return the number of the press."""
         self._hold += 1
         self._held = {"arm": arm, "space": space, "v": list(values), "step": step, "hold": self._hold}
         if self._holding is None:
@@ -238,7 +238,7 @@ class Page:
                 await asyncio.sleep(PERIOD_S)
 
     async def beat(self, **changes):
-        """One heartbeat."""
+        """Send one heartbeat."""
         self._sequence += 1
         if not self.is_stalled:
             self.sent_at = time.monotonic()
@@ -246,7 +246,7 @@ class Page:
                               **changes))
 
     def release(self):
-        """Let go, and say so."""
+        """Release the button, and send that."""
         held, self._held = self._held, None
         if held is not None:
             self.send(t="jog_stop", hold=held["hold"])
@@ -260,7 +260,7 @@ class Page:
     # ---- end ----
 
     def close(self):
-        """As a browser closes a tab."""
+        """Close the page like a browser's tab."""
         self._loop.run(self._close())
 
     async def _close(self):
@@ -293,7 +293,7 @@ class Page:
 
 
 def refused(loop, panel, **headers):
-    """The status with which a WebSocket is refused, with these headers instead of a page's."""
+    """Return the status with which a WebSocket is refused, with these headers instead of a page's."""
     async def connect():
         async with aiohttp.ClientSession() as session:
             with contextlib.suppress(KeyError):
@@ -309,7 +309,7 @@ def refused(loop, panel, **headers):
 
 
 def get(loop, panel, path, method="GET", **headers):
-    """Status, headers and text of a request; the path goes out as it stands here."""
+    """Return status, headers and text of a request; the path goes out as it stands here."""
     async def fetch():
         reader, writer = await asyncio.open_connection("127.0.0.1", panel.port)
         sent = dict({"Host": "127.0.0.1:%d" % panel.port, "Connection": "close"}, **headers)

@@ -1,13 +1,14 @@
 """Pictures of the panel's page: a real browser, on a server of the tests' own, at three sizes, in both languages.
 
-A program; the arguments are the folder (docs/pictures) and names of pictures. Look at them before they are kept.
+An executable; the arguments are the folder (docs/pictures) and names of pictures. Look at them before they are kept.
 """
 import sys
 import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
-sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/panel")]
+sys.path[:0] = [str(ROOT / folder) for folder in (
+    ".", "tools", "test/support", "test/support/live", "test/support/panel")]
 
 import browser as browser_module  # noqa: E402
 from browser import Browser  # noqa: E402
@@ -27,7 +28,7 @@ JOINTS = [-0.5, 1.25, -1.6, 1.9, 1.5, 0.4]
 
 
 def scene(panel):
-    """An arm somewhere, with what it has been through."""
+    """Set an arm somewhere, with a history of states and calls."""
     flange = forward(load_model("zu7"), JOINTS)
     panel.state["q"] = JOINTS
     panel.state["tool"].update(p=list(flange[9:]), r=list(rotation_vector_from_matrix(flange[:9])))

@@ -11,5 +11,5 @@ def program():
 
 @pytest.fixture(scope="session")
 def short_golden(tmp_path_factory):
-    """Path of the golden log of short runs."""
+    """Return the path of the golden log of short runs."""
     return write_log(tmp_path_factory.mktemp("short_golden") / "golden.mcap", simulate(SHORT))

@@ -1,4 +1,4 @@
-"""What a comparison of many runs bears: killed workers and callers, damaged and changing logs."""
+"""Faults that a comparison of many runs survives: killed workers and callers, damaged and changing logs."""
 import json
 import os
 import shutil
@@ -25,7 +25,7 @@ PATIENCE_S = 120.0
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
-    """Runs of which some are different, one is cut off, one is no log and one is a copy of another."""
+    """Write runs of which some are different, one is cut off, one is no log and one is a copy of another."""
     folder = tmp_path_factory.mktemp("logs")
     for number in range(COUNT):
         write_log(folder / ("run_%02d.mcap" % number), run_of(number, drift(4, 0.01) if number % 9 == 5 else None))
@@ -46,7 +46,7 @@ def tables(results):
 
 @pytest.fixture(scope="module")
 def serial(short_golden, logs, tmp_path_factory):
-    """Results of a comparison in one process."""
+    """Return the results of a comparison in one process."""
     results = tmp_path_factory.mktemp("serial")
     assert compare(short_golden, logs, results, "--jobs", "1", "--junit", str(results / "junit.xml")) == 1
     return results

@@ -18,13 +18,13 @@ from jaka_bag.cli.main import load_command, main, parser_of
 
 CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium") or shutil.which("google-chrome")
 RUNS, FIRST = 200, 120
-"""So many runs of the cell whose third joint drifts from this number on, counted from 1."""
+"""The runs of the cell whose third joint drifts, and the number from which on it does, counted from 1."""
 VOID = {"meta", "br", "hr", "img", "input", "link"}
 
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
-    """A folder of the drifting cell and of a second one."""
+    """Write a folder of the drifting cell and of a second one."""
     folder = tmp_path_factory.mktemp("logs")
     for name in ("press_1", "press_2"):
         (folder / name).mkdir()
@@ -38,7 +38,7 @@ def logs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def results(short_golden, logs, tmp_path_factory):
-    """What comparing them left."""
+    """Return the results of comparing them."""
     folder = tmp_path_factory.mktemp("results")
     code = main(["compare", str(short_golden), "--against", str(logs), "--results", str(folder / "tables"), "-q",
                  "--jobs", "1", "--html", str(folder / "page.html"), "--junit", str(folder / "junit.xml"),
@@ -93,7 +93,7 @@ def test_junit_has_a_case_for_each_run(results):
 
 
 class Outline(html.parser.HTMLParser):
-    """Tags in balance, what the page refers to."""
+    """The tags of a page in balance, and the targets of its links."""
 
     def __init__(self, text):
         super().__init__()
@@ -199,7 +199,7 @@ def test_results_lie_in_the_data_set_and_a_second_call_reads_no_log_again(short_
     before = [path.read_bytes() for path in tables]
     for path in against.glob("*.bag"):
         state = path.stat()
-        path.write_bytes(b"\0" * state.st_size)  # whoever reads it again notices
+        path.write_bytes(b"\0" * state.st_size)  # a second reading notices
         os.utime(str(path), ns=(state.st_mtime_ns, state.st_mtime_ns))
     assert main([*words, "--cell", "press_9"]) == 0
     assert [path.read_bytes() for path in tables] == before

@@ -68,7 +68,7 @@ SEEDED = ("2 % slower", "a missed state", "jog not stopped at 3 s")
 
 @pytest.fixture(scope="module")
 def logs(program, tmp_path_factory):
-    """The golden log, and candidates with all kinds of differences."""
+    """Write the golden log, and candidates with all kinds of differences."""
     folder = tmp_path_factory.mktemp("candidates")
     golden = simulate(program)
     other_values(golden)
@@ -97,7 +97,7 @@ def kept(runs, name, tolerances, resolution=RESOLUTION):
 
 
 def with_fields(text):
-    """Tolerances that compare the same fields as the kept outcomes."""
+    """Return tolerances that compare the same fields as the kept outcomes."""
     limits = parse_tolerances(text)
     return limits if limits.fields else dataclasses.replace(limits, fields=parse_tolerances(KEPT_WITH).fields)
 

@@ -1,13 +1,12 @@
 """A simulated controller on real sockets, and the driver's client connected to it.
 
-What the client did is judged by the controller's own log of bytes and true joints.
+The client is judged by the controller's own log of bytes and true joints.
 """
 import collections
 import contextlib
 import os
-import threading
-import time
 
+from waiting import eventually
 from wire_verdict import WireVerdict
 
 from jaka_ros_driver.client.arm_client import ArmClient
@@ -15,23 +14,12 @@ from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 
-WAIT = 20.0
 LOOSE = 2.0
-"""s: a bound on what a quiet computer does within some tenths. The figures themselves are kept under virtual time."""
-
-
-def eventually(condition, timeout=WAIT):
-    """Wait until the condition holds; its last value is returned, and is false after the time-out."""
-    deadline = time.monotonic() + timeout
-    while True:
-        value = condition()
-        if value or time.monotonic() > deadline:
-            return value
-        time.sleep(0.005)
+"""s: a bound on what a quiet computer does within some tenths. The exact figures are judged under virtual time."""
 
 
 def fill(pipe):
-    """Fill a pipe that is not read, given by its reading end: whoever writes to it from now on waits."""
+    """Fill a pipe that is not read, given by its reading end: every later writer waits."""
     descriptor = os.open("/proc/self/fd/%d" % pipe.fileno(), os.O_WRONLY | os.O_NONBLOCK)
     try:
         with contextlib.suppress(BlockingIOError):
@@ -42,7 +30,7 @@ def fill(pipe):
 
 
 def processes_with(*words):
-    """Process ids of those whose command line (words end with a NUL) has all of these."""
+    """Return the ids of processes whose command line (words end with a NUL) has all of these."""
     found = []
     for pid in filter(str.isdigit, os.listdir("/proc")):
         with contextlib.suppress(OSError), open("/proc/%s/cmdline" % pid, encoding="utf-8", errors="replace") as file:
@@ -65,7 +53,7 @@ class Bench:
         self._log = None
 
     def connect(self, ready=True, **settings):
-        """A client with these settings; a host that stands still for half a second makes no state stale for it."""
+        """Make a client with these settings; a host that stands still for half a second makes no state stale for it."""
         settings = {"stale_after": 2.0, **settings}
         self.arm = ArmClient(ClientSettings("127.0.0.1", self.controller.command_port, self.controller.status_port,
                                             **settings), load_model("zu7"))
@@ -78,7 +66,7 @@ class Bench:
         return self.controller.panel(action, **parameters)
 
     def requests(self, name):
-        """How many requests of this name have come in, while the controller runs."""
+        """Count the requests of this name that have come in, while the controller runs."""
         return self._decoder[name]
 
     def _count_requests(self, core):
@@ -119,41 +107,3 @@ class Bench:
 
     def rest_after(self, moment):
         return self.log().rest_after(moment)
-
-
-class InBackground:
-    """A call in a thread of its own, and how it ended."""
-
-    def __init__(self, function, *args, **kwargs):
-        self.result = None
-        self.error = None
-        self.ended_at = None
-        self._thread = threading.Thread(target=self._run, args=(function, args, kwargs), daemon=True)
-        self._thread.start()
-
-    def _run(self, function, args, kwargs):
-        try:
-            self.result = function(*args, **kwargs)
-        except Exception as error:
-            self.error = error
-        self.ended_at = time.monotonic()
-
-    @property
-    def is_over(self):
-        return not self._thread.is_alive()
-
-    def wait(self, timeout=WAIT):
-        self._thread.join(timeout)
-        assert self.is_over, "the call did not return"
-
-    def failure(self):
-        """What the call raised; None where it returned."""
-        self.wait()
-        return self.error
-
-    def join(self, timeout=WAIT):
-        """What the call returned; what it raised is raised here."""
-        self.wait(timeout)
-        if self.error is not None:
-            raise self.error
-        return self.result

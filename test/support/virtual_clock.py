@@ -1,10 +1,10 @@
-"""Virtual time: what is due next. Nothing here looks at the host's clock, so that a seed runs the same everywhere."""
+"""Virtual time and its queue of due actions. Nothing here reads the host's clock: a seed runs the same everywhere."""
 import heapq
 from typing import Any, Callable, List, Tuple
 
 
 class Clock:
-    """Time, and actions put down for later.
+    """A clock that stands until it is moved on, and the actions scheduled on it.
 
     Attributes:
         now: s, as the driver's monotonic clock shows it.
@@ -16,18 +16,18 @@ class Clock:
         self._count = 0
 
     def at(self, moment: float, action: Callable[[], Any]) -> None:
-        """Do it then; what is due at the same moment keeps its order."""
+        """Schedule an action; actions due at the same moment run in the order in which they were scheduled."""
         self._count += 1
         heapq.heappush(self._due, (moment if moment > self.now else self.now, self._count, action))
 
     def after(self, delay: float, action: Callable[[], Any]) -> None:
-        """Do it so many seconds from now."""
+        """Schedule an action for so many seconds from now."""
         self.at(self.now + delay, action)
 
     def next_due(self) -> float:
-        """When the next action is due; infinite for none."""
+        """Return when the next action is due; infinite for none."""
         return self._due[0][0] if self._due else float("inf")
 
     def do_next(self) -> None:
-        """Do the next action; ``now`` is its time already."""
+        """Run the next action; the caller has set ``now`` to its time already."""
         heapq.heappop(self._due)[2]()
