@@ -1,8 +1,9 @@
-"""A wire log as a script: what each connection was sent and when, and the reply to each request. No sockets.
+"""The recorded session of a wire log: what each connection was sent and when, and the reply to each request. No
+sockets.
 
 Status bytes are sent at their times. On the command port, the n-th request of a name gets the n-th recorded reply of
 that name, byte for byte, after the recorded time. What the arm does after a request that moves it, or changes whether
-it can move, is not shown before that request has come.
+it can move, is not sent before that request has come.
 """
 import bisect
 import itertools
@@ -21,16 +22,16 @@ _ENDS = ("close", "reset", "half open")
 _CAUSES = frozenset((
     "power_on", "power_off", "enable_robot", "disable_robot", "clear_error", "joint_move", "moveL", "movc", "end_move",
     "jog", "servo_move", "stop_program", "torque_control_enable"))
-"""Requests whose effect shows in the status feed."""
+"""The requests whose effect is visible in the status feed."""
 
 
 OF_THE_PRESENT = "get_joint_pos"
-"""A recorded answer to this question is not true of the moment at which a replay asks it: it is refused."""
+"""The question that a replay refuses: a recorded answer is not true of the moment at which it is asked."""
 _OF_STATE = "get_robot_state"
 
 
 class WireScriptError(JakaError):
-    """A wire log that cannot be played."""
+    """A wire log that cannot be replayed."""
 
 
 class Piece(NamedTuple):
@@ -118,9 +119,10 @@ class Replies:
         self._waiting.setdefault(name, deque()).append(reply)
 
     def next(self, name: str, at: float = 0.0) -> Optional[Reply]:
-        """Return the reply to the next request of a name, that comes at this time, s; None where the log has none.
+        """Return the reply to a request of this name at this time, s; None where the log has none.
 
-        Where the arm is now only the feed tells, and of the drives' state the reply of that time does.
+        The present joints are known from the feed alone, so that question is refused. For the drives' state the reply
+        recorded nearest before this time is returned.
         """
         if name == OF_THE_PRESENT:
             self.answered += 1
@@ -149,7 +151,7 @@ class Cause(NamedTuple):
 
 
 class WireScript(NamedTuple):
-    """The content of a wire log in the form in which it is played.
+    """The content of a wire log, arranged for replay.
 
     Attributes:
         connections: By port, in the order of their acceptance.
@@ -167,7 +169,7 @@ class WireScript(NamedTuple):
 
 
 def wire_script(log: Sequence[Union[WireEvent, TrueJoints]]) -> WireScript:
-    """The script of a wire log; raises WireScriptError where the log has no connection."""
+    """Return the recorded session of a wire log; raise WireScriptError where the log has no connection."""
     events = [event for event in log if isinstance(event, WireEvent) and event.port in PORTS]
     opened = [event for event in events if event.what == "open"]
     if not opened:
@@ -202,9 +204,9 @@ def _name(value: Dict[str, Any]) -> str:
 
 
 def _paired(requests: Sequence[Piece], replies: Sequence[Piece]) -> List[Tuple[float, str, Reply]]:
-    """Pair the n-th request of a name with its n-th reply: time of the request, s; its name; the reply.
+    """Pair the n-th request of a name with its n-th reply; return each request's time, s, its name and the reply.
 
-    A reply that tells no name (a request that the controller did not understand) belongs to the oldest open request.
+    A reply without a name (to a request that the controller did not understand) belongs to the oldest open request.
     """
     waiting = [(at, _name(value)) for at, _, value in cut_objects(requests)]
     result = []
