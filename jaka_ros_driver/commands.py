@@ -155,7 +155,7 @@ class LoadProgram:
 
 @dataclass(frozen=True)
 class PlayProgram:
-    """The command to run the loaded program from its first line."""
+    """The command to begin the loaded program."""
 
 
 @dataclass(frozen=True)

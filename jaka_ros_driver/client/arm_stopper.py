@@ -1,4 +1,4 @@
-"""The guard's part that stops the arm: carries out what stopping.py decides, and answers the driver meanwhile."""
+"""The sockets of the guard's stop: they carry out what stopping.py decides, and answer the driver meanwhile."""
 import itertools
 import select
 import time
@@ -20,7 +20,7 @@ _FEED_TIMEOUT_S = 1.0
 
 
 class ArmStopper:
-    """Stops the arm, and answers the driver meanwhile. It has one thread, so nothing here waits for the controller."""
+    """The guard's access to the arm. It has one thread, so nothing here waits for the controller."""
 
     def __init__(self, host: str, command_port: int, status_port: int, say: Say) -> None:
         """Resolve the controller's name now, because that may take too long when the arm must be stopped."""
@@ -35,7 +35,7 @@ class ArmStopper:
             say("%s cannot be resolved: %s" % (host, error))
 
     def stop(self, pipe: DriverPipe) -> None:
-        """Stop the arm; returns when that is done or given up."""
+        """Stop the arm; return when that is done or given up."""
         pipe.answer(STOPPING)
         found = self._file.read()
         jog = found.left.jog_stop if found is not None and found.left.process == pipe.driver_process else None
@@ -68,7 +68,7 @@ class ArmStopper:
 
 
 class _CommandPort:
-    """Carries out the steps of a stop, and tells ``stopping`` their results."""
+    """The command port of a stop: it carries out the steps and reports their results to ``stopping``."""
 
     def __init__(self, stopping: Stopping, transport: Transport, addresses: List[str]) -> None:
         self._stopping = stopping
@@ -96,7 +96,9 @@ class _CommandPort:
 
 
 class _StatusPort:
-    """Tells ``stopping`` what the status feed shows, or why it shows nothing; connected as soon as it can be."""
+    """The status port of a stop: it reports states to ``stopping``, or why there are none, and connects as soon as it
+    can.
+    """
 
     def __init__(self, stopping: Stopping, transport: Transport, addresses: List[str]) -> None:
         self._stopping = stopping
@@ -107,7 +109,7 @@ class _StatusPort:
         self._deadline = 0.0
 
     def connect_when_due(self, now: float) -> None:
-        """Begin to connect when it is time for that, and end a connection that has been silent for too long."""
+        """Begin to connect when that is due, and end a connection that has been silent for too long."""
         if now < self._deadline:
             return
         if self._is_in_use:
@@ -142,5 +144,6 @@ class _StatusPort:
 
 
 def _in_turn(addresses: List[str]) -> Iterator[str]:
-    """Each address in turn, without end; without any, ``Transport`` resolves the name again for each connection."""
+    """Return each address in turn, without end; without any, ``Transport`` resolves the name again for each connection.
+    """
     return itertools.cycle(addresses or [""])

@@ -1,4 +1,4 @@
-"""The guard's end of the pipes to the driver: it receives words of the driver and sends answers."""
+"""The guard's end of the pipes to the driver: it receives the driver's messages and sends answers."""
 import contextlib
 import os
 import select
@@ -10,12 +10,12 @@ from jaka_ros_driver.client.process_state import waits_for_processor
 from jaka_ros_driver.client.stopping import Driver
 
 MOVING, IDLE, FAREWELL = b"m", b"i", b"q"
-"""The driver's words: it moves the arm; it does not; it ends in good order."""
+"""The driver's messages: it moves the arm; it does not; it ends in good order."""
 WATCHING, STOPPING = b".", b"!"
 """The guard's answers: it watches the driver; it is stopping the arm."""
 SILENCE_TIMEOUT_S = 0.25
 STARVED_TIMEOUT_S = 1.0
-"""s; used in place of ``SILENCE_TIMEOUT_S`` where the driver lives but gets no processor time."""
+"""Longest silence, s, in place of ``SILENCE_TIMEOUT_S``, where the driver lives but gets no processor time."""
 ANSWER_PERIOD_S = 0.1
 _STARVED_TURN_S = 0.05
 _HELD_UP_S = 0.1
@@ -24,17 +24,20 @@ Say = Callable[[str], None]
 
 
 class DriverPipe:
-    """Receives what the driver says, and answers it.
+    """The receiver of the driver's messages, and the sender of answers.
 
     Attributes:
-        is_moving: By its last word, the driver moves the arm.
-        is_closed: The pipe is closed: no word can come any more.
-        has_left: The driver has said that it ends in good order.
+        is_moving: True where the driver moves the arm, by its last message.
+        is_closed: True once the pipe is closed: no message can come any more.
+        has_left: True once the driver has announced that it ends in good order.
         driver_process: The driver's process id.
     """
 
     def __init__(self, words: int, answers: int, driver: int, is_moving: bool) -> None:
-        """words, answers: file descriptors. driver: its process id. is_moving: it moves the arm already."""
+        """Take the ends of the pipes.
+
+        words, answers: file descriptors. driver: its process id. is_moving: it moves the arm already.
+        """
         self._words = words
         self._answers = answers
         self.driver_process = driver
@@ -46,7 +49,7 @@ class DriverPipe:
         self._answer = WATCHING
 
     def fileno(self) -> int:
-        """The descriptor of the words, for ``select``."""
+        """Return the descriptor of the messages, for ``select``."""
         return self._words
 
     @property
@@ -55,14 +58,14 @@ class DriverPipe:
         return self.is_closed or self.has_left
 
     def wait(self, timeout: Optional[float]) -> bool:
-        """Wait for a word, at most ``timeout`` s; False where none came."""
+        """Wait for a message, at most ``timeout`` s; return False where none came."""
         if not select.select([self], [], [], timeout)[0]:
             return False
         self.read()
         return True
 
     def read(self) -> None:
-        """Read the words that have come, and answer."""
+        """Read the messages that have come, and answer."""
         words = os.read(self._words, 4096)
         now = time.monotonic()
         self.is_closed = not words
@@ -107,7 +110,7 @@ class DriverPipe:
                 return
 
     def driver(self) -> Driver:
-        """What is known of the driver now."""
+        """Return what is known of the driver now."""
         if self.has_left:
             return Driver.BACK
         if self.is_closed:

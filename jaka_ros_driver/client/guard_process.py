@@ -1,8 +1,8 @@
 """The guard: a process beside the driver that stops the arm when the driver dies or freezes while it moves the arm.
 
-Every 20 ms the driver tells, on standard input, whether it moves the arm, or that it ends in good order. The guard
-answers on standard output. When the pipe closes without a farewell, or no word comes for 0.25 s (1 s where the host is
-so busy that the driver gets no processor time), and the driver was moving the arm, the guard takes the command port
+Every 20 ms the driver reports, on standard input, whether it moves the arm, or that it ends in good order. The guard
+answers on standard output. When the pipe closes without a farewell, or no message comes for 0.25 s (1 s where the host
+is so busy that the driver gets no processor time), and the driver was moving the arm, the guard takes the command port
 over, or shares it (docs/controller-protocol.md section 1), and stops the arm, as stopping.py describes.
 
 Some controllers turn a second client away. Such a controller cannot be reached while a frozen driver holds the

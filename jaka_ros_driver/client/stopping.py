@@ -1,4 +1,4 @@
-"""Decides step by step how the guard stops an arm whose driver is dead or frozen; it has no socket, thread or clock.
+"""The guard's stop of an arm whose driver is dead or frozen, step by step; it has no socket, thread or clock.
 
 The stop is repeated until the controller accepts it, and again as long as the status feed does not show the arm at
 rest.
@@ -17,13 +17,13 @@ from jaka_ros_driver.state import RobotState
 
 GIVE_UP_AFTER_S = 60.0
 LOCKED_OUT_AFTER_S = 0.25
-"""s; when the guard was turned away for this time, the frozen driver's connection is taken for the reason."""
+"""Time, s, of being turned away after which the frozen driver's connection is taken for the reason."""
 CONFIRM_AFTER_S = 0.5
-"""s; when the arm is not seen at rest this time after an accepted stop, the stop is sent again."""
+"""Time, s, after an accepted stop until it is sent again where the arm is not seen at rest."""
 BLIND_STOPS = 3
 """Number of accepted stops that suffice where the status feed cannot be read."""
 STILL_FOR_S = 0.12
-"""s; the arm counts as at rest when the status feed has shown it still for this time."""
+"""Stillness, s, in the status feed after which the arm counts as at rest."""
 _BLIND_AFTER_S = 0.5
 _CONNECT_TIMEOUT_S = 1.0
 _REPLY_TIMEOUT_S = 1.0
@@ -33,7 +33,7 @@ _AFTER_THE_DRIVER_S = 0.02
 
 
 class Driver(enum.Enum):
-    """What is known of the driver now."""
+    """The state of the driver, as far as the guard knows it."""
 
     SILENT = "silent"
     DEAD = "dead"
@@ -41,7 +41,7 @@ class Driver(enum.Enum):
 
 
 class Step(enum.Enum):
-    """What is to be done next."""
+    """The next step of a stop."""
 
     WAIT = "wait for what happens"
     CONNECT = "connect to the command port"
@@ -60,14 +60,17 @@ class _Link(enum.Enum):
 class Stopping:
     """One stop of the arm, from the moment at which its driver fell silent until the arm is seen at rest.
 
-    The caller asks for the next ``step``, carries it out, and tells the result.
+    The caller asks for the next ``step``, carries it out, and reports the result.
 
     Attributes:
-        has_seen_rest: The arm was seen at rest after the stop.
+        has_seen_rest: True once the arm was seen at rest after the stop.
     """
 
     def __init__(self, now: float, say: Callable[[str], None], jog: Optional[JogStop] = None) -> None:
-        """jog: what ends the jog that the driver began; None where it began none, or that is not known."""
+        """Begin a stop.
+
+        jog: The command that ends the driver's jog; None where it began none, or that is not known.
+        """
         self._say = say
         self._jog = jog
         self.has_seen_rest = False
@@ -89,7 +92,7 @@ class Stopping:
     # ---- what is to be done ----
 
     def step(self, now: float, driver: Driver) -> Step:
-        """The next thing to be done."""
+        """Return the next step."""
         if self._has_ended(now):
             return Step.FINISH
         if self._link is _Link.UP:
@@ -109,7 +112,7 @@ class Stopping:
         return Step.CONNECT
 
     def request(self, now: float) -> bytes:
-        """Return the stop to send, the whole of it (``whole_stop``), and note its requests."""
+        """Return the stop to send, the whole of it (``whole_stop``), and record its requests."""
         commands = whole_stop(self._jog, is_repeated=self._acceptances > 0)
         for command in commands:
             self._exchange.sent(codec.command_name(command), now, _REPLY_TIMEOUT_S, command)
@@ -151,11 +154,14 @@ class Stopping:
     # ---- what has happened ----
 
     def connected(self) -> None:
-        """The command port is connected."""
+        """Take note that the command port is connected."""
         self._link = _Link.UP
 
     def failed(self, reason: str, is_turned_away: bool, now: float) -> None:
-        """The command port was not connected, or it was lost. is_turned_away: by the controller, which is reachable."""
+        """Take note that the command port was not connected, or was lost.
+
+        is_turned_away: The controller is reachable and refused.
+        """
         if not is_turned_away or self._has_replied:
             self._locked_out_since = None
         elif self._locked_out_since is None:
@@ -168,7 +174,7 @@ class Stopping:
             self._say_once(reason)
 
     def replied(self, item: Item, now: float) -> None:
-        """A reply has come, or bytes that are none."""
+        """Take a reply, or bytes that are none."""
         self._has_replied, self._locked_out_since = True, None
         if isinstance(item, FramingError):
             self._refused("a reply cannot be read: %s" % item, now)
@@ -194,13 +200,13 @@ class Stopping:
         self._say_once(reason)
 
     def saw(self, state: RobotState, now: float) -> None:
-        """A status frame has come."""
+        """Take a state of the status feed."""
         self._stillness.observe(state)
         self._seen_at = now
         self._has_no_drives = not state.is_powered or not state.is_enabled
 
     def saw_nothing(self, reason: str) -> None:
-        """The status feed cannot be read."""
+        """Take note that the status feed cannot be read."""
         self._feed_trouble = reason
 
     def _say_once(self, text: str) -> None:

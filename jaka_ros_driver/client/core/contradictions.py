@@ -12,29 +12,29 @@ from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState
 
 _JUMP_SLACK = 0.05
-"""rad"""
+"""Change of a joint, rad, between two frames that is never a jump."""
 _JUMP_FACTOR = 1.2
 _LATE_FRAME_S = 0.15
-"""s; a frame may be late by so much before the feed counts as silent (feed.SILENCE_S): the arm moved on meanwhile."""
+"""Delay, s, of a frame before the feed counts as silent (feed.SILENCE_S): the arm moved on meanwhile."""
 _TOOL_SLACK = 0.02
-"""m"""
+"""Change of the tool's position, m, that is never a jump."""
 _TOOL_REACH = 3.0
-"""m; a joint's turn moves the tool by at most so much a rad, tool included."""
+"""Largest way of the tool, m, for each rad of a joint's turn, tool included."""
 
 STREAMS = (MotionOwner.SERVO, MotionOwner.TRAJECTORY, MotionOwner.VELOCITY_JOG)
-"""Motions in servo mode."""
+"""Kinds of motion in servo mode."""
 PLANNED = (MotionOwner.MOVE, MotionOwner.PATH, MotionOwner.JOG)
-"""Motions that the controller plans, each from one command."""
+"""Kinds of motion that the controller plans, each from one command."""
 MOTIONS = (*PLANNED, MotionOwner.PROGRAM, *STREAMS)
 
 
 class Evidence(NamedTuple):
-    """Knowledge of the arm at one moment.
+    """The knowledge of the arm at one moment.
 
     Attributes:
         state: The newest fresh state.
         is_guided: Somebody guides the arm by hand.
-        servo_mode: What the controller answered lately to the question whether it is in servo mode; None for nothing.
+        servo_mode: The controller's latest answer whether it is in servo mode; None for nothing.
         wants_servo_mode: Whether the motion needs servo mode; None while it enters or leaves it.
         jump: Which joint has jumped, in words; "" for none.
         frames: Which tool or user frame has changed since the motion began, in words; "" for none.
@@ -147,10 +147,10 @@ def standing_cause(state: RobotState) -> Optional[MotionInterrupted]:
 
 
 def require_drives(state: RobotState) -> None:
-    """See that the drives are ready.
+    """Check that the drives are ready.
 
     Raises:
-        InvalidCommand: Something stands against motion.
+        InvalidCommand: Something forbids motion.
     """
     cause = standing_cause(state)
     if cause is not None:
@@ -171,7 +171,7 @@ def _first(rows: Sequence[Row], seen: Evidence) -> Optional[MotionInterrupted]:
 
 
 def require_start(owner: MotionOwner, seen: Evidence) -> None:
-    """See that nothing forbids a motion of this kind to begin at once or after a wait.
+    """Check that nothing forbids a motion of this kind to begin at once or after a wait.
 
     Raises:
         InvalidCommand: Something does.
@@ -180,7 +180,9 @@ def require_start(owner: MotionOwner, seen: Evidence) -> None:
 
 
 def require_no_wait(owner: MotionOwner, seen: Evidence) -> None:
-    """See that nothing is there whose end a motion of this kind would have to wait for; errors as ``require_start``."""
+    """Check that no condition holds whose end a motion of this kind would have to wait for; errors as
+    ``require_start``.
+    """
     _refuse(owner, seen, AtStart.WAITS)
 
 
@@ -192,10 +194,13 @@ def _refuse(owner: MotionOwner, seen: Evidence, kind: AtStart) -> None:
 
 
 class JumpWatch:
-    """Notices joints that change faster than the arm can move, between one fresh state and the next."""
+    """The detector of joints that change faster than the arm can move, between one fresh state and the next."""
 
     def __init__(self, joint_max_speed: Sequence[float]) -> None:
-        """joint_max_speed: rad/s, base first."""
+        """Set up without a state.
+
+        joint_max_speed: rad/s, base first.
+        """
         self._speeds = tuple(joint_max_speed)
         self._last: Optional[RobotState] = None
 
@@ -212,15 +217,18 @@ class JumpWatch:
         return ""
 
     def lose_sight(self) -> None:
-        """Forget the last state: what comes may be anything."""
+        """Forget the last state: the next one may show anything."""
         self._last = None
 
 
 class Watch:
-    """Looks at every fresh state of one motion, from before its first byte."""
+    """The check of every fresh state of one motion, from before its first byte."""
 
     def __init__(self, owner: MotionOwner, before: Optional[RobotState]) -> None:
-        """before: The newest state before the motion."""
+        """Remember the state before the motion.
+
+        before: The newest state before the motion.
+        """
         self._owner = owner
         self._known_event = 0 if before is None else before.error_code
         self._last = before
@@ -249,7 +257,9 @@ class Watch:
         return ""
 
     def _pose_jump(self, state: RobotState) -> str:
-        """Notice what the ids may not tell: the tool's pose is another one, and the joints have not moved it there."""
+        """Return that the tool's pose jumps and its joints do not, in words; "" otherwise: the ids need not show
+        another frame.
+        """
         if state.tcp_position is None:
             return ""
         last, self._last = self._last, state
@@ -263,7 +273,8 @@ class Watch:
 
 
 def described() -> List[Dict[str, str]]:
-    """Return the table as rows of text: condition, start, under way by kind of motion; for pages and tests."""
+    """Return the table as rows of text, for pages and tests: condition, start, effect on each kind of running motion.
+    """
     rows = []
     for row in TABLE:
         start = row.at_start.value + (": " + row.why_at_start if row.why_at_start else "")

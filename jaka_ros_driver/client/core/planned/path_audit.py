@@ -22,7 +22,7 @@ from jaka_ros_driver.trajectory.segments import MAX_SEGMENTS, Place, SegmentPath
 
 def audit(commands: Sequence[PathCommand], state: RobotState, audited: Callable[[Command], Command],
           check: Callable[[], None]) -> Procedure:
-    """Find the places between which the segments lead, and see that each can be reached; returns a SegmentPath.
+    """Find the places between which the segments lead, and check that each can be reached; return a SegmentPath.
 
     Args:
         commands: Of the segments.

@@ -1,4 +1,4 @@
-"""Pause and resume what this driver moves, and the speed of all that the controller and this driver run."""
+"""Procedures that pause and resume this driver's motion, and set the speed of all that controller and driver run."""
 from typing import Callable, Union
 
 from jaka_ros_driver.client.core.arm_core import ArmCore
@@ -16,10 +16,10 @@ _NEVER = float("inf")
 
 
 def pause(core: ArmCore) -> Procedure:
-    """Hold the trajectory, the path or the planned moves under way, at rest on their path; returns when the arm rests.
+    """Hold the running trajectory, path or planned moves, at rest on their path; return when the arm rests.
 
     Raises:
-        InvalidCommand: Nothing is under way that can be paused, or it has ended meanwhile.
+        InvalidCommand: Nothing runs that can be paused, or it has ended meanwhile.
         MotionInterrupted: The arm did not come to rest within 2 s; it is still in custody, and a stop ends it.
         JakaError: As ``Ask``.
     """
@@ -41,7 +41,7 @@ def pause(core: ArmCore) -> Procedure:
 
 
 def resume(core: ArmCore) -> Procedure:
-    """Go on with what ``pause`` has paused.
+    """Resume the motion that ``pause`` has paused.
 
     Raises:
         InvalidCommand: Nothing is paused, or it has ended meanwhile.
@@ -76,9 +76,10 @@ def set_speed(core: ArmCore, fraction: float) -> Procedure:
 
 
 def rests_while(core: ArmCore, holds: Callable[[], bool], rest_time: float) -> Callable[[float], bool]:
-    """A condition of ``Until``: this holds, and the arm has been seen at rest for ``rest_time``, s, since it does.
+    """Return a condition of ``Until``: ``holds``, and the arm has been seen at rest for ``rest_time``, s, since it
+    does.
 
-    Rest of before shows nothing: the arm may just have begun to move.
+    Earlier rest proves nothing: the arm may just have begun to move.
     """
     since = _NEVER
 

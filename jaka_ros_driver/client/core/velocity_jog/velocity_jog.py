@@ -1,4 +1,4 @@
-"""A velocity jog: streamed as joint frames while the dead-man is held; braked, and servo mode left, when it is not."""
+"""The motion of a velocity jog: streamed as joint frames while the dead-man is held; braked when it is not."""
 import logging
 from typing import Optional
 
@@ -13,24 +13,24 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState, Vector
 
 _IDLE_S = 1.0
-"""s; servo mode is left when nothing but rest has been asked for so long: then others can have the arm."""
+"""Time, s, of wanted rest after which servo mode is left, so that others can have the arm."""
 
 
 class VelocityJog(Streaming):
-    """Follows what the dead-man holds, and brakes when it lets go. It never begins again by itself."""
+    """A motion that follows the held dead-man, and brakes when it is released. It never begins again by itself."""
 
     owner = MotionOwner.VELOCITY_JOG
 
     def __init__(self, custody: Custody, model: ArmModel, dead_man: DeadMan, state: RobotState,
                  on_mode: OnMode) -> None:
-        """Prepare.
+        """Set up the motion.
 
         Args:
             custody: Of this motion.
-            model: Whose limits hold.
+            model: The arm model with the limits.
             dead_man: Is held now.
             state: Before the motion.
-            on_mode: Told whether servo mode is on and, when it has ended, why.
+            on_mode: Called with whether servo mode is on and, when it has ended, why.
         """
         super().__init__(custody, state, on_mode)
         self._model = model
