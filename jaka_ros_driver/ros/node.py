@@ -1,4 +1,4 @@
-"""The driver node: parameters, client, services, topics and diagnostics put together; the program jaka_driver."""
+"""The driver node, command jaka_driver: parameters, client, services, topics and diagnostics put together."""
 import argparse
 import io
 import logging
@@ -63,16 +63,16 @@ _DRAIN_TIMEOUT_S = 0.5
 _AUDIT_TIMEOUT_S = 0.5
 _LOOK_ROUND_S = 0.1
 _END_TIMEOUT_S = 5.0
-"""s; stopping the arm and answering the calls takes 2 s at most, the rest is the master's."""
+"""Longest time, s, to the node's end: stopping the arm and answering the calls takes 2 s, the rest is the master's."""
 _NAME = "jaka_driver"
 _DESCRIPTION = "robot_description"
 
 
 class Driver:
-    """Everything that runs in the node."""
+    """The driver node: everything that runs in it, from its start to its end."""
 
     def __init__(self, config: DriverConfig, model: ArmModel) -> None:
-        """Take the controller, and offer services and topics; raises AlreadyDriven where another driver has it."""
+        """Lock the controller, and create services and topics; raise AlreadyDriven where another driver has it."""
         self._config = config
         self._model = model
         self._lock = DriverLock(config.ip, config.command_port, "node " + rospy.get_name())
@@ -111,7 +111,7 @@ class Driver:
         return self._arm.has_failed
 
     def start(self) -> None:
-        """Begin. The controller need not be reachable yet; a master that does not answer holds this up.
+        """Start the driver. The controller need not be reachable yet; a master that does not answer holds this up.
 
         Raises:
             WrongParameter: A topic would be used for two things.
@@ -156,7 +156,7 @@ class Driver:
         self._sensors.offer()
 
     def tell_kind(self) -> None:
-        """Tell in the log and on a latched topic whether the arm is real or simulated, whenever that becomes known."""
+        """Log, and publish on a latched topic, whether the arm is real or simulated, whenever that becomes known."""
         is_simulated = self._arm.is_simulated
         if is_simulated is None or is_simulated is self._is_simulated:
             return
@@ -173,7 +173,7 @@ class Driver:
     def close(self) -> None:
         """Stop what this driver moves, answer every pending call, disconnect, and release the controller's lock.
 
-        Whoever calls it while another thread does so waits for that.
+        A second caller waits until the first one has done so.
         """
         with self._closing:
             if self._is_closed:
@@ -208,7 +208,7 @@ class Driver:
             _LOG.warning("the audit log in %s could not be written to its end", self._audit.path)
 
     def _set_description(self) -> None:
-        """Set ``robot_description``, unless another program has set it."""
+        """Set ``robot_description``, unless another node has set it."""
         if not self._config.publish_description:
             return
         urdf = urdf_from_model(self._model, self._config.frame_prefix, self._config.base_frame,
@@ -220,7 +220,7 @@ class Driver:
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node until it is told to end.
+    """Run the node until it receives a signal or a shutdown request.
 
     Returns:
         0 ended in good order, 1 could not start, 2 wrong usage.
@@ -260,8 +260,9 @@ def main(argv: Optional[List[str]] = None) -> int:
 
 
 class _Life:
-    """The driver's life in a thread of its own, so that the main thread, which takes the signals, never waits for the
-    master.
+    """The driver's life in a thread of its own.
+
+    So the main thread, which takes the signals, never waits for the master.
 
     Attributes:
         exit_code: 0, or 1 where the driver could not start or has failed.
@@ -275,18 +276,18 @@ class _Life:
         self._thread = threading.Thread(target=self._run, name="driver", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     @property
     def is_running(self) -> bool:
-        """False where it is over, or where the node was told to end."""
+        """False where it is over, or where the node was asked to shut down."""
         driver = self._driver
         return (self._thread.is_alive() and not rospy.core.is_shutdown_requested() and not rospy.is_shutdown()
                 and not (driver is not None and driver.has_failed))
 
     def end(self, reason: str) -> bool:
-        """Stop the arm at once, then leave the ROS graph; False where that is not done in time."""
+        """Stop the arm at once, then leave the ROS graph; return False where that is not done in time."""
         self._ending.set()
         deadline = time.monotonic() + _END_TIMEOUT_S
         ending = threading.Thread(target=self._shut_down, args=(reason,), name="shutdown", daemon=True)
@@ -332,7 +333,7 @@ class _Life:
 class _Signals:
     """The SIGINT and SIGTERM that come from now on.
 
-    The handler only notes them: one that ended the driver itself, as rospy's does, could wait for a lock that the
+    The handler only records them: one that ended the driver itself, as rospy's does, could wait for a lock that the
     interrupted code holds.
     """
 
@@ -345,7 +346,7 @@ class _Signals:
             signal.signal(number, lambda received, _: self.received.append(received))
 
     def wait(self, timeout: float) -> None:
-        """Return when a signal has come, or after ``timeout``, s."""
+        """Wait until a signal has come, or for ``timeout``, s."""
         if select.select([self._woken], [], [], timeout)[0]:
             os.read(self._woken, 64)
 

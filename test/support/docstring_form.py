@@ -19,11 +19,11 @@ BANNED = frozenset(
     "Another Both Neither Not Same Also".split())
 """First words that lean on the name above the docstring."""
 VERBS = frozenset(
-    "accept account acknowledge act add adopt advance align allow announce answer append apply ask assert assign "
+    "accept account acknowledge act add adopt believe advance align allow announce answer append apply ask assert assign "
     "attach audit await begin bind block bound brake bring build bundle call cancel carry cause change check choose "
     "clamp classify clear close collect combine command compare compile complete compress compute configure confirm "
     "connect consume continue convert copy correct count create cut deal decide decode decompress decrease defer "
-    "define delay delete deliver deny derive describe detach detect determine disable discard disconnect display "
+    "define delay delete deliver deny derive describe detach detect determine disable discard disconnect display dispute "
     "divide do download drain draw drive drop duplicate emit empty enable encode end energise enforce enlarge ensure "
     "enter escape estimate evaluate exchange execute exit expand expect export extend extract fail fetch fill filter "
     "find finish fit flush fold follow forbid force forget format forward freeze gather generate get give go grant "

@@ -1,4 +1,4 @@
-"""Publishes a record of every service call: request, caller, response and duration."""
+"""The publisher of a record of every service call: request, caller, response and duration."""
 import io
 import logging
 import time
@@ -25,7 +25,7 @@ class Call(NamedTuple):
 
 
 class CallPublisher:
-    """Publishes ``~service_calls``. While nobody subscribes, no message is made.
+    """The publisher of ``~service_calls``. While nobody subscribes, no message is made.
 
     A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack ``ServiceCall``, as the maker's does; then a
     warning is logged, and nothing is published.
@@ -41,12 +41,12 @@ class CallPublisher:
                          "published; everything else is served", messages.__path__[0])
 
     def answered(self, call: Call, response: Any, outcome: Outcome) -> None:
-        """Publish a call that got this response."""
+        """Publish a call that ended with this response."""
         self._publish(call, response=response, success=outcome.is_success,
                       error="" if outcome.is_success else outcome.message)
 
     def failed(self, call: Call, error: str) -> None:
-        """Publish a call that got a ROS service error instead of a response."""
+        """Publish a call that ended with a ROS service error instead of a response."""
         self._publish(call, error=error)
 
     def _publish(self, call: Call, error: str, response: Any = None, success: bool = False) -> None:

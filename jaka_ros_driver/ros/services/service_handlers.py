@@ -1,4 +1,4 @@
-"""What each service does with the arm after its request was decoded to a command."""
+"""The handlers that carry services out with the arm, after a request was decoded to a command."""
 import threading
 from dataclasses import dataclass
 from typing import Any, Mapping, Sequence, Union
@@ -16,7 +16,7 @@ from jaka_ros_driver.state import IoBank, RobotState
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a call ended.
+    """The result of a call.
 
     Attributes:
         message: For the caller: what happened, or why not.
@@ -30,7 +30,7 @@ class Outcome:
 
 
 class ServiceHandlers:
-    """Carries out the services on one arm. Every method returns an Outcome, and raises a JakaError where it fails."""
+    """The handlers of the services on one arm. Each returns an Outcome, and raises a JakaError where it fails."""
 
     def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameTable, ends: MotionEnds) -> None:
         self._arm = arm
@@ -38,75 +38,81 @@ class ServiceHandlers:
         self._frames = frames
         self._ends = ends
         self._settings = threading.Lock()
-        """Two calls that set and read back at the same time would each see the other's value."""
+        """Lock of settings that are read back.
+
+        Two calls that set and read back at the same time would each see the other's value.
+        """
         self._outputs = threading.Lock()
 
     def move(self, command: c.Motion) -> Outcome:
-        """linear_move, joint_move: answer when the arm is there or, unless ``~blocking``, when the move is accepted."""
+        """Serve linear_move and joint_move.
+
+        They are answered when the arm is there or, unless ``~blocking``, when the move is accepted.
+        """
         if self._config.blocking:
             self._arm.move(command)
             return Outcome("completed: the arm is at the target")
         return Outcome("accepted, id %s" % self._ends.move_accepted(self._arm.queue(command)))
 
     def jog(self, command: c.Jog) -> Outcome:
-        """jog: begin, or keep the same jog going."""
+        """Serve jog: begin, or keep the same jog going."""
         self._arm.jog(command)
         return Outcome("jogging; stops %.3g s after the last call" % self._arm.settings.jog_timeout)
 
     def servo_mode(self, active: bool) -> Outcome:
-        """servo_move_enable: enter or leave servo mode."""
+        """Serve servo_move_enable: enter or leave servo mode."""
         self._arm.set_servo_mode(active)
         return Outcome("in servo mode" if active else "servo mode left")
 
     def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> Outcome:
-        """servo_j and servo_p: take one target."""
+        """Serve servo_j and servo_p: add one target."""
         self._arm.servo_target(command)
         return Outcome("accepted")
 
     def stop(self, _: None) -> Outcome:
-        """stop_move: sent at once, whatever other calls are under way."""
+        """Serve stop_move: the stop is sent at once, whatever other calls are running."""
         self._arm.stop()
         return Outcome("stopped")
 
     def tool_frame(self, command: c.SetToolFrame) -> Outcome:
-        """set_toolframe: store the frame, read it back and, as configured, make it the active one."""
+        """Serve set_toolframe: store the frame, read it back and, as configured, make it the active one."""
         with self._frames.changing():
             return Outcome(self._arm.run(
                 lambda core: settings.set_tool_frame(core, command, self._config.activates_frames), exclusive=True))
 
     def user_frame(self, command: c.SetUserFrame) -> Outcome:
-        """set_userframe: as ``tool_frame``."""
+        """Serve set_userframe, as ``tool_frame`` serves its service."""
         with self._frames.changing():
             return Outcome(self._arm.run(
                 lambda core: settings.set_user_frame(core, command, self._config.activates_frames), exclusive=True))
 
     def payload(self, payload: Payload) -> Outcome:
-        """set_payload: select the tool, set its load, read it back."""
+        """Serve set_payload: select the tool, set its load, read it back."""
         return Outcome(self._arm.run(
             lambda core: settings.set_payload(core, payload.tool_id, payload.load), exclusive=True))
 
     def hand_guiding(self, active: bool) -> Outcome:
-        """drag_mode: switch hand guiding; off is served at any time."""
+        """Serve drag_mode: switch hand guiding; off is served at any time."""
         return Outcome(self._arm.run(lambda core: settings.set_hand_guiding(core, active), exclusive=active))
 
     def collision_level(self, level: int) -> Outcome:
-        """set_collisionlevel: set it and read it back."""
+        """Serve set_collisionlevel: set it and read it back."""
         with self._settings:
             return Outcome(self._arm.run(lambda core: settings.set_collision_level(core, level)))
 
     def output(self, command: Union[c.SetDigitalOutput, c.SetAnalogOutput]) -> Outcome:
-        """set_io: set the output and read it back."""
+        """Serve set_io: set the output and read it back."""
         set_output = (settings.set_digital_output if isinstance(command, c.SetDigitalOutput)
                       else settings.set_analog_output)
         with self._outputs:
             return Outcome(self._arm.run(lambda core: set_output(core, command)))
 
     def zero_force_sensor(self, _: None) -> Outcome:
-        """zero_ftsensor: zero the force sensor, and see that it reads zero."""
+        """Serve zero_ftsensor: zero the force sensor, and check that it reads zero."""
         return Outcome(self._arm.run(settings.zero_force_sensor, exclusive=True))
 
     def read(self, terminal: Terminal) -> Outcome:
-        """get_io: the value in the status feed; an output that the feed does not contain is asked for."""
+        """Serve get_io: return the value in the status feed; ask for an output that the feed does not contain."""
         values = _bank_values(self._arm.fresh_state(), terminal)
         if values is not None:
             if terminal.index >= len(values):
@@ -118,7 +124,7 @@ class ServiceHandlers:
         return Outcome(str(terminal), float(self._arm.execute(query(terminal.bank, terminal.index))))
 
     def clear_error(self, _: None) -> Outcome:
-        """clear_err: clear what can be cleared, and tell what is still missing before the arm can move."""
+        """Serve clear_err: clear what can be cleared, and report what is still missing before the arm can move."""
         missing = self._arm.run(power.clear_error)
         if not missing:
             return Outcome("alarms cleared; the arm is ready")
@@ -128,62 +134,62 @@ class ServiceHandlers:
         return Outcome("alarms cleared; to move the arm: %s" % ", ".join(missing))
 
     def recover(self, _: None) -> Outcome:
-        """recover: clear, power and enable what needs it; returns when the arm can be moved."""
+        """Serve recover: clear, power and enable what needs it; return when the arm can be moved."""
         return Outcome(self._arm.run(recovery.recover))
 
     def pause(self, _: None) -> Outcome:
-        """pause: hold the moves or the trajectory under way; returns when the arm rests."""
+        """Serve pause: hold the running moves or trajectory; return when the arm rests."""
         return Outcome(self._arm.run(pausing.pause))
 
     def resume(self, _: None) -> Outcome:
-        """resume: go on with what was paused."""
+        """Serve resume: continue what was paused."""
         return Outcome(self._arm.run(pausing.resume))
 
     def speed(self, fraction: float) -> Outcome:
-        """set_speed_slider: set the controller's speed override; returns when the feed shows it."""
+        """Serve set_speed_slider: set the controller's speed override; return when the feed shows it."""
         return Outcome(self._arm.run(lambda core: pausing.set_speed(core, fraction)))
 
     def load_program(self, name: str) -> Outcome:
-        """program/load: make it the loaded program, and read back which one is."""
+        """Serve program/load: load the program, and read its name back."""
         text = self._arm.run(lambda core: programs.load(core, name), exclusive=True)
         self._ends.program_loaded(name)
         return Outcome(text)
 
     def play_program(self, _: None) -> Outcome:
-        """program/play: begin the loaded program; returns when it is seen running."""
+        """Serve program/play: begin the loaded program; return when it is seen running."""
         self._ends.program_began(self._arm.play_program())
         return Outcome("the program runs; it has the arm until it is over")
 
     def pause_program(self, _: None) -> Outcome:
-        """program/pause: hold the program; returns when the arm rests."""
+        """Serve program/pause: hold the program; return when the arm rests."""
         return Outcome(self._arm.run(programs.pause))
 
     def resume_program(self, _: None) -> Outcome:
-        """program/resume: go on with the paused program; returns when it is seen running."""
+        """Serve program/resume: resume the paused program; return when it is seen running."""
         self._ends.program_began(self._arm.resume_program())
         return Outcome("the program goes on")
 
     def stop_program(self, _: None) -> Outcome:
-        """program/stop: as stop_move, and returns when no program is seen running and the arm rests."""
+        """Serve program/stop: stop as stop_move does; return when no program is seen running and the arm rests."""
         self._arm.stop()
         return Outcome(self._arm.run(programs.see_stopped))
 
     def power(self, on: bool) -> Outcome:
-        """power: switch the power of the drives; returns when the arm reports it."""
+        """Serve power: switch the power of the drives; return when the arm reports it."""
         self._arm.run(lambda core: power.set_power(core, on))
         return Outcome("power on" if on else "power off")
 
     def enable(self, on: bool) -> Outcome:
-        """enable: release or engage the brakes; returns when the arm reports it."""
+        """Serve enable: release or engage the brakes; return when the arm reports it."""
         self._arm.run(lambda core: power.set_enabled(core, on))
         return Outcome("enabled" if on else "disabled")
 
     def forward(self, command: c.ForwardKinematics) -> Outcome:
-        """get_fk: computed by the controller, with its active tool and user frame."""
+        """Serve get_fk: the controller computes it, with its active tool and user frame."""
         return Outcome("pose of the active tool in the active user frame", self._arm.execute(command))
 
     def inverse(self, command: c.InverseKinematics) -> Outcome:
-        """get_ik: computed by the controller, with its active tool and user frame."""
+        """Serve get_ik: the controller computes it, with its active tool and user frame."""
         return Outcome("solution nearest to the reference", self._arm.execute(command))
 
 

@@ -1,7 +1,7 @@
 """The table of all services, and the way from a call to its response and its record.
 
-A refusal or failure is told in the response. Only where a type has no field for it (stop_move) does the call fail with
-a ROS service error.
+A refusal or failure is in the response. Only where a type has no field for it (stop_move) does the call fail with a ROS
+service error.
 """
 import logging
 import time
@@ -52,7 +52,7 @@ def as_success(response: Any, outcome: Outcome, is_vendor: bool) -> None:
 
 
 def as_exception(response: Any, outcome: Outcome, is_vendor: bool) -> None:
-    """Raise rospy.ServiceException on failure: std_srvs/Empty has no field to tell it."""
+    """Raise rospy.ServiceException on failure: std_srvs/Empty has no field for it."""
     if not outcome.is_success:
         raise rospy.ServiceException(outcome.message)
 
@@ -87,7 +87,7 @@ def _no_numbers(is_vendor: bool) -> Tuple[float, ...]:
 
 
 class ServiceSpec(NamedTuple):
-    """One service: its name, its type, how its request is decoded, what it does, and how its outcome is reported.
+    """One service: its name, type, decoder, handler, and the way in which its outcome is reported.
 
     Attributes:
         name: Its name in the node's private namespace.
@@ -142,7 +142,7 @@ if hasattr(types, "LoadProgram"):
     SERVICES += (ServiceSpec("program/load", types.LoadProgram, RequestDecoder.program_name,
                              ServiceHandlers.load_program, as_success),)
 OTHER_DEFINITIONS: Dict[Any, Tuple[Any, ...]] = {ServoMove: (ServoMoveWithSpeed,)}
-"""For a type of jaka_msgs: other definitions with which clients may have been built."""
+"""Other definitions of a type of jaka_msgs, with which clients may have been built."""
 
 
 class Services:
@@ -165,7 +165,7 @@ class Services:
                 OTHER_DEFINITIONS.get(spec.srv_type, ())))
 
     def finish_calls(self, timeout: float) -> None:
-        """Wait until every call under way is answered, at most ``timeout`` s."""
+        """Wait until every running call is answered, at most ``timeout`` s."""
         if not self._calls.wait_for_none(timeout):
             _LOG.warning("some service calls were not answered before the driver shut down")
 
