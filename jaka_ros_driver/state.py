@@ -17,7 +17,9 @@ class MotionState(enum.IntEnum):
 
 
 class ProgramState(enum.IntEnum):
-    """The state of the loaded program in the status feed, ``interp_state`` (docs/controller-protocol.md section 6.2).
+    """The state of the loaded program in the status feed.
+
+    It is ``interp_state`` (docs/controller-protocol.md section 6.2).
     """
 
     IDLE = 0

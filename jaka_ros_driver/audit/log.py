@@ -33,8 +33,7 @@ _DAY_S = 86400.0
 
 
 class _Record(NamedTuple):
-    """A line that has no number yet: Unix time and monotonic time, ns; ``is_urgent``: it must be on the disk at once.
-    """
+    """A line without a number yet: Unix time and monotonic time, ns; ``is_urgent``: to be on the disk at once."""
 
     wall: int
     monotonic: int

@@ -33,7 +33,7 @@ from jaka_ros_driver.trajectory.points import JointTrajectory, Tolerances
 _LOG = logging.getLogger(__name__)
 
 _LONGEST_WAIT_S = 0.02
-"""Longest pause, s, of the thread.
+"""Longest pause, s, of the thread: the guard's heartbeat period, and the core notices longer ones.
 
 The guard receives the driver's heartbeat at least this often, and the core notices by longer pauses that it was held
 up.
@@ -338,7 +338,8 @@ class ArmClient:
         return end
 
     def resume_program(self) -> "Future[None]":
-        """Resume the paused program, as ``play_program`` plays one.
+        """Resume the paused program, as ``play_program`` plays one; of one that this driver plays, the first future
+        ends.
 
         Of a program that this driver plays, the future of ``play_program`` ends.
         """
@@ -428,7 +429,7 @@ class ArmClient:
 
     def _try_to_follow(self, trajectory: JointTrajectory, tolerances: Tolerances, stops: int,
                        lead: float) -> "Future[None]":
-        """Build and audit the path without the lock, and begin it.
+        """Build and audit the path without the lock, and begin it; meanwhile the arm may have moved on.
 
         The arm may have moved on meanwhile; then the future ends with StartChanged.
         """

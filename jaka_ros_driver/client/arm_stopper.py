@@ -144,6 +144,8 @@ class _StatusPort:
 
 
 def _in_turn(addresses: List[str]) -> Iterator[str]:
-    """Return each address in turn, without end; without any, ``Transport`` resolves the name again for each connection.
+    """Return each address in turn, without end.
+
+    Without any, ``Transport`` resolves the name again for each connection.
     """
     return itertools.cycle(addresses or [""])

@@ -103,7 +103,9 @@ class _JointSixSearch:
         self._wrist = px - row6.d * zx, py - row6.d * zy, pz - row6.d * zz - dh[0].d
 
     def residuals(self, q6: "Samples") -> "np.ndarray[Tuple[int, int], np.dtype[np.float64]]":
-        """Return |o3 - o1| - a2, m, for the four sign choices, shape (4, n); NaN where joint 1 cannot reach the point.
+        """Return |o3 - o1| - a2, m, for the four sign choices, shape (4, n).
+
+        It is NaN where joint 1 cannot reach the point.
         """
         xx, yx, _, xy, yy, _, xz, yz, _ = self._target[:9]
         c6, s6 = np.cos(q6), np.sin(q6)
@@ -259,7 +261,9 @@ def _lowest(search: _JointSixSearch, choice: int, low: float, high: float) -> fl
 
 
 def _root(search: _JointSixSearch, choice: int, low: float, high: float) -> float:
-    """Find the root between low and high (regula falsi, Illinois variant); without a change of sign the better of both.
+    """Find the root between low and high (regula falsi, Illinois variant).
+
+    Without a change of sign it is the better of both.
     """
     at_low, at_high = search.residual(low, choice), search.residual(high, choice)
     if at_low == 0.0 or (at_low < 0.0) == (at_high < 0.0):

@@ -72,7 +72,9 @@ class Exchange(Generic[T]):
         return self.slow is not None
 
     def done(self, name: str, now: float, patience: float) -> None:
-        """Give a slow request whose work is done, and those behind it, the usual time to be answered: ``patience`` s.
+        """Give a slow request whose work is done the usual time to be answered: ``patience`` s.
+
+        The requests behind it get their usual time, too.
         """
         is_behind = False
         for request in self._outstanding:

@@ -47,8 +47,7 @@ It is shared by all texts: making one takes as long as parsing a short reply.
 
 
 def parse_object(text: bytes) -> JsonObject:
-    """Parse one JSON object; raise FramingError for anything else, text that is not UTF-8, NaN and Infinity included.
-    """
+    """Parse one JSON object; raise FramingError for anything else, also text that is not UTF-8, NaN, Infinity."""
     try:
         value = STRICT_DECODER.decode(text.decode("utf-8"))
     except (ValueError, RecursionError) as error:

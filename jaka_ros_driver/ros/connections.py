@@ -1,4 +1,4 @@
-"""Bounds on the connections that this node serves; some are closed when there are too many. rospy itself has no bound.
+"""Limits of the connections that this node serves; some are closed when there are too many. rospy itself has no limit.
 
 The number of file descriptors of a process is limited. rospy gives one, and a thread, to every connection, also where
 the peer then sends nothing. When none is left, its accepting thread ends for good, and nobody could stop the arm any

@@ -29,7 +29,9 @@ _PREFIX = re.compile(r"([A-Za-z][A-Za-z0-9_/]*)?\Z")
 
 
 class WrongParameter(JakaError, ValueError):
-    """The error that a private parameter is unknown, or has a wrong type or value; the driver does not start with it.
+    """The error that a private parameter is unknown, or has a wrong type or value.
+
+    The driver does not start with it.
     """
 
 

@@ -1,4 +1,7 @@
-"""Command line: ``jaka_sim`` serves a simulated controller, ``jaka_sim panel ACTION key=value`` asks a running one."""
+"""Command line: ``jaka_sim`` serves a simulated controller.
+
+``jaka_sim panel ACTION key=value`` sends a request to the operator port of a running one.
+"""
 import argparse
 import json
 import sys
@@ -19,9 +22,9 @@ from jaka_ros_driver.wire.sockets import LOOPBACK
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run the command line; returns 0 done, 1 failed, 2 wrong usage.
+    """Run the command line; return 0 when done, 1 when it failed, 2 for wrong usage.
 
-    argv: Without the program's name; None for those of the process, without what roslaunch adds (__name:=...).
+    argv: Without the command's name; None for those of the process, without what roslaunch adds (__name:=...).
     """
     arguments = [word for word in sys.argv[1:] if ":=" not in word] if argv is None else argv
     if arguments[:1] == ["panel"]:

@@ -235,7 +235,9 @@ class Tracker:
 
 
 def circle_through(start: Sequence[float], via: Sequence[float], end: Sequence[float]) -> Circle:
-    """Return the arc from start by via to end, m (3,) each; raise InvalidCommand where they lie on a line, or coincide.
+    """Return the arc from start by via to end, m (3,) each.
+
+    Raises InvalidCommand where they lie on a line, or coincide.
     """
     ab, ac = _minus(via, start), _minus(end, start)
     plane = _cross(ab, ac)

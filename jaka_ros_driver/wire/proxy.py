@@ -117,7 +117,9 @@ class Proxy(PortServer):
             self._connected(waiting, errno.ETIMEDOUT)
 
     def _connected(self, waiting: _Connecting, code: int) -> None:
-        """Begin to forward for a client whose connection the controller accepted; drop it where ``code`` is an error.
+        """Begin to forward for a client whose connection the controller accepted.
+
+        Where ``code`` is an error, the client is dropped.
         """
         if waiting not in self._connecting:
             return

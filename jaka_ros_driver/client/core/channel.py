@@ -155,8 +155,7 @@ class Channel:
         self.send_all(commands, now, {**(besides or {}), judged: on_reply})
 
     def send_all(self, commands: Sequence[Command], now: float, on_reply: Mapping[int, OnReply]) -> None:
-        """Send the commands on the connection; for ``request_all`` and an introduction, which know that there is one.
-        """
+        """Send the commands, for ``request_all`` and an introduction, which know that there is a connection."""
         texts = [self._encoded(command) for command in commands]
         for place, command in enumerate(commands):
             patience, is_slow = self._patience(command)
@@ -257,7 +256,9 @@ class Channel:
         return encode_object(codec.encode(on_wire))
 
     def _on_wire(self, command: Command) -> Command:
-        """Return the command as it is sent: terminals count from 0 in this driver, from ``io_index_base`` on the wire.
+        """Return the command as it is sent.
+
+        Terminals count from 0 in this driver, from ``io_index_base`` on the wire.
         """
         if self.io_index_base and isinstance(command, TERMINAL_COMMANDS):
             return dataclasses.replace(command, index=command.index + self.io_index_base)

@@ -273,8 +273,7 @@ class Watch:
 
 
 def described() -> List[Dict[str, str]]:
-    """Return the table as rows of text, for pages and tests: condition, start, effect on each kind of running motion.
-    """
+    """Return the table as rows of text, for pages and tests: condition, start, effect on each running motion."""
     rows = []
     for row in TABLE:
         start = row.at_start.value + (": " + row.why_at_start if row.why_at_start else "")

@@ -286,7 +286,9 @@ class Links:
             self._drop_command(str(error), now)
 
     def _beat_replied(self, result: Any, error: Optional[JakaError], asked_at: float, now: float) -> None:
-        """Take the answer to the heartbeat, which reveals a port that has fallen silent, and whether servo mode is on.
+        """Take the answer to the heartbeat.
+
+        It reveals a port that has fallen silent, and whether servo mode is on.
         """
         pause = _BEAT_PERIOD_S if asked_at > self._held_up_at else 0.0  # what piled up must be compared at once
         self._next_beat = now + pause if self.is_ready else _NEVER
@@ -372,7 +374,9 @@ class Links:
 
 
 class _HealthWatch:
-    """The detector of a stop, a fault, or drives that go off, in every frame, old or new; also one that joins another.
+    """The detector of a stop, a fault, or drives that go off, in every frame, old or new.
+
+    A trouble that joins another counts, too.
     """
 
     def __init__(self) -> None:

@@ -97,7 +97,9 @@ class Motion:
         return self.jog_stop
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
-        """Answer the callers of the motion: it is completed (None), or was interrupted. Only the first outcome counts.
+        """Answer the callers of the motion: it is completed (None), or was interrupted.
+
+        Only the first outcome counts.
         """
 
 

@@ -113,8 +113,7 @@ class Servo(Streaming):
         return True
 
     def _contradiction(self, state: RobotState) -> Optional[MotionInterrupted]:
-        """Return a fault where the arm is far from everything that it was sent lately; None where it is near something.
-        """
+        """Return a fault where the arm is far from everything that it was sent lately; None where it is not."""
         stream = self._stream
         point = None if stream is None else stream.measured_point(state)
         excess = 0.0 if point is None else self._trace.excess(point)

@@ -214,7 +214,9 @@ class _FreeStop:
         return self._is_held_up and stillness.duration(self._sent_at or now) >= REST_TIME_S
 
     def _moves_on(self, now: float) -> bool:
-        """Return whether the arm, or a program, goes on though the stop was accepted; no stop ends what a hand moves.
+        """Return whether the arm, or a program, goes on though the stop was accepted.
+
+        No stop ends what a hand moves.
         """
         try:
             state = self._links.fresh_state(now)

@@ -37,7 +37,9 @@ class StateRepeater:
         self._credit -= 1.0
 
     def next_repeat(self) -> Optional[float]:
-        """Return when the newest sample is to be published again, s of the caller's clock; None while the feed is fast.
+        """Return when the newest sample is to be published again, s of the caller's clock.
+
+        None while the feed is fast.
         """
         if not self._is_slow:
             return None

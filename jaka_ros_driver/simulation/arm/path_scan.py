@@ -1,4 +1,7 @@
-"""Walks a Cartesian path by inverse kinematics before it is run: where it ends early, how fast each stretch may be."""
+"""The scan of a Cartesian path by inverse kinematics before it is run.
+
+It finds where the path ends early, and the highest speed on each stretch.
+"""
 from typing import Callable, List, NamedTuple, Optional, Sequence
 
 from jaka_ros_driver.kinematics.rotations import Transform
@@ -10,9 +13,9 @@ from jaka_ros_driver.state import Vector
 JointsOfPose = Callable[[Transform, Sequence[float]], Optional[Vector]]
 
 SINGULAR_SHARE = 0.1
-"""A place where joint limits allow less than this share of the speed counts as singular."""
+"""Share of the speed, allowed by joint limits, below which a place counts as singular."""
 SINGULAR_REFERENCE_SPEED = 0.25
-"""m/s; ``SINGULAR_SHARE`` refers to the programmed speed or to this, whichever is lower."""
+"""Speed, m/s, to which ``SINGULAR_SHARE`` refers where the programmed one is higher."""
 
 _BEND = 0.01  # rad; a stretch is split where a joint, in its middle, is farther than this from the chord
 _CHORD = 0.25  # rad; or where a joint moves farther than this over it
@@ -44,7 +47,7 @@ class Stretch(NamedTuple):
 
 
 class Break(NamedTuple):
-    """Where a path ends early: ``way``, the parameter of the last good place, and the cause."""
+    """The early end of a path: ``way``, the parameter of the last good place, and the cause."""
 
     way: float
     cause: PlantEvent
@@ -90,7 +93,7 @@ class PathScan:
         self.stretches = merged(self.stretches, _SHORTEST * self._unit)
 
     def _walk(self, begin: float, end: float) -> bool:
-        """Walk one stretch and split it where needed; False where the path breaks off in it."""
+        """Scan one stretch and split it where needed; return False where the path breaks off in it."""
         start, width = self.joints, end - begin
         middle = self._joints_of(self._at(begin + 0.5 * width), start)
         last = self._joints_of(self._at(end), middle) if middle is not None else None
@@ -144,8 +147,9 @@ class PathScan:
 
 
 def merged(stretches: Sequence[Stretch], shortest: float = 0.0) -> List[Stretch]:
-    """Join stretches to their neighbours where the limits are nearly the same or one is shorter than ``shortest``; the
-    lower limits of the two then hold.
+    """Join stretches to their neighbours where the limits are nearly the same or one is shorter than ``shortest``.
+
+    The lower limits of the two then hold.
     """
     result: List[Stretch] = []
     for stretch in stretches:

@@ -45,25 +45,34 @@ class Route:
         self._index = 0
 
     def joints_at(self, way: float, reference: Sequence[float]) -> Optional[Vector]:
-        """The joints at this parameter nearest to the reference, rad (6,); None where inverse kinematics has none."""
+        """Return the joints at this parameter nearest to the reference, rad (6,).
+
+        None where inverse kinematics has no solution.
+        """
         raise NotImplementedError
 
     def stopping_acceleration(self, way: float, speed: float, jerk_time: float) -> float:
-        """The strongest deceleration that is allowed at this place and where the arm gets before it can change it."""
+        """Return the strongest deceleration that is allowed at this place.
+
+        It also holds where the arm gets before it can change it.
+        """
         ahead = _reaction_way(speed, jerk_time)
         return min((stretch.braking for begin, stretch in zip(self._begins, self._stretches)
                     if begin <= way + ahead and begin + stretch.way >= way), default=math.inf)
 
     def line_id_at(self, way: float) -> int:
-        """``executing_line_id`` of the move to which this place belongs."""
+        """Return the ``executing_line_id`` of the move to which this place belongs."""
         raise NotImplementedError
 
     def moves_left(self, way: float) -> int:
-        """Moves not yet completed at this place."""
+        """Return the number of moves not yet completed at this place."""
         raise NotImplementedError
 
     def limits(self, way: float, speed: float, jerk_time: float) -> Tuple[float, float]:
-        """Highest speed and acceleration at this place with which the arm can still slow down for what lies ahead."""
+        """Return the highest speed and acceleration at this place.
+
+        With them the arm can still slow down for what lies ahead.
+        """
         if len(self._stretches) == 1:
             return self._stretches[0].speed, self._stretches[0].acceleration
         if jerk_time != self._entry_jerk_time:
@@ -108,7 +117,10 @@ class JointRoute(Route):
 
     def __init__(self, model: ArmModel, start: Vector, end: Vector, speed: float, acceleration: float,
                  line_id: int = 0) -> None:
-        """speed, rad/s, and acceleration, rad/s2: of the joint with the longest way, at most what all joints can do."""
+        """Set up the route.
+
+        speed, rad/s, and acceleration, rad/s2: of the joint with the longest way, at most what all joints can do.
+        """
         super().__init__()
         self.start_joints, self.end_joints, self._line_id = start, end, line_id
         ways = [b - a for a, b in zip(start, end)]
@@ -146,7 +158,7 @@ class CartesianRoute(Route):
     """Lines and arcs of one tool; corners between lines are rounded within their tolerance."""
 
     def __init__(self, frames: ArmFrames, leg: Leg, start_joints: Vector) -> None:
-        """The tool that is active now is used for the whole route."""
+        """Begin the route with one leg, of the tool that is active now and for the whole route."""
         super().__init__()
         self._frames, self._tool_t_flange = frames, frames.tool_t_flange
         self.start_joints = start_joints
@@ -157,7 +169,10 @@ class CartesianRoute(Route):
         self._set_stretches(scan.stretches)
 
     def append(self, leg: Leg, way: float, speed: float, jerk_time: float) -> bool:
-        """Add a leg after a rounded corner while the arm is at ``way`` with ``speed``; False where that cannot be."""
+        """Add a leg after a rounded corner while the arm is at ``way`` with ``speed``.
+
+        It returns False where that is not possible.
+        """
         last = self._pieces[-1].leg
         if self._tool_t_flange != self._frames.tool_t_flange:
             return False
@@ -217,7 +232,7 @@ class CartesianRoute(Route):
         return nearest_joints(self._frames.model, compose(base_t_tool, self._tool_t_flange), reference)
 
     def tool_at(self, way: float) -> Transform:
-        """``base_t_tool`` at this parameter."""
+        """Return ``base_t_tool`` at this parameter."""
         n = self._piece_at(way)
         begin, leg, corner = self._pieces[n]
         if corner is not None and way - begin < corner.half:
@@ -250,7 +265,7 @@ def _reaction_way(speed: float, jerk_time: float) -> float:
 
 
 def _cut(stretches: Sequence[Stretch], end: float, begin: float) -> List[Stretch]:
-    """The stretches between the parameters ``begin`` and ``end``."""
+    """Return the stretches between the parameters ``begin`` and ``end``."""
     result: List[Stretch] = []
     at = 0.0
     for stretch in stretches:

@@ -1,4 +1,4 @@
-"""Tools, user frames, payload, collision sensitivity (docs/controller-protocol.md sections 5.7, 5.9)."""
+"""Commands about tools, user frames, payload, collision sensitivity (docs/controller-protocol.md sections 5.7, 5.9)."""
 from typing import Callable, List, Optional, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
@@ -12,14 +12,15 @@ from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m
 
 MAX_COLLISION_LEVEL = 5
 MAX_MASS_KG = 100.0
-"""More than the heaviest arm of the line carries (models data)."""
+"""Largest mass, kg: more than the heaviest arm of the line carries (models data)."""
 
 
 def _set_offsets(table_of: Callable[[Memory], FrameTable], key_of: Callable[[ControllerState, Arguments], str]
                  ) -> Handler:
-    """Make the handler that stores a frame; the values of the active one hold at once, and are refused during a motion.
+    """Return the handler that stores a frame.
 
-    Id 0, which is fixed, and ids beyond the table are refused.
+    The values of the active one hold at once, and are refused during a motion. Id 0, which is fixed, and ids beyond the
+    table are refused.
     """
     def handle(state: ControllerState, arguments: Arguments) -> None:
         table, frame_id = table_of(state.memory), arguments.integer("id")
@@ -36,7 +37,10 @@ def _set_offsets(table_of: Callable[[Memory], FrameTable], key_of: Callable[[Con
 
 
 def _user_key(state: ControllerState, arguments: Arguments) -> str:
-    """The maker's key is misspelt userffset; some clients send useroffset (docs/controller-protocol.md section 5.7)."""
+    """Return the key of a user frame's offset.
+
+    The maker's key is misspelt userffset; some clients send useroffset (docs/controller-protocol.md section 5.7).
+    """
     key = state.dialect.user_frame_key
     return arguments.first_of("userffset", "useroffset") if key == EITHER else key
 
@@ -73,7 +77,7 @@ def _set_sensitivity(state: ControllerState, arguments: Arguments) -> None:
 
 
 def _sensitivity(state: ControllerState) -> Reply:
-    """The collision sensitivity, under one or both keys that clients read (docs/controller-protocol.md 5.9)."""
+    """Return the collision sensitivity, under one or both keys that clients read (docs/controller-protocol.md 5.9)."""
     key, level = state.dialect.sensitivity_key, state.memory.collision_level
     return {name: level for name in ("sensitivityLevel", "sensitivityVal") if key in (name, "both")}
 

@@ -11,12 +11,18 @@ _MAX_COUNT = 256
 
 
 def _first(state: ControllerState, arguments: Arguments) -> int:
-    """The terminal that ``index`` names, from 0; below 0, which is refused, where the index is below the first."""
+    """Return the terminal that ``index`` names, from 0.
+
+    It is below 0, which is refused, where the index is below the first.
+    """
     return arguments.integer("index") - state.dialect.io_index_base
 
 
 def _get(signal: str, output: bool) -> Handler:
-    """``value``: a number; with ``len`` an array of so many, from ``index`` on (docs/sdk-client.md section 9)."""
+    """Return the handler of a get command.
+
+    ``value`` is a number; with ``len`` an array of so many, from ``index`` on (docs/sdk-client.md section 9).
+    """
     def handle(state: ControllerState, arguments: Arguments) -> Reply:
         bank, first = arguments.integer("type"), _first(state, arguments)
         if not arguments.has("len"):
@@ -29,7 +35,10 @@ def _get(signal: str, output: bool) -> Handler:
 
 
 def _set(signal: str) -> Handler:
-    """``value``: a number, or an array for the outputs from ``index`` on; all of them are set, or none."""
+    """Return the handler of a set command.
+
+    ``value`` is a number, or an array for the outputs from ``index`` on; all of them are set, or none.
+    """
     def handle(state: ControllerState, arguments: Arguments) -> None:
         given = arguments.raw("value")
         if not isinstance(given, list):

@@ -15,12 +15,12 @@ from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, mm_to_m
 _JOG_FRAMES = {0: JogFrame.BASE, 1: JogFrame.JOINT, 2: JogFrame.TOOL}
 _JOG_STOP = 0
 MIN_RATE = 1e-3
-"""Lowest speed and acceleration taken, mm or deg per s or s2; with lower ones a move would take days."""
+"""Lowest speed and acceleration accepted, mm or deg per s or s2; with lower ones a move would take days."""
 _RAPID_RATE_DECIMALS = 4
 
 
 def _move(command: str, queue: Callable[[ControllerState, Arguments], bool]) -> Handler:
-    """Make the handler of a queued move; one that is refused latches no error."""
+    """Return the handler of a queued move; one that is refused latches no error."""
     def handle(state: ControllerState, arguments: Arguments) -> None:
         state.require_motion(command)
         try:
@@ -33,7 +33,7 @@ def _move(command: str, queue: Callable[[ControllerState, Arguments], bool]) -> 
 
 
 def _rate(arguments: Arguments, key: str) -> float:
-    """A speed or acceleration; its sign is not checked here."""
+    """Return a speed or acceleration; its sign is not checked here."""
     rate = arguments.number(key)
     if abs(rate) < MIN_RATE:
         raise Refused()
@@ -105,7 +105,7 @@ def _servo_move(state: ControllerState, arguments: Arguments) -> None:
 
 
 def _servo_point(vendor_name: str, append: Callable[[ControllerState, Arguments, bool, int], bool]) -> Handler:
-    """Make the handler of a servo point, refused outside servo mode; one over 180 deg/s is ignored."""
+    """Return the handler of a servo point, refused outside servo mode; one over 180 deg/s is ignored."""
     def handle(state: ControllerState, arguments: Arguments) -> None:
         relative, cycles = arguments.flag("relFlag", False), arguments.integer("stepNum", 1)
         if not state.plant.takes_servo_points:
@@ -124,7 +124,10 @@ def _servo_pose(state: ControllerState, arguments: Arguments, relative: bool, cy
 
 
 def _filter_parameter(arguments: Arguments, key: str) -> float:
-    """One parameter of a servo filter in SI units; on the wire ``nlf_max_?r`` are in deg, ``nlf_max_?p`` in mm."""
+    """Return one parameter of a servo filter in SI units.
+
+    On the wire ``nlf_max_?r`` are in deg, ``nlf_max_?p`` in mm.
+    """
     rate = _rate(arguments, key)
     if not key.startswith("nlf"):
         return rate
@@ -151,7 +154,10 @@ def _hand_guiding(state: ControllerState, arguments: Arguments) -> Optional[Held
 
 
 def _motion_planner(state: ControllerState, arguments: Arguments) -> None:
-    """The profile of later moves and jogs: 0 trapezoid; -1 (off) and 1 S-curve, where ruckig is installed."""
+    """Set the profile of later moves and jogs.
+
+    0 is the trapezoid; -1 (off) and 1 are the S-curve, where ruckig is installed.
+    """
     kind = arguments.integer("type")
     if kind not in (-1, 0, 1):
         raise Refused()
@@ -169,7 +175,7 @@ def _motion_state(state: ControllerState) -> Reply:
 
 
 def _torque_feedforward(state: ControllerState, arguments: Arguments) -> None:
-    """Stored only: the simulated arm has no dynamics."""
+    """Store the torque feedforward, without effect: the simulated arm has no dynamics."""
     state.memory.settings["torque_feedforward", 0] = {
         "grvCurrent": list(arguments.vector("grvCurrent", 6)), "includeGrvFlag": arguments.integer("includeGrvFlag", 0)}
 

@@ -59,7 +59,10 @@ def _set_delay(state: ControllerState, milliseconds: int) -> None:
 
 
 def _whole_number(value: object) -> int:
-    """An optional-info value: a number, or its text as clients send it (docs/controller-protocol.md section 6.1)."""
+    """Return an optional-info value as a number.
+
+    Clients send it as a number or as text (docs/controller-protocol.md section 6.1).
+    """
     try:
         if isinstance(value, (str, int)) and len(str(value)) < 10:
             return int(value)

@@ -1,8 +1,8 @@
-"""Settings that are stored and returned, and do nothing else here, but for the zeroing of the force sensor: tool I/O,
-RS-485, torque sensor, force control, trajectory recording (docs/controller-protocol.md sections 5.11, 5.15;
-docs/sdk-client.md section 8).
+"""Commands about settings that are stored and returned, and do nothing else here, but for zeroing the force sensor.
 
-Where the keys of a reply are not known, the setter's keys are used; the SDK reads a missing key as zero.
+They are those of tool I/O, RS-485, torque sensor, force control, trajectory recording (docs/controller-protocol.md
+sections 5.11, 5.15; docs/sdk-client.md section 8). Where the keys of a reply are not known, the setter's keys are used;
+the SDK reads a missing key as zero.
 """
 import math
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple
@@ -34,7 +34,7 @@ class _Key(NamedTuple):
     high: Optional[float] = None
 
     def read(self, arguments: Arguments) -> Any:
-        """Its value in a request; raises as ``Arguments``, and Refused where it is out of range."""
+        """Return the value in a request; raise as ``Arguments`` does, and Refused where it is out of range."""
         if isinstance(self.default, str):
             return arguments.text(self.name)
         if isinstance(self.default, tuple):
@@ -76,7 +76,7 @@ _AXES = 6
 _ADMITTANCE_KEYS = (
     _Key("opt", 0, 0, 1), _Key("ftUser", 0.0), _Key("ftReboundFK", 0.0), _Key("ftConstant", 0.0),
     _Key("ftNnormalTrack", 0, 0, 1))
-"""In the order of the SDK's structure; that of the reply's lists is a guess."""
+"""Keys of the admittance settings in the order of the SDK's structure; that of the reply's lists is a guess."""
 _TOOL_DRIVE_KEYS = (_Key("opt", 0, 0, 1), _Key("rigidity", 0.0, 0.0), _Key("rebound", 0.0, 0.0))
 _SETTINGS: Tuple[_Setting, ...] = (
     _Setting("set_tio_vout_param", "get_tio_vout_param", "5.11",
@@ -167,7 +167,7 @@ def _soft_limit(state: ControllerState) -> Reply:
 
 
 def _axes(state: ControllerState, setter: str, keys: Tuple[_Key, ...]) -> List[List[Any]]:
-    """The values that were set for the six axes, each in the order of ``keys``."""
+    """Return the values that were set for the six axes, each in the order of ``keys``."""
     stored = [state.memory.settings.get((setter, axis), {}) for axis in range(_AXES)]
     return [[values.get(key.name, key.default) for key in keys] for values in stored]
 
@@ -177,13 +177,16 @@ def _admittance(state: ControllerState) -> Reply:
 
 
 def _tool_drive(state: ControllerState) -> Reply:
-    """The keys of the request, each with the values of the six axes: the reply's own keys are not known."""
+    """Return the keys of the request, each with the values of the six axes.
+
+    The reply's own keys are not known.
+    """
     columns = zip(*_axes(state, "set_tool_drive_config", _TOOL_DRIVE_KEYS))
     return {"axis": list(range(_AXES)), **{key.name: list(column) for key, column in zip(_TOOL_DRIVE_KEYS, columns)}}
 
 
 def _sensor_data(state: ControllerState, arguments: Arguments) -> Reply:
-    """Readings 1 to 3 of the feed, zeros without a sensor; the keys of the reply are not known."""
+    """Return readings 1 to 3 of the feed, zeros without a sensor; the keys of the reply are not known."""
     kind = arguments.integer("type")
     if not 1 <= kind <= 3:
         raise Refused()
@@ -212,7 +215,7 @@ def _delete_signal(state: ControllerState, arguments: Arguments) -> None:
 
 
 def _signal_list(state: ControllerState) -> Reply:
-    """An object under the name of each signal, and their number (docs/controller-protocol.md section 5.11)."""
+    """Return an object under the name of each signal, and their number (docs/controller-protocol.md section 5.11)."""
     return {**{name: dict(values, value=SIGNAL_VALUE) for name, values in state.memory.signals.items()},
             "num": len(state.memory.signals)}
 
@@ -241,7 +244,7 @@ def _remove_trajectory(state: ControllerState, arguments: Arguments) -> None:
 
 
 def _generate_trajectory(_state: ControllerState, arguments: Arguments) -> None:
-    """Nothing to do: a recorded trajectory has a name here, and no content."""
+    """Check the name and do nothing: a recorded trajectory has a name here, and no content."""
     arguments.text("fileName")
 
 

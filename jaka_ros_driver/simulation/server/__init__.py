@@ -4,5 +4,5 @@ server                                 one thread that serves every port and let
 connection, request_parser             one client: requests cut out of its bytes, replies and when they go out
 faults                                 the script of wire faults
 cycle_clock                            when cycles and status frames are due
-panel, panel_session                   the operator's panel, and a session at it over stdin and stdout
+panel, panel_session                   the operator port's actions, and a session at it over stdin and stdout
 """

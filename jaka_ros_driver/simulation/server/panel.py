@@ -1,7 +1,7 @@
-"""The operator's panel: what a person at the arm can do, and the wire faults, as JSON requests.
+"""The actions of the operator port: what a person at the arm can do, and the wire faults, as JSON requests.
 
-One request is ``{"action": NAME, ...}``; the answer ``{"ok": true, ...}`` or ``{"ok": false, "error": TEXT}``.
-Angles are deg and lengths mm here, as on the wire of the controller. ``ACTIONS`` is the whole protocol.
+One request is ``{"action": NAME, ...}``; the answer ``{"ok": true, ...}`` or ``{"ok": false, "error": TEXT}``. Angles
+are deg and lengths mm here, as on the wire of the controller. ``ACTIONS`` is the whole protocol.
 """
 import sys
 import traceback
@@ -23,7 +23,7 @@ _FAULT_KEYS = ("kind", "port", "count", "probability", "command")
 
 
 class Action(NamedTuple):
-    """One action of the panel.
+    """One action of the operator port.
 
     Attributes:
         act: Carries it out.
@@ -37,7 +37,7 @@ class Action(NamedTuple):
 
 
 def handle(server: Server, request: Dict[str, Any]) -> Answer:
-    """Carry out one request of the panel. What is wrong with a request is told in the answer; nothing is raised."""
+    """Carry out one request of the operator port. An error is in the answer; nothing is raised."""
     name = request.get("action")
     action = ACTIONS.get(name) if isinstance(name, str) else None
     if action is None:
@@ -206,4 +206,4 @@ ACTIONS: Dict[str, Action] = {
     "help": Action(lambda server, request: {"actions": {
         name: [action.parameters, action.meaning] for name, action in ACTIONS.items()}}, "", "this table"),
 }
-"""Every action: its parameters with defaults, and what it does."""
+"""Every action: its parameters with defaults, and its effect."""

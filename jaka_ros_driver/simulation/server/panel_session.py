@@ -1,4 +1,4 @@
-"""A session at the operator's panel: each line of stdin is a JSON request, each line of stdout the answer."""
+"""A session at the operator port: each line of stdin is a JSON request, each line of stdout the answer."""
 import json
 import signal
 import sys
@@ -9,7 +9,7 @@ from jaka_ros_driver.simulation.server.server import ask_panel
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Serve stdin until it ends; ``argv`` is the number of the panel's port.
+    """Serve stdin until it ends; ``argv`` is the number of the operator port.
 
     Returns 0 done, 1 the simulated controller has gone, 2 wrong usage.
     """

@@ -1,4 +1,4 @@
-"""The sockets of the simulated controller: its ports and the panel, served by one thread that also runs the cycles.
+"""The sockets of the simulated controller: its ports, served by one thread that also runs the cycles.
 
 One loop does everything, so that nothing needs a lock: it wakes up for cycles, status frames, bytes, and calls from
 other threads. It never waits for a client: one that does not read misses frames or is dropped.
@@ -40,28 +40,29 @@ PanelHandler = Callable[[Dict[str, Any]], Dict[str, Any]]
 
 
 class Server:
-    """Serves one controller.
+    """The server of one controller.
 
     Attributes:
-        controller: What is served.
+        controller: The controller.
         faults: The script of wire faults.
-        is_off: True while the controller is turned off: no port but the panel listens, and simulated time stands still.
+        is_off: True while the controller is turned off: only the operator port listens, and simulated time stands
+            still.
         port_numbers: TCP port number by name of the port.
     """
 
     def __init__(self, controller: Controller, host: str, ports: Mapping[str, int], *, time_scale: float = 1.0,
                  seed: int = 0, log: Optional[WireLog] = None,
                  panel_handler: Optional[PanelHandler] = None) -> None:
-        """Listen; raises OSError where a port cannot be had.
+        """Listen; raise OSError where a port cannot be bound.
 
         Args:
-            controller: What is served.
-            host: Address for the ports; the panel always listens on loopback.
-            ports: TCP port by name, 0 for a free one: those of ``PORTS`` and, where there is to be a panel, ``PANEL``.
+            controller: The controller to serve.
+            host: Address for the ports; the operator port always listens on loopback.
+            ports: TCP port by name, 0 for a free one: those of ``PORTS`` and, for an operator port, ``PANEL``.
             time_scale: Simulated seconds a wall second.
             seed: Of the random generator of the wire faults.
-            log: Gets every byte.
-            panel_handler: Answers the panel's requests.
+            log: Receives every byte.
+            panel_handler: Answers the operator port's requests.
         """
         self.controller = controller
         self.faults = FaultScript(seed)
@@ -113,7 +114,10 @@ class Server:
         self._is_running = False
 
     def call(self, action: Callable[[], Any], timeout: float = 30.0) -> Any:
-        """Call ``action`` in the server's thread; raises what it raises, and ConnectionLost where that does not run."""
+        """Call ``action`` in the server's thread, and return its result.
+
+        It raises what ``action`` raises, and ConnectionLost where the thread does not run.
+        """
         done: Future[Any] = Future()
 
         def act() -> None:
@@ -207,7 +211,7 @@ class Server:
     # --- clients ----------------------------------------------------------------------------------------------------
 
     def _clients(self, port: str) -> List[Connection]:
-        """The connections of a port, without those that are half open."""
+        """Return the connections of a port, without those that are half open."""
         return [one for one in self._sockets if one.port == port and not one.is_half_open]
 
     def _accept(self, port: str, listener: Any) -> None:
@@ -237,7 +241,10 @@ class Server:
         return self.controller.state.dialect.second_client
 
     def _take_over(self, connection: Connection) -> None:
-        """From now on this is the command client; another one is dropped (docs/controller-protocol.md section 1)."""
+        """Make this the command client from now on.
+
+        Another one is dropped (docs/controller-protocol.md section 1).
+        """
         replaced, self._command_client = self._command_client, connection
         self._loss_matters_of = None
         if replaced is not None:
@@ -256,9 +263,11 @@ class Server:
             self._command_client = connection
 
     def _least_needed(self, clients: List[Connection]) -> Connection:
-        """Which client of a full port goes: one that reads nothing any more, else the one idle for the longest time.
+        """Return the client of a full port that goes: one that reads nothing any more, else the one idle for the
+        longest time.
 
-        The command client stays, and so does the client of another port that came together with it: one program's.
+        The command client stays, and so does the client of another port that came together with it: both are one
+        process's.
         """
         owner = self._command_client
         spared = None if owner is None else min(clients, key=lambda one: abs(one.opened_at - owner.opened_at))
@@ -275,11 +284,11 @@ class Server:
         self._client_lost(connection)
 
     def _has_client(self) -> bool:
-        """True while a command client is connected; one whose connection is half open does not count."""
+        """Return whether a command client is connected; one whose connection is half open does not count."""
         return self._command_client is not None
 
     def _client_lost(self, connection: Connection) -> None:
-        """A connection ended or fell silent for good: if it is the command client's, no one is that any more.
+        """Handle a connection that ended or fell silent for good: the command client's leaves no one in its place.
 
         What ``set_network_exception_handle`` has set follows the loss of the connection on which it came.
         """
@@ -426,14 +435,14 @@ class Server:
         return now < self._stalled_until.get(port, now)
 
     def stall(self, ports: Tuple[str, ...], duration: float) -> None:
-        """Neither read nor send on these ports for ``duration`` s; command clients count as lost meanwhile."""
+        """Stop reading and sending on these ports for ``duration`` s; command clients count as lost meanwhile."""
         until = time.monotonic() + duration
         self._stalled_until.update((port, until) for port in ports)
         if "command" in ports and duration > 0.0 and not self.is_off and self._loss_matters_of is not None:
             self.controller.state.client_lost()
 
     def end_connections(self, ports: Tuple[str, ...], effect: Effect) -> int:
-        """Close, reset or half-open every connection of these ports now; returns how many there were."""
+        """Close, reset or half-open every connection of these ports now; return how many there were."""
         now = time.monotonic()
         struck = [connection for port in ports for connection in self._clients(port)]
         for connection in struck:
@@ -449,7 +458,7 @@ class Server:
             self._refusing_until[port] = until
 
     def shut_down(self, down: Optional[float], silent: bool = False) -> None:
-        """Turn the controller off: drive power and connections end, and no port but the panel listens.
+        """Turn the controller off: drive power and connections end, and no port but the operator's listens.
 
         Args:
             down: Time until it starts again by itself, s of wall time; None for never.
@@ -489,7 +498,7 @@ class Server:
             self.boot()
 
     def described(self) -> Dict[str, Any]:
-        """What the panel's action ``wire`` shows: connections, faults, lateness of the cycles."""
+        """Return the connections, faults and lateness of the cycles, for the operator port's action ``wire``."""
         return {
             "connections": [{"port": c.port, "number": c.number, "peer": c.peer, "half_open": c.is_half_open,
                              "unsent_bytes": c.unsent_bytes} for c in self._sockets],
@@ -499,7 +508,11 @@ class Server:
 
 
 def ask_panel(port: int, request: Dict[str, Any], timeout: float = 10.0) -> Dict[str, Any]:
-    """The answer of a simulated controller's panel on this machine; raises ConnectionLost where nobody answers."""
+    """Send a request to a simulated controller's operator port on this machine, and return the answer.
+
+    Raises:
+        ConnectionLost: Nobody answers.
+    """
     try:
         with socket.create_connection((LOOPBACK, port), timeout) as link:
             link.sendall(json.dumps(request).encode("utf-8") + b"\n")

@@ -22,7 +22,9 @@ _NEVER = float("inf")
 
 
 class Program(Motion):
-    """A running program: its caller is answered when the status feed shows it running; custody lasts until it is over.
+    """A running program, in custody until it is over.
+
+    Its caller is answered when the status feed shows it running.
     """
 
     owner = MotionOwner.PROGRAM

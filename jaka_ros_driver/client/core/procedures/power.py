@@ -1,4 +1,6 @@
-"""Procedures for power, enabling and alarms: the way to an arm that can move. Nothing here acts without being called.
+"""Procedures for power, enabling and alarms: the way to an arm that can move.
+
+Nothing here acts without being called.
 """
 import logging
 from typing import Callable, List

@@ -83,6 +83,8 @@ def _require_no_other_motion(core: ArmCore) -> None:
 
 
 def _stem(name: str) -> str:
-    """Return a program's name without its suffix, on which sources disagree (docs/controller-protocol.md section 5.14).
+    """Return a program's name without its suffix.
+
+    Sources disagree on the suffix (docs/controller-protocol.md section 5.14).
     """
     return name[:-4] if name.endswith((".ngc", ".jks")) else name
