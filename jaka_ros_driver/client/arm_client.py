@@ -33,11 +33,7 @@ from jaka_ros_driver.trajectory.points import JointTrajectory, Tolerances
 _LOG = logging.getLogger(__name__)
 
 _LONGEST_WAIT_S = 0.02
-"""Longest pause, s, of the thread: the guard's heartbeat period, and the core notices longer ones.
-
-The guard receives the driver's heartbeat at least this often, and the core notices by longer pauses that it was held
-up.
-"""
+"""Longest pause, s, of the thread: the guard's heartbeat period, and the core notices longer ones."""
 _REST_TIMEOUT_S = 1.0
 """Longest time, s, that ``close`` waits for the arm to come to rest."""
 
@@ -340,8 +336,6 @@ class ArmClient:
     def resume_program(self) -> "Future[None]":
         """Resume the paused program, as ``play_program`` plays one; of one that this driver plays, the first future
         ends.
-
-        Of a program that this driver plays, the future of ``play_program`` ends.
         """
         end = self._future()
         self._call(lambda call, now: self._core.resume_program(call, end, now))
@@ -429,10 +423,7 @@ class ArmClient:
 
     def _try_to_follow(self, trajectory: JointTrajectory, tolerances: Tolerances, stops: int,
                        lead: float) -> "Future[None]":
-        """Build and audit the path without the lock, and begin it; meanwhile the arm may have moved on.
-
-        The arm may have moved on meanwhile; then the future ends with StartChanged.
-        """
+        """Build and audit the path without the lock, and begin it; meanwhile the arm may have moved on."""
         starts_at = trajectory.starts_at
         ahead = lead if starts_at is None else max(lead, starts_at - time.monotonic())
         start: TrajectoryStart = self._call(lambda call, now: self._core.trajectory_start(call, ahead, stops, now))
