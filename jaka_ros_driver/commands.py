@@ -351,7 +351,7 @@ class GetAnalogOutput:
 TERMINAL_COMMANDS = (SetDigitalOutput, SetAnalogOutput, GetDigitalOutput, GetAnalogOutput)
 """The commands that name one input or output by its index."""
 
-Motion = Union[JointMove, LinearMove]
+MoveCommand = Union[JointMove, LinearMove]
 PathCommand = Union[JointMove, LinearMove, ArcMove]
 """One segment of a path."""
 

@@ -15,7 +15,7 @@ LONGEST_LINE = 16384
 _CHECKSUM = re.compile(rb',"crc":"([0-9a-f]{8})"}\Z')
 
 
-class Link(NamedTuple):
+class ChainLink(NamedTuple):
     """The position of a line in the chain.
 
     Attributes:
@@ -27,10 +27,10 @@ class Link(NamedTuple):
     sha256: str
 
 
-START = Link(0, BEFORE_THE_FIRST)
+START = ChainLink(0, BEFORE_THE_FIRST)
 
 
-def encode(after: Link, fields: Mapping[str, Any]) -> bytes:
+def encode(after: ChainLink, fields: Mapping[str, Any]) -> bytes:
     """Return the line that follows ``after``, without a line end.
 
     Where it would be longer than ``LONGEST_LINE`` only short fields are kept, and ``left_out`` names the others.
@@ -46,9 +46,9 @@ def encode(after: Link, fields: Mapping[str, Any]) -> bytes:
     return line
 
 
-def link_of(line: bytes, number: int) -> Link:
+def link_of(line: bytes, number: int) -> ChainLink:
     """Return the place of an encoded line."""
-    return Link(number, hashlib.sha256(line).hexdigest())
+    return ChainLink(number, hashlib.sha256(line).hexdigest())
 
 
 def is_whole(line: bytes) -> bool:
@@ -69,7 +69,7 @@ def decode(line: bytes) -> Optional[Dict[str, Any]]:
     return fields if is_line else None
 
 
-def _encode(after: Link, fields: Mapping[str, Any]) -> bytes:
+def _encode(after: ChainLink, fields: Mapping[str, Any]) -> bytes:
     body = _json({"n": after.number + 1, "prev": after.sha256, **fields})[:-1]
     return body + b',"crc":"%08x"}' % zlib.crc32(body)
 

@@ -11,7 +11,7 @@ import os
 import re
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
-from jaka_ros_driver.audit.chain import LONGEST_LINE, START, Link, decode, is_whole, link_of
+from jaka_ros_driver.audit.chain import LONGEST_LINE, START, ChainLink, decode, is_whole, link_of
 
 _NAME = re.compile(r"audit-([0-9]{12})\.jsonl\Z")
 _PIECE = 1 << 16
@@ -26,7 +26,7 @@ class Tail(NamedTuple):
     sha256: str
 
 
-class End(NamedTuple):
+class LogEnd(NamedTuple):
     """The end of a log: its last file and line.
 
     Attributes:
@@ -40,7 +40,7 @@ class End(NamedTuple):
 
     name: str
     size: int
-    link: Link
+    link: ChainLink
     time: str
     tail: Optional[Tail]
     lacks_line_end: bool
@@ -59,7 +59,7 @@ class LogInUse(OSError):
     """The error that another process writes this log."""
 
 
-class LogFolder:
+class AuditFolder:
     """The folder of one log, created when it is first used. Errors are OSErrors."""
 
     def __init__(self, path: str) -> None:
@@ -92,7 +92,7 @@ class LogFolder:
         """Return the names of the log's files, oldest first."""
         return sorted(name for name in os.listdir(self.path) if _NAME.match(name))
 
-    def end(self) -> End:
+    def end(self) -> LogEnd:
         """Find where the log ends: read the newest file, and older ones where that one has no line."""
         names = self.names()
         newest = _Scan(self._path(names[-1])) if names else None
@@ -102,8 +102,8 @@ class LogFolder:
                 break
             last = _Scan(self._path(name))
         link = START if last is None or last.link is None else last.link
-        return End(names[-1] if names else "", newest.size if newest else 0, link, last.time if last else "",
-                   newest.tail if newest else None, newest.lacks_line_end if newest else False)
+        return LogEnd(names[-1] if names else "", newest.size if newest else 0, link, last.time if last else "",
+                      newest.tail if newest else None, newest.lacks_line_end if newest else False)
 
     def open_newest(self, name: str) -> int:
         """Open a file for appending lines; return its descriptor."""
@@ -156,7 +156,7 @@ class _Scan:
         first: The number of its first whole line; 0 where it has none.
         link: The place of its last whole line; None where it has none.
         time: That line's time.
-        tail, lacks_line_end: As ``End`` has them.
+        tail, lacks_line_end: As ``LogEnd`` has them.
     """
 
     def __init__(self, path: str) -> None:

@@ -12,8 +12,8 @@ from collections import deque
 from queue import Empty, SimpleQueue
 from typing import Any, Callable, Deque, List, Mapping, NamedTuple, Optional, Tuple
 
-from jaka_ros_driver.audit.chain import START, Link, encode, link_of
-from jaka_ros_driver.audit.folder import LogFolder
+from jaka_ros_driver.audit.chain import START, ChainLink, encode, link_of
+from jaka_ros_driver.audit.folder import AuditFolder
 
 _LOG = logging.getLogger(__name__)
 
@@ -57,7 +57,7 @@ class Health(NamedTuple):
     waiting: int
     lost: int
     written: int
-    link: Link
+    link: ChainLink
 
 
 class AuditLog:
@@ -74,7 +74,7 @@ class AuditLog:
             most_waiting: Lines that wait in memory at most.
         """
         self.path = folder
-        self._folder = LogFolder(folder)
+        self._folder = AuditFolder(folder)
         self._days = days
         self._file_bytes = file_bytes
         self._most_waiting = most_waiting
@@ -220,7 +220,7 @@ class AuditLog:
             if is_urgent:
                 self._sync()
 
-    def _put(self, data: bytes, link: Link) -> None:
+    def _put(self, data: bytes, link: ChainLink) -> None:
         """Append whole lines, in the next file where this one is full; raise OSError where the disk refuses."""
         if self._size >= self._file_bytes:
             self._sync()
@@ -244,7 +244,7 @@ class AuditLog:
         self._put(line + b"\n", link_of(line, self._link.number + 1))
         self._written += 1
 
-    def _line(self, after: Link, record: _Record) -> bytes:
+    def _line(self, after: ChainLink, record: _Record) -> bytes:
         head = {"time": iso(record.wall), "up": round(record.monotonic * _NS, 6), "kind": record.kind}
         try:
             return encode(after, {**head, **record.fields})

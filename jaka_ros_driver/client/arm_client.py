@@ -10,7 +10,7 @@ from typing import Any, Callable, Iterator, List, Optional, Sequence, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client import fail_stop
-from jaka_ros_driver.client.core.actions import Answer, Close, Log, Open, Port, Send, Show, Tell
+from jaka_ros_driver.client.core.actions import Answer, Close, Log, NotifyGuard, Open, Port, PublishState, Send
 from jaka_ros_driver.client.core.arm_core import AT_REST_ONLY, ArmCore
 from jaka_ros_driver.client.core.feed import FeedHealth
 from jaka_ros_driver.client.core.links import LinkHealth
@@ -18,7 +18,7 @@ from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.planned.path_move import PathProgress
 from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.client.core.procedures.procedure import Procedure
-from jaka_ros_driver.client.core.trajectory import Progress, StartChanged, TrajectoryStart
+from jaka_ros_driver.client.core.trajectory import StartChanged, TrajectoryProgress, TrajectoryStart
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.custody_file import CustodyFile, CustodyKeeper
 from jaka_ros_driver.client.guard import Guard
@@ -28,7 +28,7 @@ from jaka_ros_driver.errors import ConnectionLost, JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.trajectory.build import build_path
-from jaka_ros_driver.trajectory.points import JointTrajectory, Tolerances
+from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryTolerances
 
 _LOG = logging.getLogger(__name__)
 
@@ -47,7 +47,7 @@ _BUILD_TIME_S = 5e-6
 _LONGEST_LEAD_S = 1.0
 
 StateListener = Callable[[RobotState, bool], None]
-CustodyListener = Callable[[Tell], None]
+CustodyListener = Callable[[NotifyGuard], None]
 
 
 class LoopTask:
@@ -91,7 +91,7 @@ class ArmClient:
         self._listeners: List[StateListener] = []
         self._custody_listeners: List[CustodyListener] = []
         self._tasks: List[LoopTask] = []
-        self._shows: List[Show] = []
+        self._shows: List[PublishState] = []
         self._is_closing = False
         self._is_closed = False
         self._has_failed = False
@@ -267,7 +267,7 @@ class ArmClient:
         """Begin a procedure and return at once; the future receives its result, or the error that it names."""
         return self._begin(lambda call, now: self._core.run(call, procedure(self._core), now))
 
-    def move(self, command: c.Motion, wait: bool = True) -> None:
+    def move(self, command: c.MoveCommand, wait: bool = True) -> None:
         """Move to the command's target; return, with ``wait``, when the arm is there, otherwise on the controller's
         acceptance.
 
@@ -279,7 +279,7 @@ class ArmClient:
         """
         self._call(lambda call, now: self._core.move(call, command, wait, now))
 
-    def queue(self, command: c.Motion) -> "Future[None]":
+    def queue(self, command: c.MoveCommand) -> "Future[None]":
         """Begin a move, or queue it behind the running ones; return when the controller has accepted it.
 
         Returns:
@@ -391,7 +391,7 @@ class ArmClient:
         """The number of stops that were asked for; see ``follow``."""
         return self._core.stops
 
-    def follow(self, trajectory: JointTrajectory, tolerances: Tolerances,
+    def follow(self, trajectory: JointTrajectory, tolerances: TrajectoryTolerances,
                stops: Optional[int] = None) -> "Future[None]":
         """Begin to follow a trajectory; a running one is replaced, and joined at the arm's position of that moment.
 
@@ -421,7 +421,7 @@ class ArmClient:
             else:
                 return done
 
-    def _try_to_follow(self, trajectory: JointTrajectory, tolerances: Tolerances, stops: int,
+    def _try_to_follow(self, trajectory: JointTrajectory, tolerances: TrajectoryTolerances, stops: int,
                        lead: float) -> "Future[None]":
         """Build and audit the path without the lock, and begin it; meanwhile the arm may have moved on."""
         starts_at = trajectory.starts_at
@@ -439,7 +439,7 @@ class ArmClient:
             return self._core.cancel_trajectory(goal, time.monotonic())
 
     @property
-    def trajectory(self) -> Optional[Progress]:
+    def trajectory(self) -> Optional[TrajectoryProgress]:
         """The progress of the running trajectory; None without one."""
         with self._lock:
             return self._core.trajectory
@@ -493,7 +493,7 @@ class ArmClient:
         piece: List[bytes] = []
         for action in self._core.take_actions():
             kind = type(action)
-            if kind is Show:
+            if kind is PublishState:
                 self._shows.append(action)  # type: ignore[arg-type]
                 continue
             if kind is Send:
@@ -504,7 +504,7 @@ class ArmClient:
                 piece = []
             if isinstance(action, Answer):
                 _end(action)
-            elif isinstance(action, Tell):
+            elif isinstance(action, NotifyGuard):
                 if self._guard is not None:
                     self._guard.tell(action.is_moving)
                 if self._keeper is not None:
@@ -581,7 +581,7 @@ class ArmClient:
         except Exception:  # a defect of a listener must not end the thread that stops the arm
             _LOG.exception("a listener of the arm's state failed")
 
-    def _pass_on(self, shows: List[Show], now: float) -> None:
+    def _pass_on(self, shows: List[PublishState], now: float) -> None:
         for show in shows:
             for listener in self._listeners:
                 listener(show.state, show.is_new)

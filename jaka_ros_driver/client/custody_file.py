@@ -15,7 +15,7 @@ import threading
 import time
 from typing import Any, Iterator, List, NamedTuple, Optional
 
-from jaka_ros_driver.client.core.actions import Tell
+from jaka_ros_driver.client.core.actions import NotifyGuard
 from jaka_ros_driver.client.core.foreign_motion import LeftMotion
 from jaka_ros_driver.client.process_state import start_of
 from jaka_ros_driver.client.transport import addresses_of
@@ -120,7 +120,7 @@ class CustodyKeeper:
         """Start the writing thread."""
         self._thread.start()
 
-    def note(self, tell: Tell) -> None:
+    def note(self, tell: NotifyGuard) -> None:
         """Record that custody has begun or ended; never wait for the disk."""
         with self._news:
             self._wanted = LeftMotion(tell.name, tell.jog_stop, time.time(), os.getpid()) if tell.is_moving else None

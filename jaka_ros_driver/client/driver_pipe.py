@@ -7,7 +7,7 @@ import time
 from typing import Callable, Optional
 
 from jaka_ros_driver.client.process_state import waits_for_processor
-from jaka_ros_driver.client.stopping import Driver
+from jaka_ros_driver.client.stopping import DriverCondition
 
 MOVING, IDLE, FAREWELL = b"m", b"i", b"q"
 """The driver's messages: it moves the arm; it does not; it ends in good order."""
@@ -109,13 +109,13 @@ class DriverPipe:
             else:
                 return
 
-    def driver(self) -> Driver:
+    def driver(self) -> DriverCondition:
         """Return what is known of the driver now."""
         if self.has_left:
-            return Driver.BACK
+            return DriverCondition.BACK
         if self.is_closed:
-            return Driver.DEAD
-        return Driver.BACK if time.monotonic() - self._heard_at < SILENCE_TIMEOUT_S else Driver.SILENT
+            return DriverCondition.DEAD
+        return DriverCondition.BACK if time.monotonic() - self._heard_at < SILENCE_TIMEOUT_S else DriverCondition.SILENT
 
     def end_driver(self, say: Say) -> None:
         """Kill the driver if it is still silent. It must still be the parent, or its id may be another process's."""

@@ -32,7 +32,7 @@ _REFUSED_PERIOD_S = 0.08
 _AFTER_THE_DRIVER_S = 0.02
 
 
-class Driver(enum.Enum):
+class DriverCondition(enum.Enum):
     """The state of the driver, as far as the guard knows it."""
 
     SILENT = "silent"
@@ -91,7 +91,7 @@ class Stopping:
 
     # ---- what is to be done ----
 
-    def step(self, now: float, driver: Driver) -> Step:
+    def step(self, now: float, driver: DriverCondition) -> Step:
         """Return the next step."""
         if self._has_ended(now):
             return Step.FINISH
@@ -101,11 +101,11 @@ class Stopping:
             return self._hang_up("no answer", False, now) if now > self._link_since + _CONNECT_TIMEOUT_S else Step.WAIT
         if now < self._next_at:
             return Step.WAIT
-        if driver is Driver.BACK:
+        if driver is DriverCondition.BACK:
             self._say("the driver is back and sees to the arm itself")
             return Step.FINISH
         since = self._locked_out_since
-        if driver is Driver.SILENT and since is not None and now - since >= LOCKED_OUT_AFTER_S:
+        if driver is DriverCondition.SILENT and since is not None and now - since >= LOCKED_OUT_AFTER_S:
             self._locked_out_since, self._next_at = None, now + _AFTER_THE_DRIVER_S
             return Step.END_DRIVER
         self._link, self._link_since, self._has_replied = _Link.CONNECTING, now, False

@@ -7,7 +7,7 @@ T = TypeVar("T")
 
 
 @dataclass(eq=False)
-class Request(Generic[T]):
+class PendingRequest(Generic[T]):
     """A request that was sent and is not answered yet.
 
     Attributes:
@@ -35,19 +35,19 @@ class Exchange(Generic[T]):
     """
 
     def __init__(self) -> None:
-        self._outstanding: Deque[Request[T]] = deque()
+        self._outstanding: Deque[PendingRequest[T]] = deque()
 
     def __len__(self) -> int:
         return len(self._outstanding)
 
     def sent(self, name: str, now: float, patience: float, waiter: Optional[T] = None,
-             is_slow: bool = False) -> Request[T]:
+             is_slow: bool = False) -> PendingRequest[T]:
         """Record a request that is sent now, whose reply is due within ``patience`` s; ``is_slow`` as in the record."""
-        request = Request(name, patience, now + patience, waiter, is_slow, now)
+        request = PendingRequest(name, patience, now + patience, waiter, is_slow, now)
         self._outstanding.append(request)
         return request
 
-    def answered(self, reply: Mapping[str, Any], now: float) -> Optional[Request[T]]:
+    def answered(self, reply: Mapping[str, Any], now: float) -> Optional[PendingRequest[T]]:
         """Remove the request that this reply answers, and return it; None for a stale reply."""
         name = reply.get("cmdName")
         for place, request in enumerate(self._outstanding):
@@ -62,7 +62,7 @@ class Exchange(Generic[T]):
         return None
 
     @property
-    def slow(self) -> Optional[Request[T]]:
+    def slow(self) -> Optional[PendingRequest[T]]:
         """The oldest request that may hold up the reply to a request sent now; None where none does."""
         return next((request for request in self._outstanding if request.is_slow), None)
 
@@ -83,7 +83,7 @@ class Exchange(Generic[T]):
             elif request.name == name and request.is_slow:
                 is_behind, request.is_slow, request.deadline = True, False, now + patience
 
-    def overdue(self, now: float) -> Optional[Request[T]]:
+    def overdue(self, now: float) -> Optional[PendingRequest[T]]:
         """Return an outstanding request whose reply is late, or None; those behind a slow one are not late yet."""
         for request in self._outstanding:
             if request.deadline < now:
@@ -92,7 +92,7 @@ class Exchange(Generic[T]):
                 return None
         return None
 
-    def abandon(self) -> List[Request[T]]:
+    def abandon(self) -> List[PendingRequest[T]]:
         """Forget and return all outstanding requests, which will not be answered because the link is lost."""
         lost = list(self._outstanding)
         self._outstanding.clear()

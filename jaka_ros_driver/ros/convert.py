@@ -56,7 +56,7 @@ class Terminal:
                                    self.index, self.bank.name.lower())
 
 
-class Payload(NamedTuple):
+class ToolPayload(NamedTuple):
     """A load, and the id of the tool that carries it."""
 
     tool_id: int
@@ -215,14 +215,14 @@ class RequestDecoder:
         _whole("user_num", request.user_num, *limits.USER_FRAME_IDS)
         return c.SetUserFrame(request.user_num, _frame_pose(request.pose), "user_%d" % request.user_num)
 
-    def payload(self, request: Any) -> Payload:
+    def payload(self, request: Any) -> ToolPayload:
         """Decode a SetPayload: mass, kg, centre of mass, mm. It is audited here, because the tool is selected first."""
         _whole("tool_num", request.tool_num, 0, limits.TOOL_IDS[1])
         mass = _finite("mass", request.mass)
         centroid = tuple(_finite(name, getattr(request, name)) for name in ("xc", "yc", "zc"))
         load = c.SetPayload(mass, all_mm_to_m(centroid))
         limits.check(load, self._model)
-        return Payload(request.tool_num, load)
+        return ToolPayload(request.tool_num, load)
 
     def switch(self, request: Any) -> bool:
         """Decode a SetBool: its ``data``."""

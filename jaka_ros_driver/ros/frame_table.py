@@ -20,7 +20,7 @@ _RETRY_S = 1.0
 Frames = Tuple[Transform, ...]
 
 
-class FrameTable:
+class FrameReader:
     """The ``flange_T_tool`` and ``base_T_user`` by id, read by a thread of its own; None while they are not known."""
 
     def __init__(self, arm: ArmClient) -> None:

@@ -11,7 +11,7 @@ from jaka_ros_driver.kinematics.rotations import (
     rotation_angle_between,
     transform_from_pose,
 )
-from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.state import RobotState
 
 _LOG = logging.getLogger(__name__)
@@ -41,7 +41,7 @@ class Deviation(NamedTuple):
 class ModelCheck:
     """The comparison of poses for each state of an arm at rest. A deviation counts when it is seen twice in a row."""
 
-    def __init__(self, arm: ArmClient, frames: FrameTable) -> None:
+    def __init__(self, arm: ArmClient, frames: FrameReader) -> None:
         self._arm = arm
         self._frames = frames
         self._seen = 0

@@ -14,7 +14,7 @@ import rospy
 from std_msgs.msg import Bool
 
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.core.actions import Tell
+from jaka_ros_driver.client.core.actions import NotifyGuard
 from jaka_ros_driver.client.custody_file import CustodyFile
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.errors import JakaError
@@ -25,7 +25,7 @@ from jaka_ros_driver.ros.audit.setting_up import audit_log_of, start_fields
 from jaka_ros_driver.ros.connections import keep_serving, serve_from_the_start
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.driver_lock import DriverLock
-from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.log_bridge import log_to_ros
 from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
@@ -45,7 +45,7 @@ from jaka_ros_driver.ros.start_checks import (
 )
 from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
 from jaka_ros_driver.ros.topics.io_states import IoPublisher
-from jaka_ros_driver.ros.topics.jog_topics import JogTopics
+from jaka_ros_driver.ros.topics.jog_topics import JogSubscribers
 from jaka_ros_driver.ros.topics.motion_ends import MotionEnds
 from jaka_ros_driver.ros.topics.robot_status import RobotStatusPublisher
 from jaka_ros_driver.ros.topics.sensors import SensorPublishers
@@ -68,7 +68,7 @@ _NAME = "jaka_driver"
 _DESCRIPTION = "robot_description"
 
 
-class Driver:
+class DriverNode:
     """The driver node: everything that runs in it, from its start to its end."""
 
     def __init__(self, config: DriverConfig, model: ArmModel) -> None:
@@ -83,7 +83,7 @@ class Driver:
         self._guard = Guard(config.ip, config.command_port, config.status_port) if config.guard else None
         self._arm = ArmClient(config.client_settings(), model, self._guard,
                               CustodyFile(config.ip, config.command_port))
-        self._frames = FrameTable(self._arm)
+        self._frames = FrameReader(self._arm)
         decoder = RequestDecoder(model, config.is_vendor, config.is_vendor_2025, not config.blocking)
         self._publishers = StatePublishers(self._arm, config, self._frames)
         self._ends = MotionEnds(self._arm)
@@ -97,7 +97,7 @@ class Driver:
         self._io = IoPublisher(self._arm, self._publishers.stamps)
         self._sensors = SensorPublishers(self._arm, self._publishers.stamps, FrameNames(config).flange)
         self._topics = ServoTopics(self._arm, decoder, FrameNames(config), self._recorder)
-        self._jog_topics = JogTopics(self._arm, FrameNames(config), self._frames, self._recorder)
+        self._jog_topics = JogSubscribers(self._arm, FrameNames(config), self._frames, self._recorder)
         self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames), self._audit)
         self._master_watch = MasterWatch(self._set_description)
         self._simulated = rospy.Publisher("~simulated", Bool, queue_size=1, latch=True)
@@ -193,7 +193,7 @@ class Driver:
             self._end_audit()
             self._lock.release()
 
-    def _record_custody(self, tell: Tell) -> None:
+    def _record_custody(self, tell: NotifyGuard) -> None:
         """Record in the client's thread that the driver begins to move the arm, or that this has ended."""
         self._moved = tell.name or self._moved
         self._recorder.event("motion", state="begins" if tell.is_moving else "has ended", motion=self._moved)
@@ -271,7 +271,7 @@ class _Life:
     def __init__(self, drain_log: Callable[[float], bool]) -> None:
         self.exit_code = 0
         self._drain_log = drain_log
-        self._driver: Optional[Driver] = None
+        self._driver: Optional[DriverNode] = None
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="driver", daemon=True)
 
@@ -313,7 +313,7 @@ class _Life:
             _set_scheduler(config.realtime_priority)
             refuse_unreachable_node()
             refuse_taken_topics(config)
-            driver = self._driver = Driver(config, config.arm_model())
+            driver = self._driver = DriverNode(config, config.arm_model())
             rospy.on_shutdown(driver.close)
             rospy.on_shutdown(lambda: self._drain_log(_DRAIN_TIMEOUT_S))
             wait_for_time(self._ending)

@@ -35,7 +35,7 @@ class WrongParameter(JakaError, ValueError):
     """
 
 
-class Parameter(NamedTuple):
+class NodeParameter(NamedTuple):
     """The description and the check of a private parameter.
 
     ``check`` returns a value in the type that the driver uses, and raises ValueError, of which InvalidCommand is one,
@@ -50,7 +50,7 @@ class Parameter(NamedTuple):
 
 
 def _parameter(default: Any, kind: str, unit: str, valid: str, doc: str, check: Callable[[Any], Any]) -> Any:
-    return dataclasses.field(default=default, metadata={"parameter": Parameter(kind, unit, valid, doc, check)})
+    return dataclasses.field(default=default, metadata={"parameter": NodeParameter(kind, unit, valid, doc, check)})
 
 
 def _valid(is_valid: Callable[[Any], bool]) -> Callable[[Any], Any]:
@@ -254,7 +254,7 @@ class DriverConfig:
         return load_model_file(self.dh_file) if self.dh_file else load_model(self.model)
 
 
-def table() -> List[Tuple[str, Any, Parameter]]:
+def table() -> List[Tuple[str, Any, NodeParameter]]:
     """Return name, default and description of every parameter."""
     return [(f.name, f.default, f.metadata["parameter"]) for f in dataclasses.fields(DriverConfig)]
 
@@ -290,7 +290,7 @@ def _nearest(name: str, known: Iterable[str]) -> str:
     return max(known, key=lambda k: (len(words & set(k.split("_"))), difflib.SequenceMatcher(None, name, k).ratio()))
 
 
-def _refusal(name: str, value: Any, parameter: Parameter, why: str) -> str:
+def _refusal(name: str, value: Any, parameter: NodeParameter, why: str) -> str:
     unit = " " + parameter.unit if parameter.unit else ""
     text = "parameter ~%s is %r; valid: %s, %s%s" % (name, value, parameter.kind, parameter.valid, unit)
     return text + (" (%s)" % why if why else "")

@@ -22,7 +22,7 @@ from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.dialect.dialect import COEXISTS, REFUSED, REPLACES, Dialect
 from jaka_ros_driver.simulation.server import panel
 from jaka_ros_driver.simulation.server.cycle_clock import MIN_FEED_PERIOD_S
-from jaka_ros_driver.simulation.server.server import PANEL, Server
+from jaka_ros_driver.simulation.server.server import PANEL, ControllerServer
 from jaka_ros_driver.wire.log import WireLog
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
@@ -102,8 +102,8 @@ class SimulatedController:
             ports[PANEL] = panel_port
         self._thread: Optional[threading.Thread] = None
         try:
-            self.server = Server(controller, host, ports, time_scale=time_scale, seed=seed, log=self._log,
-                                 panel_handler=lambda request: panel.handle(self.server, request))
+            self.server = ControllerServer(controller, host, ports, time_scale=time_scale, seed=seed, log=self._log,
+                                           panel_handler=lambda request: panel.handle(self.server, request))
         except OSError:
             self._close_log()
             raise

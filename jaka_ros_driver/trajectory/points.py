@@ -55,7 +55,7 @@ class JointTrajectory:
 
 
 @dataclass(frozen=True)
-class Tolerances:
+class TrajectoryTolerances:
     """The deviations that are allowed from a trajectory; None: the joint is not watched.
 
     Attributes:

@@ -34,7 +34,7 @@ _BEHIND_CORNER = 1e-3
 """
 
 
-class Place(NamedTuple):
+class PathPlace(NamedTuple):
     """The begin or end of a segment: joints, rad (6,), and the tool in the user frame, m and rpy rad."""
 
     joints: Vector
@@ -70,7 +70,7 @@ class Segment:
         duration: At its programmed speed, without acceleration and braking, s.
     """
 
-    def __init__(self, command: PathCommand, start: Place, end: Place) -> None:
+    def __init__(self, command: PathCommand, start: PathPlace, end: PathPlace) -> None:
         """Compute length and duration; raise InvalidCommand where there is no such arc."""
         self.command = command
         self.start, self.end = start, end
@@ -125,7 +125,7 @@ class SegmentPath:
         ends: When each ends at its programmed speed, s from the begin.
     """
 
-    def __init__(self, commands: Sequence[PathCommand], places: Sequence[Place]) -> None:
+    def __init__(self, commands: Sequence[PathCommand], places: Sequence[PathPlace]) -> None:
         """Join the segments.
 
         Args:
@@ -182,7 +182,7 @@ class SegmentPath:
                                      "beside the corner, %.6g m" % (number, radius, longest))
 
 
-class Tracker:
+class PathTracker:
     """The arm's progress on a path: the nearest place that it can have reached since the last frame.
 
     Attributes:

@@ -21,7 +21,7 @@ from jaka_ros_driver.wire import sockets
 from jaka_ros_driver.wire.log import clock_offset_ns, read_log
 from jaka_ros_driver.wire.port_server import IDLE_S, PortServer
 from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
-from jaka_ros_driver.wire.script import Piece, RecordedConnection, WireScript, wire_script
+from jaka_ros_driver.wire.script import Piece, RecordedConnection, RecordedSession, recorded_session
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
 _EARLY_S = 0.05
@@ -55,7 +55,7 @@ class _Client:
         return self.recorded.ended + self.shift + grace
 
 
-class WirePlayer(PortServer):
+class SessionReplayer(PortServer):
     """The server of a recorded controller's ports.
 
     Args:
@@ -68,7 +68,7 @@ class WirePlayer(PortServer):
         port_numbers: TCP port by name.
     """
 
-    def __init__(self, script: WireScript, speed: float, ports: Dict[str, int],
+    def __init__(self, script: RecordedSession, speed: float, ports: Dict[str, int],
                  notice: Callable[..., None]) -> None:
         self._script = script
         self._speed = speed
@@ -233,10 +233,10 @@ def main(argv: Optional[List[str]] = None) -> int:
     """Run the command; return 0 when a signal ended it, 1 when it failed, 2 for wrong usage."""
     options = _arguments(argv)
     try:
-        script = wire_script(read_log(options.log))
+        script = recorded_session(read_log(options.log))
         offset = clock_offset_ns(options.log)
         numbers: Dict[str, int] = {port: getattr(options, port + "_port") for port in PORTS}
-        player = WirePlayer(script, options.speed, numbers, _print)
+        player = SessionReplayer(script, options.speed, numbers, _print)
         stop_on_signals(player.stop)
         raise_priority(False)
         print_ports(player.port_numbers, duration_s=script.duration, start_ns=script.start_ns,

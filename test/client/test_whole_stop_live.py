@@ -9,7 +9,7 @@ from guarded_driver import GuardedDriver
 from raw_client import RawClient
 
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.core.jog import Jog as JogMotion
+from jaka_ros_driver.client.core.jog import JogMotion as JogMotion
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.custody_file import CustodyFile
 from jaka_ros_driver.client.settings import ClientSettings

@@ -14,7 +14,7 @@ from verdict import RuleBroken
 from virtual_clock import Clock
 from wire import Arrival, Cable, Network
 
-from jaka_ros_driver.client.core.actions import Answer, Close, Log, Open, Port, Send, Show, Tell
+from jaka_ros_driver.client.core.actions import Answer, Close, Log, NotifyGuard, Open, Port, PublishState, Send
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.errors import JakaError
@@ -326,7 +326,7 @@ class DriverProcess:
             self._judge.broken("a bug in the core:\n" + traceback.format_exc())
 
     def _perform(self, action: Any, now: float) -> None:
-        if isinstance(action, Show):
+        if isinstance(action, PublishState):
             if action.is_new:
                 self.shown = action.state
             self._judge.shown(action.state, action.is_new, now)
@@ -334,7 +334,7 @@ class DriverProcess:
             self._send(action.data, now)
         elif isinstance(action, Answer):
             self._answer(action, now)
-        elif isinstance(action, Tell):
+        elif isinstance(action, NotifyGuard):
             self.is_moving_told, self._jog_stop = action.is_moving, action.jog_stop
             if self.guard is not None:
                 self.guard.is_told(action.is_moving, action.jog_stop)

@@ -29,7 +29,7 @@ def parts(monkeypatch):
 
 
 def driver(**parameters):
-    return node.Driver(DriverConfig(**parameters), load_model("zu7"))
+    return node.DriverNode(DriverConfig(**parameters), load_model("zu7"))
 
 
 @pytest.mark.parametrize("is_guarded", [True, False])

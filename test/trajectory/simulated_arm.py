@@ -13,7 +13,7 @@ from jaka_ros_driver.simulation.controller.controller_state import Options, Star
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.status_frame import all_field_names
 from jaka_ros_driver.trajectory.build import build_path
-from jaka_ros_driver.trajectory.points import JointTrajectory, Tolerances
+from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryTolerances
 
 FIELDS = frozenset((
     "joint_actual_position", "joint_position", "actual_position", "powered_on", "enabled", "inpos", "emergency_stop",
@@ -88,7 +88,7 @@ class SimulatedArm:
         start, error = self.answers.pop("start")
         assert error is None, error
         path = build_path(start.begin, JointTrajectory(tuple(points)), 0.0, self._model, START_TOLERANCE)
-        self.core.follow("goal", path, start, Tolerances((0.02,) * 6, (0.001,) * 6, 0.5), 0, self.now)
+        self.core.follow("goal", path, start, TrajectoryTolerances((0.02,) * 6, (0.001,) * 6, 0.5), 0, self.now)
         self._perform()
         until = self.now + path.end + 3.0
         while "goal" not in self.answers:

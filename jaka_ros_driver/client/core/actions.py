@@ -41,7 +41,7 @@ class Answer(NamedTuple):
     error: Optional[JakaError]
 
 
-class Tell(NamedTuple):
+class NotifyGuard(NamedTuple):
     """The notification, for the guard and for the disk, whether this driver moves the arm; it precedes the first byte.
 
     Attributes:
@@ -55,7 +55,7 @@ class Tell(NamedTuple):
     jog_stop: Optional[JogStop] = None
 
 
-class Show(NamedTuple):
+class PublishState(NamedTuple):
     """The request to publish a state; ``is_new`` is False where it shows a time that has passed: not to be published as
     new.
     """
@@ -71,7 +71,7 @@ class Log(NamedTuple):
     text: str
 
 
-Action = Union[Open, Close, Send, Answer, Tell, Show, Log]
+Action = Union[Open, Close, Send, Answer, NotifyGuard, PublishState, Log]
 
 
 class Actions:

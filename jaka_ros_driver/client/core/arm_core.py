@@ -9,17 +9,17 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.actions import Action, Actions, Port
-from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.contradictions import require_no_wait
 from jaka_ros_driver.client.core.custody import Admission, Custody, Enter
 from jaka_ros_driver.client.core.foreign_motion import ForeignMotion, LeftBehind, LeftMotion
-from jaka_ros_driver.client.core.jog import Jog
+from jaka_ros_driver.client.core.jog import JogMotion
 from jaka_ros_driver.client.core.links import Links
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.planned.path_audit import audit
 from jaka_ros_driver.client.core.planned.path_move import PathMove, PathProgress
-from jaka_ros_driver.client.core.planned.program import Program, require_program_state
+from jaka_ros_driver.client.core.planned.program import ProgramMotion, require_program_state
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Running, Until
 from jaka_ros_driver.client.core.servo import Servo
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
@@ -27,8 +27,8 @@ from jaka_ros_driver.client.core.stops import Stops
 from jaka_ros_driver.client.core.streaming import Streaming, left_servo_mode
 from jaka_ros_driver.client.core.trajectory import (
     Goal,
-    Progress,
     Trajectory,
+    TrajectoryProgress,
     TrajectoryStart,
     require_start,
     start_at_rest,
@@ -48,7 +48,7 @@ from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import ProgramState, RobotState
 from jaka_ros_driver.trajectory.path import Path
-from jaka_ros_driver.trajectory.points import Tolerances
+from jaka_ros_driver.trajectory.points import TrajectoryTolerances
 from jaka_ros_driver.trajectory.segments import SegmentPath
 
 AT_REST_ONLY = (c.SetToolFrame, c.SelectTool, c.SetUserFrame, c.SelectUserFrame, c.SetPayload, c.SetHandGuiding)
@@ -74,7 +74,7 @@ class ArmCore:
         self.settings = settings
         self.model = model
         self.actions = Actions()
-        self.channel = Channel(self.actions, settings)
+        self.channel = CommandChannel(self.actions, settings)
         self.custody = Custody(self.actions, self.channel, settings, model.joint_max_speed,
                                lambda now: self._admission.retry(now))
         self.links = Links(settings, self.actions, self.channel, self.custody, self.note_disturbance)
@@ -126,7 +126,7 @@ class ArmCore:
         return motion.late_cycles if isinstance(motion, Streaming) else 0
 
     @property
-    def trajectory(self) -> Optional[Progress]:
+    def trajectory(self) -> Optional[TrajectoryProgress]:
         """The progress of the running trajectory; None without one."""
         motion = self.custody.motion
         return motion.progress if isinstance(motion, Trajectory) else None
@@ -232,7 +232,7 @@ class ArmCore:
 
     # ---- calls: each is answered once ----
 
-    def move(self, call: Any, command: c.Motion, wait: bool, now: float, end: Any = None) -> None:
+    def move(self, call: Any, command: c.MoveCommand, wait: bool, now: float, end: Any = None) -> None:
         """Move to the command's target; answered with ``wait`` when the arm is there, else on acceptance.
 
         ``end``: answered when the target is reached (of a queue: passed), or with what ended the move; not where
@@ -309,7 +309,7 @@ class ArmCore:
         ``end`` as for ``play``; where this driver plays it already, nobody is answered by it. Errors as ``move``.
         """
         running = self.custody.motion
-        if isinstance(running, Program) and not self.custody.is_ending:
+        if isinstance(running, ProgramMotion) and not self.custody.is_ending:
             self.run(call, running.resumed(
                 lambda at: self._admission.require_ready_to_move(MotionOwner.PROGRAM, at), self.seen), now)
         else:
@@ -320,13 +320,13 @@ class ArmCore:
         def enter(at: float) -> None:
             self._admission.require_ready_to_move(MotionOwner.JOG, at)
             running = self.custody.motion
-            if isinstance(running, Jog) and not self.custody.is_ending:
+            if isinstance(running, JogMotion) and not self.custody.is_ending:
                 if running.command == command:
                     running.again(call, at)
                     return
                 self.custody.stop(MotionInterrupted(StopCause.STOPPED, "another jog replaces it"), at)
             if self._admission.may_begin(call, enter, now, at, MotionOwner.JOG):
-                self.custody.begin(Jog(self.custody, command, call), at)
+                self.custody.begin(JogMotion(self.custody, command, call), at)
         self._enter(call, enter, now, command)
 
     def servo_mode(self, call: Any, active: bool, now: float) -> None:
@@ -417,7 +417,7 @@ class ArmCore:
                 self.actions.answer(call, start_at_rest(state))
         self._enter(call, enter, now)
 
-    def follow(self, call: Any, path: Path, start: TrajectoryStart, tolerances: Tolerances, stops: int,
+    def follow(self, call: Any, path: Path, start: TrajectoryStart, tolerances: TrajectoryTolerances, stops: int,
                now: float) -> None:
         """Follow an audited path from its start on; answered when the arm rests at its end, and servo mode is left.
 
@@ -558,7 +558,7 @@ class ArmCore:
             if self.motion_owner is None:
                 require_program_state(state, wanted)
             if self._admission.may_begin(call, enter, now, at, MotionOwner.PROGRAM):
-                self.custody.begin(Program(self.custody, command, call, end), at)
+                self.custody.begin(ProgramMotion(self.custody, command, call, end), at)
         self._enter(call, enter, now)
 
     def _answerer(self, call: Any) -> OnEnd:

@@ -40,7 +40,7 @@ class Requests(Protocol):
     """The interface for sending requests: the channel's, or an introduction's."""
 
     def request(self, command: Command, now: float, on_reply: OnReply) -> None:
-        """Send one command; errors as ``Channel.request``."""
+        """Send one command; errors as ``CommandChannel.request``."""
 
 
 _PARTS_OF_A_STOP = (JogStop, SetServoMode, Stop)
@@ -61,11 +61,11 @@ class _Pending:
 class Introduction:
     """A new connection whose controller may not be the intended one: all it can be asked is its identity."""
 
-    def __init__(self, channel: "Channel") -> None:
+    def __init__(self, channel: "CommandChannel") -> None:
         self._channel = channel
 
     def request(self, command: Command, now: float, on_reply: OnReply) -> None:
-        """Ask for the identity; errors as ``Channel.request``.
+        """Ask for the identity; errors as ``CommandChannel.request``.
 
         Raises:
             ConnectionLost: The connection has ended; or it is not the identity that is asked for.
@@ -75,7 +75,7 @@ class Introduction:
         self._channel.send_all([command], now, {0: on_reply})
 
 
-class Channel:
+class CommandChannel:
     """The command port's outstanding requests, of which several may be on their way.
 
     A late reply ends the connection (docs/controller-protocol.md section 3.2): whether the controller acted on the

@@ -28,7 +28,7 @@ PLANNED = (MotionOwner.MOVE, MotionOwner.PATH, MotionOwner.JOG)
 MOTIONS = (*PLANNED, MotionOwner.PROGRAM, *STREAMS)
 
 
-class Evidence(NamedTuple):
+class ArmEvidence(NamedTuple):
     """The knowledge of the arm at one moment.
 
     Attributes:
@@ -58,7 +58,7 @@ class AtStart(enum.Enum):
     ALLOWS = "may begin"
 
 
-class Row(NamedTuple):
+class Contradiction(NamedTuple):
     """One condition that contradicts motion.
 
     Attributes:
@@ -71,7 +71,7 @@ class Row(NamedTuple):
     """
 
     name: str
-    cause: Callable[[Evidence], Optional[MotionInterrupted]]
+    cause: Callable[[ArmEvidence], Optional[MotionInterrupted]]
     at_start: AtStart = AtStart.REFUSES
     refusal: str = "refused, the arm cannot move: %s"
     except_for: Mapping[MotionOwner, str] = {}
@@ -79,71 +79,75 @@ class Row(NamedTuple):
 
 
 def _if(holds: Callable[[RobotState], bool], cause: StopCause,
-        text: Callable[[RobotState], str] = lambda state: "") -> Callable[[Evidence], Optional[MotionInterrupted]]:
+        text: Callable[[RobotState], str] = lambda state: "") -> Callable[[ArmEvidence], Optional[MotionInterrupted]]:
     return lambda seen: MotionInterrupted(cause, text(seen.state)) if holds(seen.state) else None
 
 
-def _new_fault(seen: Evidence) -> Optional[MotionInterrupted]:
+def _new_fault(seen: ArmEvidence) -> Optional[MotionInterrupted]:
     state = seen.state
     is_fault = seen.is_new_event and state.has_fault and not state.has_warning
     return MotionInterrupted(StopCause.FAULT, event_text(state)) if is_fault else None
 
 
-def _hand_guiding(seen: Evidence) -> Optional[MotionInterrupted]:
+def _hand_guiding(seen: ArmEvidence) -> Optional[MotionInterrupted]:
     return MotionInterrupted(StopCause.FAULT, "hand guiding is on") if seen.is_guided else None
 
 
-def _foreign_program(seen: Evidence) -> Optional[MotionInterrupted]:
+def _foreign_program(seen: ArmEvidence) -> Optional[MotionInterrupted]:
     runs = seen.state.program_state in PROGRAM_UNDER_WAY
     return MotionInterrupted(StopCause.FAULT, "a program of the controller's own runs") if runs else None
 
 
-def _servo_mode(seen: Evidence) -> Optional[MotionInterrupted]:
+def _servo_mode(seen: ArmEvidence) -> Optional[MotionInterrupted]:
     if seen.servo_mode is None or seen.wants_servo_mode is None or seen.servo_mode is seen.wants_servo_mode:
         return None
     return MotionInterrupted(StopCause.FAULT, "the controller is in servo mode, for another client" if seen.servo_mode
                              else "the controller has left servo mode")
 
 
-def _jump(seen: Evidence) -> Optional[MotionInterrupted]:
+def _jump(seen: ArmEvidence) -> Optional[MotionInterrupted]:
     return MotionInterrupted(StopCause.FAULT, seen.jump) if seen.jump else None
 
 
-def _frames(seen: Evidence) -> Optional[MotionInterrupted]:
+def _frames(seen: ArmEvidence) -> Optional[MotionInterrupted]:
     return MotionInterrupted(StopCause.FAULT, seen.frames) if seen.frames else None
 
 
-_STANDING: Tuple[Row, ...] = (
-    Row("emergency stop", _if(lambda s: s.emergency_stop, StopCause.EMERGENCY_STOP)),
-    Row("protective stop", _if(lambda s: s.protective_stop, StopCause.PROTECTIVE_STOP, event_text)),
-    Row("no power", _if(lambda s: not s.is_powered, StopCause.NOT_ENABLED, lambda s: "the drives have no power")),
-    Row("drives disabled", _if(lambda s: not s.is_enabled, StopCause.NOT_ENABLED, event_text)))
+_STANDING: Tuple[Contradiction, ...] = (
+    Contradiction("emergency stop", _if(lambda s: s.emergency_stop, StopCause.EMERGENCY_STOP)),
+    Contradiction("protective stop", _if(lambda s: s.protective_stop, StopCause.PROTECTIVE_STOP, event_text)),
+    Contradiction("no power", _if(lambda s: not s.is_powered, StopCause.NOT_ENABLED,
+                                  lambda s: "the drives have no power")),
+    Contradiction("drives disabled", _if(lambda s: not s.is_enabled, StopCause.NOT_ENABLED, event_text)))
 
-TABLE: Tuple[Row, ...] = (
+TABLE: Tuple[Contradiction, ...] = (
     *_STANDING,
-    Row("new fault", _new_fault, AtStart.ALLOWS,
-        why_at_start="an event that stood before the motion, without a stop, is history: controllers go on to show it"),
-    Row("hand guiding", _hand_guiding, refusal="refused: hand guiding owns the arm's motion; switch it off first",
-        except_for={MotionOwner.PROGRAM: "a program may ask for hand guiding itself"}),
-    Row("another's program", _foreign_program, AtStart.WAITS,
-        "refused: a program of the controller's own runs; stop it first",
-        except_for={MotionOwner.PROGRAM: "it is this motion"}),
-    Row("program not told", _if(lambda s: s.program_state is None, StopCause.FAULT,
-                                lambda s: "the controller does not tell any more whether its program runs"),
-        refusal="refused: this controller does not tell whether a program runs (interp_state)",
-        except_for=dict.fromkeys((*PLANNED, *STREAMS), "its end is seen in the joints")),
-    Row("servo mode", _servo_mode, AtStart.WAITS,
-        "refused: the controller is in servo mode, for another client; stop_move leaves it"),
-    Row("joints jump", _jump, AtStart.ALLOWS,
-        why_at_start="no frame counts until it shows the arm where the controller says it is, and then at rest"),
-    Row("another frame", _frames, AtStart.ALLOWS,
-        except_for={MotionOwner.PROGRAM: "a program selects its frames itself"},
-        why_at_start="its targets mean the frames that are active when it begins"))
+    Contradiction("new fault", _new_fault, AtStart.ALLOWS,
+                  why_at_start="an event that stood before the motion, without a stop, is history: controllers go on "
+                  "to show it"),
+    Contradiction("hand guiding", _hand_guiding,
+                  refusal="refused: hand guiding owns the arm's motion; switch it off first",
+                  except_for={MotionOwner.PROGRAM: "a program may ask for hand guiding itself"}),
+    Contradiction("another's program", _foreign_program, AtStart.WAITS,
+                  "refused: a program of the controller's own runs; stop it first",
+                  except_for={MotionOwner.PROGRAM: "it is this motion"}),
+    Contradiction("program not told", _if(lambda s: s.program_state is None, StopCause.FAULT,
+                                          lambda s: "the controller does not tell any more whether its program runs"),
+                  refusal="refused: this controller does not tell whether a program runs (interp_state)",
+                  except_for=dict.fromkeys((*PLANNED, *STREAMS), "its end is seen in the joints")),
+    Contradiction("servo mode", _servo_mode, AtStart.WAITS,
+                  "refused: the controller is in servo mode, for another client; stop_move leaves it"),
+    Contradiction("joints jump", _jump, AtStart.ALLOWS,
+                  why_at_start="no frame counts until it shows the arm where the controller says it is, and then at "
+                  "rest"),
+    Contradiction("another frame", _frames, AtStart.ALLOWS,
+                  except_for={MotionOwner.PROGRAM: "a program selects its frames itself"},
+                  why_at_start="its targets mean the frames that are active when it begins"))
 
 
 def standing_cause(state: RobotState) -> Optional[MotionInterrupted]:
     """Return why the arm cannot move in this state; None where nothing stands against it."""
-    return _first(_STANDING, Evidence(state, False))
+    return _first(_STANDING, ArmEvidence(state, False))
 
 
 def require_drives(state: RobotState) -> None:
@@ -157,12 +161,12 @@ def require_drives(state: RobotState) -> None:
         raise InvalidCommand("refused, the arm cannot move: %s" % cause)
 
 
-def cause_of_stop(owner: MotionOwner, seen: Evidence) -> Optional[MotionInterrupted]:
+def cause_of_stop(owner: MotionOwner, seen: ArmEvidence) -> Optional[MotionInterrupted]:
     """Return why a motion of this kind must be stopped; None where nothing contradicts it."""
     return _first([row for row in TABLE if owner not in row.except_for], seen)
 
 
-def _first(rows: Sequence[Row], seen: Evidence) -> Optional[MotionInterrupted]:
+def _first(rows: Sequence[Contradiction], seen: ArmEvidence) -> Optional[MotionInterrupted]:
     for row in rows:
         cause = row.cause(seen)
         if cause is not None:
@@ -170,7 +174,7 @@ def _first(rows: Sequence[Row], seen: Evidence) -> Optional[MotionInterrupted]:
     return None
 
 
-def require_start(owner: MotionOwner, seen: Evidence) -> None:
+def require_start(owner: MotionOwner, seen: ArmEvidence) -> None:
     """Check that nothing forbids a motion of this kind to begin at once or after a wait.
 
     Raises:
@@ -179,14 +183,14 @@ def require_start(owner: MotionOwner, seen: Evidence) -> None:
     _refuse(owner, seen, AtStart.REFUSES)
 
 
-def require_no_wait(owner: MotionOwner, seen: Evidence) -> None:
+def require_no_wait(owner: MotionOwner, seen: ArmEvidence) -> None:
     """Check that no condition holds whose end a motion of this kind would have to wait for; errors as
     ``require_start``.
     """
     _refuse(owner, seen, AtStart.WAITS)
 
 
-def _refuse(owner: MotionOwner, seen: Evidence, kind: AtStart) -> None:
+def _refuse(owner: MotionOwner, seen: ArmEvidence, kind: AtStart) -> None:
     for row in TABLE:
         cause = row.cause(seen) if row.at_start is kind and owner not in row.except_for else None
         if cause is not None:
@@ -244,8 +248,8 @@ class Watch:
         is_new = state.error_code != self._known_event
         if is_new:
             self._known_event = 0
-        return cause_of_stop(self._owner, Evidence(state, bool(state.is_hand_guided), jump=jump, is_new_event=is_new,
-                                                   frames=self._frames_changed(state) or self._pose_jump(state)))
+        return cause_of_stop(self._owner, ArmEvidence(state, bool(state.is_hand_guided), jump=jump, is_new_event=is_new,
+                                                      frames=self._frames_changed(state) or self._pose_jump(state)))
 
     def _frames_changed(self, state: RobotState) -> str:
         for name, shown in (("tool", state.tool_id), ("user frame", state.user_frame_id)):

@@ -11,11 +11,11 @@ import enum
 import logging
 from typing import Any, Callable, List, NamedTuple, Optional, Protocol, Sequence
 
-from jaka_ros_driver.client.core.actions import Actions, Tell
-from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.actions import Actions, NotifyGuard
+from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.contradictions import (
     STREAMS,
-    Evidence,
+    ArmEvidence,
     JumpWatch,
     Watch,
     cause_of_stop,
@@ -23,7 +23,7 @@ from jaka_ros_driver.client.core.contradictions import (
     require_start,
     standing_cause,
 )
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner
+from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
 from jaka_ros_driver.client.core.stillness import REST_TIME_S, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import STOP_REPLY, SetLinkLoss, whole_stop
@@ -74,7 +74,7 @@ class Custody:
         settings: Times.
     """
 
-    def __init__(self, actions: Actions, channel: Channel, settings: ClientSettings,
+    def __init__(self, actions: Actions, channel: CommandChannel, settings: ClientSettings,
                  joint_max_speed: Sequence[float], on_free: Callable[[float], None]) -> None:
         """Set up while nobody moves the arm; ``on_free`` is called when that is so again.
 
@@ -84,7 +84,7 @@ class Custody:
         self.channel = channel
         self.settings = settings
         self.stillness = Stillness()
-        self.motion: Optional[Motion] = None
+        self.motion: Optional[ArmMotion] = None
         self._on_free = on_free
         self._jumps = JumpWatch(joint_max_speed)
         self._state: Optional[RobotState] = None
@@ -151,7 +151,7 @@ class Custody:
 
     # ---- the life of a motion ----
 
-    def begin(self, motion: Motion, now: float) -> None:
+    def begin(self, motion: ArmMotion, now: float) -> None:
         """Take custody, notify the guard, and let the motion send its first command.
 
         Raises:
@@ -166,7 +166,7 @@ class Custody:
             self._release(now)
             raise
 
-    def take_over(self, motion: Motion, now: float) -> None:
+    def take_over(self, motion: ArmMotion, now: float) -> None:
         """Take custody of a motion that was left running: it is stopped, as the first message on the next link."""
         self._take(motion, _Phase.STOPPING, now)
         self._began_at = now
@@ -271,7 +271,7 @@ class Custody:
         """Take the controller's answer to a question of ``asked_at``, s: whether it is in servo mode."""
         if self._phase is _Phase.HELD and self.motion is not None and self._state is not None and (
                 asked_at > self._held_since):
-            cause = cause_of_stop(self.motion.owner, Evidence(
+            cause = cause_of_stop(self.motion.owner, ArmEvidence(
                 self._state, False, is_active, self.motion.wants_servo_mode(asked_at)))
             if cause is not None:
                 self.stop(cause, now)
@@ -322,7 +322,7 @@ class Custody:
 
     # ---- inside ----
 
-    def _take(self, motion: Motion, phase: _Phase, now: float) -> None:
+    def _take(self, motion: ArmMotion, phase: _Phase, now: float) -> None:
         assert self.is_free
         self._number += 1
         self.motion, self._phase = motion, phase
@@ -330,7 +330,7 @@ class Custody:
         self._accepted_at, self._retry_at, self._outstanding, self._moves_on = None, _NEVER, 0, False
         self._watch = Watch(motion.owner, self._state)
         self._held_since = now
-        self.actions.add(Tell(True, motion.name, motion.jog_stop))
+        self.actions.add(NotifyGuard(True, motion.name, motion.jog_stop))
 
     def _send_stop(self, now: float, answer: Callable[[Optional[JakaError]], None] = lambda error: None) -> None:
         """Send the stop of this motion now; without a connection the call fails and ``link_up`` sends it."""
@@ -405,7 +405,7 @@ class Custody:
         self._phase = _Phase.FREE
         self._retry_at = _NEVER
         self._set_link_loss(0.0, now)
-        self.actions.add(Tell(False))
+        self.actions.add(NotifyGuard(False))
         if not self._is_told and motion is not None:
             motion.ended(self._outcome)
         self._on_free(now)
@@ -498,11 +498,11 @@ class Admission:
         """
         return self.is_guided if state.is_hand_guided is None else state.is_hand_guided
 
-    def evidence(self, owner: MotionOwner, state: RobotState) -> Evidence:
+    def evidence(self, owner: MotionOwner, state: RobotState) -> ArmEvidence:
         """Return what is known before a motion of this kind."""
         is_free = self.owner is None  # else servo mode is this driver's own
-        return Evidence(state, self.is_guided_in(state), self._sight.is_servo_active if is_free else None,
-                        None if owner in STREAMS else False)
+        return ArmEvidence(state, self.is_guided_in(state), self._sight.is_servo_active if is_free else None,
+                           None if owner in STREAMS else False)
 
     def may_begin(self, call: Any, enter: Enter, asked_at: float, now: float,
                   owner: MotionOwner = MotionOwner.SETTING) -> bool:

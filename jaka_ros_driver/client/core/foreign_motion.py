@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Optional
 
 from jaka_ros_driver.client.core.actions import Actions
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner
+from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState, Vector
@@ -34,7 +34,7 @@ class LeftMotion:
     process: int
 
 
-class LeftBehind(Motion):
+class LeftBehind(ArmMotion):
     """A motion that a dead driver left: all that is known of it is how to stop it."""
 
     owner = MotionOwner.LEFT

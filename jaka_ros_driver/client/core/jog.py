@@ -3,11 +3,10 @@ import logging
 from typing import Any, List, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner, rest_time_at
+from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, rest_time_at
 from jaka_ros_driver.client.core.move import NOT_SEEN_TO_BEGIN, START_WINDOW_S, UNSEEN_START_S
 from jaka_ros_driver.client.core.stillness import MOVEMENT
-from jaka_ros_driver.commands import Jog as JogCommand
-from jaka_ros_driver.commands import JogStop
+from jaka_ros_driver.commands import Jog, JogStop
 from jaka_ros_driver.errors import JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState, Vector
 
@@ -15,7 +14,7 @@ _OVER_TIME_S = 0.5
 """Stillness, s, after which a jog whose arm has moved has ended, whatever ``inpos`` says."""
 
 
-class Jog(Motion):
+class JogMotion(ArmMotion):
     """A continuous motion of one axis with a watchdog.
 
     Attributes:
@@ -24,7 +23,7 @@ class Jog(Motion):
 
     owner = MotionOwner.JOG
 
-    def __init__(self, custody: Custody, command: JogCommand, call: Any) -> None:
+    def __init__(self, custody: Custody, command: Jog, call: Any) -> None:
         """Set up the motion.
 
         call: Answered with the controller's acceptance.

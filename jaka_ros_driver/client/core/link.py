@@ -16,7 +16,7 @@ _TAKEN_TIMES, _TAKEN_WITHIN_S = 3, 10.0
 _NEVER = float("inf")
 
 
-class Link:
+class PortLink:
     """The connection to one port.
 
     A connection that goes down at once, as when the controller's port is busy with another client, counts as a failure:

@@ -6,11 +6,11 @@ import logging
 from dataclasses import dataclass
 from typing import Any, Callable, Optional, Tuple
 
-from jaka_ros_driver.client.core.actions import Actions, Port, Show
-from jaka_ros_driver.client.core.channel import Channel, Introduction
+from jaka_ros_driver.client.core.actions import Actions, Port, PublishState
+from jaka_ros_driver.client.core.channel import CommandChannel, Introduction
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.feed import LONGEST_DEBT_S, SILENCE_S, Feed, FeedHealth
-from jaka_ros_driver.client.core.link import Link, Takeovers
+from jaka_ros_driver.client.core.link import PortLink, Takeovers
 from jaka_ros_driver.client.core.procedures import session
 from jaka_ros_driver.client.core.procedures.procedure import Running
 from jaka_ros_driver.client.core.witness import Witness
@@ -63,7 +63,7 @@ class Links:
         about: The controller's answers about itself.
     """
 
-    def __init__(self, settings: ClientSettings, actions: Actions, channel: Channel, custody: Custody,
+    def __init__(self, settings: ClientSettings, actions: Actions, channel: CommandChannel, custody: Custody,
                  on_disturbed: Callable[[str], None]) -> None:
         """Set up without a connection; ``start`` connects.
 
@@ -76,8 +76,8 @@ class Links:
         self._on_disturbed = on_disturbed
         self._feed = Feed(settings.feed_period)
         self._witness = Witness(actions, channel, settings.silence_timeout)
-        self._command = Link(Port.COMMAND, actions)
-        self._status = Link(Port.STATUS, actions)
+        self._command = PortLink(Port.COMMAND, actions)
+        self._status = PortLink(Port.STATUS, actions)
         self._handshake: Optional[Running] = None
         self._next_beat = _NEVER
         self._last_event = 0.0
@@ -205,7 +205,7 @@ class Links:
                 self._has_sight = True
                 is_asked = self._witness.is_trusted and self._feed.may_lag
                 self._custody.observe(state, now, self._witness.agreed_at if is_asked else _NEVER)
-            self._actions.add(Show(state, is_new))
+            self._actions.add(PublishState(state, is_new))
         if self.is_ready and self._witness.wants_to_ask:
             self._witness.ask(now)
         if self._witness.take_motion_seen():

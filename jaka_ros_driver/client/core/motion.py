@@ -26,7 +26,7 @@ class MotionOwner(enum.Enum):
     SETTING = "a change of frames, payload or hand guiding"
 
 
-class Motion:
+class ArmMotion:
     """One motion, from before its first byte until custody of it ends.
 
     Attributes:

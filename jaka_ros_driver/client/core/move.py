@@ -4,10 +4,9 @@ from typing import Any, List, Optional
 
 from jaka_ros_driver.client.core.arrival import NO_DISTANCE, SETTLE_TIME_S, InPosition, has_settled
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner, is_held, rest_time_at
+from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, is_held, rest_time_at
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
-from jaka_ros_driver.commands import JointMove, PathCommand
-from jaka_ros_driver.commands import Motion as MoveCommand
+from jaka_ros_driver.commands import JointMove, MoveCommand, PathCommand
 from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import RobotState
@@ -39,7 +38,7 @@ class _Part:
         self.was_reached = False
 
 
-class Move(Motion):
+class Move(ArmMotion):
     """A motion that is completed when the arm rests at the last target, and stopped when anything contradicts that."""
 
     owner = MotionOwner.MOVE

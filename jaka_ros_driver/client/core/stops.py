@@ -2,7 +2,7 @@
 from typing import Any, Callable, Optional
 
 from jaka_ros_driver.client.core.actions import Actions
-from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.custody import Admission, Custody
 from jaka_ros_driver.client.core.links import Links
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Until, pause
@@ -38,7 +38,7 @@ class Stops:
         count: The number of stops that were asked for.
     """
 
-    def __init__(self, actions: Actions, channel: Channel, custody: Custody, links: Links, admission: Admission,
+    def __init__(self, actions: Actions, channel: CommandChannel, custody: Custody, links: Links, admission: Admission,
                  settings: ClientSettings, carry_out: CarryOut) -> None:
         """Set up without a stop.
 
@@ -145,7 +145,7 @@ class _FreeStop:
         answer: Ends the call that asked for it.
     """
 
-    def __init__(self, channel: Channel, custody: Custody, links: Links, admission: Admission, patience: float,
+    def __init__(self, channel: CommandChannel, custody: Custody, links: Links, admission: Admission, patience: float,
                  answer: "_Once", on_accepted: Callable[[float], None]) -> None:
         """Set up the stop.
 
@@ -164,7 +164,7 @@ class _FreeStop:
         self._is_over = False
 
     def send(self, now: float) -> None:
-        """Send the stop, or send it again; raise as ``Channel.request`` does."""
+        """Send the stop, or send it again; raise as ``CommandChannel.request`` does."""
         is_repeated = self._sent_at is not None
         self._channel.request_all(whole_stop(None, is_repeated), now, self._replied, STOP_REPLY)
         self._sent_at = now

@@ -1,9 +1,9 @@
 """The base class of motions in servo mode: entered and confirmed, one frame every 8 ms, left at rest."""
 from typing import Any, Callable, Optional, Union
 
-from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import Motion
+from jaka_ros_driver.client.core.motion import ArmMotion
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Running, pause
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
 from jaka_ros_driver.commands import JogStop, Query, ServoJoint, ServoPose, SetServoMode
@@ -29,7 +29,7 @@ Frame = Union[ServoJoint, ServoPose]
 OnMode = Callable[[bool, str], None]
 
 
-class Streaming(Motion):
+class Streaming(ArmMotion):
     """A motion that sends a frame each cycle. Late cycles are left out, never caught up in a burst.
 
     Any failure stops the arm. A child class makes the frames and decides when the stream is over.
@@ -203,7 +203,7 @@ class _Leaving:
         is_told_on: The controller has answered, since the last stop, that servo mode is on.
     """
 
-    def __init__(self, channel: Channel) -> None:
+    def __init__(self, channel: CommandChannel) -> None:
         self._channel = channel
         self._began_at: Optional[float] = None
         self._stop = 0

@@ -23,7 +23,7 @@ from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.build import PathStart
 from jaka_ros_driver.trajectory.clock import PathClock
 from jaka_ros_driver.trajectory.path import JointState, Path
-from jaka_ros_driver.trajectory.points import Tolerances
+from jaka_ros_driver.trajectory.points import TrajectoryTolerances
 
 _LAG_S = 0.2
 """Time, s, of sent positions with which a client's path tolerance is compared.
@@ -71,10 +71,10 @@ class Goal(NamedTuple):
     """The tolerances that a client has asked for, and the call that is answered."""
 
     call: Any
-    tolerances: Tolerances
+    tolerances: TrajectoryTolerances
 
 
-class Progress(NamedTuple):
+class TrajectoryProgress(NamedTuple):
     """The progress of a trajectory.
 
     Attributes:
@@ -130,9 +130,9 @@ class Trajectory(Streaming):
         return not self.is_leaving
 
     @property
-    def progress(self) -> Progress:
+    def progress(self) -> TrajectoryProgress:
         """The progress of the trajectory."""
-        return Progress(self._goal.call, self._clock.time, self._clock.state())
+        return TrajectoryProgress(self._goal.call, self._clock.time, self._clock.state())
 
     @property
     def is_held(self) -> bool:

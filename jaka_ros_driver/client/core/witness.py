@@ -9,7 +9,7 @@ from collections import deque
 from typing import Any, Deque, List, NamedTuple, Optional
 
 from jaka_ros_driver.client.core.actions import Actions
-from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.commands import Query
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
 from jaka_ros_driver.state import RobotState, Vector
@@ -71,7 +71,7 @@ class Witness:
         dispute: Why no frame is believed, in words; "" where they are.
     """
 
-    def __init__(self, actions: Actions, channel: Channel, silence_timeout: float) -> None:
+    def __init__(self, actions: Actions, channel: CommandChannel, silence_timeout: float) -> None:
         """Set up without a question.
 
         silence_timeout: s; a frame that is taken for new must not be older than this.

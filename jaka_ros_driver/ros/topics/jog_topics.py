@@ -17,7 +17,7 @@ from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
 from jaka_ros_driver.commands import JOINTS, JogFrame
 from jaka_ros_driver.errors import InvalidCommand, JakaError
 from jaka_ros_driver.ros.audit.recorder import Recorder
-from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 
 _LOG_PERIOD_S = 1.0
@@ -26,10 +26,10 @@ _QUEUE = 10
 _BASE, _TOOL = "base", "tool"
 
 
-class JogTopics:
+class JogSubscribers:
     """The subscribers of ``~jog_twist`` (geometry_msgs/TwistStamped) and ``~jog_joints`` (sensor_msgs/JointState)."""
 
-    def __init__(self, arm: ArmClient, names: FrameNames, frames: FrameTable, recorder: Recorder) -> None:
+    def __init__(self, arm: ArmClient, names: FrameNames, frames: FrameReader, recorder: Recorder) -> None:
         """Set up the subscribers.
 
         names, frames: Of the base and of the active tool.

@@ -15,7 +15,7 @@ from jaka_ros_driver.client.arm_client import ArmClient, LoopTask
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.ros import convert
-from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.params import TF_ALL, TF_NONE, DriverConfig
 from jaka_ros_driver.ros.topics.stamps import SampleStamps, StampClock, ros_clock
 from jaka_ros_driver.ros.topics.state_repeater import StateRepeater, StateThinner
@@ -57,7 +57,7 @@ class StatePublishers(LoopTask):
         stamps: Of the samples.
     """
 
-    def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameTable) -> None:
+    def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameReader) -> None:
         self._arm = arm
         self._config = config
         self._frames = frames

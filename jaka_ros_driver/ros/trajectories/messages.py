@@ -10,7 +10,7 @@ from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.state import Vector
 from jaka_ros_driver.trajectory.path import JointState
-from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, Tolerances, TrajectoryPoint
+from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 
 class InvalidJoints(InvalidTrajectory):
@@ -42,7 +42,7 @@ class TrajectoryDecoder:
             starts_at = time.monotonic() + (stamp - rospy.Time.now()).to_sec()
         return JointTrajectory(points, starts_at, may_end_moving)
 
-    def tolerances(self, goal: Any = None) -> Tolerances:
+    def tolerances(self, goal: Any = None) -> TrajectoryTolerances:
         """Decode the tolerances of a FollowJointTrajectoryGoal, or those of the parameters.
 
         As in ros_controllers, 0 is the default, and a negative number means that nothing is watched. Only positions are
@@ -60,7 +60,7 @@ class TrajectoryDecoder:
             self._apply("goal_tolerance", goal.goal_tolerance, end)
             asked = goal.goal_time_tolerance.to_sec()
             goal_time = goal_time if asked == 0.0 else None if asked < 0.0 else asked
-        return Tolerances(tuple(path), tuple(end), goal_time)
+        return TrajectoryTolerances(tuple(path), tuple(end), goal_time)
 
     def _apply(self, field: str, tolerances: Sequence[Any], values: List[Optional[float]]) -> None:
         for tolerance in tolerances:

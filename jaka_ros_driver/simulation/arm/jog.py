@@ -8,7 +8,7 @@ from jaka_ros_driver.kinematics.rotations import Transform, Vector3, compose, po
 from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, rotated, rotation_between, turned
 from jaka_ros_driver.simulation.arm.events import TargetRejected
-from jaka_ros_driver.simulation.arm.legs import Line, Pace, along, norm
+from jaka_ros_driver.simulation.arm.legs import LegPace, LineLeg, along, norm
 from jaka_ros_driver.simulation.arm.moves import FASTEST, SLOWEST
 from jaka_ros_driver.simulation.arm.routes import CartesianRoute, JointRoute, Route
 from jaka_ros_driver.state import Vector
@@ -91,9 +91,9 @@ def _cartesian_route(frames: ArmFrames, start: Vector, mode: JogMode, frame: Jog
     top = frames.model.tcp_max_speed
     speed = min(abs(velocity), FASTEST if axis >= 3 or top is None else top)
     acceleration = TCP_ACCELERATION if axis < 3 else JOINT_ACCELERATION
-    pace = Pace(speed, acceleration, speed, acceleration, frames.model.tcp_max_acceleration)
+    pace = LegPace(speed, acceleration, speed, acceleration, frames.model.tcp_max_acceleration)
     end = turned(tool, turn, along(tool[9:], shift, 1.0))
-    route = CartesianRoute(frames, Line(tool, end, pace, rotation_vector=turn), start)
+    route = CartesianRoute(frames, LineLeg(tool, end, pace, rotation_vector=turn), start)
     cause = route.break_event
     if cause is not None and (mode != JogMode.CONTINUOUS or route.length < 1e-6):
         raise TargetRejected(events.of_jog(cause))

@@ -19,7 +19,7 @@ All of its way is scanned before it is accepted, about 1 ms a turn, while nobody
 """
 
 
-class Pace(NamedTuple):
+class LegPace(NamedTuple):
     """The speeds and accelerations of a leg, m/s, m/s2, rad/s, rad/s2.
 
     Braking is the tool's deceleration in a stop, m/s2.
@@ -48,7 +48,7 @@ class Leg:
         tolerance: How far the rounded corner at its end may leave the two lines, m.
     """
 
-    def __init__(self, start: Transform, end: Transform, way: float, angle: float, pace: Pace,
+    def __init__(self, start: Transform, end: Transform, way: float, angle: float, pace: LegPace,
                  line_id: int, tolerance: float) -> None:
         self.start, self.end, self.way, self.angle = start, end, way, angle
         self.pace, self.line_id, self.tolerance = pace, line_id, tolerance
@@ -67,7 +67,7 @@ class Leg:
         raise NotImplementedError
 
 
-class Line(Leg):
+class LineLeg(Leg):
     """A straight line; the rotation turns about one fixed axis.
 
     Attributes:
@@ -75,7 +75,7 @@ class Line(Leg):
         rotation_rate: Rotation vector per parameter about the axes of the base, rad/m, shape (3,).
     """
 
-    def __init__(self, start: Transform, end: Transform, pace: Pace, line_id: int = 0, tolerance: float = 0.0,
+    def __init__(self, start: Transform, end: Transform, pace: LegPace, line_id: int = 0, tolerance: float = 0.0,
                  rotation_vector: Optional[Vector3] = None) -> None:
         """Set start, end and pace.
 
@@ -101,7 +101,7 @@ class Arc(Leg):
     """A piece of a circle. The tangential and the radial acceleration together stay within the pace's acceleration."""
 
     def __init__(self, start: Transform, end: Transform, centre: Vector3, normal: Vector3, sweep: float,
-                 turn: Vector3, pace: Pace, line_id: int = 0) -> None:
+                 turn: Vector3, pace: LegPace, line_id: int = 0) -> None:
         """Set geometry and pace.
 
         sweep: angle about ``normal``, rad. turn: the tool's rotation vector from start to end, rad (3,).
@@ -135,7 +135,7 @@ class Corner:
         max_speed: Of the parameter, m/s.
     """
 
-    def __init__(self, before: Line, after: Line, half: float) -> None:
+    def __init__(self, before: LineLeg, after: LineLeg, half: float) -> None:
         self.half = half
         self._before, self._after = before, after
         bend = difference(after.position_rate, before.position_rate)
@@ -165,7 +165,7 @@ def corner_half(before: Leg, after: Leg) -> float:
 
     It is 0 for no corner.
     """
-    if not isinstance(before, Line) or not isinstance(after, Line) or before.tolerance <= 0.0:
+    if not isinstance(before, LineLeg) or not isinstance(after, LineLeg) or before.tolerance <= 0.0:
         return 0.0
     if before.way < _TINY or after.way < _TINY:
         return 0.0
@@ -174,7 +174,7 @@ def corner_half(before: Leg, after: Leg) -> float:
     return min(longest, 4.0 * before.tolerance / bend) if bend > _TINY else longest
 
 
-def arc_through(start: Transform, via: Transform, end: Transform, turns: int, circle_mode: int, pace: Pace,
+def arc_through(start: Transform, via: Transform, end: Transform, turns: int, circle_mode: int, pace: LegPace,
                 line_id: int) -> Arc:
     """Return the arc from start through via to end, preceded by full turns.
 

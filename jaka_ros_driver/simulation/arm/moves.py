@@ -7,7 +7,7 @@ from jaka_ros_driver.kinematics.rotations import Transform, distance_between, ro
 from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.arm.arm_frames import SAME_ANGLE, ArmFrames
 from jaka_ros_driver.simulation.arm.events import TargetRejected
-from jaka_ros_driver.simulation.arm.legs import Pace
+from jaka_ros_driver.simulation.arm.legs import LegPace
 from jaka_ros_driver.state import Vector
 
 SLOWEST = 1e-9
@@ -45,14 +45,14 @@ def positive(what: str, value: Optional[float], default: float) -> float:
 
 
 def tool_pace(model: ArmModel, speed: float, acceleration: Optional[float], rotation_speed: Optional[float],
-              rotation_acceleration: Optional[float]) -> Pace:
+              rotation_acceleration: Optional[float]) -> LegPace:
     """Return a move's pace, limited to what the model's tool can do; m/s, m/s2, rad/s, rad/s2.
 
     It raises as ``positive`` does.
     """
     top = FASTEST if model.tcp_max_speed is None else model.tcp_max_speed
     strongest = model.tcp_max_acceleration
-    return Pace(
+    return LegPace(
         min(positive("speed", speed, 0.0), top),
         min(positive("acceleration", acceleration, DEFAULT_TCP_ACCELERATION), strongest),
         min(positive("rotation speed", rotation_speed, DEFAULT_ROTATION_SPEED), FASTEST),

@@ -30,7 +30,7 @@ _BUDGET = 0.5  # share of the joint acceleration limits for speed changes; the r
 _BEND_MARGIN = 1.4  # bends within a stretch may be sharper than their mean
 
 
-class Stretch(NamedTuple):
+class PathStretch(NamedTuple):
     """A piece of a path with constant limits, all in units of the path's parameter.
 
     Attributes:
@@ -63,7 +63,7 @@ class PathScan:
     """
 
     def __init__(self, frames: ArmFrames, joints_of: JointsOfPose, at: Callable[[float], Transform],
-                 start_joints: Vector, limits: Stretch, way: float, angle: float, pieces: int) -> None:
+                 start_joints: Vector, limits: PathStretch, way: float, angle: float, pieces: int) -> None:
         """Walk the path.
 
         Args:
@@ -80,7 +80,7 @@ class PathScan:
         """
         length = limits.way
         self._unit = length / (way + _METRES_PER_RAD * angle)
-        self.stretches: List[Stretch] = []
+        self.stretches: List[PathStretch] = []
         self._starts: List[Vector] = []  # joints at the start of each stretch
         self.joints = start_joints
         self.broken: Optional[Break] = None
@@ -131,7 +131,7 @@ class PathScan:
         outside = self._frames.joint_outside(joints)
         return None if outside is None else events.on_soft_limit(*outside)
 
-    def _limited(self, start: Vector, middle: Vector, last: Vector, width: float) -> Stretch:
+    def _limited(self, start: Vector, middle: Vector, last: Vector, width: float) -> PathStretch:
         model = self._frames.model
         half = 0.5 * width
         _, speed, acceleration, braking = self._limits
@@ -143,24 +143,24 @@ class PathScan:
                 braking = min(braking, _BUDGET * strongest / rate)
             if bend > 0.0:
                 speed = min(speed, ((1.0 - _BUDGET) * strongest / (_BEND_MARGIN * bend)) ** 0.5)
-        return Stretch(width, speed, min(acceleration, braking), braking)
+        return PathStretch(width, speed, min(acceleration, braking), braking)
 
 
-def merged(stretches: Sequence[Stretch], shortest: float = 0.0) -> List[Stretch]:
+def merged(stretches: Sequence[PathStretch], shortest: float = 0.0) -> List[PathStretch]:
     """Join stretches to their neighbours where the limits are nearly the same or one is shorter than ``shortest``.
 
     The lower limits of the two then hold.
     """
-    result: List[Stretch] = []
+    result: List[PathStretch] = []
     for stretch in stretches:
         last = result[-1] if result else None
         if last is not None and (min(last.way, stretch.way) < shortest or _nearly_same(last, stretch)):
-            result[-1] = Stretch(last.way + stretch.way, min(last.speed, stretch.speed),
-                                 min(last.acceleration, stretch.acceleration), min(last.braking, stretch.braking))
+            result[-1] = PathStretch(last.way + stretch.way, min(last.speed, stretch.speed),
+                                     min(last.acceleration, stretch.acceleration), min(last.braking, stretch.braking))
         else:
             result.append(stretch)
     return result
 
 
-def _nearly_same(a: Stretch, b: Stretch) -> bool:
+def _nearly_same(a: PathStretch, b: PathStretch) -> bool:
     return all(abs(x - y) <= 0.02 * min(x, y) for x, y in zip(a[1:3], b[1:3]))

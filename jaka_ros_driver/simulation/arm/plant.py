@@ -11,7 +11,7 @@ from jaka_ros_driver.simulation.arm.coasting import Coast
 from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
 from jaka_ros_driver.simulation.arm.hand_guiding import HandGuiding
 from jaka_ros_driver.simulation.arm.jog import JogMode, jog_route
-from jaka_ros_driver.simulation.arm.legs import Line, arc_through
+from jaka_ros_driver.simulation.arm.legs import LineLeg, arc_through
 from jaka_ros_driver.simulation.arm.limit_watch import NEAR_LIMIT, LimitWatch
 from jaka_ros_driver.simulation.arm.motion_queue import MotionQueue
 from jaka_ros_driver.simulation.arm.moves import DEFAULT_JOINT_ACCELERATION, positive, same_pose, tool_pace, tool_rate
@@ -207,7 +207,7 @@ class Plant:
         self._frames.reachable_joints(end, joints)
         if same_pose(start, end):
             return self._already_there(line_id)
-        self.queue.add_leg(Line(start, end, pace, line_id, tolerance), joints)
+        self.queue.add_leg(LineLeg(start, end, pace, line_id, tolerance), joints)
         return self._accepted()
 
     def add_arc_move(self, via: Pose, target: Pose, speed: float, acceleration: Optional[float] = None,

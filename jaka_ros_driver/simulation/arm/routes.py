@@ -11,8 +11,8 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import Transform, compose
 from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, nearest_joints
 from jaka_ros_driver.simulation.arm.events import PlantEvent
-from jaka_ros_driver.simulation.arm.legs import Corner, Leg, Line, corner_half
-from jaka_ros_driver.simulation.arm.path_scan import PathScan, Stretch, merged
+from jaka_ros_driver.simulation.arm.legs import Corner, Leg, LineLeg, corner_half
+from jaka_ros_driver.simulation.arm.path_scan import PathScan, PathStretch, merged
 from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S, speed_for_way
 from jaka_ros_driver.state import Vector
 
@@ -38,7 +38,7 @@ class Route:
     break_event: Optional[PlantEvent] = None
 
     def __init__(self) -> None:
-        self._stretches: List[Stretch] = []
+        self._stretches: List[PathStretch] = []
         self._begins: List[float] = []
         self._entry_speeds: List[float] = []
         self._entry_jerk_time = -1.0
@@ -104,7 +104,7 @@ class Route:
         self._entry_speeds = speeds[::-1]
         self._entry_jerk_time = jerk_time
 
-    def _set_stretches(self, stretches: Sequence[Stretch]) -> None:
+    def _set_stretches(self, stretches: Sequence[PathStretch]) -> None:
         self._stretches = merged(stretches)
         ends = list(itertools.accumulate(stretch.way for stretch in self._stretches))
         self._begins = [0.0, *ends[:-1]]
@@ -132,7 +132,7 @@ class JointRoute(Route):
             if rate:
                 top = min(top, joint_speed / abs(rate))
                 strongest = min(strongest, joint_acceleration / abs(rate))
-        self._set_stretches([Stretch(self.length, min(speed, top), min(acceleration, strongest), strongest)])
+        self._set_stretches([PathStretch(self.length, min(speed, top), min(acceleration, strongest), strongest)])
 
     def joints_at(self, way: float, reference: Sequence[float]) -> Optional[Vector]:
         if way >= self.length:
@@ -180,22 +180,22 @@ class CartesianRoute(Route):
         entry = self.length - half
         if half <= 0.0 or way > entry or self.break_event is not None:
             return False
-        if not isinstance(last, Line) or not isinstance(leg, Line):
+        if not isinstance(last, LineLeg) or not isinstance(leg, LineLeg):
             return False
         corner = Corner(last, leg, half)
         entry_joints = self._joints_of(corner.at(-half), self.end_joints)
         if entry_joints is None:
             return False
-        limits = Stretch(2.0 * half, corner.max_speed, 0.5 * min(last.max_acceleration, leg.max_acceleration),
-                         min(last.max_braking, leg.max_braking))
+        limits = PathStretch(2.0 * half, corner.max_speed, 0.5 * min(last.max_acceleration, leg.max_acceleration),
+                             min(last.max_braking, leg.max_braking))
         rounding = PathScan(self._frames, self._joints_of, lambda s: corner.at(s - half), entry_joints, limits,
                             half * (last.way / last.length + leg.way / leg.length),
                             half * (last.angle / last.length + leg.angle / leg.length), _CORNER_PIECES)
         scan = self._scan(leg, self.end_joints)
         if rounding.broken or (scan.broken and scan.broken.way <= half):
             return False
-        bend = Stretch(2.0 * half, min(s.speed for s in rounding.stretches),
-                       min(s.acceleration for s in rounding.stretches), min(s.braking for s in rounding.stretches))
+        bend = PathStretch(2.0 * half, min(s.speed for s in rounding.stretches),
+                           min(s.acceleration for s in rounding.stretches), min(s.braking for s in rounding.stretches))
         braking = min(bend.acceleration, self.limits(way, speed, jerk_time)[1])
         if speed > 1.001 * speed_for_way(entry - way, bend.speed, braking, jerk_time):
             return False
@@ -217,7 +217,7 @@ class CartesianRoute(Route):
 
     def _scan(self, leg: Leg, start_joints: Vector) -> PathScan:
         pieces = max(2, math.ceil(leg.way / _PIECE_WAY), math.ceil(leg.angle / _PIECE_ANGLE))
-        limits = Stretch(leg.length, leg.max_speed, leg.max_acceleration, leg.max_braking)
+        limits = PathStretch(leg.length, leg.max_speed, leg.max_acceleration, leg.max_braking)
         return PathScan(self._frames, self._joints_of, leg.at, start_joints, limits, leg.way, leg.angle, pieces)
 
     def _take_end(self, scan: PathScan) -> None:
@@ -264,9 +264,9 @@ def _reaction_way(speed: float, jerk_time: float) -> float:
     return speed * (_LOOK_AHEAD * jerk_time + CYCLE_TIME_S)
 
 
-def _cut(stretches: Sequence[Stretch], end: float, begin: float) -> List[Stretch]:
+def _cut(stretches: Sequence[PathStretch], end: float, begin: float) -> List[PathStretch]:
     """Return the stretches between the parameters ``begin`` and ``end``."""
-    result: List[Stretch] = []
+    result: List[PathStretch] = []
     at = 0.0
     for stretch in stretches:
         low, high = max(at, begin), min(at + stretch.way, end)

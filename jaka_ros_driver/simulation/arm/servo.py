@@ -9,7 +9,7 @@ from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, finite_six
 from jaka_ros_driver.simulation.arm.coasting import Coast
 from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
-from jaka_ros_driver.simulation.arm.legs import Line, Pace
+from jaka_ros_driver.simulation.arm.legs import LegPace, LineLeg
 from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S
 from jaka_ros_driver.simulation.arm.servo_filters import Filter
 from jaka_ros_driver.state import Vector
@@ -26,7 +26,7 @@ STARVED_S = 0.1
 MAX_CYCLES = 1000
 """Largest ``stepNum``. No vendor value exists."""
 
-_UNIT_PACE = Pace(1.0, 1.0, 1.0, 1.0, 1.0)
+_UNIT_PACE = LegPace(1.0, 1.0, 1.0, 1.0, 1.0)
 
 
 class Starvation(enum.Enum):
@@ -44,7 +44,7 @@ class Starvation(enum.Enum):
 class _Point(NamedTuple):
     start: Vector
     end: Vector
-    line: Optional[Line]
+    line: Optional[LineLeg]
     duration: float
 
 
@@ -92,9 +92,9 @@ class ServoStream:
         end = self._frames.nearest_joints(goal, self._end)
         if end is None:
             raise TargetRejected(events.INVERSE_KINEMATICS_FAILED, "servo point out of reach")
-        return self._add(end, Line(start, goal, _UNIT_PACE), cycles)
+        return self._add(end, LineLeg(start, goal, _UNIT_PACE), cycles)
 
-    def _add(self, end: Vector, line: Optional[Line], cycles: int) -> bool:
+    def _add(self, end: Vector, line: Optional[LineLeg], cycles: int) -> bool:
         if not 1 <= cycles <= MAX_CYCLES:
             raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "stepNum must be 1 to %d" % MAX_CYCLES)
         outside = self._frames.joint_outside(end)

@@ -97,7 +97,7 @@ class JointLimits(Filter):
 
     def __init__(self, joints: Vector, limits: Tuple[float, float, float]) -> None:
         super().__init__(joints)
-        self._tracker = Tracker(joints, limits)
+        self._tracker = CoordinateTracker(joints, limits)
 
     def step(self, target: Vector, dt: float) -> Vector:
         self.joints = self._tracker.step(target, dt)
@@ -136,8 +136,8 @@ class CartesianLimits(Filter):
         super().__init__(joints)
         self._frames = frames
         self._pose: Transform = frames.tool_at(joints)
-        self._shift = Tracker(self._pose[9:], translation)
-        self._turn = Tracker((0.0, 0.0, 0.0), rotation)
+        self._shift = CoordinateTracker(self._pose[9:], translation)
+        self._turn = CoordinateTracker((0.0, 0.0, 0.0), rotation)
 
     def step(self, target: Vector, dt: float) -> Vector:
         goal = self._frames.tool_at(target)
@@ -150,7 +150,7 @@ class CartesianLimits(Filter):
         return self.joints
 
 
-class Tracker:
+class CoordinateTracker:
     """Several coordinates, each of which follows its target within the same limits of speed, acceleration and jerk."""
 
     def __init__(self, positions: Sequence[float], limits: Tuple[float, float, float]) -> None:

@@ -6,7 +6,7 @@ import math
 from typing import Any, Optional
 
 from jaka_ros_driver.protocol.framing import JsonObject
-from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused
+from jaka_ros_driver.simulation.controller.replies import BadParameter, CommandRefused
 from jaka_ros_driver.state import Vector
 
 MAX_TEXT = 256
@@ -65,7 +65,7 @@ class Arguments:
             raise BadParameter("%s is not an array" % key)
         numbers = tuple(_finite(key, value) for value in values)
         if len(numbers) != count:
-            raise Refused()
+            raise CommandRefused()
         return numbers
 
     def first_of(self, *keys: str) -> str:
@@ -89,5 +89,5 @@ def _finite(key: str, value: Any) -> float:
     if not math.isfinite(number):
         raise BadParameter("%s is not finite" % key)
     if abs(number) > MAX_NUMBER:
-        raise Refused()
+        raise CommandRefused()
     return number

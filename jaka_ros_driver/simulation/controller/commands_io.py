@@ -4,7 +4,7 @@ from typing import Tuple
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.replies import Refused, Reply
+from jaka_ros_driver.simulation.controller.replies import CommandRefused, Reply
 
 _DIN_STATUS_COUNT = 64
 _MAX_COUNT = 256
@@ -29,7 +29,7 @@ def _get(signal: str, output: bool) -> Handler:
             return {"value": state.io.get(signal, output, bank, first)}
         count = arguments.integer("len")
         if not 1 <= count <= _MAX_COUNT:
-            raise Refused()
+            raise CommandRefused()
         return {"value": [state.io.get(signal, output, bank, first + i) for i in range(count)]}
     return handle
 
@@ -44,7 +44,7 @@ def _set(signal: str) -> Handler:
         if not isinstance(given, list):
             given = [given]
         if not 1 <= len(given) <= _MAX_COUNT:
-            raise Refused()
+            raise CommandRefused()
         each = [Arguments({"value": value}) for value in given]
         values = [float(one.flag("value")) if signal == "digital" else one.number("value") for one in each]
         state.io.set(signal, True, arguments.integer("type"), _first(state, arguments), *values)

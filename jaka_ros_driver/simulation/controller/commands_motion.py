@@ -8,7 +8,7 @@ from jaka_ros_driver.simulation.arm.servo_filters import PARAMETERS
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain, slow_reply
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.replies import SERVO_ONLY, Refused, Reply
+from jaka_ros_driver.simulation.controller.replies import SERVO_ONLY, CommandRefused, Reply
 from jaka_ros_driver.simulation.controller.wire_units import pose_from_wire
 from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, mm_to_m
 
@@ -36,7 +36,7 @@ def _rate(arguments: Arguments, key: str) -> float:
     """Return a speed or acceleration; its sign is not checked here."""
     rate = arguments.number(key)
     if abs(rate) < MIN_RATE:
-        raise Refused()
+        raise CommandRefused()
     return rate
 
 
@@ -87,7 +87,7 @@ def _jog(state: ControllerState, arguments: Arguments) -> None:
     velocity = _rate(arguments, "jogvel")
     position = arguments.number("poscmd") if mode in (JogMode.STEP, JogMode.ABSOLUTE) else None
     if mode not in tuple(JogMode) or coord_map not in _JOG_FRAMES or not 0 <= axis < 6:
-        raise Refused()
+        raise CommandRefused()
     frame = _JOG_FRAMES[coord_map]
     to_si = mm_to_m if frame is not JogFrame.JOINT and axis < 3 else deg_to_rad
     state.require_motion("jog")
@@ -109,7 +109,7 @@ def _servo_point(vendor_name: str, append: Callable[[ControllerState, Arguments,
     def handle(state: ControllerState, arguments: Arguments) -> None:
         relative, cycles = arguments.flag("relFlag", False), arguments.integer("stepNum", 1)
         if not state.plant.takes_servo_points:
-            raise Refused("-1", SERVO_ONLY % vendor_name)
+            raise CommandRefused("-1", SERVO_ONLY % vendor_name)
         state.require_drives()
         append(state, arguments, relative, cycles)
     return handle
@@ -137,11 +137,11 @@ def _filter_parameter(arguments: Arguments, key: str) -> float:
 def _set_servo_filter(state: ControllerState, arguments: Arguments) -> None:
     number = arguments.integer("filter_type")
     if number not in tuple(ServoFilter):
-        raise Refused()
+        raise CommandRefused()
     kind = ServoFilter(number)
     parameters = {key: _filter_parameter(arguments, key) for key in PARAMETERS[kind]}
     if state.plant.is_servo_active:
-        raise Refused("-1", "set_servo_move_filter command can not be excuted in servo move mode")
+        raise CommandRefused("-1", "set_servo_move_filter command can not be excuted in servo move mode")
     state.plant.set_servo_filter(kind, **parameters)
 
 
@@ -160,7 +160,7 @@ def _motion_planner(state: ControllerState, arguments: Arguments) -> None:
     """
     kind = arguments.integer("type")
     if kind not in (-1, 0, 1):
-        raise Refused()
+        raise CommandRefused()
     state.memory.settings["set_motion_planner", 0] = {"type": kind}
     state.plant.queue.jerk_limited = kind != 0
 

@@ -10,7 +10,7 @@ from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused, Reply
+from jaka_ros_driver.simulation.controller.replies import BadParameter, CommandRefused, Reply
 from jaka_ros_driver.simulation.controller.status_frame import SIGNAL_VALUE, signal_rows
 
 _MAX_SIGNALS = 8
@@ -49,7 +49,7 @@ class _Key(NamedTuple):
         low = -math.inf if self.low is None else self.low
         high = math.inf if self.high is None else self.high
         if not all(low <= number <= high for number in numbers):
-            raise Refused()
+            raise CommandRefused()
 
 
 class _Setting(NamedTuple):
@@ -120,7 +120,7 @@ _SETTINGS: Tuple[_Setting, ...] = (
 def _place(arguments: Arguments, setting: _Setting) -> int:
     place = arguments.integer(setting.selector) if setting.selector else 0
     if not 0 <= place < setting.places:
-        raise Refused()
+        raise CommandRefused()
     return place
 
 
@@ -189,7 +189,7 @@ def _sensor_data(state: ControllerState, arguments: Arguments) -> Reply:
     """Return readings 1 to 3 of the feed, zeros without a sensor; the keys of the reply are not known."""
     kind = arguments.integer("type")
     if not 1 <= kind <= 3:
-        raise Refused()
+        raise CommandRefused()
     sensor = state.force_sensor
     reading = (0.0,) * 6 if sensor is None else sensor.raw if kind == 2 else sensor.actual
     return {"type": kind, "torque_sensor_data": list(reading)}
@@ -205,13 +205,13 @@ def _add_signal(state: ControllerState, arguments: Arguments) -> None:
               for key in ("chnId", "sigType", "sigAddr")}
     values["frequency"] = arguments.integer("frequency", 1)
     if name not in signals and len(signals) >= _MAX_SIGNALS:
-        raise Refused()
+        raise CommandRefused()
     signals[name] = values
 
 
 def _delete_signal(state: ControllerState, arguments: Arguments) -> None:
     if state.memory.signals.pop(arguments.text("tio_signal_name"), None) is None:
-        raise Refused()
+        raise CommandRefused()
 
 
 def _signal_list(state: ControllerState) -> Reply:
@@ -225,7 +225,7 @@ def _sample_mode(state: ControllerState, arguments: Arguments) -> None:
     files = _names(state, "trajectories")
     if mode and name not in files:
         if len(files) >= _MAX_TRAJECTORIES:
-            raise Refused()
+            raise CommandRefused()
         files[name] = True
     state.memory.settings["set_traj_sample_mode", 0] = {"mode": int(mode)}
 
@@ -234,13 +234,13 @@ def _rename_trajectory(state: ControllerState, arguments: Arguments) -> None:
     files, source, target = _names(state, "trajectories"), arguments.text("src"), arguments.text("dest")
     files.pop(source, None)
     if target not in files and len(files) >= _MAX_TRAJECTORIES:
-        raise Refused()
+        raise CommandRefused()
     files[target] = True
 
 
 def _remove_trajectory(state: ControllerState, arguments: Arguments) -> None:
     if _names(state, "trajectories").pop(arguments.text("fileName"), None) is None:
-        raise Refused()
+        raise CommandRefused()
 
 
 def _generate_trajectory(_state: ControllerState, arguments: Arguments) -> None:

@@ -15,7 +15,7 @@ from jaka_ros_driver.simulation.controller.command_spec import (
     slow_reply,
 )
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState, LinkLoss
-from jaka_ros_driver.simulation.controller.replies import Refused, Reply
+from jaka_ros_driver.simulation.controller.replies import CommandRefused, Reply
 from jaka_ros_driver.simulation.controller.wire_units import joints_to_wire, pose_from_wire, pose_to_wire, rounded
 from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, m_to_mm, ms_to_s, rad_to_deg
 
@@ -48,13 +48,13 @@ def _enable(state: ControllerState, _arguments: Arguments) -> Optional[Held]:
 
 def _shutdown(state: ControllerState, _arguments: Arguments) -> None:
     if state.is_powered or state.is_enabled:
-        raise Refused()
+        raise CommandRefused()
 
 
 def _set_installation_angle(state: ControllerState, arguments: Arguments) -> None:
     about_x, about_z = arguments.number("angleX"), arguments.number("angleZ")
     if not 0.0 <= about_x <= 180.0 or not 0.0 <= about_z < 360.0:
-        raise Refused()
+        raise CommandRefused()
     state.memory.installation_angles = (about_x, about_z)
 
 
@@ -73,7 +73,7 @@ def _installation_angle(state: ControllerState) -> Reply:
 def _set_network_exception_handle(state: ControllerState, arguments: Arguments) -> None:
     delay, reaction = arguments.number("timeLimit"), arguments.integer("motType")
     if delay < 0.0 or reaction not in tuple(LinkLoss):
-        raise Refused()
+        raise CommandRefused()
     state.link_loss, state.link_loss_delay = LinkLoss(reaction), ms_to_s(delay)
 
 
@@ -88,7 +88,7 @@ def _kine_inverse(state: ControllerState, arguments: Arguments) -> Reply:
     try:
         joints = state.plant.inverse_nearest(pose, reference)
     except TargetRejected as error:
-        raise Refused("-4", "inverse kinematics failed") from error
+        raise CommandRefused("-4", "inverse kinematics failed") from error
     return {"jointPosition": joints_to_wire(joints)}
 
 

@@ -18,7 +18,13 @@ from jaka_ros_driver.simulation.controller.command_table import COMMANDS
 from jaka_ros_driver.simulation.controller.controller_state import ControllerState, Options, Start
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.memory import Memory
-from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused, accepted, not_understood, refused
+from jaka_ros_driver.simulation.controller.replies import (
+    BadParameter,
+    CommandRefused,
+    accepted,
+    not_understood,
+    refused,
+)
 from jaka_ros_driver.simulation.controller.status_frame import StatusFrame
 from jaka_ros_driver.state import Vector
 
@@ -131,8 +137,8 @@ class Controller:
             fields = spec.handler(self.state, Arguments(request))  # type: ignore[arg-type]
         except BadParameter:
             return RequestResult(spec.name, not_understood(dialect))
-        except (Refused, TargetRejected, InvalidCommand) as error:
-            refusal = error if isinstance(error, Refused) else Refused()
+        except (CommandRefused, TargetRejected, InvalidCommand) as error:
+            refusal = error if isinstance(error, CommandRefused) else CommandRefused()
             return RequestResult(spec.name, refused(dialect, spec.name, refusal))
         except Exception:
             self.failures += 1
@@ -140,5 +146,5 @@ class Controller:
             return RequestResult(spec.name, not_understood(dialect))
         if isinstance(fields, Held):
             return RequestResult(spec.name, accepted(dialect, spec.name, {}), fields,
-                                 refused(dialect, spec.name, Refused()))
+                                 refused(dialect, spec.name, CommandRefused()))
         return RequestResult(spec.name, accepted(dialect, spec.name, fields or {}), then=spec.then)

@@ -18,8 +18,8 @@ from jaka_ros_driver.simulation.controller import alarms
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.force_sensor import ZEROING_TIME_S, ForceSensor
 from jaka_ros_driver.simulation.controller.io_banks import IoBanks
-from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, FrameTable, Memory
-from jaka_ros_driver.simulation.controller.replies import Refused
+from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Memory, StoredFrames
+from jaka_ros_driver.simulation.controller.replies import CommandRefused
 from jaka_ros_driver.simulation.dialect.dialect import Dialect
 from jaka_ros_driver.state import ProgramState, Vector
 from jaka_ros_driver.units import ms_to_s
@@ -174,14 +174,14 @@ class ControllerState:
     def power_on(self) -> None:
         """Begin to energise the drives, unless that has begun; raise Refused while the emergency stop is pressed."""
         if self.emergency_stop:
-            raise Refused()
+            raise CommandRefused()
         if not self.is_powered and self._power_at is None:
             self._power_at = self.now + self.dialect.power_delay
 
     def power_off(self) -> None:
         """Cut the drives; raise Refused while they are enabled (event 0x0F0026)."""
         if self.is_enabled or self._enable_at is not None:
-            raise Refused()
+            raise CommandRefused()
         self.is_powered = self._was_enabled = False
         self._power_at = None
 
@@ -201,7 +201,7 @@ class ControllerState:
         Raises Refused during a stop.
         """
         if self.emergency_stop or self.protective_stop:
-            raise Refused()
+            raise CommandRefused()
         if self._disable_at is not None:
             self._disable_at, self.is_enabled = None, False
         if self.is_powered and not self.is_enabled and self._enable_at is None:
@@ -217,7 +217,7 @@ class ControllerState:
         if self.is_enabled:
             self.require_standstill()
         if self.program_state is not ProgramState.IDLE:
-            raise Refused()
+            raise CommandRefused()
         self._enable_at = None
         if self.is_enabled and self._disable_at is None:
             self.plant.leave_servo()
@@ -284,13 +284,13 @@ class ControllerState:
                 (not self.is_enabled or self._disable_at is not None, "-7"), (self.plant.is_hand_guided, "2"),
                 (self.program_state is ProgramState.RUNNING, "-10")):
             if is_reason:
-                raise Refused(sdk_code if self.dialect.unready_code == "sdk" else "2")
+                raise CommandRefused(sdk_code if self.dialect.unready_code == "sdk" else "2")
 
     def require_motion(self, command: str) -> None:
         """Raise Refused as ``require_drives``, and in servo mode (code -1)."""
         self.require_drives()
         if self.plant.is_servo_active:
-            raise Refused("-1", "%s command can not be excuted in servo move mode" % command)
+            raise CommandRefused("-1", "%s command can not be excuted in servo move mode" % command)
 
     def moved(self) -> None:
         """Take note that a queued move was accepted: the line ids in the feed now belong to the present client."""
@@ -395,7 +395,7 @@ class ControllerState:
             self.plant.check_hand_guiding()
 
         def switch() -> None:
-            with contextlib.suppress(Refused, TargetRejected):  # the arm moves by now, or has no drives
+            with contextlib.suppress(CommandRefused, TargetRejected):  # the arm moves by now, or has no drives
                 self.set_hand_guiding(active)
         self.after(self.dialect.drag_delay, switch)
 
@@ -419,14 +419,14 @@ class ControllerState:
 
     # --- frames and feed --------------------------------------------------------------------------------------------
 
-    def select_frame(self, table: FrameTable, frame_id: int) -> None:
+    def select_frame(self, table: StoredFrames, frame_id: int) -> None:
         """Make a stored tool or user frame active, after the dialect's delay.
 
         Raises:
             Refused: There is no such id, or the arm moves.
         """
         if not 0 <= frame_id < FRAME_COUNT:
-            raise Refused()
+            raise CommandRefused()
         if frame_id != table.active:
             self.require_standstill()
 
@@ -444,7 +444,7 @@ class ControllerState:
     def require_standstill(self) -> None:
         """Raise Refused unless nothing moves and nothing is queued."""
         if self.plant.is_moving or self.plant.queue.length or self.plant.queue.is_jogging:
-            raise Refused()
+            raise CommandRefused()
 
     def set_feed_period(self, period: float) -> None:
         """Set the feed's period, s of simulated time.

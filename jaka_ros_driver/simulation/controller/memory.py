@@ -15,7 +15,7 @@ IDENTITY = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @dataclass
-class FrameTable:
+class StoredFrames:
     """The stored tools (in the flange) or user frames (in the base) by id, and the id of the active one.
 
     Id 0 is fixed.
@@ -52,8 +52,8 @@ class Memory:
         settings: Values of the settings of ``commands_settings``, by setter and index.
     """
 
-    tools: FrameTable = field(default_factory=FrameTable)
-    user_frames: FrameTable = field(default_factory=FrameTable)
+    tools: StoredFrames = field(default_factory=StoredFrames)
+    user_frames: StoredFrames = field(default_factory=StoredFrames)
     payload: Payload = field(default_factory=Payload)
     sensor_payload: Payload = field(default_factory=Payload)
     collision_level: int = 3

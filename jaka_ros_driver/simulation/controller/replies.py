@@ -16,7 +16,7 @@ SERVO_ONLY = "%s command can only be excuted in servo move mode"
 """The vendor's words, misspelling included, as captured for ``servoj`` (docs/controller-protocol.md section 4.3)."""
 
 
-class Refused(Exception):
+class CommandRefused(Exception):
     """The refusal of a command that is understood but not carried out. It becomes a reply.
 
     Attributes:
@@ -39,7 +39,7 @@ def accepted(dialect: Dialect, command: str, fields: Reply) -> bytes:
     return _encoded(dialect, {**fields, "errorCode": "0", "errorMsg": "", "cmdName": command})
 
 
-def refused(dialect: Dialect, command: str, refusal: Refused) -> bytes:
+def refused(dialect: Dialect, command: str, refusal: CommandRefused) -> bytes:
     """Return the reply to a command that was understood and refused."""
     message = refusal.message or "call %s failed" % command
     return _encoded(dialect, {"errorCode": refusal.code, "errorMsg": message, "cmdName": command})

@@ -13,7 +13,7 @@ FRAME_BACKLOG_BYTES = 1 << 16
 """Most unsent bytes of a status client; one with more receives no new frames until it has read some."""
 
 
-class Connection:
+class ClientConnection:
     """One accepted connection, without its socket.
 
     Attributes:

@@ -20,7 +20,7 @@ from jaka_ros_driver.simulation.controller.command_spec import LINK_LOSS_COMMAND
 from jaka_ros_driver.simulation.controller.controller import Controller, RequestResult
 from jaka_ros_driver.simulation.controller.replies import not_understood
 from jaka_ros_driver.simulation.dialect.dialect import COEXISTS, REFUSED
-from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, Connection
+from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, ClientConnection
 from jaka_ros_driver.simulation.server.cycle_clock import CycleClock
 from jaka_ros_driver.simulation.server.faults import Delivery, Effect, FaultScript
 from jaka_ros_driver.wire import sockets
@@ -39,7 +39,7 @@ _LONGEST_ANSWER = 1 << 18
 PanelHandler = Callable[[Dict[str, Any]], Dict[str, Any]]
 
 
-class Server:
+class ControllerServer:
     """The server of one controller.
 
     Attributes:
@@ -72,9 +72,9 @@ class Server:
         self._selector = selectors.EpollSelector()
         self._listeners = Listeners(self._selector)
         self.port_numbers = self._listeners.numbers
-        self._sockets: Dict[Connection, socket.socket] = {}
-        self._command_client: Optional[Connection] = None
-        self._loss_matters_of: Optional[Connection] = None
+        self._sockets: Dict[ClientConnection, socket.socket] = {}
+        self._command_client: Optional[ClientConnection] = None
+        self._loss_matters_of: Optional[ClientConnection] = None
         self._count = 0
         self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._wake_receive, self._wake_send = socket.socketpair()
@@ -210,7 +210,7 @@ class Server:
 
     # --- clients ----------------------------------------------------------------------------------------------------
 
-    def _clients(self, port: str) -> List[Connection]:
+    def _clients(self, port: str) -> List[ClientConnection]:
         """Return the connections of a port, without those that are half open."""
         return [one for one in self._sockets if one.port == port and not one.is_half_open]
 
@@ -228,7 +228,7 @@ class Server:
         self._count += 1
         if self._log:
             sockets.stamp_arrivals(client)
-        connection = Connection(port, self._count, peer, time.monotonic())
+        connection = ClientConnection(port, self._count, peer, time.monotonic())
         self._sockets[connection] = client
         self._selector.register(client, selectors.EVENT_READ, connection)
         self._note(connection, "open")
@@ -240,7 +240,7 @@ class Server:
     def _second_client(self) -> str:
         return self.controller.state.dialect.second_client
 
-    def _take_over(self, connection: Connection) -> None:
+    def _take_over(self, connection: ClientConnection) -> None:
         """Make this the command client from now on.
 
         Another one is dropped (docs/controller-protocol.md section 1).
@@ -251,7 +251,7 @@ class Server:
             self._drop(replaced)
         self.controller.state.client_connected()
 
-    def _come_in(self, connection: Connection) -> None:
+    def _come_in(self, connection: ClientConnection) -> None:
         """Make room for the request of another client than the command client, by the dialect.
 
         Where clients coexist, one that comes changes nothing that the others have set, and the command client is the
@@ -262,7 +262,7 @@ class Server:
         elif self._command_client is None:
             self._command_client = connection
 
-    def _least_needed(self, clients: List[Connection]) -> Connection:
+    def _least_needed(self, clients: List[ClientConnection]) -> ClientConnection:
         """Return the client of a full port that goes: one that reads nothing any more, else the one idle for the
         longest time.
 
@@ -274,7 +274,7 @@ class Server:
         return min((one for one in clients if one is not spared), key=lambda one: (
             not one.is_half_open, not one.unsent_bytes, one.last_request_at))
 
-    def _drop(self, connection: Connection) -> None:
+    def _drop(self, connection: ClientConnection) -> None:
         client = self._sockets.pop(connection, None)
         if client is None:
             return
@@ -287,7 +287,7 @@ class Server:
         """Return whether a command client is connected; one whose connection is half open does not count."""
         return self._command_client is not None
 
-    def _client_lost(self, connection: Connection) -> None:
+    def _client_lost(self, connection: ClientConnection) -> None:
         """Handle a connection that ended or fell silent for good: the command client's leaves no one in its place.
 
         What ``set_network_exception_handle`` has set follows the loss of the connection on which it came.
@@ -299,11 +299,11 @@ class Server:
             if not self.is_off:
                 self.controller.state.client_lost()
 
-    def _note(self, connection: Connection, what: str) -> None:
+    def _note(self, connection: ClientConnection, what: str) -> None:
         if self._log:
             self._log.event(time.monotonic_ns(), connection.port, connection.number, what, connection.peer)
 
-    def _read(self, connection: Connection, now: float) -> None:
+    def _read(self, connection: ClientConnection, now: float) -> None:
         if connection.is_half_open or self._is_stalled(connection.port, now):
             return
         data, arrived_ns = sockets.receive_stamped(self._sockets[connection], _READ_BYTES)
@@ -319,7 +319,7 @@ class Server:
         self._carry_out(connection, now)
         self._flush(connection, now)
 
-    def _serve(self, connection: Connection, now: float) -> None:
+    def _serve(self, connection: ClientConnection, now: float) -> None:
         """Do what is due by time: requests that were not finished, held replies, scheduled deliveries."""
         if connection.is_half_open:
             return
@@ -330,7 +330,7 @@ class Server:
         self._carry_out(connection, now)
         self._flush(connection, now)
 
-    def _carry_out(self, connection: Connection, now: float) -> None:
+    def _carry_out(self, connection: ClientConnection, now: float) -> None:
         self._send_replies(connection, now)
         for _ in range(_REQUESTS_A_TURN):
             if connection.replies.is_blocked or not connection.inbox or connection.is_closing or self.is_off:
@@ -354,11 +354,11 @@ class Server:
                 connection.replies.add(result)
                 self._send_replies(connection, now)
 
-    def _send_replies(self, connection: Connection, now: float) -> None:
+    def _send_replies(self, connection: ClientConnection, now: float) -> None:
         for result in connection.replies.take_due():
             self._reply(connection, result, now)
 
-    def _reply(self, connection: Connection, result: RequestResult, now: float) -> None:
+    def _reply(self, connection: ClientConnection, result: RequestResult, now: float) -> None:
         connection.post(self.faults.deliveries("command", result.due_reply(), result.command, now))
         if result.then is not Then.NOTHING:
             connection.post([Delivery(b"", now, Effect.CLOSE)])
@@ -366,11 +366,11 @@ class Server:
             self._calls.put(lambda: self.shut_down(None) if PANEL in self.port_numbers else self._end())
             self._wake()
 
-    def _answer_poll(self, connection: Connection, now: float) -> None:
+    def _answer_poll(self, connection: ClientConnection, now: float) -> None:
         text = self.faults.frame_text("poll", self.controller.polled_frame.text())
         connection.post(self.faults.deliveries("poll", zlib.compress(text, _COMPRESSION), None, now))
 
-    def _answer_panel(self, connection: Connection, request: Any, now: float) -> None:
+    def _answer_panel(self, connection: ClientConnection, request: Any, now: float) -> None:
         if isinstance(request, FramingError) or self._panel_handler is None:
             answer = {"ok": False, "error": "%s; the panel takes JSON objects only" % request}
             self._refuse(connection, json.dumps(answer).encode("utf-8") + b"\n", now)
@@ -378,7 +378,7 @@ class Server:
             connection.post([Delivery(json.dumps(self._panel_handler(request)).encode("utf-8") + b"\n", now)])
 
     @staticmethod
-    def _refuse(connection: Connection, text: bytes, now: float) -> None:
+    def _refuse(connection: ClientConnection, text: bytes, now: float) -> None:
         """Answer and close, whatever else has come: a web page can send bytes here, with requests among them."""
         connection.inbox.clear()
         connection.is_closing = True
@@ -393,7 +393,7 @@ class Server:
         for connection in clients:
             connection.post(self.faults.deliveries("status", self.faults.frame_text("status", text), None, now))
 
-    def _flush(self, connection: Connection, now: float) -> None:
+    def _flush(self, connection: ClientConnection, now: float) -> None:
         if connection not in self._sockets:
             return
         try:
@@ -410,7 +410,7 @@ class Server:
         else:
             self._watch(connection)
 
-    def _watch(self, connection: Connection) -> None:
+    def _watch(self, connection: ClientConnection) -> None:
         """Wait for bytes only while no request waits, and for room only while something is unsent."""
         events = 0 if connection.inbox or connection.is_closing else selectors.EVENT_READ
         events |= selectors.EVENT_WRITE if connection.has_unsent() else 0
@@ -419,7 +419,7 @@ class Server:
     def _unwatch(self, client: socket.socket) -> None:
         sockets.watch(self._selector, client, 0)
 
-    def _send(self, connection: Connection, data: bytes) -> int:
+    def _send(self, connection: ClientConnection, data: bytes) -> int:
         begun_ns = time.monotonic_ns()  # before it is sent: an answer to it must not seem to have come first
         try:
             taken = self._sockets[connection].send(data)

@@ -13,7 +13,7 @@ from raw_client import RawClient, RawFeed, poll, wait_for
 
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.protocol.ports import PORTS
-from jaka_ros_driver.simulation.server.server import Server, ask_panel
+from jaka_ros_driver.simulation.server.server import ControllerServer, ask_panel
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
 REQUESTS_FILE = Path(__file__).parents[2] / "data" / "sdk" / "requests-2.1.11.txt"
@@ -233,7 +233,7 @@ def test_port_that_is_taken_is_an_error_and_leaves_nothing_open(arm, make_arm):
 
 
 def test_call_into_a_stopped_server_fails(arm):
-    server = Server(arm.server.controller, LOOPBACK, dict.fromkeys(PORTS, 0))
+    server = ControllerServer(arm.server.controller, LOOPBACK, dict.fromkeys(PORTS, 0))
     server.close()
     with pytest.raises(ConnectionLost):
         server.call(lambda: None)

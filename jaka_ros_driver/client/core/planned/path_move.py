@@ -7,7 +7,7 @@ from typing import Any, Callable, NamedTuple, Optional
 
 from jaka_ros_driver.client.core.arrival import NO_DISTANCE, SETTLE_TIME_S, InPosition, has_settled
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner, is_held, rest_time_at
+from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, is_held, rest_time_at
 from jaka_ros_driver.client.core.move import (
     NOT_SEEN_TO_BEGIN,
     START_WINDOW_S,
@@ -19,7 +19,7 @@ from jaka_ros_driver.client.core.stillness import MOVEMENT
 from jaka_ros_driver.commands import JointMove
 from jaka_ros_driver.errors import JakaError, MotionInterrupted, PathInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
-from jaka_ros_driver.trajectory.segments import SegmentPath, Tracker
+from jaka_ros_driver.trajectory.segments import PathTracker, SegmentPath
 
 
 class PathProgress(NamedTuple):
@@ -38,7 +38,7 @@ class PathProgress(NamedTuple):
     is_paused: bool = False
 
 
-class PathMove(Motion):
+class PathMove(ArmMotion):
     """A motion that is completed when every segment was passed and the arm rests at the last target.
 
     It is stopped by what contradicts that.
@@ -68,7 +68,7 @@ class PathMove(Motion):
         self._on_begun = on_begun
         self._start = state
         self._frames = state.tool_id, state.user_frame_id
-        self._tracker = Tracker(path, now)
+        self._tracker = PathTracker(path, now)
         self._waiting = [segment.command for segment in path.segments if not segment.is_nowhere]
         self._is_single = len(self._waiting) == 1
         self._target = self._waiting[-1]

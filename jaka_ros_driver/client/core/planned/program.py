@@ -6,7 +6,7 @@ section 6.2) decides that it is over, together with joints at rest; the state al
 from typing import Any, Callable, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner
+from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import Command, ResumeMotion
@@ -21,7 +21,7 @@ _OVER_TIME_S = 0.3
 _NEVER = float("inf")
 
 
-class Program(Motion):
+class ProgramMotion(ArmMotion):
     """A running program, in custody until it is over.
 
     Its caller is answered when the status feed shows it running.

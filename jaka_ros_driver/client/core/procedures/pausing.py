@@ -2,7 +2,7 @@
 from typing import Callable, Union
 
 from jaka_ros_driver.client.core.arm_core import ArmCore
-from jaka_ros_driver.client.core.motion import Motion
+from jaka_ros_driver.client.core.motion import ArmMotion
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.planned.path_move import PathMove
 from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure, Until
@@ -100,6 +100,6 @@ def _pausable(core: ArmCore) -> Union[Move, PathMove, Trajectory]:
     return motion
 
 
-def _require_still_under_way(core: ArmCore, motion: Motion, what: str) -> None:
+def _require_still_under_way(core: ArmCore, motion: ArmMotion, what: str) -> None:
     if core.custody.motion is not motion or core.custody.is_ending or motion.is_leaving:
         raise InvalidCommand("refused: %s has ended, it cannot be %s" % (motion.owner.value, what))

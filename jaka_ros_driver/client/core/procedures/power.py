@@ -8,7 +8,7 @@ from typing import Callable, List
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import event_text
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Tell, Until
+from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, SendAhead, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState
@@ -161,7 +161,7 @@ def _switch(core: ArmCore, command: c.Command, on: bool, is_done: Callable[[Robo
     core.switched_on_at.pop(kind, None)
     if on:
         core.switched_on_at[kind] = begun
-    yield Tell(command)
+    yield SendAhead(command)
     if (yield from core.seen(is_done, timeout, check)):
         core.switched_on_at.pop(kind, None)
         core.channel.done(command, (yield Now()))

@@ -11,7 +11,7 @@ is its result::
 from functools import partial
 from typing import Any, Callable, Generator, NamedTuple, Optional, Union
 
-from jaka_ros_driver.client.core.channel import Channel, Requests
+from jaka_ros_driver.client.core.channel import CommandChannel, Requests
 from jaka_ros_driver.commands import Command
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.protocol import codec
@@ -20,12 +20,12 @@ _NEVER = float("inf")
 
 
 class Ask(NamedTuple):
-    """The step that sends a command and waits for its result; errors as of ``Channel.request`` and its replies."""
+    """The step that sends a command and waits for its result; errors are those of ``CommandChannel.request``."""
 
     command: Command
 
 
-class Tell(NamedTuple):
+class SendAhead(NamedTuple):
     """The step that sends a command and continues at once; a failure before the procedure's end is raised in it."""
 
     command: Command
@@ -46,7 +46,7 @@ class Now(NamedTuple):
     """The step whose result is the present time, s."""
 
 
-Step = Union[Ask, Tell, Until, Now]
+Step = Union[Ask, SendAhead, Until, Now]
 Procedure = Generator[Step, Any, Any]
 OnEnd = Callable[[Any, Optional[JakaError], float], None]
 
@@ -54,7 +54,8 @@ OnEnd = Callable[[Any, Optional[JakaError], float], None]
 class Running:
     """The driver of one running procedure."""
 
-    def __init__(self, procedure: Procedure, channel: Requests, on_end: OnEnd, gate: Optional[Channel] = None) -> None:
+    def __init__(self, procedure: Procedure, channel: Requests, on_end: OnEnd,
+                 gate: Optional[CommandChannel] = None) -> None:
         """Set up the driver; ``begin`` begins.
 
         Args:
@@ -111,7 +112,7 @@ class Running:
             self._asked += 1
             self._resume(lambda: self._procedure.throw(error), now)
 
-    def _hold(self, ask: Ask, gate: Channel, now: float) -> None:
+    def _hold(self, ask: Ask, gate: CommandChannel, now: float) -> None:
         """Wait until it is known whether a slow reply holds up the one to this step."""
         self._held, self._deadline = ask, gate.held_up_until or now
         self._until = Until(lambda _: gate.held_up_until is None, self._deadline - now)
