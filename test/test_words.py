@@ -7,8 +7,9 @@ import ast
 import re
 import sys
 from collections import Counter
+from functools import lru_cache
 from pathlib import Path
-from typing import Dict, Iterator, List, NamedTuple, Optional
+from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("jaka_ros_driver", "tools", "test", "docs", "cmake")
@@ -152,14 +153,17 @@ def room_of(path: Path) -> str:
     return "/".join(parts[:2] if parts[0] in ("jaka_ros_driver", "tools") else parts[:1])
 
 
-def findings() -> Iterator[Finding]:
+@lru_cache(maxsize=None)
+def findings() -> Tuple[Finding, ...]:
     """Return each docstring of the repository in the wrong form."""
+    found = []
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*.py")):
             for docstring in docstrings(ast.parse(path.read_text(encoding="utf-8"))):
                 reason = fault(docstring)
                 if reason:
-                    yield Finding(room_of(path), "%s:%d" % (path.relative_to(ROOT), docstring.line), reason)
+                    found.append(Finding(room_of(path), "%s:%d" % (path.relative_to(ROOT), docstring.line), reason))
+    return tuple(found)
 
 
 def class_names() -> Dict[str, List[str]]:

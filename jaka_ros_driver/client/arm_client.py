@@ -17,7 +17,7 @@ from jaka_ros_driver.client.core.links import LinkHealth
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.planned.path_move import PathProgress
 from jaka_ros_driver.client.core.procedures import power
-from jaka_ros_driver.client.core.procedures.procedure import Procedure
+from jaka_ros_driver.client.core.procedures.steps import Procedure
 from jaka_ros_driver.client.core.trajectory import StartChanged, TrajectoryProgress, TrajectoryStart
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.custody_file import CustodyFile, CustodyKeeper

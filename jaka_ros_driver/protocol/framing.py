@@ -6,7 +6,7 @@ Memory is bounded: bytes that cannot become an object are dropped.
 
 Two other modules cut objects, because they promise something else. ``simulation/server/request_parser.py`` reports a
 byte that cannot belong to an object as soon as it comes, where ``ObjectStream`` waits for the closing brace.
-``wire/script.py`` has the whole stream at hand and must keep every byte of it, those of damaged objects included.
+``wire/recorded_session.py`` has the whole stream at hand and must keep every byte of it, also those of damaged objects.
 """
 import heapq
 import json

@@ -31,11 +31,11 @@ from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig, config_from
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher
+from jaka_ros_driver.ros.services.handlers import ServiceHandlers
 from jaka_ros_driver.ros.services.path_action import PathAction
 from jaka_ros_driver.ros.services.recover_action import RecoverAction
-from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
-from jaka_ros_driver.ros.services.service_server import take_connection
-from jaka_ros_driver.ros.services.service_table import Services
+from jaka_ros_driver.ros.services.server import take_connection
+from jaka_ros_driver.ros.services.table import Services
 from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
 from jaka_ros_driver.ros.start_checks import (
     refuse_taken_topics,

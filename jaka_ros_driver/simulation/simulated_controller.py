@@ -16,13 +16,13 @@ from typing import Any, Dict, Optional, Type
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
 from jaka_ros_driver.protocol.ports import PORTS
-from jaka_ros_driver.simulation.controller.controller import Controller
-from jaka_ros_driver.simulation.controller.controller_state import Options, Start
+from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
-from jaka_ros_driver.simulation.dialect.dialect import COEXISTS, REFUSED, REPLACES, Dialect
-from jaka_ros_driver.simulation.server import panel
+from jaka_ros_driver.simulation.controller.state import Options, Start
+from jaka_ros_driver.simulation.dialect.table import COEXISTS, REFUSED, REPLACES, Dialect
+from jaka_ros_driver.simulation.server import operator_actions
 from jaka_ros_driver.simulation.server.cycle_clock import MIN_FEED_PERIOD_S
-from jaka_ros_driver.simulation.server.server import PANEL, ControllerServer
+from jaka_ros_driver.simulation.server.event_loop import OPERATOR, ControllerServer
 from jaka_ros_driver.wire.log import WireLog
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
@@ -99,17 +99,18 @@ class SimulatedController:
         self._log = WireLog(log) if log else None
         ports = {"command": command_port, "status": status_port, "poll": poll_port}
         if panel_port is not None:
-            ports[PANEL] = panel_port
+            ports[OPERATOR] = panel_port
         self._thread: Optional[threading.Thread] = None
         try:
-            self.server = ControllerServer(controller, host, ports, time_scale=time_scale, seed=seed, log=self._log,
-                                           panel_handler=lambda request: panel.handle(self.server, request))
+            self.server = ControllerServer(
+                controller, host, ports, time_scale=time_scale, seed=seed, log=self._log,
+                operator_handler=lambda request: operator_actions.handle(self.server, request))
         except OSError:
             self._close_log()
             raise
         numbers = self.server.port_numbers
         self.command_port, self.status_port, self.poll_port = (numbers[port] for port in PORTS)
-        self.panel_port = numbers.get(PANEL)
+        self.panel_port = numbers.get(OPERATOR)
 
     def panel(self, action: str, **parameters: Any) -> Dict[str, Any]:
         """Carry out one action of the operator port.
@@ -118,9 +119,10 @@ class SimulatedController:
             InvalidCommand: It is refused.
             ConnectionLost: Nothing runs.
         """
-        answer: Dict[str, Any] = self.server.call(lambda: panel.handle(self.server, {"action": action, **parameters}))
+        request = {"action": action, **parameters}
+        answer: Dict[str, Any] = self.server.call(lambda: operator_actions.handle(self.server, request))
         if not answer["ok"]:
-            raise InvalidCommand("panel: %s" % answer["error"])
+            raise InvalidCommand("operator port: %s" % answer["error"])
         return answer
 
     def state(self) -> Dict[str, Any]:

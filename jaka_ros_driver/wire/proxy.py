@@ -19,8 +19,8 @@ from jaka_ros_driver.protocol.ports import PORT_NUMBERS, PORTS
 from jaka_ros_driver.wire import sockets
 from jaka_ros_driver.wire.log import WireLog
 from jaka_ros_driver.wire.port_server import PortServer
-from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
 from jaka_ros_driver.wire.sockets import LOOPBACK
+from jaka_ros_driver.wire.startup import print_ports, raise_priority, stop_on_signals
 
 _CONNECT_S = 3.0
 _LOG_TIMEOUT_S = 0.5

@@ -4,7 +4,7 @@ from arm_bench import eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.procedures import settings as procedures
-from jaka_ros_driver.client.core.procedures.procedure import Ask
+from jaka_ros_driver.client.core.procedures.steps import Ask
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand
 from jaka_ros_driver.state import IoBank
 

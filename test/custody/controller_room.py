@@ -18,11 +18,11 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.command_spec import LINK_LOSS_COMMAND
-from jaka_ros_driver.simulation.controller.controller import Controller, ReplyLine, RequestResult
-from jaka_ros_driver.simulation.controller.controller_state import Options, ProgramState
+from jaka_ros_driver.simulation.controller.executor import Controller, ReplyLine, RequestResult
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.replies import CommandRefused, accepted, refused
-from jaka_ros_driver.simulation.dialect.dialect import COEXISTS, REFUSED
+from jaka_ros_driver.simulation.controller.state import Options, ProgramState
+from jaka_ros_driver.simulation.dialect.table import COEXISTS, REFUSED
 from jaka_ros_driver.simulation.server.request_parser import RequestParser
 
 DRIVER, GUARD, RIVAL, ORPHAN = "driver", "guard", "rival", "driver that is dead"

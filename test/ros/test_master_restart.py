@@ -9,7 +9,7 @@ from launching import Roscore
 from ros_bench import HOME, WAIT, DriverProcess, SimulatorProcess, eventually, on
 
 from jaka_ros_driver.ros import master_watch
-from jaka_ros_driver.ros.services.service_table import SERVICES
+from jaka_ros_driver.ros.services.table import SERVICES
 
 FIELDS = "{joint: %s}" % HOME
 

@@ -13,8 +13,8 @@ import yaml
 from program_places import command_of
 
 from jaka_msgs.msg import ServiceCall
-from jaka_ros_driver.ros.services.service_table import SERVICES
-from jaka_ros_driver.simulation.server.server import ask_panel
+from jaka_ros_driver.ros.services.table import SERVICES
+from jaka_ros_driver.simulation.server.event_loop import ask_operator_port
 
 WAIT = 60.0
 """s; many programs are started here, which a busy host may delay. Never a measure of speed."""
@@ -40,7 +40,7 @@ class SimulatorProcess:
         self.command_port, self.status_port = self.ports["command_port"], self.ports["status_port"]
 
     def panel(self, action, **parameters):
-        answer = ask_panel(self.ports["panel_port"], dict(parameters, action=action))
+        answer = ask_operator_port(self.ports["panel_port"], dict(parameters, action=action))
         assert answer.pop("ok"), answer
         return answer
 

@@ -8,9 +8,9 @@ from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
-from jaka_ros_driver.simulation.controller.controller import Controller
-from jaka_ros_driver.simulation.controller.controller_state import Options, Start
+from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.controller.state import Options, Start
 from jaka_ros_driver.simulation.controller.status_frame import all_field_names
 from jaka_ros_driver.trajectory.build import build_path
 from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryTolerances

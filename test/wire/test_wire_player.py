@@ -16,10 +16,10 @@ from program_places import command_of
 from raw_client import RawClient, RawFeed
 
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
-from jaka_ros_driver.wire import player as wire_player
+from jaka_ros_driver.wire import replayer as wire_player
 from jaka_ros_driver.wire.log import WireEvent, WireLog, clock_offset_ns, read_log
-from jaka_ros_driver.wire.player import SessionReplayer
-from jaka_ros_driver.wire.script import recorded_session
+from jaka_ros_driver.wire.recorded_session import recorded_session
+from jaka_ros_driver.wire.replayer import SessionReplayer
 
 WAIT = 30
 REQUESTS = ("get_robot_state", "get_version", "get_robot_state", "nonsense")

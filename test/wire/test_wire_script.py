@@ -4,7 +4,7 @@ import json
 import pytest
 
 from jaka_ros_driver.wire.log import TrueJoints, WireEvent
-from jaka_ros_driver.wire.script import (
+from jaka_ros_driver.wire.recorded_session import (
     Piece,
     RecordedReply,
     RecordedSessionError,

@@ -20,7 +20,7 @@ from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.planned.path_audit import audit
 from jaka_ros_driver.client.core.planned.path_move import PathMove, PathProgress
 from jaka_ros_driver.client.core.planned.program import ProgramMotion, require_program_state
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Running, Until
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, OnEnd, Procedure, Running, Until
 from jaka_ros_driver.client.core.servo import Servo
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.client.core.stops import Stops
@@ -34,8 +34,8 @@ from jaka_ros_driver.client.core.trajectory import (
     start_at_rest,
 )
 from jaka_ros_driver.client.core.velocity_jog.dead_man import DeadMan, JogMessage
+from jaka_ros_driver.client.core.velocity_jog.motion import VelocityJog
 from jaka_ros_driver.client.core.velocity_jog.ramp import require_possible
-from jaka_ros_driver.client.core.velocity_jog.velocity_jog import VelocityJog
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import (
     ConnectionLost,

@@ -5,7 +5,7 @@ from jaka_ros_driver.client.core.actions import Actions
 from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.custody import Admission, Custody
 from jaka_ros_driver.client.core.links import Links
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Until, pause
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, OnEnd, Procedure, Until, pause
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import STOP_REPLY, Query, whole_stop

@@ -4,7 +4,7 @@ from typing import Any, Callable, Optional, Union
 from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Running, pause
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure, Running, pause
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
 from jaka_ros_driver.commands import JogStop, Query, ServoJoint, ServoPose, SetServoMode
 from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause

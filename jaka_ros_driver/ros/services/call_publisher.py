@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import rospy
 
 from jaka_msgs import msg as messages
-from jaka_ros_driver.ros.services.service_handlers import ServiceOutcome
+from jaka_ros_driver.ros.services.handlers import ServiceOutcome
 
 _LOG = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from jaka_ros_driver.client.core.procedures.recovery import RecoveryCancelled, R
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.action_server import QuietActionServer
 from jaka_ros_driver.ros.audit.recorder import Recorder
-from jaka_ros_driver.ros.services.service_server import CallCount
+from jaka_ros_driver.ros.services.server import CallCount
 
 _LOG = logging.getLogger(__name__)
 

@@ -21,7 +21,7 @@ from jaka_ros_driver.errors import (
 from jaka_ros_driver.ros.action_server import QuietActionServer
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.other_messages import message_type
-from jaka_ros_driver.ros.services.service_server import CallCount
+from jaka_ros_driver.ros.services.server import CallCount
 from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder, fill_states
 from jaka_ros_driver.trajectory.points import TrajectoryOfThePast
 

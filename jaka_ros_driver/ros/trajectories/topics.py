@@ -9,7 +9,7 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.other_messages import message_type, stop_motion_type
 from jaka_ros_driver.ros.params import DriverConfig
-from jaka_ros_driver.ros.services.service_server import CallCount, ServiceServer
+from jaka_ros_driver.ros.services.server import CallCount, ServiceServer
 from jaka_ros_driver.ros.topics.stamps import StampClock, ros_clock
 from jaka_ros_driver.ros.trajectories.action import TrajectoryAction, TurnQueue
 from jaka_ros_driver.ros.trajectories.messages import TrajectoryDecoder, fill_states

@@ -5,5 +5,5 @@ moves, legs, routes, path_scan         from the numbers of a move to a path, and
 profiles, follower, motion_queue       speed over time along a path, one path, and the queue of paths
 jog, servo, servo_filters              jogging and servo (streaming) mode
 hand_guiding, coasting                 moved by hand; coming to rest after drive power is lost
-arm_frames, limit_watch, events        kinematics with tool and user frame, the soft limits, the arm's events
+frames, limit_watch, events            kinematics with tool and user frame, the soft limits, the arm's events
 """

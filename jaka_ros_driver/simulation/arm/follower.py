@@ -3,8 +3,8 @@ import copy
 from typing import Optional, Sequence
 
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import same_joints
 from jaka_ros_driver.simulation.arm.events import PlantEvent
+from jaka_ros_driver.simulation.arm.frames import same_joints
 from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S, Profile, stopping_way
 from jaka_ros_driver.simulation.arm.routes import Route
 from jaka_ros_driver.state import Vector

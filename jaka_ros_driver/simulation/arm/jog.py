@@ -6,8 +6,8 @@ from typing import Optional, Tuple
 from jaka_ros_driver.commands import JogFrame, Pose
 from jaka_ros_driver.kinematics.rotations import Transform, Vector3, compose, pose_from_transform
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, rotated, rotation_between, turned
 from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.simulation.arm.frames import ArmFrames, rotated, rotation_between, turned
 from jaka_ros_driver.simulation.arm.legs import LegPace, LineLeg, along, norm
 from jaka_ros_driver.simulation.arm.moves import FASTEST, SLOWEST
 from jaka_ros_driver.simulation.arm.routes import CartesianRoute, JointRoute, Route

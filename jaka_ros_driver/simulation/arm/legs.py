@@ -8,8 +8,8 @@ from typing import NamedTuple, Optional, Sequence
 
 from jaka_ros_driver.kinematics.rotations import Transform, Vector3, rotation_angle_between
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import rotation_between, turned
 from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.simulation.arm.frames import rotation_between, turned
 
 _TINY = 1e-9
 _MOST_TURNS = 100

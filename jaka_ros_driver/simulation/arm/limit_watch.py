@@ -3,8 +3,8 @@ import math
 from typing import List, Sequence, Tuple
 
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames
 from jaka_ros_driver.simulation.arm.events import PlantEvent
+from jaka_ros_driver.simulation.arm.frames import ArmFrames
 
 NEAR_LIMIT = math.radians(2.0)
 """Distance, rad, from a soft limit below which a joint is reported as about to hit it. No vendor value exists."""

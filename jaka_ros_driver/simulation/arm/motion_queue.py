@@ -4,9 +4,9 @@ from typing import Deque, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.commands import JogFrame
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames
 from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
 from jaka_ros_driver.simulation.arm.follower import Follower
+from jaka_ros_driver.simulation.arm.frames import ArmFrames
 from jaka_ros_driver.simulation.arm.legs import Leg
 from jaka_ros_driver.simulation.arm.profiles import jerk_time
 from jaka_ros_driver.simulation.arm.routes import CartesianRoute, JointRoute, Route

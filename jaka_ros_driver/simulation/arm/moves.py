@@ -5,8 +5,8 @@ from typing import Optional
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import Transform, distance_between, rotation_angle_between
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import SAME_ANGLE, ArmFrames
 from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.simulation.arm.frames import SAME_ANGLE, ArmFrames
 from jaka_ros_driver.simulation.arm.legs import LegPace
 from jaka_ros_driver.state import Vector
 

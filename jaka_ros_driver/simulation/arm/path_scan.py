@@ -6,8 +6,8 @@ from typing import Callable, List, NamedTuple, Optional, Sequence
 
 from jaka_ros_driver.kinematics.rotations import Transform
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames
 from jaka_ros_driver.simulation.arm.events import PlantEvent
+from jaka_ros_driver.simulation.arm.frames import ArmFrames
 from jaka_ros_driver.state import Vector
 
 JointsOfPose = Callable[[Transform, Sequence[float]], Optional[Vector]]

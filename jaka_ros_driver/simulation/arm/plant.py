@@ -6,9 +6,9 @@ from jaka_ros_driver.commands import JogFrame, Pose
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import distance_between
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, checked_transform, finite_six, same_joints
 from jaka_ros_driver.simulation.arm.coasting import Coast
 from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
+from jaka_ros_driver.simulation.arm.frames import ArmFrames, checked_transform, finite_six, same_joints
 from jaka_ros_driver.simulation.arm.hand_guiding import HandGuiding
 from jaka_ros_driver.simulation.arm.jog import JogMode, jog_route
 from jaka_ros_driver.simulation.arm.legs import LineLeg, arc_through

@@ -9,8 +9,8 @@ from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import Transform, compose
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, nearest_joints
 from jaka_ros_driver.simulation.arm.events import PlantEvent
+from jaka_ros_driver.simulation.arm.frames import ArmFrames, nearest_joints
 from jaka_ros_driver.simulation.arm.legs import Corner, Leg, LineLeg, corner_half
 from jaka_ros_driver.simulation.arm.path_scan import PathScan, PathStretch, merged
 from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S, speed_for_way

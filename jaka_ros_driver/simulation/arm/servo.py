@@ -6,9 +6,9 @@ from typing import Deque, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, finite_six
 from jaka_ros_driver.simulation.arm.coasting import Coast
 from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
+from jaka_ros_driver.simulation.arm.frames import ArmFrames, finite_six
 from jaka_ros_driver.simulation.arm.legs import LegPace, LineLeg
 from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S
 from jaka_ros_driver.simulation.arm.servo_filters import Filter

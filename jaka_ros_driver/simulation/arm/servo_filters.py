@@ -19,8 +19,8 @@ from typing import Any, Deque, Dict, List, Sequence, Tuple
 
 from jaka_ros_driver.kinematics.rotations import Transform
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, rotation_between, turned
 from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.simulation.arm.frames import ArmFrames, rotation_between, turned
 from jaka_ros_driver.simulation.arm.profiles import RUCKIG, ruckig_solves
 from jaka_ros_driver.state import Vector
 

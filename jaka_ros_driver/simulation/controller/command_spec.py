@@ -3,9 +3,9 @@ import enum
 from typing import Callable, List, NamedTuple, Optional, Union
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import Reply
-from jaka_ros_driver.simulation.dialect.dialect import EARLY, HELD
+from jaka_ros_driver.simulation.controller.state import ControllerState
+from jaka_ros_driver.simulation.dialect.table import EARLY, HELD
 
 _SAME_MOMENT_S = 1e-6
 LINK_LOSS_COMMAND = "set_network_exception_handle"

@@ -3,11 +3,11 @@ from typing import Callable, List, Optional, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain, slow_reply
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Memory, Payload, StoredFrames
 from jaka_ros_driver.simulation.controller.replies import CommandRefused, Reply
+from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.simulation.controller.wire_units import pose_from_wire, pose_to_wire, rounded
-from jaka_ros_driver.simulation.dialect.dialect import EITHER
+from jaka_ros_driver.simulation.dialect.table import EITHER
 from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m
 
 MAX_COLLISION_LEVEL = 5

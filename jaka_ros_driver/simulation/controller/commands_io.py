@@ -3,8 +3,8 @@ from typing import Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import CommandRefused, Reply
+from jaka_ros_driver.simulation.controller.state import ControllerState
 
 _DIN_STATUS_COUNT = 64
 _MAX_COUNT = 256

@@ -7,8 +7,8 @@ from jaka_ros_driver.simulation.arm.plant import JogMode, ServoFilter
 from jaka_ros_driver.simulation.arm.servo_filters import PARAMETERS
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain, slow_reply
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import SERVO_ONLY, CommandRefused, Reply
+from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.simulation.controller.wire_units import pose_from_wire
 from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, mm_to_m
 

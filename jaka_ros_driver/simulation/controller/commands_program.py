@@ -3,8 +3,8 @@ from typing import Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, plain
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import WHOLE_FRAME, BadParameter, CommandRefused, Reply
+from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.simulation.controller.status_frame import StatusFrame, all_field_names
 from jaka_ros_driver.state import ProgramState
 from jaka_ros_driver.units import ms_to_s, s_to_ms

@@ -9,8 +9,8 @@ from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import BadParameter, CommandRefused, Reply
+from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.simulation.controller.status_frame import SIGNAL_VALUE, signal_rows
 
 _MAX_SIGNALS = 8

@@ -14,8 +14,8 @@ from jaka_ros_driver.simulation.controller.command_spec import (
     plain,
     slow_reply,
 )
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState, LinkLoss
 from jaka_ros_driver.simulation.controller.replies import CommandRefused, Reply
+from jaka_ros_driver.simulation.controller.state import ControllerState, LinkLoss
 from jaka_ros_driver.simulation.controller.wire_units import joints_to_wire, pose_from_wire, pose_to_wire, rounded
 from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, m_to_mm, ms_to_s, rad_to_deg
 

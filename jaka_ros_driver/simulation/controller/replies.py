@@ -3,7 +3,7 @@ from typing import Any, Dict
 
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.protocol.status import encode_frame
-from jaka_ros_driver.simulation.dialect.dialect import Dialect
+from jaka_ros_driver.simulation.dialect.table import Dialect
 
 Reply = Dict[str, Any]
 

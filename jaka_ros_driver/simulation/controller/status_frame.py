@@ -8,9 +8,9 @@ import json
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 from jaka_ros_driver.protocol.status import with_len
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.replies import UNKNOWN_FIELDS
+from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.simulation.controller.wire_units import FEED_DECIMALS, joints_to_wire, pose_to_wire
 from jaka_ros_driver.units import all_m_to_mm, m_to_mm
 

@@ -2,6 +2,6 @@
 
 Data only: ``arm``, ``controller`` and ``server`` act on it.
 
-dialect    the table of these points, and one choice of them: a controller that could be real
+table      the table of these points, and one choice of them: a controller that could be real
 dimension  one point: its values, their check, and how one is drawn
 """

@@ -3,7 +3,7 @@ from collections import deque
 from typing import Callable, Deque, List, Optional
 
 from jaka_ros_driver.protocol.framing import Item
-from jaka_ros_driver.simulation.controller.controller import ReplyLine
+from jaka_ros_driver.simulation.controller.executor import ReplyLine
 from jaka_ros_driver.simulation.server.faults import Delivery, Effect
 from jaka_ros_driver.simulation.server.request_parser import RequestParser
 

@@ -15,8 +15,8 @@ from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.audit import callers, plain, recorder, setting_up
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.params import DriverConfig
-from jaka_ros_driver.ros.services.service_handlers import ServiceOutcome
-from jaka_ros_driver.ros.services.service_table import SERVICES, Services
+from jaka_ros_driver.ros.services.handlers import ServiceOutcome
+from jaka_ros_driver.ros.services.table import SERVICES, Services
 
 HEADER = {"callerid": "/cell", "md5sum": "*", callers.PEER: "10.0.0.4:50000"}
 

@@ -16,8 +16,8 @@ from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.params import config_from
-from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
-from jaka_ros_driver.ros.services.service_table import SERVICES, Services
+from jaka_ros_driver.ros.services.handlers import ServiceHandlers
+from jaka_ros_driver.ros.services.table import SERVICES, Services
 
 PACKAGE = import_graph.ROOT / "jaka_ros_driver"
 PAGE = (import_graph.ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")

@@ -9,8 +9,8 @@ from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
-from jaka_ros_driver.ros.services.service_handlers import ServiceOutcome
-from jaka_ros_driver.ros.services.service_table import SERVICES, Services
+from jaka_ros_driver.ros.services.handlers import ServiceOutcome
+from jaka_ros_driver.ros.services.table import SERVICES, Services
 
 HOME = [0.0, 1.5, -1.5, 1.5, 1.5, 0.0]
 SPECS = {spec.name: spec for spec in SERVICES}

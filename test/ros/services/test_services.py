@@ -11,7 +11,7 @@ from ros_bench import HOME, SimulatorProcess, eventually, evidence_of, rosservic
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from jaka_msgs.srv import Move, MoveRequest, MoveResponse
-from jaka_ros_driver.ros.services.service_table import SERVICES
+from jaka_ros_driver.ros.services.table import SERVICES
 
 FAST = {"mvvelo": 3.0, "mvacc": 12.0}
 LINE = [420.0, 100.0, 370.0, 2.2214, -2.2214, 0.0]

@@ -14,7 +14,7 @@ from jaka_ros_driver.errors import ConnectionLost, MotionInterrupted, StopCause
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.services import call_publisher
-from jaka_ros_driver.ros.services.service_handlers import ServiceOutcome
+from jaka_ros_driver.ros.services.handlers import ServiceOutcome
 from jaka_ros_driver.ros.topics import motion_ends, robot_status, speed
 from jaka_ros_driver.ros.trajectories import topics
 from jaka_ros_driver.state import ProgramState, RobotState

@@ -21,7 +21,7 @@ from jaka_ros_driver.errors import (
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.other_messages import made_type
 from jaka_ros_driver.ros.params import config_from
-from jaka_ros_driver.ros.services.service_server import CallCount
+from jaka_ros_driver.ros.services.server import CallCount
 from jaka_ros_driver.ros.trajectories import action
 from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder
 from jaka_ros_driver.state import RobotState

@@ -5,8 +5,8 @@ import pytest
 from plant_watch import ZU7, PlantWatch
 
 from jaka_ros_driver.simulation.arm import servo_filters
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames
 from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.simulation.arm.frames import ArmFrames
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S, HOME, Plant
 from jaka_ros_driver.simulation.arm.profiles import RUCKIG
 from jaka_ros_driver.simulation.arm.servo_filters import CoordinateTracker, ServoFilter, make_filter

@@ -5,7 +5,7 @@ controller then stops the arm there.
 """
 from typing import Callable, Sequence
 
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure
+from jaka_ros_driver.client.core.procedures.steps import Ask, Procedure
 from jaka_ros_driver.commands import (
     ArcMove,
     Command,

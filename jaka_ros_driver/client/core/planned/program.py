@@ -7,7 +7,7 @@ from typing import Any, Callable, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import Command, ResumeMotion
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause

@@ -1,6 +1,6 @@
 """Procedures: sequences of several requests, each on a condition, written as generators.
 
-procedure   the steps of procedures, and their driver
+steps       the steps of procedures, and their driver
 session     the questions to a controller that was connected
 power       power, enabling and alarms
 recovery    all steps to an arm that can move, as one act

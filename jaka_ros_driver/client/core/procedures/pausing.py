@@ -5,7 +5,7 @@ from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import ArmMotion
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.planned.path_move import PathMove
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure, Until
+from jaka_ros_driver.client.core.procedures.steps import Ask, Procedure, Until
 from jaka_ros_driver.client.core.trajectory import Trajectory
 from jaka_ros_driver.commands import PauseMotion, ResumeMotion, SetRapidRate
 from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause

@@ -8,7 +8,7 @@ from typing import Callable, List
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import event_text
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, SendAhead, Until
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure, SendAhead, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState

@@ -3,8 +3,8 @@ from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.planned.program import SHOWN_WITHIN_S, require_program_state
 from jaka_ros_driver.client.core.procedures.pausing import rests_while
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
 from jaka_ros_driver.client.core.procedures.settings import NOT_VERIFIED, ReadBackMismatch
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import LoadProgram, PauseMotion, Query
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, MotionInterrupted, ProtocolError, StopCause

@@ -6,7 +6,7 @@ from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.contradictions import standing_cause
 from jaka_ros_driver.client.core.motion import event_text
 from jaka_ros_driver.client.core.procedures import power
-from jaka_ros_driver.client.core.procedures.procedure import Now, Procedure, Until
+from jaka_ros_driver.client.core.procedures.steps import Now, Procedure, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import (
     CommandRejected,

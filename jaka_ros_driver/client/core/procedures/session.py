@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Optional
 
 from jaka_ros_driver.client.core.actions import Actions
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure
+from jaka_ros_driver.client.core.procedures.steps import Ask, Procedure
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Command, Query, SetFeedPeriod
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError

@@ -8,7 +8,7 @@ from typing import Any, Callable, Dict, Optional, Type, Union
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.contradictions import require_drives
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure, Until
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, JakaError, ProtocolError
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import IoBank, RobotState, Vector

@@ -20,7 +20,7 @@ from jaka_ros_driver.simulation.controller.force_sensor import ZEROING_TIME_S, F
 from jaka_ros_driver.simulation.controller.io_banks import IoBanks
 from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Memory, StoredFrames
 from jaka_ros_driver.simulation.controller.replies import CommandRefused
-from jaka_ros_driver.simulation.dialect.dialect import Dialect
+from jaka_ros_driver.simulation.dialect.table import Dialect
 from jaka_ros_driver.state import ProgramState, Vector
 from jaka_ros_driver.units import ms_to_s
 

@@ -1,8 +1,8 @@
 """The replayer of a recorded session: it serves a driver the recorded status bytes at their times, and the replies.
 
-``python3 -m jaka_ros_driver.wire.player LOG.mcap`` prints a line of JSON with its ports, one when the first client has
-connected, and one when all has been played. A port is open while the recorded one was connected. Time stands still
-where the driver is late with a request that moved the arm, for ``PATIENCE_S`` at most.
+``python3 -m jaka_ros_driver.wire.replayer LOG.mcap`` prints a line of JSON with its ports, one when the first client
+has connected, and one when all has been played. A port is open while the recorded one was connected. Time stands
+still where the driver is late with a request that moved the arm, for ``PATIENCE_S`` at most.
 """
 import argparse
 import json
@@ -20,9 +20,9 @@ from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.wire import sockets
 from jaka_ros_driver.wire.log import clock_offset_ns, read_log
 from jaka_ros_driver.wire.port_server import IDLE_S, PortServer
-from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
-from jaka_ros_driver.wire.script import Piece, RecordedConnection, RecordedSession, recorded_session
+from jaka_ros_driver.wire.recorded_session import Piece, RecordedConnection, RecordedSession, recorded_session
 from jaka_ros_driver.wire.sockets import LOOPBACK
+from jaka_ros_driver.wire.startup import print_ports, raise_priority, stop_on_signals
 
 _EARLY_S = 0.05
 """Lead, s, with which a port opens before its next recorded connection, so that a client that retries finds it in time.

@@ -17,9 +17,9 @@ from jaka_ros_driver.errors import ConnectionLost, FramingError
 from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.command_spec import LINK_LOSS_COMMAND, Then
-from jaka_ros_driver.simulation.controller.controller import Controller, RequestResult
+from jaka_ros_driver.simulation.controller.executor import Controller, RequestResult
 from jaka_ros_driver.simulation.controller.replies import not_understood
-from jaka_ros_driver.simulation.dialect.dialect import COEXISTS, REFUSED
+from jaka_ros_driver.simulation.dialect.table import COEXISTS, REFUSED
 from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, ClientConnection
 from jaka_ros_driver.simulation.server.cycle_clock import CycleClock
 from jaka_ros_driver.simulation.server.faults import Delivery, Effect, FaultScript
@@ -28,7 +28,8 @@ from jaka_ros_driver.wire.listeners import Listeners
 from jaka_ros_driver.wire.log import WireLog
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
-PANEL = "panel"
+OPERATOR = "panel"
+"""The operator port's name in the first line of output, in options and in logs."""
 _READ_BYTES = 4096
 _REQUESTS_A_TURN = 20
 _MAX_CLIENTS = 32
@@ -36,7 +37,7 @@ _IDLE_S = 1.0
 _COMPRESSION = 1
 _LONGEST_ANSWER = 1 << 18
 
-PanelHandler = Callable[[Dict[str, Any]], Dict[str, Any]]
+OperatorHandler = Callable[[Dict[str, Any]], Dict[str, Any]]
 
 
 class ControllerServer:
@@ -52,23 +53,23 @@ class ControllerServer:
 
     def __init__(self, controller: Controller, host: str, ports: Mapping[str, int], *, time_scale: float = 1.0,
                  seed: int = 0, log: Optional[WireLog] = None,
-                 panel_handler: Optional[PanelHandler] = None) -> None:
+                 operator_handler: Optional[OperatorHandler] = None) -> None:
         """Listen; raise OSError where a port cannot be bound.
 
         Args:
             controller: The controller to serve.
             host: Address for the ports; the operator port always listens on loopback.
-            ports: TCP port by name, 0 for a free one: those of ``PORTS`` and, for an operator port, ``PANEL``.
+            ports: TCP port by name, 0 for a free one: those of ``PORTS`` and, for an operator port, ``OPERATOR``.
             time_scale: Simulated seconds a wall second.
             seed: Of the random generator of the wire faults.
             log: Receives every byte.
-            panel_handler: Answers the operator port's requests.
+            operator_handler: Answers the operator port's requests.
         """
         self.controller = controller
         self.faults = FaultScript(seed)
         self.is_off = False
         self._log = log
-        self._panel_handler = panel_handler
+        self._operator_handler = operator_handler
         self._selector = selectors.EpollSelector()
         self._listeners = Listeners(self._selector)
         self.port_numbers = self._listeners.numbers
@@ -88,7 +89,7 @@ class ControllerServer:
         self._clock = CycleClock(time_scale, time.monotonic())
         try:
             for port, number in ports.items():
-                self._listeners.add(port, LOOPBACK if port == PANEL else host, number)
+                self._listeners.add(port, LOOPBACK if port == OPERATOR else host, number)
         except OSError:
             self.close()
             raise
@@ -312,7 +313,7 @@ class ControllerServer:
         if not data:
             self._drop(connection)
             return
-        if self._log and connection.port != PANEL:
+        if self._log and connection.port != OPERATOR:
             self._log.bytes_in(arrived_ns, connection.port, connection.number, data)
         if connection.port != "status":
             connection.inbox.extend(connection.parser.feed(data, now))
@@ -345,8 +346,8 @@ class ControllerServer:
             if connection.port == "poll":
                 if isinstance(request, dict) and request.get("cmdName") == "data_request":
                     self._answer_poll(connection, now)
-            elif connection.port == PANEL:
-                self._answer_panel(connection, request, now)
+            elif connection.port == OPERATOR:
+                self._answer_operator(connection, request, now)
             else:
                 result = self.controller.execute(request)
                 if result.command == LINK_LOSS_COMMAND:
@@ -363,19 +364,19 @@ class ControllerServer:
         if result.then is not Then.NOTHING:
             connection.post([Delivery(b"", now, Effect.CLOSE)])
         if result.then is Then.SHUT_DOWN:
-            self._calls.put(lambda: self.shut_down(None) if PANEL in self.port_numbers else self._end())
+            self._calls.put(lambda: self.shut_down(None) if OPERATOR in self.port_numbers else self._end())
             self._wake()
 
     def _answer_poll(self, connection: ClientConnection, now: float) -> None:
         text = self.faults.frame_text("poll", self.controller.polled_frame.text())
         connection.post(self.faults.deliveries("poll", zlib.compress(text, _COMPRESSION), None, now))
 
-    def _answer_panel(self, connection: ClientConnection, request: Any, now: float) -> None:
-        if isinstance(request, FramingError) or self._panel_handler is None:
-            answer = {"ok": False, "error": "%s; the panel takes JSON objects only" % request}
+    def _answer_operator(self, connection: ClientConnection, request: Any, now: float) -> None:
+        if isinstance(request, FramingError) or self._operator_handler is None:
+            answer = {"ok": False, "error": "%s; the operator port takes JSON objects only" % request}
             self._refuse(connection, json.dumps(answer).encode("utf-8") + b"\n", now)
         else:
-            connection.post([Delivery(json.dumps(self._panel_handler(request)).encode("utf-8") + b"\n", now)])
+            connection.post([Delivery(json.dumps(self._operator_handler(request)).encode("utf-8") + b"\n", now)])
 
     @staticmethod
     def _refuse(connection: ClientConnection, text: bytes, now: float) -> None:
@@ -425,7 +426,7 @@ class ControllerServer:
             taken = self._sockets[connection].send(data)
         except BlockingIOError:
             return 0
-        if self._log and connection.port != PANEL:
+        if self._log and connection.port != OPERATOR:
             self._log.bytes_out(begun_ns, connection.port, connection.number, data[:taken])
         return taken
 
@@ -507,7 +508,7 @@ class ControllerServer:
             "cycle_lateness": self._clock.lateness()}
 
 
-def ask_panel(port: int, request: Dict[str, Any], timeout: float = 10.0) -> Dict[str, Any]:
+def ask_operator_port(port: int, request: Dict[str, Any], timeout: float = 10.0) -> Dict[str, Any]:
     """Send a request to a simulated controller's operator port on this machine, and return the answer.
 
     Raises:
@@ -519,5 +520,5 @@ def ask_panel(port: int, request: Dict[str, Any], timeout: float = 10.0) -> Dict
             with link.makefile("rb") as stream:
                 answer: Dict[str, Any] = json.loads(stream.readline(_LONGEST_ANSWER))
     except (OSError, ValueError) as error:
-        raise ConnectionLost("no panel answers on port %d: %s" % (port, error)) from error
+        raise ConnectionLost("no operator port answers on port %d: %s" % (port, error)) from error
     return answer

@@ -15,7 +15,6 @@ from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import Held, Then
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState, Options, Start
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.memory import Memory
 from jaka_ros_driver.simulation.controller.replies import (
@@ -25,6 +24,7 @@ from jaka_ros_driver.simulation.controller.replies import (
     not_understood,
     refused,
 )
+from jaka_ros_driver.simulation.controller.state import ControllerState, Options, Start
 from jaka_ros_driver.simulation.controller.status_frame import StatusFrame
 from jaka_ros_driver.state import Vector
 

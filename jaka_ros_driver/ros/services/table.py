@@ -30,8 +30,8 @@ from jaka_ros_driver.errors import JakaError, ProtocolError
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import VENDOR_IO_FAILURE, VENDOR_KINEMATICS_FAILURE, RequestDecoder, wire_pose
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher, ReceivedCall
-from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers, ServiceOutcome
-from jaka_ros_driver.ros.services.service_server import CallCount, ServiceServer
+from jaka_ros_driver.ros.services.handlers import ServiceHandlers, ServiceOutcome
+from jaka_ros_driver.ros.services.server import CallCount, ServiceServer
 from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed
 
 _LOG = logging.getLogger(__name__)

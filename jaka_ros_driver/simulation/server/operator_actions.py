@@ -14,8 +14,8 @@ from jaka_ros_driver.simulation.controller.io_banks import BANK_NAMES
 from jaka_ros_driver.simulation.controller.replies import BadParameter, CommandRefused
 from jaka_ros_driver.simulation.controller.status_frame import errcode_text
 from jaka_ros_driver.simulation.controller.wire_units import QUERY_DECIMALS, joints_to_wire, pose_to_wire
+from jaka_ros_driver.simulation.server.event_loop import ControllerServer
 from jaka_ros_driver.simulation.server.faults import Effect
-from jaka_ros_driver.simulation.server.server import ControllerServer
 from jaka_ros_driver.units import deg_to_rad, m_to_mm, ms_to_s
 
 Answer = Dict[str, Any]
