@@ -162,7 +162,7 @@ class AuditLog:
                 self._drop()
             if self._is_closing and (self._trouble or not self._pending and self._queue.empty()):
                 break
-        self._let_go()
+        self._release()
 
     def _collect(self) -> None:
         """Take over lines that wait; where there are none, wait for some."""
@@ -185,7 +185,7 @@ class AuditLog:
             if self._descriptor is None:
                 self._open()
             self._put_pending()
-            self._tell_losses()
+            self._write_losses()
             self._prune()
             if self._is_dirty and time.monotonic() - self._synced_at >= SYNC_PERIOD_S:
                 self._sync()
@@ -260,7 +260,7 @@ class AuditLog:
         text = "the clock was set %s by %.3f s" % ("forward" if step > 0.0 else "back", abs(step))
         return record._replace(kind="clock", fields={"step_s": round(step, 6), "text": text})
 
-    def _tell_losses(self) -> None:
+    def _write_losses(self) -> None:
         """Write how many lines were lost, once there is room again."""
         if not self._lost or not self._queue.empty():
             return
@@ -340,7 +340,7 @@ class AuditLog:
                 os.close(self._descriptor)
             self._descriptor = None
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         if self._descriptor is not None:
             with contextlib.suppress(OSError):
                 self._sync()

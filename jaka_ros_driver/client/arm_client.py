@@ -127,7 +127,7 @@ class ArmClient:
         """Stop what this driver moves, end every pending call, disconnect. It waits at most 1 s for the arm to rest."""
         if self._is_closing:
             return
-        with contextlib.suppress(Exception), self._in_core():  # a defect there ends the loop, which tells of it
+        with contextlib.suppress(Exception), self._in_core():  # a defect there ends the loop, which logs it
             if not self._is_closed:
                 self._core.close(time.monotonic())
                 self._perform()
@@ -506,7 +506,7 @@ class ArmClient:
                 _end(action)
             elif isinstance(action, NotifyGuard):
                 if self._guard is not None:
-                    self._guard.tell(action.is_moving)
+                    self._guard.notify(action.is_moving)
                 if self._keeper is not None:
                     self._keeper.note(action)
                 for listener in self._custody_listeners:

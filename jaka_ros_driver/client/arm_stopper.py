@@ -6,7 +6,7 @@ from typing import Iterator, List
 
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.custody_file import CustodyFile
-from jaka_ros_driver.client.driver_pipe import STOPPING, WATCHING, DriverPipe, Say
+from jaka_ros_driver.client.driver_pipe import STOPPING, WATCHING, DriverPipe, LogText
 from jaka_ros_driver.client.stopping import Step, Stopping
 from jaka_ros_driver.client.transport import Event, Opened, Received, Transport, addresses_of
 from jaka_ros_driver.errors import FramingError, StatusFrameError
@@ -22,24 +22,24 @@ _FEED_TIMEOUT_S = 1.0
 class ArmStopper:
     """The guard's access to the arm. It has one thread, so nothing here waits for the controller."""
 
-    def __init__(self, host: str, command_port: int, status_port: int, say: Say) -> None:
+    def __init__(self, host: str, command_port: int, status_port: int, log: LogText) -> None:
         """Resolve the controller's name now, because that may take too long when the arm must be stopped."""
         self._file = CustodyFile(host, command_port)
         self._has_seen_rest = False
-        self._say = say
+        self._log = log
         self._transport = Transport(host, {Port.COMMAND: command_port, Port.STATUS: status_port}, _CONNECT_TIMEOUT_S)
         self._addresses: List[str] = []
         try:
             self._addresses = addresses_of(host)
         except OSError as error:
-            say("%s cannot be resolved: %s" % (host, error))
+            log("%s cannot be resolved: %s" % (host, error))
 
     def stop(self, pipe: DriverPipe) -> None:
         """Stop the arm; return when that is done or given up."""
         pipe.answer(STOPPING)
         found = self._file.read()
         jog = found.left.jog_stop if found is not None and found.left.process == pipe.driver_process else None
-        stopping = Stopping(time.monotonic(), self._say, jog)
+        stopping = Stopping(time.monotonic(), self._log, jog)
         command = _CommandPort(stopping, self._transport, self._addresses)
         status = _StatusPort(stopping, self._transport, self._addresses)
         try:
@@ -47,7 +47,7 @@ class ArmStopper:
             while step is not Step.FINISH:
                 step = stopping.step(time.monotonic(), pipe.driver())
                 if step is Step.END_DRIVER:
-                    pipe.end_driver(self._say)
+                    pipe.end_driver(self._log)
                 command.take(step)
                 status.connect_when_due(time.monotonic())
                 sources: List[object] = [self._transport] if pipe.is_closed else [self._transport, pipe]

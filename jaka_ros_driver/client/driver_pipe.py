@@ -20,7 +20,7 @@ ANSWER_PERIOD_S = 0.1
 _STARVED_TURN_S = 0.05
 _HELD_UP_S = 0.1
 
-Say = Callable[[str], None]
+LogText = Callable[[str], None]
 
 
 class DriverPipe:
@@ -41,7 +41,7 @@ class DriverPipe:
         self._words = words
         self._answers = answers
         self.driver_process = driver
-        self._heard_at = time.monotonic()
+        self._received_at = time.monotonic()
         self._answered_at = -ANSWER_PERIOD_S
         self.is_moving = is_moving
         self.is_closed = False
@@ -71,22 +71,22 @@ class DriverPipe:
         self.is_closed = not words
         if self.is_closed:
             return
-        self._heard_at = now
+        self._received_at = now
         self.has_left = self.has_left or FAREWELL in words
         self.is_moving = words[-1:] == MOVING
         if now - self._answered_at >= ANSWER_PERIOD_S:
-            self._say_answer(now)
+            self._send_answer(now)
 
     def answer(self, answer: bytes) -> None:
         """Answer this from now on, first at once, so that a driver that was frozen learns what was done."""
         self._answer = answer
-        self._say_answer(time.monotonic())
+        self._send_answer(time.monotonic())
 
-    def _say_answer(self, now: float) -> None:
+    def _send_answer(self, now: float) -> None:
         if not select.select([], [self._answers], [], 0.0)[1]:
             return
         self._answered_at = now
-        with contextlib.suppress(OSError):  # the driver has just died; the other pipe tells that
+        with contextlib.suppress(OSError):  # the driver has just died; the other pipe shows that
             os.write(self._answers, self._answer)
 
     def wait_for_silence(self) -> None:
@@ -95,7 +95,7 @@ class DriverPipe:
         was_held_up = False
         while not self.is_over:
             asked_at = time.monotonic()
-            patience = max(0.0, self._heard_at + limit - asked_at)
+            patience = max(0.0, self._received_at + limit - asked_at)
             if self.wait(patience if self.is_moving else None):
                 limit = SILENCE_TIMEOUT_S
                 was_held_up = False
@@ -115,18 +115,19 @@ class DriverPipe:
             return DriverCondition.BACK
         if self.is_closed:
             return DriverCondition.DEAD
-        return DriverCondition.BACK if time.monotonic() - self._heard_at < SILENCE_TIMEOUT_S else DriverCondition.SILENT
+        is_back = time.monotonic() - self._received_at < SILENCE_TIMEOUT_S
+        return DriverCondition.BACK if is_back else DriverCondition.SILENT
 
-    def end_driver(self, say: Say) -> None:
+    def end_driver(self, log: LogText) -> None:
         """Kill the driver if it is still silent. It must still be the parent, or its id may be another process's."""
         if self.wait(0.0):
             return
         if os.getppid() != self.driver_process:
-            say("the controller turns the guard away, and process %d is not the driver any more" % self.driver_process)
+            log("the controller turns the guard away, and process %d is not the driver any more" % self.driver_process)
             return
-        say("the controller turns the guard away while the frozen driver is connected: killing the driver, process %d"
+        log("the controller turns the guard away while the frozen driver is connected: killing the driver, process %d"
             % self.driver_process)
         try:
             os.kill(self.driver_process, signal.SIGKILL)
         except OSError as error:
-            say("the driver cannot be killed: %s" % error)
+            log("the driver cannot be killed: %s" % error)

@@ -72,12 +72,12 @@ class Guard:
         self._post: Optional[GuardPost] = GuardPost(clock())
         self._post.launch(self._command)
 
-    def tell(self, is_moving: bool) -> None:
+    def notify(self, is_moving: bool) -> None:
         """Notify the guard at once whether the driver moves the arm, before the first byte of a motion is sent."""
         with self._lock:
             self._word = MOVING if is_moving else IDLE
             if self._post is not None:
-                self._post.say(self._word)
+                self._post.send(self._word)
 
     def beat(self, now: float) -> None:
         """Send the guard the driver's heartbeat, and check that the guard answers; never wait.
@@ -116,12 +116,12 @@ class Guard:
         post = self._post
         if post is None:
             return self._replace(now) if now >= self._start_at else []
-        post.say(self._word)
+        post.send(self._word)
         had_answered = post.has_answered
         has_taken_over = post.listen(now)
         if was_held_up:
-            post.heard_at = now
-        silent = now - post.heard_at
+            post.received_at = now
+        silent = now - post.received_at
         if post.has_ended:
             return self._dismiss(post, "has ended", now)
         if silent > ANSWER_TIMEOUT_S and silent > post.silence_limit():
@@ -151,8 +151,8 @@ class Guard:
         post = None
         try:
             post = GuardPost(now)
-            post.say(self._word)
-            self._starter = threading.Thread(target=self._launch, args=(post, self._told_now(), self._dismissed),
+            post.send(self._word)
+            self._starter = threading.Thread(target=self._launch, args=(post, self._current_command(), self._dismissed),
                                              name="guard starter", daemon=True)
             self._starter.start()
         except (OSError, RuntimeError) as error:  # no more files, no more threads
@@ -166,7 +166,7 @@ class Guard:
         self._replacements += 1
         return []
 
-    def _told_now(self) -> List[str]:
+    def _current_command(self) -> List[str]:
         """Return the guard's command line, with whether the arm moves: the driver may die before its first message."""
         return self._command + (["--moving"] if self._word == MOVING else [])
 
@@ -186,7 +186,7 @@ class Guard:
                 post.leave()
             try:
                 post = GuardPost(0.0)
-                post.launch(self._told_now())
+                post.launch(self._current_command())
             except OSError as error:
                 _LOG.error("guard process: cannot be started, nobody stops the arm: %s", error)
                 return
@@ -194,7 +194,7 @@ class Guard:
 
 
 def _send_away(post: GuardPost) -> None:
-    post.say(FAREWELL)
+    post.send(FAREWELL)
     if post.has_exited(_EXIT_TIMEOUT_S):
         post.leave()
         return

@@ -29,7 +29,7 @@ class GuardPost:
         has_ended: True where it does not run any more, or could not be started.
         is_stopping: True where it is stopping the arm, by its last answer.
         began_at: When it was made, monotonic time, s.
-        heard_at: When it answered last, or was made, monotonic time, s.
+        received_at: When it answered last, or was made, monotonic time, s.
     """
 
     def __init__(self, now: float) -> None:
@@ -37,7 +37,7 @@ class GuardPost:
         self.has_answered = False
         self.has_ended = False
         self.is_stopping = False
-        self.began_at = self.heard_at = now
+        self.began_at = self.received_at = now
         self._process: Optional[subprocess.Popen[bytes]] = None
         self._is_given_up = False
         self._lock = threading.Lock()
@@ -59,7 +59,7 @@ class GuardPost:
         try:
             process = subprocess.Popen(command, stdin=self._its_words, stdout=self._its_answers,
                                        start_new_session=True)
-        finally:  # where the start failed, the closed pipes tell it
+        finally:  # where the start failed, the closed pipes show it
             self._its_words.close()
             self._its_answers.close()
         with self._lock:
@@ -67,7 +67,7 @@ class GuardPost:
             if self._is_given_up:
                 process.kill()
 
-    def say(self, word: bytes) -> None:
+    def send(self, word: bytes) -> None:
         """Send a message; never wait. A guard that does not read is noticed by its silence."""
         with contextlib.suppress(OSError):
             self._words.write(word)
@@ -83,7 +83,7 @@ class GuardPost:
         has_begun = STOPPING in answers and not self.is_stopping
         self.has_answered = True
         self.is_stopping = answers[-1:] == STOPPING
-        self.heard_at = now
+        self.received_at = now
         return has_begun
 
     def silence_limit(self) -> float:
@@ -97,13 +97,13 @@ class GuardPost:
         """Ask the guard and wait for its answer, ``ANSWER_TIMEOUT_S`` at most. Return True also while the process
         starts.
         """
-        self.listen(self.heard_at)
+        self.listen(self.received_at)
         if not self.has_answered:
             return not self.has_ended
         for _ in range(int(ANSWER_TIMEOUT_S / BEAT_PERIOD_S)):
-            self.say(MOVING)
+            self.send(MOVING)
             if select.select([self._answers], [], [], BEAT_PERIOD_S)[0]:
-                self.listen(self.heard_at)
+                self.listen(self.received_at)
                 return not self.has_ended
         return False
 

@@ -17,18 +17,18 @@ from typing import List, Optional
 
 from jaka_ros_driver.background_log import StandardErrorLog
 from jaka_ros_driver.client.arm_stopper import ArmStopper
-from jaka_ros_driver.client.driver_pipe import DriverPipe, Say
+from jaka_ros_driver.client.driver_pipe import DriverPipe, LogText
 
 _LOG_TIMEOUT_S = 0.5
 
 
-def watch(pipe: DriverPipe, stopper: ArmStopper, say: Say) -> None:
+def watch(pipe: DriverPipe, stopper: ArmStopper, log: LogText) -> None:
     """Watch the driver until it ends, and stop the arm where needed."""
     while True:
         pipe.wait_for_silence()
         if pipe.is_moving and not pipe.has_left:
-            say("the driver %s while the arm moves, stopping the arm" % ("has died" if pipe.is_closed else "is silent"))
-            pipe.is_moving = False  # until the driver tells again that it moves the arm
+            log("the driver %s while the arm moves, stopping the arm" % ("has died" if pipe.is_closed else "is silent"))
+            pipe.is_moving = False  # until the driver reports again that it moves the arm
             stopper.stop(pipe)
         elif pipe.is_over:
             stopper.forget(pipe)

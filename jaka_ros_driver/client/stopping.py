@@ -66,15 +66,15 @@ class Stopping:
         has_seen_rest: True once the arm was seen at rest after the stop.
     """
 
-    def __init__(self, now: float, say: Callable[[str], None], jog: Optional[JogStop] = None) -> None:
+    def __init__(self, now: float, log: Callable[[str], None], jog: Optional[JogStop] = None) -> None:
         """Begin a stop.
 
         jog: The command that ends the driver's jog; None where it began none, or that is not known.
         """
-        self._say = say
+        self._log = log
         self._jog = jog
         self.has_seen_rest = False
-        self._said: Set[str] = set()
+        self._logged: Set[str] = set()
         self._give_up_at = now + GIVE_UP_AFTER_S
         self._next_at = now
         self._link = _Link.DOWN
@@ -102,7 +102,7 @@ class Stopping:
         if now < self._next_at:
             return Step.WAIT
         if driver is DriverCondition.BACK:
-            self._say("the driver is back and sees to the arm itself")
+            self._log("the driver is back and sees to the arm itself")
             return Step.FINISH
         since = self._locked_out_since
         if driver is DriverCondition.SILENT and since is not None and now - since >= LOCKED_OUT_AFTER_S:
@@ -125,7 +125,7 @@ class Stopping:
         if len(self._exchange) or now < self._next_at:
             return Step.WAIT
         if self._acceptances and self._is_seen(now):
-            self._say_once("the arm moves on %.1f s after an accepted stop, sending the stop again" % CONFIRM_AFTER_S)
+            self._log_once("the arm moves on %.1f s after an accepted stop, sending the stop again" % CONFIRM_AFTER_S)
         return Step.SEND
 
     def _hang_up(self, reason: str, is_turned_away: bool, now: float) -> Step:
@@ -136,12 +136,12 @@ class Stopping:
         is_still = self._stillness.duration(self._accepted_at) >= STILL_FOR_S
         if is_still and (self._acceptances or self._has_no_drives):
             self.has_seen_rest = True
-            self._say("the arm is at rest" if self._acceptances else "the arm is at rest, its drives are off")
+            self._log("the arm is at rest" if self._acceptances else "the arm is at rest, its drives are off")
         elif self._acceptances >= BLIND_STOPS and not self._is_seen(now):
-            self._say("whether the arm is at rest could not be seen: %s; the controller accepted %d stops" % (
+            self._log("whether the arm is at rest could not be seen: %s; the controller accepted %d stops" % (
                 self._feed_trouble or "status port: no frame has come", self._acceptances))
         elif now >= self._give_up_at:
-            self._say("giving up after %.0f s: %s" % (GIVE_UP_AFTER_S, (
+            self._log("giving up after %.0f s: %s" % (GIVE_UP_AFTER_S, (
                 "the controller accepted %d stops, and the arm was not seen at rest" % self._acceptances
                 if self._acceptances else "the arm could not be stopped")))
         else:
@@ -171,7 +171,7 @@ class Stopping:
         self._link = _Link.DOWN
         if was_waiting or not self._acceptances:
             self._next_at = now + _CONNECT_PERIOD_S
-            self._say_once(reason)
+            self._log_once(reason)
 
     def replied(self, item: Item, now: float) -> None:
         """Take a reply, or bytes that are none."""
@@ -189,7 +189,7 @@ class Stopping:
             return
         self._exchange.abandon()
         if not self._acceptances:
-            self._say("the controller accepted the stop")
+            self._log("the controller accepted the stop")
             self._accepted_at = now
         self._acceptances += 1
         self._next_at = now + CONFIRM_AFTER_S
@@ -197,7 +197,7 @@ class Stopping:
     def _refused(self, reason: str, now: float) -> None:
         self._exchange.abandon()
         self._next_at = now + _REFUSED_PERIOD_S
-        self._say_once(reason)
+        self._log_once(reason)
 
     def saw(self, state: RobotState, now: float) -> None:
         """Take a state of the status feed."""
@@ -209,8 +209,8 @@ class Stopping:
         """Take note that the status feed cannot be read."""
         self._feed_trouble = reason
 
-    def _say_once(self, text: str) -> None:
+    def _log_once(self, text: str) -> None:
         """Log a text once, though its cause may come many times a second."""
-        if text not in self._said:
-            self._said.add(text)
-            self._say(text)
+        if text not in self._logged:
+            self._logged.add(text)
+            self._log(text)

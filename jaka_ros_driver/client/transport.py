@@ -253,16 +253,16 @@ class Transport:
         connection = self._connections.pop(port, None)
         if connection is not None:
             self._forget(connection)
-        self._tell(Failed(port, "%s: cannot connect to %s:%d: %s" % (port.value, self._host, self._ports[port], why),
+        self._put(Failed(port, "%s: cannot connect to %s:%d: %s" % (port.value, self._host, self._ports[port], why),
                           is_turned_away))
 
     def _end(self, connection: _PortSocket, reason: str, is_turned_away: bool = False) -> None:
         if self._connections.get(connection.port) is connection:
             del self._connections[connection.port]
             self._forget(connection)
-            self._tell(Closed(connection.port, reason, is_turned_away))
+            self._put(Closed(connection.port, reason, is_turned_away))
 
-    def _tell(self, event: Event) -> None:
+    def _put(self, event: Event) -> None:
         self._events.append(event)
         self.wake()
 

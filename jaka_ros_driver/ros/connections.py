@@ -80,7 +80,7 @@ class ConnectionPool:
         self._what = what
         self._lock = threading.RLock()
         self._connections: Dict[PooledConnection, None] = {}
-        self._told_at = -_BUSY
+        self._logged_at = -_BUSY
 
     def add(self, sock: Any) -> PooledConnection:
         """Add a connection; where there are too many, older ones are ended."""
@@ -106,8 +106,8 @@ class ConnectionPool:
             del self._connections[oldest]
         with contextlib.suppress(OSError):  # it has been closed meanwhile
             oldest.sock.shutdown(socket.SHUT_RDWR)
-        if now - self._told_at > _LOG_PERIOD_S:
-            self._told_at = now
+        if now - self._logged_at > _LOG_PERIOD_S:
+            self._logged_at = now
             _LOG.warning("too many %s: those that have been idle longest are closed", self._what)
         return True
 
@@ -217,7 +217,7 @@ class _AcceptingSocket:
                     raise
                 if error.errno in _NO_ROOM:
                     _make_room()
-                else:  # an error of this peer or the network: accept(2) says to try again
+                else:  # an error of this peer or the network: try again, see accept(2)
                     time.sleep(_RETRY_PERIOD_S)
 
 

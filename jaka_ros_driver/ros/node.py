@@ -155,7 +155,7 @@ class DriverNode:
         """Offer the topics that only some controllers have, once the status feed shows that this one has them."""
         self._sensors.offer()
 
-    def tell_kind(self) -> None:
+    def publish_kind(self) -> None:
         """Log, and publish on a latched topic, whether the arm is real or simulated, whenever that becomes known."""
         is_simulated = self._arm.is_simulated
         if is_simulated is None or is_simulated is self._is_simulated:
@@ -293,7 +293,7 @@ class _Life:
         ending = threading.Thread(target=self._shut_down, args=(reason,), name="shutdown", daemon=True)
         ending.start()
         ending.join(_END_TIMEOUT_S)
-        while not rospy.is_shutdown() and time.monotonic() < deadline:  # another thread does it, told by rosnode kill
+        while not rospy.is_shutdown() and time.monotonic() < deadline:  # another thread does it, on rosnode kill
             time.sleep(_LOOK_ROUND_S)
         if self._driver is not None and self._driver.has_failed:
             self.exit_code = 1
@@ -320,7 +320,7 @@ class _Life:
             if not self._ending.is_set():
                 driver.start()
             while not self._ending.wait(_LOOK_ROUND_S):
-                driver.tell_kind()
+                driver.publish_kind()
                 driver.offer_sensors()
         except (JakaError, OSError) as error:
             self.exit_code = 1

@@ -70,7 +70,7 @@ def test_whether_the_arm_is_real_is_told_when_it_becomes_known_and_when_it_chang
     parts["rospy"].Publisher.return_value.publish.side_effect = told.append
     for is_simulated in (None, True, True, None, False, False, True):
         parts["ArmClient"].return_value.is_simulated = is_simulated
-        one.tell_kind()
+        one.publish_kind()
     assert told == [True, False, True]
 
 

@@ -384,7 +384,7 @@ class ArmCore:
         try:
             self._begin_velocity_jog(now)
         except JakaError as error:
-            self.dead_man.let_go(str(error))
+            self.dead_man.release(str(error))
             raise
 
     def _begin_velocity_jog(self, now: float) -> None:
@@ -478,7 +478,7 @@ class ArmCore:
         self._is_closing = True
         self.links.close()
         ended = MotionInterrupted(StopCause.SHUTDOWN)
-        self.dead_man.let_go(str(ended))
+        self.dead_man.release(str(ended))
         self._admission.end_waiting(ended)
         self.custody.stop(ended, now)
         for running in list(self._running):
@@ -501,7 +501,7 @@ class ArmCore:
 
     def stop_own(self, now: float) -> None:
         """Send a stop for which nobody is answered."""
-        self.dead_man.let_go("a stop")
+        self.dead_man.release("a stop")
         self._stops.stop_own(now)
 
     def seen(self, holds: Callable[[RobotState], bool], timeout: float,
@@ -522,7 +522,7 @@ class ArmCore:
         """Record a disturbance, which ends what was begun without a call: auto_enable, a velocity jog."""
         self.disturbances += 1
         self.last_disturbance = what
-        self.dead_man.let_go(what)
+        self.dead_man.release(what)
 
     def hand_guiding_was_set(self, active: bool) -> None:
         """Record that the controller accepted a change of hand guiding; not every feed has that."""

@@ -43,7 +43,7 @@ class InPosition:
         elif max([abs(a - b) for a, b in zip(self._true_at, state.joint_position)]) > MOVEMENT:
             self._is_early = True
 
-    def tells_the_end(self, state: RobotState) -> bool:
+    def shows_the_end(self, state: RobotState) -> bool:
         """Return whether ``inpos`` is true now, was false while the arm moved, and never true while it moved on."""
         return (state.is_in_position and not self._is_early and self._false_since is not None
                 and self._false_until - self._false_since >= _FALSE_S)

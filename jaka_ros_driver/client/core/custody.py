@@ -42,11 +42,11 @@ _RETRY_PERIOD_S = 0.05
 """Pause, s, from the refusal of a stop to the next one."""
 _COASTING_TIME_S = 0.5
 """Time, s, after an accepted stop until an arm that still moves is stopped once more."""
-_TELL_AFTER_S = 1.0
+_ANSWER_AFTER_S = 1.0
 """Longest time, s, until callers of a motion whose stop is not accepted are answered."""
 _CAUSE_TIME_S = 0.1
 """Time, s, within which the status feed may show why the controller has refused a frame."""
-_SAY_PERIOD_S = 1.0
+_LOG_PERIOD_S = 1.0
 _WAIT_FOR_REST_S = 1.5
 """Longest time, s, that a motion waits for the arm to come to rest from an earlier one."""
 _NEVER = float("inf")
@@ -93,7 +93,7 @@ class Custody:
         self._phase = _Phase.FREE
         self._number = 0
         self._outcome: Optional[MotionInterrupted] = None
-        self._is_told = False
+        self._is_answered = False
         self._is_guess = False
         self._held_since = 0.0
         self._began_at = 0.0
@@ -102,7 +102,7 @@ class Custody:
         self._accepted_at: Optional[float] = None
         self._moves_on = False
         self._retry_at = _NEVER
-        self._said_at = -_NEVER
+        self._logged_at = -_NEVER
         self._knows_link_loss = True
 
     # ---- what is known ----
@@ -140,7 +140,7 @@ class Custody:
             return _NEVER
         if self._phase is _Phase.HELD:
             return self.motion.due()
-        return min(self._retry_at, _NEVER if self._is_told else self._began_at + _TELL_AFTER_S)
+        return min(self._retry_at, _NEVER if self._is_answered else self._began_at + _ANSWER_AFTER_S)
 
     def rest_since(self, moment: float) -> float:
         """Return for how long the arm has been seen at rest since then (monotonic, s), in s.
@@ -162,7 +162,7 @@ class Custody:
         try:
             motion.begin(now)
         except JakaError:
-            self._is_told = True
+            self._is_answered = True
             self._release(now)
             raise
 
@@ -170,7 +170,7 @@ class Custody:
         """Take custody of a motion that was left running: it is stopped, as the first message on the next link."""
         self._take(motion, _Phase.STOPPING, now)
         self._began_at = now
-        self._is_told = True
+        self._is_answered = True
 
     def finish(self, now: float) -> None:
         """End the custody of a completed motion: the target is reached and the arm is still."""
@@ -181,7 +181,7 @@ class Custody:
         """Watch a motion that the controller refused: nobody moves the arm once it is seen at rest."""
         if self._phase is _Phase.HELD:
             self._phase, self._began_at = _Phase.SETTLING, now
-            self._is_told = True
+            self._is_answered = True
 
     def not_accepted(self, error: JakaError, now: float) -> None:
         """Handle the failure of the motion's command; unless the controller refused it, its effect is not known."""
@@ -247,7 +247,7 @@ class Custody:
             if self.rest_since(self._accepted_at) >= motion.rest_time and motion.may_be_left(state):
                 self._release(now)
             elif self.stillness.has_moved_since(coasts_until) or goes_on:
-                self._say(logging.ERROR, "the arm %s after an accepted stop; stopping it again" % (
+                self._log(logging.ERROR, "the arm %s after an accepted stop; stopping it again" % (
                     "moves on" if self.stillness.has_moved_since(coasts_until) else "rests, and %s goes on"
                     % motion.name), now)
                 self._accepted_at, self._moves_on = None, True
@@ -267,7 +267,7 @@ class Custody:
                 self.stop(cause, now)
         return jump
 
-    def heard_servo_mode(self, is_active: bool, asked_at: float, now: float) -> None:
+    def note_servo_mode(self, is_active: bool, asked_at: float, now: float) -> None:
         """Take the controller's answer to a question of ``asked_at``, s: whether it is in servo mode."""
         if self._phase is _Phase.HELD and self.motion is not None and self._state is not None and (
                 asked_at > self._held_since):
@@ -285,11 +285,11 @@ class Custody:
         elif self._phase is _Phase.STOPPING:
             if now >= self._retry_at and not self._outstanding:
                 self._send_stop(now)
-            if now - self._began_at >= _TELL_AFTER_S and not self._is_told:
+            if now - self._began_at >= _ANSWER_AFTER_S and not self._is_answered:
                 if not self._waits_for_rest:
                     self._outcome = MotionInterrupted(StopCause.TIMEOUT, "the stop is not accepted; it is sent again "
                                                       "and again (%s)" % (self._outcome or "at the end"))
-                self._tell_end()
+                self._answer_end()
 
     def prepare(self) -> None:
         """Compute in idle time what the motion sends next; nothing is sent."""
@@ -308,10 +308,10 @@ class Custody:
         self._outstanding = 0
         if self._phase in (_Phase.HELD, _Phase.SETTLING):
             self._phase, self._began_at = _Phase.STOPPING, now
-        if self._phase is _Phase.STOPPING and not self._is_told:
+        if self._phase is _Phase.STOPPING and not self._is_answered:
             if not self._waits_for_rest:
                 self._outcome = MotionInterrupted(StopCause.LINK_LOST, reason)
-            self._tell_end()
+            self._answer_end()
 
     def link_up(self, now: float) -> None:
         """Send the stop that is still owed, before anything else, on a command port that was connected."""
@@ -326,7 +326,7 @@ class Custody:
         assert self.is_free
         self._number += 1
         self.motion, self._phase = motion, phase
-        self._outcome, self._is_told, self._is_guess = None, False, False
+        self._outcome, self._is_answered, self._is_guess = None, False, False
         self._accepted_at, self._retry_at, self._outstanding, self._moves_on = None, _NEVER, 0, False
         self._watch = Watch(motion.owner, self._state)
         self._held_since = now
@@ -353,7 +353,7 @@ class Custody:
                                      {} if jog is None or self._moves_on else {STOP_REPLY + 1: jog_end_replied})
         except JakaError as error:
             self._retry_at = _NEVER
-            self._say(logging.ERROR, "the arm could not be stopped: %s" % error, now)
+            self._log(logging.ERROR, "the arm could not be stopped: %s" % error, now)
             answer(error)
             return
         self._outstanding += 1
@@ -366,10 +366,10 @@ class Custody:
         if error is None:
             self._accepted_at = now if self._accepted_at is None else self._accepted_at
             if not self._is_guess and not self._waits_for_rest:
-                self._tell_end()
+                self._answer_end()
         elif not isinstance(error, ConnectionLost) and self._accepted_at is None:
             self._retry_at = now + _RETRY_PERIOD_S
-            self._say(logging.ERROR, "the stop was not accepted, sending it again: %s" % error, now)
+            self._log(logging.ERROR, "the stop was not accepted, sending it again: %s" % error, now)
 
     def _look_for_the_cause(self, state: RobotState, now: float) -> None:
         cause = standing_cause(state)
@@ -378,22 +378,22 @@ class Custody:
         if cause is not None or now - self._began_at >= _CAUSE_TIME_S:
             self._is_guess = False
             if self._accepted_at is not None and not self._waits_for_rest:
-                self._tell_end()
+                self._answer_end()
 
     @property
     def _waits_for_rest(self) -> bool:
         """True where the stop is accepted, and its callers are answered only where the arm has come to rest."""
-        return self._accepted_at is not None and self.motion is not None and self.motion.is_told_at_rest
+        return self._accepted_at is not None and self.motion is not None and self.motion.is_answered_at_rest
 
-    def _say(self, level: int, text: str, now: float) -> None:
+    def _log(self, level: int, text: str, now: float) -> None:
         """Log a text, but not the same trouble at every repetition."""
-        if now - self._said_at >= _SAY_PERIOD_S:
-            self._said_at = now
+        if now - self._logged_at >= _LOG_PERIOD_S:
+            self._logged_at = now
             self.actions.log(level, text)
 
-    def _tell_end(self) -> None:
-        if not self._is_told and self.motion is not None:
-            self._is_told = True
+    def _answer_end(self) -> None:
+        if not self._is_answered and self.motion is not None:
+            self._is_answered = True
             self.motion.ended(self._outcome)
 
     def _release(self, now: float) -> None:
@@ -406,7 +406,7 @@ class Custody:
         self._retry_at = _NEVER
         self._set_link_loss(0.0, now)
         self.actions.add(NotifyGuard(False))
-        if not self._is_told and motion is not None:
+        if not self._is_answered and motion is not None:
             motion.ended(self._outcome)
         self._on_free(now)
 

@@ -294,7 +294,7 @@ class Links:
         self._next_beat = now + pause if self.is_ready else _NEVER
         if error is None:
             self.is_servo_active = bool(result)
-            self._custody.heard_servo_mode(self.is_servo_active, asked_at, now)
+            self._custody.note_servo_mode(self.is_servo_active, asked_at, now)
 
     def _command_ended(self, reason: str, now: float) -> None:
         """Handle a connection that the controller has ended.

@@ -34,7 +34,7 @@ class ArmMotion:
         rest_time: How long the joints must be still to show that it has ended, s.
         deadline: When its time is over, s; infinite where it has no limit.
         is_leaving: It comes to its end by itself: who wants the arm waits for that.
-        is_told_at_rest: After a stop its callers are answered when the arm rests, not when the stop is accepted.
+        is_answered_at_rest: After a stop its callers are answered when the arm rests, not when the stop is accepted.
         jog_stop: The command that ends its jog; None where it is none.
     """
 
@@ -42,7 +42,7 @@ class ArmMotion:
     rest_time = REST_TIME_S
     deadline = _NEVER
     is_leaving = False
-    is_told_at_rest = False
+    is_answered_at_rest = False
     jog_stop: Optional[JogStop] = None
 
     @property

@@ -178,7 +178,7 @@ class Move(ArmMotion):
                 self._custody.stop(None, now)
         elif not state.is_in_position and not is_late:
             return
-        elif distance is None and self._in_position.tells_the_end(state):
+        elif distance is None and self._in_position.shows_the_end(state):
             self._custody.finish(now)
         elif distance is None:
             if is_late:
@@ -211,7 +211,7 @@ class Move(ArmMotion):
     def _has_arrived(self, distance: float, resting: float, state: RobotState) -> bool:
         """Return whether the motion has ended, of an arm that rests within the tolerance of the last target."""
         if len(self._parts) == 1:
-            return has_settled(distance, resting, self.rest_time, state) or self._in_position.tells_the_end(state)
+            return has_settled(distance, resting, self.rest_time, state) or self._in_position.shows_the_end(state)
         return has_settled(distance, resting, self.rest_time, state) and self._was_run_through(state)
 
     def _was_run_through(self, state: RobotState) -> bool:

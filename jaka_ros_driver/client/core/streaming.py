@@ -60,7 +60,7 @@ class Streaming(ArmMotion):
         self._leaving = _Leaving(custody.channel)
         self.late_cycles = 0
 
-    # ---- what a child says ----
+    # ---- called by a subclass ----
 
     def _entered(self, now: float) -> None:
         """Start the stream, because servo mode is on: the frames begin within one cycle, at ``_next_frame``."""
@@ -138,7 +138,7 @@ class Streaming(ArmMotion):
         return self._leaving.is_over
 
     def goes_on(self, state: RobotState) -> bool:
-        return self._leaving.is_told_on
+        return self._leaving.is_answered_on
 
     def halt(self) -> Optional[JogStop]:
         self._next_frame = _NEVER
@@ -200,7 +200,7 @@ class _Leaving:
 
     Attributes:
         is_over: Servo mode is left, was not in time, or no stop has begun.
-        is_told_on: The controller has answered, since the last stop, that servo mode is on.
+        is_answered_on: The controller has answered, since the last stop, that servo mode is on.
     """
 
     def __init__(self, channel: CommandChannel) -> None:
@@ -210,13 +210,13 @@ class _Leaving:
         self._is_asking = False
         self._is_left = False
         self.is_over = True
-        self.is_told_on = False
+        self.is_answered_on = False
 
     def begin(self) -> None:
         """Begin with a stop that is about to be sent: earlier questions prove nothing."""
         self._stop += 1
         self._is_asking = False
-        self.is_over = self.is_told_on = self._is_left = False
+        self.is_over = self.is_answered_on = self._is_left = False
 
     def observe(self, now: float) -> bool:
         """Ask anew where that is due; return, once, whether servo mode has been left."""
@@ -224,7 +224,7 @@ class _Leaving:
             return False
         self._began_at = now if self._began_at is None else self._began_at
         self.is_over = self._is_left or now - self._began_at > _CONFIRM_TIMEOUT_S
-        self.is_told_on = self.is_told_on and not self.is_over
+        self.is_answered_on = self.is_answered_on and not self.is_over
         if not self.is_over and not self._is_asking and self._channel.is_open:
             self._is_asking, number = True, self._stop
 
@@ -232,7 +232,7 @@ class _Leaving:
                 if number == self._stop:
                     self._is_asking = False
                     self._is_left = error is None and not result
-                    self.is_told_on = error is None and bool(result)
+                    self.is_answered_on = error is None and bool(result)
             self._channel.request(Query.SERVO_MODE, now, replied)
         return self._is_left
 

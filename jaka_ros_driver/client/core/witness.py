@@ -143,11 +143,11 @@ class Witness:
         if self._newest is None:
             return
         if Query.DRIVES_READY not in self._refused:
-            self._channel.request(Query.DRIVES_READY, now, self._drives_told)
+            self._channel.request(Query.DRIVES_READY, now, self._drives_answered)
         if Query.JOINTS not in self._refused and self._asked < _MOST_QUESTIONS:
             self._asked += 1
             generation = self._generation
-            self._channel.request(Query.JOINTS, now, lambda result, error, at: self._joints_told(
+            self._channel.request(Query.JOINTS, now, lambda result, error, at: self._joints_answered(
                 result, error, at, generation, now))
 
     def saw(self, state: RobotState, is_new: bool, period: float) -> str:
@@ -193,7 +193,7 @@ class Witness:
 
     # ---- inside ----
 
-    def _joints_told(self, result: Any, error: Optional[JakaError], now: float, generation: int, asked_at: float
+    def _joints_answered(self, result: Any, error: Optional[JakaError], now: float, generation: int, asked_at: float
                      ) -> None:
         if error is not None:
             self._note_refusal(Query.JOINTS, error)
@@ -238,7 +238,7 @@ class Witness:
                                                    "status feed: how old that is shows from its rhythm only")
         return bool(self.dispute) and self._began_at is not None and now - self._began_at > _ANEW_S
 
-    def _drives_told(self, result: Any, error: Optional[JakaError], now: float) -> None:
+    def _drives_answered(self, result: Any, error: Optional[JakaError], now: float) -> None:
         if error is not None:
             self._note_refusal(Query.DRIVES_READY, error)
             return

@@ -64,7 +64,7 @@ class JogSubscribers:
             try:
                 try:
                     read = read._replace(wish=to_wish(message))
-                except JakaError as error:  # what cannot be understood must let go: the core is told of it, too
+                except JakaError as error:  # what cannot be understood releases the dead-man: the core receives it, too
                     read = read._replace(problem=str(error))
                 self._arm.jog_velocity(read)
                 self._recorder.message(name, message, state=_state(read.wish))

@@ -53,7 +53,7 @@ class StateRepeater:
     def _intervals_are_long(self) -> bool:
         arrivals, longest = list(self._arrivals), _SLOW * self._period
         count = len(arrivals) - 1
-        if count < _ENOUGH or arrivals[-1] - arrivals[0] <= longest * count:  # the mean is the cheaper to tell
+        if count < _ENOUGH or arrivals[-1] - arrivals[0] <= longest * count:  # the mean costs less to compute
             return False
         return sorted([b - a for a, b in zip(arrivals, arrivals[1:])])[count // 2] > longest
 

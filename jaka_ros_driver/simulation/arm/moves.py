@@ -29,7 +29,7 @@ SAME_PLACE = 1e-6
 """Distance, m, from the end of the queue below which a target counts as the same place."""
 
 _TOOL_RATE_PIECE = 0.1  # rad; step of the joint with the longest way between two samples
-_TOOL_RATE_MARGIN = 1.02  # between two samples the tool can be slightly faster than their distance tells
+_TOOL_RATE_MARGIN = 1.02  # between two samples the tool can be slightly faster than their distance shows
 
 
 def positive(what: str, value: Optional[float], default: float) -> float:

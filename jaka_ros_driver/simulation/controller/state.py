@@ -405,11 +405,11 @@ class ControllerState:
         if pushed:
             number = self._push_numbers[joint] = self._push_numbers[joint] + 1
 
-            def let_go() -> None:
+            def release() -> None:
                 if self._push_numbers[joint] == number:  # else a later push of this joint lasts on
                     self.plant.push_joint(joint, 0.0)
 
-            self.after(duration, let_go)
+            self.after(duration, release)
         return pushed
 
     def zero_force_sensor(self) -> None:

@@ -48,7 +48,7 @@ class PathMove(ArmMotion):
     """
 
     owner = MotionOwner.PATH
-    is_told_at_rest = True
+    is_answered_at_rest = True
 
     def __init__(self, custody: Custody, path: SegmentPath, call: Any, on_begun: Callable[[], None],
                  state: RobotState, now: float) -> None:
@@ -207,7 +207,7 @@ class PathMove(ArmMotion):
         """Return whether no segment can still begin, or go on, of an arm that rests within the tolerance of its end."""
         return self._tracker.fraction >= 1.0 and (
             has_settled(distance, resting, self.rest_time, state)
-            or (self._is_single and self._in_position.tells_the_end(state)))
+            or (self._is_single and self._in_position.shows_the_end(state)))
 
     @property
     def _was_followed(self) -> bool:

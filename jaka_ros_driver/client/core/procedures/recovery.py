@@ -96,7 +96,7 @@ class _Recovery:
             try:
                 yield from self._steps()
             except CommandRejected:
-                yield from core.seen(lambda s: False, _FEED_DELAY_S, self._check)  # it may tell why, an emergency stop
+                yield from core.seen(lambda s: False, _FEED_DELAY_S, self._check)  # it may show why: an emergency stop
                 raise
         state = yield from self._state()
         self._check()

@@ -138,7 +138,7 @@ class Running:
         else:
             self._resume(lambda: self._procedure.send(result), now)
 
-    def _told(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+    def _answered(self, _result: Any, error: Optional[JakaError], now: float) -> None:
         if error is not None:
             self.throw(error, now)
 
@@ -160,7 +160,7 @@ class Running:
                     if isinstance(wanted, Ask):
                         self._ask(wanted.command, now)
                         return
-                    self._channel.request(wanted.command, now, self._told)
+                    self._channel.request(wanted.command, now, self._answered)
                     step = partial(self._procedure.send, None)
                 except JakaError as error:
                     step = partial(self._procedure.throw, error)

@@ -58,7 +58,7 @@ class DeadMan:
         self._wish: Optional[Wish] = None
         self._stamp_ns = 0
         self._counts_until = 0.0
-        self._heard: Dict[str, float] = {}
+        self._received: Dict[str, float] = {}
 
     def take(self, message: JogMessage, now: float) -> Wish:
         """Take one message into account; return the velocity that it asks for.
@@ -69,10 +69,10 @@ class DeadMan:
                 is released.
         """
         self.wish(now)
-        self._heard = {source: at for source, at in self._heard.items() if now - at <= ALONE_S}
-        self._heard[message.source] = now
-        if len(self._heard) > 1:
-            self._refuse("several publishers at once: %s" % ", ".join(sorted(self._heard)))
+        self._received = {source: at for source, at in self._received.items() if now - at <= ALONE_S}
+        self._received[message.source] = now
+        if len(self._received) > 1:
+            self._refuse("several publishers at once: %s" % ", ".join(sorted(self._received)))
         if message.wish is None:
             self._refuse(message.problem)
         self._require_fresh(message, now)
@@ -89,17 +89,17 @@ class DeadMan:
     def wish(self, now: float) -> Optional[Wish]:
         """Return the velocity that is asked for at this time; None while nothing is held."""
         if self.is_held and now > self._counts_until:
-            self.let_go("no fresh message for %g s" % FRESH_S)
+            self.release("no fresh message for %g s" % FRESH_S)
         return self._wish
 
-    def let_go(self, why: str) -> None:
+    def release(self, why: str) -> None:
         """Release the dead-man; ``why`` is the reason for whoever asks next."""
         if self.is_held:
             self.last_end = why
         self.is_held, self.source, self._wish = False, "", None
 
     def _refuse(self, why: str) -> None:
-        self.let_go(why)
+        self.release(why)
         raise InvalidCommand("refused: " + why)
 
     def _require_fresh(self, message: JogMessage, now: float) -> None:

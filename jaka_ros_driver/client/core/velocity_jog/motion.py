@@ -42,13 +42,13 @@ class VelocityJog(Streaming):
     # ---- life ----
 
     def halt(self) -> Optional[JogStop]:
-        self._dead_man.let_go("the jog was stopped")
+        self._dead_man.release("the jog was stopped")
         return super().halt()
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         reason = self._leave_reason or "" if outcome is None else str(outcome)
         if outcome is not None:
-            self._dead_man.let_go(reason)
+            self._dead_man.release(reason)
         self._on_mode(False, reason)
 
     def _entered(self, now: float) -> None:
@@ -57,14 +57,14 @@ class VelocityJog(Streaming):
             settings.jog_max_joint_speed, settings.jog_max_linear_speed, settings.jog_max_angular_speed))
 
     def _not_entered(self, error: JakaError) -> None:
-        self._dead_man.let_go(str(error))
+        self._dead_man.release(str(error))
         self._custody.actions.log(logging.WARNING, "velocity jog: %s" % error)
 
     def _frame(self, now: float) -> ServoJoint:
         assert self._ramp is not None
         wish = self._dead_man.wish(now)
         if self._leave_reason is not None or wish is None or self._dead_man.grip != self._grip:
-            self._let_go()
+            self._release()
             return ServoJoint(self._ramp.step(None))
         if not (wish.is_zero and self._ramp.is_still):
             self._idle_since = None
@@ -99,7 +99,7 @@ class VelocityJog(Streaming):
         self._leave_reason = reason
         self.is_leaving = True
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         if self._leave_reason is None:
             self._leave(self._dead_man.last_end)
             self._custody.actions.log(logging.INFO, "velocity jog: %s; the arm brakes" % self._leave_reason)
