@@ -7,6 +7,7 @@ import struct
 _SET_ATTRIBUTES = {"x86_64": 314, "aarch64": 274, "armv7l": 380}
 """The number of the system call sched_setattr, which the C library of Debian 12 does not wrap."""
 _SHORTEST_SLICE_NS = 100000
+"""The shortest slice that Linux grants, ns: 0.1 ms (sched_attr.sched_runtime)."""
 _ATTRIBUTES = struct.Struct("=IIQiIQQQ")  # struct sched_attr: size, policy, flags, nice, priority, runtime, 2 deadlines
 
 

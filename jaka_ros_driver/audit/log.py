@@ -26,6 +26,7 @@ _TURN_S = 0.25
 _BATCH = 250
 _RETRY_PERIOD_S = 1.0
 _STUCK_S = 5.0
+"""Time, s, that one write may take before the log reports that the disk does not answer."""
 _WARN_PERIOD_S = 60.0
 _CLOCK_STEP_S = 0.5
 _NS = 1e-9

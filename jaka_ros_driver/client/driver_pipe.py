@@ -14,11 +14,14 @@ MOVING, IDLE, FAREWELL = b"m", b"i", b"q"
 WATCHING, STOPPING = b".", b"!"
 """The guard's answers: it watches the driver; it is stopping the arm."""
 SILENCE_TIMEOUT_S = 0.25
+"""Silence, s, after which a driver that moves the arm is frozen: a dozen beats (``guard_post.BEAT_PERIOD_S``)."""
 STARVED_TIMEOUT_S = 1.0
 """Longest silence, s, in place of ``SILENCE_TIMEOUT_S``, where the driver lives but gets no processor time."""
 ANSWER_PERIOD_S = 0.1
+"""Period, s, of the answers; a guard that misses ten of them is replaced (``guard_post.ANSWER_TIMEOUT_S``)."""
 _STARVED_TURN_S = 0.05
 _HELD_UP_S = 0.1
+"""Lateness, s, of this process above which the whole host may have stood still, and the driver with it."""
 
 LogText = Callable[[str], None]
 

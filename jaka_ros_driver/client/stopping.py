@@ -30,6 +30,7 @@ _REPLY_TIMEOUT_S = 1.0
 _CONNECT_PERIOD_S = 0.05
 _REFUSED_PERIOD_S = 0.08
 _AFTER_THE_DRIVER_S = 0.02
+"""Time, s, that the kernel has to close the connections of the driver that was killed."""
 
 
 class DriverCondition(enum.Enum):

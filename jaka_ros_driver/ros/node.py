@@ -58,6 +58,7 @@ from jaka_ros_driver.scheduling import ask_for_short_slices, set_real_time
 _LOG = logging.getLogger(__name__)
 
 _SWITCH_INTERVAL_S = 0.0005
+"""The longest time, s, that a Python thread keeps the others waiting: the default, 5 ms, is most of a cycle of 8 ms."""
 _ANSWER_TIMEOUT_S = 0.3
 _DRAIN_TIMEOUT_S = 0.5
 _AUDIT_TIMEOUT_S = 0.5

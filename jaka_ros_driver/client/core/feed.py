@@ -28,8 +28,10 @@ _SHORTEST_PERIOD_S = 0.004
 _MISSING_S = 0.05
 """Missing frames, s, after a pause, that are tolerated: they were not made, or are still on their way."""
 _RATE_WINDOW = 250
+"""Frames from which rate and jitter are computed: 2 s at 125 Hz."""
 _USUAL_WINDOW = 9
 _TICK_S = 1e-6
+"""Shortest time, s, between the arrivals of two frames: of those read at once, too, each is later than the last."""
 _CLOCKS_DIFFER = 0.015
 """Share by which a feed may be slower than its period, for good: clocks differ, and a controller counts in cycles."""
 _SLOWER_BY_NATURE = 1.5

@@ -20,6 +20,7 @@ from jaka_ros_driver.errors import ConnectionLost, JakaError, ReplyTimeout
 from jaka_ros_driver.state import RobotState
 
 _BEAT_PERIOD_S = 0.25
+"""Period, s, of the heartbeat. It keeps the age of what a moving arm shows below 0.8 s (docs/safety.md)."""
 _GUARD_ACTS_S = 1.0
 """Time, s, after this process was held up, in which a lost connection may have been taken by the guard."""
 _JUMP_SETTLES_S = 1.0

@@ -44,6 +44,7 @@ _SEEN_LATE_S = 0.3
 _CATCH_UP = 0.05
 """Share by which the clock runs faster while it makes up for cycles that were late."""
 _LONGEST_CATCH_UP_S = 0.1
+"""Longest delay, s, that the clock makes up for: at 5 % that takes it 2 s."""
 _NOTHING = (0.0,) * JOINT_COUNT
 
 

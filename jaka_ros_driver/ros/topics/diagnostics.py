@@ -25,6 +25,7 @@ PERIOD_S = 1.0
 _SLOW_FEED = 0.95
 """Share of the wanted rate below which the feed is reported as slow."""
 _MAX_JITTER_S = 0.004
+"""Jitter, s, above which a warning is published: half an interval of the feed at 125 Hz."""
 _WARM, _HOT = 70.0, 80.0
 """Temperatures, deg C, above which a warning or an error is reported; no source gives limits, the controller protects
 the arm.

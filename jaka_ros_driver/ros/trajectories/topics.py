@@ -19,6 +19,7 @@ from jaka_ros_driver.trajectory.path import JointState
 STATE_PERIOD_S = 0.02
 """Period, s, of the state: ros_controllers publishes that of a trajectory controller at 50 Hz."""
 _EARLY_S = 0.004
+"""Half an interval, s, of the feed at 125 Hz: a frame that jitter brings early still counts as due."""
 _QUEUE = 10
 _LOG_PERIOD_S = 1.0
 
