@@ -1,4 +1,4 @@
-"""Refuse a workspace that holds a second jaka_msgs: argv is the folder of ours and the workspace's source folder.
+"""The check for a second jaka_msgs in a workspace: argv is the folder of ours and the workspace's source folder.
 
 The crawl is catkin's own: it honours CATKIN_IGNORE, follows links, and does not see our nested package.
 """

@@ -1,8 +1,8 @@
-"""Log records and lines on standard error, written in a thread of their own: who logs never waits for who reads.
+"""Logging in a thread of its own, so that no caller waits for the reader of its log.
 
-Nobody may read: a terminal is paused, a pipe is full, a ROS master does not answer. Code that stops an arm, forwards
-its bytes or records them must go on all the same. The queue between the two is bounded; what does not fit into it is
-dropped.
+A reader may stand still: a terminal is paused, a pipe is full, a ROS master does not answer. Code that stops an arm,
+forwards its bytes or records them must go on all the same. The queue between caller and writer is bounded; what does
+not fit into it is dropped.
 """
 import contextlib
 import copy
@@ -17,13 +17,13 @@ _QUEUE_LIMIT = 1000
 
 
 class Background(logging.handlers.QueueHandler):
-    """Passes log records to another handler, which runs in a thread of its own."""
+    """A log handler that passes records to another handler, which runs in a thread of its own."""
 
     def __init__(self, handler: logging.Handler) -> None:
-        """Start the thread.
+        """Start the writing thread.
 
         Args:
-            handler: Gets every record of its level or above.
+            handler: Receives every record of its level or above.
         """
         self._records: queue.Queue[logging.LogRecord] = queue.Queue(_QUEUE_LIMIT)
         super().__init__(self._records)
@@ -32,10 +32,9 @@ class Background(logging.handlers.QueueHandler):
         self._listener.start()
 
     def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
-        """A copy of the record with its final text: its arguments may change before it is written.
+        """Return a copy of the record with its final text, because its arguments may change before it is written.
 
-        The text is such that UTF-8 can hold it: half a surrogate pair would spoil the buffer of rosout's publisher for
-        all texts after it.
+        Half a surrogate pair is replaced: it would spoil the buffer of rosout's publisher for all texts after it.
         """
         record = copy.copy(record)
         try:
@@ -48,7 +47,7 @@ class Background(logging.handlers.QueueHandler):
         return record
 
     def enqueue(self, record: logging.LogRecord) -> None:
-        """Put it in the queue; drop it where that is full."""
+        """Put the record in the queue, or drop it where the queue is full."""
         with contextlib.suppress(queue.Full):
             self._records.put_nowait(record)
 
@@ -56,12 +55,15 @@ class Background(logging.handlers.QueueHandler):
         """Stay silent: the inherited method writes to standard error, which may be full."""
 
     def drain(self, timeout: Optional[float] = None) -> bool:
-        """Wait until the other handler has got every record, at most ``timeout`` s; False where some are left."""
+        """Wait at most ``timeout`` s until the other handler has received every record; return False where some are
+        left.
+        """
         with self._records.all_tasks_done:
             return self._records.all_tasks_done.wait_for(lambda: not self._records.unfinished_tasks, timeout)
 
     def end(self, timeout: Optional[float] = None) -> bool:
-        """``drain``, then end the thread; False where a record was not written. Call when nothing logs any more.
+        """Drain the queue and end the thread; return False where a record was not written. Call it when nothing logs
+        any more.
 
         A thread that is stuck in its handler is left to the end of the process, which does not wait for it.
         """
@@ -72,16 +74,16 @@ class Background(logging.handlers.QueueHandler):
 
 
 class _Listener(logging.handlers.QueueListener):
-    """The thread of a Background; an error of the handler does not end it, as it would end the inherited one.
+    """The thread of a ``Background``; unlike the inherited one, it survives an error of its handler.
 
     Attributes:
-        has_lost: A record could not be written.
+        has_lost: True once a record could not be written.
     """
 
     has_lost = False
 
     def handle(self, record: logging.LogRecord) -> None:
-        """Pass the record on; a text that the handler cannot write is passed once more in ASCII."""
+        """Pass the record on; retry a text that the handler cannot write once in ASCII."""
         handler, = self.handlers
         try:
             handler.handle(record)
@@ -95,25 +97,25 @@ class _Listener(logging.handlers.QueueListener):
 
 
 class StandardErrorLog:
-    """A program's lines on standard error, written in a thread of their own."""
+    """A command's lines on standard error, written in a thread of their own."""
 
     def __init__(self, program: str) -> None:
-        """``program`` stands in front of every line."""
+        """Put ``program`` in front of every line."""
         self._background = Background(_StandardError())
         self._logger = logging.Logger(program)
         self._logger.addHandler(self._background)
 
     def write(self, text: str) -> None:
-        """Have a line written; returns at once."""
+        """Queue a line for writing; return at once."""
         self._logger.warning("%s: %s", self._logger.name, text)
 
     def close(self, timeout: Optional[float] = None) -> bool:
-        """Wait until all lines are written, at most ``timeout`` s; False where some are not."""
+        """Wait at most ``timeout`` s until all lines are written; return False where some are not."""
         return self._background.end(timeout)
 
 
 class _StandardError(logging.Handler):
-    """Writes past the locks of ``logging`` and ``sys.stderr``.
+    """A handler that writes past the locks of ``logging`` and ``sys.stderr``.
 
     The interpreter takes both when it ends: a thread that holds them in a full pipe would keep it from ending.
     """
@@ -124,7 +126,7 @@ class _StandardError(logging.Handler):
         return True
 
     def emit(self, record: logging.LogRecord) -> None:
-        """One line; a reader that is gone is no error."""
+        """Write one line; a reader that is gone is no error."""
         line = self.format(record) + "\n"
         try:
             descriptor = sys.stderr.fileno()

@@ -10,10 +10,13 @@ from typing import Optional, Tuple, Union
 from jaka_ros_driver.state import IoBank, Vector
 
 TURN_LEVER = 0.1
-"""m; without an angular speed, a linear move turns by its linear speed divided by this."""
+"""The lever, m, by which a linear speed gives the angular speed of a linear move that states none."""
 TURN_SPEED_CEILING = math.pi
 TURN_ACCELERATION_CEILING = 4.0 * math.pi
-"""rad/s and rad/s2; the values that the maker's SDK sends with every linear move; ours are never higher."""
+"""The angular speed, rad/s, and acceleration, rad/s2, that the maker's SDK sends with every linear move.
+
+Ours are never higher.
+"""
 
 
 class JogFrame(enum.IntEnum):
@@ -34,9 +37,10 @@ class Pose:
 
 @dataclass(frozen=True)
 class JointMove:
-    """Axis motion to a joint target. joint_position rad (6,), speed rad/s, acceleration rad/s2.
+    """A motion of the joints to a target: joint_position rad (6,), speed rad/s, acceleration rad/s2.
 
-    tolerance: How far the tool may pass the target on its way to that of the next queued move, m; 0: it stops there.
+    tolerance: The distance, m, by which the tool may pass the target on its way to the next queued one; 0: it stops
+    there.
     """
 
     joint_position: Vector
@@ -47,8 +51,9 @@ class JointMove:
 
 @dataclass(frozen=True)
 class LinearMove:
-    """Straight line of the active tool in the active user frame. The tool turns on the way; the slower of translation
-    and rotation determines the duration.
+    """A straight line of the active tool in the active user frame.
+
+    The tool turns on the way; the slower of translation and rotation determines the duration.
 
     Attributes:
         target: The pose at its end.
@@ -68,8 +73,9 @@ class LinearMove:
 
     @property
     def turn_speed(self) -> float:
-        """Angular speed, rad/s. It is always sent: without it a controller turns at its highest speed, however slow the
-        line is.
+        """The angular speed, rad/s.
+
+        It is always sent: without it a controller turns at its highest speed, however slow the line is.
         """
         if self.angular_speed is not None:
             return self.angular_speed
@@ -77,7 +83,7 @@ class LinearMove:
 
     @property
     def turn_acceleration(self) -> float:
-        """Angular acceleration, rad/s2."""
+        """The angular acceleration, rad/s2."""
         if self.angular_acceleration is not None:
             return self.angular_acceleration
         return min(self.acceleration / TURN_LEVER, TURN_ACCELERATION_CEILING)
@@ -85,8 +91,9 @@ class LinearMove:
 
 @dataclass(frozen=True)
 class ArcMove:
-    """The arc of the active tool from where it is through ``via`` to ``target``, in the active user frame; the tool
-    turns the short way. speed m/s, acceleration m/s2; tolerance as of LinearMove, m.
+    """An arc of the active tool from its present pose through ``via`` to ``target``, in the active user frame.
+
+    The tool turns the short way. speed m/s, acceleration m/s2; tolerance as of LinearMove, m.
     """
 
     via: Pose
@@ -98,7 +105,7 @@ class ArcMove:
 
 @dataclass(frozen=True)
 class Jog:
-    """Continuous motion of one axis until stopped.
+    """A continuous motion of one axis until it is stopped.
 
     Attributes:
         frame: Joint, base or tool coordinates.
@@ -118,7 +125,7 @@ class Jog:
 
 @dataclass(frozen=True)
 class JogStop:
-    """End the jog of this axis in this frame."""
+    """The command to end the jog of this axis in this frame."""
 
     frame: JogFrame
     axis: int
@@ -126,41 +133,41 @@ class JogStop:
 
 @dataclass(frozen=True)
 class Stop:
-    """Stop a running program and every running or queued motion."""
+    """The command to stop a running program and every running or queued motion."""
 
 
 @dataclass(frozen=True)
 class PauseMotion:
-    """Hold a running program, and the planned moves; they are still to be done."""
+    """The command to hold a running program and the planned moves, which stay queued."""
 
 
 @dataclass(frozen=True)
 class ResumeMotion:
-    """Go on with what is paused."""
+    """The command to continue what is paused."""
 
 
 @dataclass(frozen=True)
 class LoadProgram:
-    """Make a program that is stored in the controller the one that is played."""
+    """The command to load a program that is stored in the controller, to be played next."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class PlayProgram:
-    """Begin the loaded program."""
+    """The command to begin the loaded program."""
 
 
 @dataclass(frozen=True)
 class SetServoMode:
-    """Enter or leave servo (streaming) mode."""
+    """The command to enter or leave servo (streaming) mode."""
 
     active: bool
 
 
 @dataclass(frozen=True)
 class ServoJoint:
-    """One joint target of a servo stream, rad (6,); covers ``cycles`` x 8 ms."""
+    """One joint target of a servo stream, rad (6,), valid for ``cycles`` x 8 ms."""
 
     joint_position: Vector
     relative: bool = False
@@ -169,7 +176,7 @@ class ServoJoint:
 
 @dataclass(frozen=True)
 class ServoPose:
-    """One Cartesian target of a servo stream, in the active user frame; covers ``cycles`` x 8 ms."""
+    """One Cartesian target of a servo stream, in the active user frame, valid for ``cycles`` x 8 ms."""
 
     target: Pose
     relative: bool = False
@@ -178,26 +185,26 @@ class ServoPose:
 
 @dataclass(frozen=True)
 class SetPower:
-    """Switch the power of the drives on or off."""
+    """The command to switch the power of the drives on or off."""
 
     on: bool
 
 
 @dataclass(frozen=True)
 class SetEnabled:
-    """Release the brakes and hold torque, or engage the brakes."""
+    """The command to release the brakes and hold torque, or to engage the brakes."""
 
     on: bool
 
 
 @dataclass(frozen=True)
 class ClearError:
-    """Clear alarms and recover from a protective stop."""
+    """The command to clear alarms and recover from a protective stop."""
 
 
 @dataclass(frozen=True)
 class SetToolFrame:
-    """Store the pose of a tool in the flange frame under tool_id."""
+    """The command to store the pose of a tool in the flange frame under tool_id."""
 
     tool_id: int
     pose: Pose
@@ -206,14 +213,14 @@ class SetToolFrame:
 
 @dataclass(frozen=True)
 class SelectTool:
-    """Make a stored tool the active one; 0 is the bare flange."""
+    """The command to make a stored tool the active one; 0 is the bare flange."""
 
     tool_id: int
 
 
 @dataclass(frozen=True)
 class SetUserFrame:
-    """Store the pose of a user frame in the base frame under user_frame_id."""
+    """The command to store the pose of a user frame in the base frame under user_frame_id."""
 
     user_frame_id: int
     pose: Pose
@@ -222,14 +229,14 @@ class SetUserFrame:
 
 @dataclass(frozen=True)
 class SelectUserFrame:
-    """Make a stored user frame the active one; 0 is the base."""
+    """The command to make a stored user frame the active one; 0 is the base."""
 
     user_frame_id: int
 
 
 @dataclass(frozen=True)
 class SetPayload:
-    """Load at the active tool: mass kg, centre of mass m (3,)."""
+    """The load at the active tool: mass kg, centre of mass m (3,)."""
 
     mass: float
     centroid: Vector
@@ -237,21 +244,21 @@ class SetPayload:
 
 @dataclass(frozen=True)
 class SetHandGuiding:
-    """Switch hand guiding on or off."""
+    """The command to switch hand guiding on or off."""
 
     active: bool
 
 
 @dataclass(frozen=True)
 class SetCollisionLevel:
-    """Collision sensitivity: 0 off, 1 most sensitive (25 N) to 5 (125 N)."""
+    """The collision sensitivity: 0 off, 1 most sensitive (25 N) to 5 (125 N)."""
 
     level: int
 
 
 @dataclass(frozen=True)
 class SetDigitalOutput:
-    """Switch one digital output; index counts from 0."""
+    """The command to switch one digital output; index counts from 0."""
 
     bank: IoBank
     index: int
@@ -260,7 +267,7 @@ class SetDigitalOutput:
 
 @dataclass(frozen=True)
 class SetAnalogOutput:
-    """Set one analog output, V or mA; index counts from 0."""
+    """The command to set one analog output, V or mA; index counts from 0."""
 
     bank: IoBank
     index: int
@@ -269,33 +276,33 @@ class SetAnalogOutput:
 
 @dataclass(frozen=True)
 class ZeroForceSensor:
-    """Have the force sensor at the flange take what it reads as nothing."""
+    """The command to zero the force sensor at the flange: its present reading becomes no load."""
 
 
 @dataclass(frozen=True)
 class SetRapidRate:
-    """Speed override, 0 to 1."""
+    """The speed override, 0 to 1."""
 
     rate: float
 
 
 @dataclass(frozen=True)
 class SetFeedPeriod:
-    """Period of the status feed, s."""
+    """The period of the status feed, s."""
 
     period: float
 
 
 @dataclass(frozen=True)
 class ForwardKinematics:
-    """Ask the controller for the tool pose at these joints, rad (6,). Result: Pose."""
+    """The question for the tool pose at these joints, rad (6,). Result: Pose."""
 
     joint_position: Vector
 
 
 @dataclass(frozen=True)
 class InverseKinematics:
-    """Ask the controller for joints that reach the pose, nearest to the reference. Result: Vector (6,), rad."""
+    """The question for joints that reach the pose, nearest to the reference. Result: Vector (6,), rad."""
 
     target: Pose
     reference: Vector
@@ -303,13 +310,13 @@ class InverseKinematics:
 
 @dataclass(frozen=True)
 class SetLinkLoss:
-    """Let the controller stop the arm ``seconds`` after the command link broke; 0 lets it go on."""
+    """The command to let the controller stop the arm ``seconds`` after the command link broke; 0 lets it go on."""
 
     seconds: float
 
 
 class Query(enum.Enum):
-    """A question without arguments; the value is the type of its result, in words."""
+    """A question without arguments; the value describes the type of its result."""
 
     VERSION = "str"
     SERVO_MODE = "bool, True in servo mode"
@@ -327,7 +334,7 @@ class Query(enum.Enum):
 
 @dataclass(frozen=True)
 class GetDigitalOutput:
-    """Read one digital output back from the controller. Result: bool."""
+    """The question for the value of one digital output. Result: bool."""
 
     bank: IoBank
     index: int
@@ -335,18 +342,18 @@ class GetDigitalOutput:
 
 @dataclass(frozen=True)
 class GetAnalogOutput:
-    """Read one analog output back from the controller. Result: float."""
+    """The question for the value of one analog output. Result: float."""
 
     bank: IoBank
     index: int
 
 
 TERMINAL_COMMANDS = (SetDigitalOutput, SetAnalogOutput, GetDigitalOutput, GetAnalogOutput)
-"""Those that name one input or output by its index."""
+"""The commands that name one input or output by its index."""
 
-Motion = Union[JointMove, LinearMove]
+MoveCommand = Union[JointMove, LinearMove]
 PathCommand = Union[JointMove, LinearMove, ArcMove]
-"""A segment of a path."""
+"""One segment of a path."""
 
 Command = Union[
     JointMove, LinearMove, ArcMove, Jog, JogStop, Stop, PauseMotion, ResumeMotion, LoadProgram, PlayProgram,
@@ -358,15 +365,19 @@ Command = Union[
 JOINTS: Tuple[str, ...] = tuple("joint_%d" % n for n in range(1, 7))
 
 STOP_REPLY = 1
-"""Place in ``whole_stop`` of ``stop_program``, whose reply is the stop's. The others may be refused where there is
-nothing to end."""
+"""Index in ``whole_stop`` of ``stop_program``, whose reply is the stop's; the others may be refused when nothing runs.
+"""
 
 _ALL_AXES = tuple(JogStop(JogFrame.JOINT, axis) for axis in range(6))
-"""The requests of the maker's SDK to stop all axes, whatever the jog's frame (docs/sdk-client.md section 5). No single
-request for it is known."""
+"""The requests of the maker's SDK to stop all axes, whatever the jog's frame (docs/sdk-client.md section 5).
+
+No single request for it is known.
+"""
 _ALL_FRAMES = tuple(JogStop(frame, axis) for frame in JogFrame for axis in range(6))
-"""For an arm that moves on: a user of the protocol has it that the frame must be the jog's own
-(docs/controller-protocol.md section 5.5)."""
+"""The requests to stop every axis in every frame, for an arm that moves on after a stop.
+
+A user of the protocol reports that the frame must be the jog's own (docs/controller-protocol.md section 5.5).
+"""
 
 
 def whole_stop(jog: Optional[JogStop], is_repeated: bool = False) -> Tuple[Command, ...]:
@@ -376,7 +387,7 @@ def whole_stop(jog: Optional[JogStop], is_repeated: bool = False) -> Tuple[Comma
     not known of real controllers, so jogs are stopped, too; behind it, so that it does not wait for them.
 
     Args:
-        jog: What ends the jog that is known to run; None where it is not known which one does.
+        jog: The command that ends the running jog; None where it is not known which jog runs.
         is_repeated: The arm moves on after a stop: every jog in every frame is stopped, also where one is known.
     """
     jogs = _ALL_FRAMES if is_repeated else _ALL_AXES if jog is None else (jog,)

@@ -70,7 +70,7 @@ class ConnectionLost(JakaError, ConnectionError):
 
 
 class StopCause(enum.Enum):
-    """Why an accepted motion did not complete; the value is the phrase shown to users."""
+    """The reason why an accepted motion did not complete; the value is the phrase shown to users."""
 
     STOPPED = "stopped by request"
     PROTECTIVE_STOP = "protective stop"

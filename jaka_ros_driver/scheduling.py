@@ -1,4 +1,4 @@
-"""How the operating system is asked to wake this program's threads in time. Linux; elsewhere nothing is changed."""
+"""Requests to the operating system to wake this program's threads in time. Linux only; elsewhere nothing is changed."""
 import ctypes
 import os
 import platform
@@ -7,11 +7,12 @@ import struct
 _SET_ATTRIBUTES = {"x86_64": 314, "aarch64": 274, "armv7l": 380}
 """The number of the system call sched_setattr, which the C library of Debian 12 does not wrap."""
 _SHORTEST_SLICE_NS = 100000
+"""The shortest slice that Linux grants, ns: 0.1 ms (sched_attr.sched_runtime)."""
 _ATTRIBUTES = struct.Struct("=IIQiIQQQ")  # struct sched_attr: size, policy, flags, nice, priority, runtime, 2 deadlines
 
 
 def ask_for_short_slices() -> bool:
-    """Have this thread, and those that it starts from now on, run as soon as they are due, for a short while each.
+    """Ask for a short time slice for this thread and those that it starts, so that each runs as soon as it is due.
 
     From Linux 6.12 on a thread may choose its slice, and one that wakes with a shorter slice goes before one that runs
     with a longer one. The share of the processor stays the same: nobody is starved, and no right is needed. Older
@@ -31,7 +32,8 @@ def ask_for_short_slices() -> bool:
 def set_real_time(priority: int) -> None:
     """Give all threads of this process, and those that they start, this priority of SCHED_FIFO.
 
-    All of them: one that holds the interpreter's lock and is put aside would hold up the one that sends frames.
+    All threads need it: a thread with a lower priority that is preempted while it holds the interpreter's lock would
+    hold up the one that sends frames.
 
     Raises:
         OSError: It is not permitted (limit rtprio), or the system has no such policy.

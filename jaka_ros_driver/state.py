@@ -1,4 +1,4 @@
-"""The state of the arm at one moment, SI units; made from a status frame and immutable."""
+"""The immutable state of the arm at one moment, in SI units, as decoded from a status frame."""
 import enum
 from dataclasses import dataclass, field
 from typing import Dict, NamedTuple, Optional, Tuple
@@ -7,7 +7,7 @@ Vector = Tuple[float, ...]
 
 
 class MotionState(enum.IntEnum):
-    """Motion state as the ROS interface numbers it (docs/interface.md section 3, RobotMsg)."""
+    """The motion state, numbered as the ROS interface numbers it (docs/interface.md section 3, RobotMsg)."""
 
     STOPPED = 0
     PAUSED = 1
@@ -17,7 +17,10 @@ class MotionState(enum.IntEnum):
 
 
 class ProgramState(enum.IntEnum):
-    """What the status feed tells of the loaded program, ``interp_state`` (docs/controller-protocol.md section 6.2)."""
+    """The state of the loaded program in the status feed.
+
+    It is ``interp_state`` (docs/controller-protocol.md section 6.2).
+    """
 
     IDLE = 0
     LOADING = 1
@@ -26,11 +29,11 @@ class ProgramState(enum.IntEnum):
 
 
 PROGRAM_UNDER_WAY = (ProgramState.LOADING, ProgramState.RUNNING)
-"""A program in one of these states moves the arm, or may at any moment."""
+"""The states in which a program moves the arm, or may at any moment."""
 
 
 class IoBank(enum.IntEnum):
-    """Where an input or output is; the controller's own numbers (docs/controller-protocol.md section 5.11)."""
+    """The place of an input or output, by the controller's own numbers (docs/controller-protocol.md section 5.11)."""
 
     CABINET = 0
     TOOL = 1
@@ -40,7 +43,7 @@ class IoBank(enum.IntEnum):
 class FieldBus(enum.IntEnum):
     """A field bus on which the controller has terminals, numbered as IoBank (docs/controller-protocol.md section 5.11).
 
-    Nobody can name one to ``set_io`` and ``get_io``.
+    ``set_io`` and ``get_io`` take none of them.
     """
 
     MODBUS_SLAVE = 4
@@ -173,7 +176,7 @@ class RobotState:
 
     @property
     def motion_state(self) -> MotionState:
-        """The motion state of the ROS interface; the worst condition that holds wins."""
+        """The motion state of the ROS interface; where several conditions hold, the worst one."""
         if self.emergency_stop:
             return MotionState.EMERGENCY_STOP
         if self.protective_stop or self.has_fault:

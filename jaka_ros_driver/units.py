@@ -1,4 +1,4 @@
-"""Millimetres, degrees, milliseconds and nanoseconds to SI and back; the only file with the factors."""
+"""Conversion of millimetres, degrees and milliseconds to SI units and back; the only module with the factors."""
 import math
 from typing import Iterable, Tuple
 
@@ -8,50 +8,50 @@ _DEG_PER_RAD = 180.0 / math.pi
 
 
 def mm_to_m(value: float) -> float:
-    """Length: mm to m (also mm/s to m/s, mm/s2 to m/s2)."""
+    """Convert a length from mm to m; also mm/s to m/s, mm/s2 to m/s2."""
     return value / _MM_PER_M
 
 
 def m_to_mm(value: float) -> float:
-    """Length: m to mm (also m/s to mm/s, m/s2 to mm/s2)."""
+    """Convert a length from m to mm; also m/s to mm/s, m/s2 to mm/s2."""
     return value * _MM_PER_M
 
 
 def deg_to_rad(value: float) -> float:
-    """Angle: deg to rad (also rates and accelerations)."""
+    """Convert an angle from deg to rad; also rates and accelerations."""
     return value / _DEG_PER_RAD
 
 
 def rad_to_deg(value: float) -> float:
-    """Angle: rad to deg (also rates and accelerations)."""
+    """Convert an angle from rad to deg; also rates and accelerations."""
     return value * _DEG_PER_RAD
 
 
 def all_mm_to_m(values: Iterable[float]) -> Tuple[float, ...]:
-    """``mm_to_m`` of each value."""
+    """Convert each value from mm to m."""
     return tuple(v / _MM_PER_M for v in values)
 
 
 def all_m_to_mm(values: Iterable[float]) -> Tuple[float, ...]:
-    """``m_to_mm`` of each value."""
+    """Convert each value from m to mm."""
     return tuple(v * _MM_PER_M for v in values)
 
 
 def all_deg_to_rad(values: Iterable[float]) -> Tuple[float, ...]:
-    """``deg_to_rad`` of each value."""
+    """Convert each value from deg to rad."""
     return tuple(v / _DEG_PER_RAD for v in values)
 
 
 def all_rad_to_deg(values: Iterable[float]) -> Tuple[float, ...]:
-    """``rad_to_deg`` of each value."""
+    """Convert each value from rad to deg."""
     return tuple(v * _DEG_PER_RAD for v in values)
 
 
 def ms_to_s(value: float) -> float:
-    """Time: ms to s."""
+    """Convert a time from ms to s."""
     return value / 1000.0
 
 
 def s_to_ms(value: float) -> float:
-    """Time: s to ms."""
+    """Convert a time from s to ms."""
     return value * 1000.0

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Sends one joint trajectory: joint 1 to two points and back. Ctrl-C cancels it, and the arm brakes on its path.
+"""A client that sends one joint trajectory: joint 1 to two points and back. Ctrl-C cancels it, on its path.
 
 The driver must be running and the arm enabled, for instance by ``roslaunch jaka_ros_driver demo.launch``.
 """

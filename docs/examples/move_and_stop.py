@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Begins to turn joint 1 by 3 rad, and stops the arm after a second, in the middle of the way. Ctrl-C stops it, too.
+"""A client that begins to turn joint 1 by 3 rad, and stops the arm after a second, on the way. Ctrl-C stops it, too.
 
 The driver must be running and the arm enabled, for instance by ``roslaunch jaka_ros_driver demo.launch``.
 """

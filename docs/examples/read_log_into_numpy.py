@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reads the joints of a state log into numpy and prints what they did. No ROS is needed.
+"""A reader of a state log: it loads the joints into numpy and prints what they did. No ROS is needed.
 
 usage: read_log_into_numpy.py LOG    (.bag or .mcap, for instance of ``jaka_bag record --state-log``)
 """

@@ -22,20 +22,20 @@ FAR = (3.0,) + START[1:]
 
 
 def move(arm, target):
-    """The code under test: yours stands here."""
+    """Run the code under test: yours stands here."""
     arm.move(JointMove(target, speed=1.0, acceleration=3.0))  # rad/s, rad/s2; returns at the target, or raises
 
 
 @pytest.fixture
 def controller():
-    """A controller whose drives are enabled already; a real one starts with its drives off."""
+    """Run a controller whose drives are enabled already; a real one starts with its drives off."""
     with SimulatedController(model="zu7", start="enabled") as running:
         yield running
 
 
 @pytest.fixture
 def arm(controller):
-    """The driver's client, connected to it."""
+    """Connect the driver's client to it."""
     client = ArmClient(ClientSettings("127.0.0.1", controller.command_port, controller.status_port),
                        load_model("zu7"))
     client.start()

@@ -11,12 +11,12 @@ from typing import Any, Dict, Mapping, NamedTuple, Optional
 BEFORE_THE_FIRST = "0" * 64
 """The ``prev`` of a log's first line, which no line precedes."""
 LONGEST_LINE = 16384
-"""bytes; what would be longer is left out of its line, which says so."""
+"""Longest line, bytes; longer fields are left out of their line, which records that."""
 _CHECKSUM = re.compile(rb',"crc":"([0-9a-f]{8})"}\Z')
 
 
-class Link(NamedTuple):
-    """A line's place in the chain.
+class ChainLink(NamedTuple):
+    """The position of a line in the chain.
 
     Attributes:
         number: Of the line, from 1 on.
@@ -27,17 +27,16 @@ class Link(NamedTuple):
     sha256: str
 
 
-START = Link(0, BEFORE_THE_FIRST)
+START = ChainLink(0, BEFORE_THE_FIRST)
 
 
-def encode(after: Link, fields: Mapping[str, Any]) -> bytes:
+def encode(after: ChainLink, fields: Mapping[str, Any]) -> bytes:
     """Return the line that follows ``after``, without a line end.
 
-    Where it would be longer than ``LONGEST_LINE`` every field but the short ones is left out, and ``left_out`` names
-    those.
+    Where it would be longer than ``LONGEST_LINE`` only short fields are kept, and ``left_out`` names the others.
 
     Raises:
-        ValueError, TypeError: A field is nothing that JSON has a word for.
+        ValueError, TypeError: A field cannot be written as JSON.
     """
     line = _encode(after, fields)
     if len(line) > LONGEST_LINE:
@@ -47,9 +46,9 @@ def encode(after: Link, fields: Mapping[str, Any]) -> bytes:
     return line
 
 
-def link_of(line: bytes, number: int) -> Link:
+def link_of(line: bytes, number: int) -> ChainLink:
     """Return the place of an encoded line."""
-    return Link(number, hashlib.sha256(line).hexdigest())
+    return ChainLink(number, hashlib.sha256(line).hexdigest())
 
 
 def is_whole(line: bytes) -> bool:
@@ -59,7 +58,7 @@ def is_whole(line: bytes) -> bool:
 
 
 def decode(line: bytes) -> Optional[Dict[str, Any]]:
-    """Return the fields of a line without its line end; None where it is not, or not any more, a line of a log."""
+    """Return the fields of a line without its line end; None where it is damaged or no line of a log."""
     if not is_whole(line):
         return None
     try:
@@ -70,7 +69,7 @@ def decode(line: bytes) -> Optional[Dict[str, Any]]:
     return fields if is_line else None
 
 
-def _encode(after: Link, fields: Mapping[str, Any]) -> bytes:
+def _encode(after: ChainLink, fields: Mapping[str, Any]) -> bytes:
     body = _json({"n": after.number + 1, "prev": after.sha256, **fields})[:-1]
     return body + b',"crc":"%08x"}' % zlib.crc32(body)
 

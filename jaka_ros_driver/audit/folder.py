@@ -1,7 +1,7 @@
-"""The files of one audit log: where they are, where the chain ends in them, which are so old that they may go.
+"""The files of one audit log: their names, the end of the chain in them, and the age at which they are deleted.
 
-A file is named after the number of its first line. Nothing is ever changed in a file: lines are put at its end. What
-a loss of power left of a line stays where it is; the next line says how long it is and which hash it has.
+A file is named after the number of its first line. Files are only appended to. What a loss of power left of a line
+stays where it is; the next line records its length and its hash.
 """
 import contextlib
 import errno
@@ -11,12 +11,12 @@ import os
 import re
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
-from jaka_ros_driver.audit.chain import LONGEST_LINE, START, Link, decode, is_whole, link_of
+from jaka_ros_driver.audit.chain import LONGEST_LINE, START, ChainLink, decode, is_whole, link_of
 
 _NAME = re.compile(r"audit-([0-9]{12})\.jsonl\Z")
 _PIECE = 1 << 16
 _MOST_PRUNED = 2
-"""Files that go at a time: a clock that is wrong by years must not cost the whole log."""
+"""Most files deleted at a time: a clock that is wrong by years must not cost the whole log."""
 
 
 class Tail(NamedTuple):
@@ -26,7 +26,7 @@ class Tail(NamedTuple):
     sha256: str
 
 
-class End(NamedTuple):
+class LogEnd(NamedTuple):
     """The end of a log: its last file and line.
 
     Attributes:
@@ -40,7 +40,7 @@ class End(NamedTuple):
 
     name: str
     size: int
-    link: Link
+    link: ChainLink
     time: str
     tail: Optional[Tail]
     lacks_line_end: bool
@@ -56,11 +56,11 @@ class OldFile(NamedTuple):
 
 
 class LogInUse(OSError):
-    """Another process writes this log."""
+    """The error that another process writes this log."""
 
 
-class LogFolder:
-    """The folder of one log; made when it is first used. Errors are OSErrors."""
+class AuditFolder:
+    """The folder of one log, created when it is first used. Errors are OSErrors."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -68,7 +68,7 @@ class LogFolder:
         self._ages: Dict[str, Optional[Tuple[str, OldFile]]] = {}
 
     def take(self) -> None:
-        """Make the folder and take it for this process, until ``release``; raises LogInUse where another has it."""
+        """Create the folder and lock it for this process, until ``release``; raise LogInUse where another has it."""
         if self._lock is not None:
             return
         os.makedirs(self.path, mode=0o750, exist_ok=True)
@@ -83,17 +83,17 @@ class LogFolder:
         self._lock = lock
 
     def release(self) -> None:
-        """Let another process take it."""
+        """Unlock the folder for other processes."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
 
     def names(self) -> List[str]:
-        """Return the names of its files, oldest first."""
+        """Return the names of the log's files, oldest first."""
         return sorted(name for name in os.listdir(self.path) if _NAME.match(name))
 
-    def end(self) -> End:
-        """Find where the log ends: reads the newest file, and older ones where that one has no line."""
+    def end(self) -> LogEnd:
+        """Find where the log ends: read the newest file, and older ones where that one has no line."""
         names = self.names()
         newest = _Scan(self._path(names[-1])) if names else None
         last = newest
@@ -102,15 +102,15 @@ class LogFolder:
                 break
             last = _Scan(self._path(name))
         link = START if last is None or last.link is None else last.link
-        return End(names[-1] if names else "", newest.size if newest else 0, link, last.time if last else "",
-                   newest.tail if newest else None, newest.lacks_line_end if newest else False)
+        return LogEnd(names[-1] if names else "", newest.size if newest else 0, link, last.time if last else "",
+                      newest.tail if newest else None, newest.lacks_line_end if newest else False)
 
     def open_newest(self, name: str) -> int:
-        """Open a file to put lines at its end; returns its descriptor."""
+        """Open a file for appending lines; return its descriptor."""
         return os.open(self._path(name), os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW)
 
     def make_next(self, number: int) -> int:
-        """Make the file whose first line has this number, and open it as ``open_newest``."""
+        """Create the file whose first line has this number, and open it as ``open_newest`` does."""
         descriptor = os.open(self._path("audit-%012d.jsonl" % number),
                              os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o640)
         with contextlib.suppress(OSError):  # not every file system can
@@ -132,7 +132,7 @@ class LogFolder:
         return old
 
     def delete(self, files: List[OldFile]) -> None:
-        """Delete them; those that are gone already count as deleted."""
+        """Delete these files; those that are gone already count as deleted."""
         for file in files:
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(self._path(file.name))
@@ -149,14 +149,14 @@ class LogFolder:
 
 
 class _Scan:
-    """One pass over a file.
+    """The result of reading one file to its end.
 
     Attributes:
         size: Of the file, bytes.
         first: The number of its first whole line; 0 where it has none.
         link: The place of its last whole line; None where it has none.
         time: That line's time.
-        tail, lacks_line_end: As ``End`` has them.
+        tail, lacks_line_end: As ``LogEnd`` has them.
     """
 
     def __init__(self, path: str) -> None:

@@ -1,7 +1,7 @@
-"""The audit log of one arm: lines are handed over at once, and written in a thread of their own.
+"""The audit log of one arm: callers queue lines, and a thread of its own writes them.
 
-Who writes a line never waits for a disk. While the disk takes nothing, lines wait in memory; of those that find no
-room there the number is kept, and written as a line of its own as soon as lines can be written again.
+A caller never waits for a disk. While the disk takes nothing, lines wait in memory; those that find no room there are
+counted, and the count is written as a line of its own as soon as lines can be written again.
 """
 import contextlib
 import logging
@@ -12,20 +12,21 @@ from collections import deque
 from queue import Empty, SimpleQueue
 from typing import Any, Callable, Deque, List, Mapping, NamedTuple, Optional, Tuple
 
-from jaka_ros_driver.audit.chain import START, Link, encode, link_of
-from jaka_ros_driver.audit.folder import LogFolder
+from jaka_ros_driver.audit.chain import START, ChainLink, encode, link_of
+from jaka_ros_driver.audit.folder import AuditFolder
 
 _LOG = logging.getLogger(__name__)
 
 MOST_WAITING = 2000
-"""Lines that wait in memory for a disk."""
+"""Most lines that wait in memory for a disk."""
 FILE_BYTES = 8 << 20
 SYNC_PERIOD_S = 1.0
-"""s; lines are on the disk after this time at the latest, as far as the disk does what it is told."""
+"""Longest time, s, until lines are on the disk, as far as the disk honours fsync."""
 _TURN_S = 0.25
 _BATCH = 250
 _RETRY_PERIOD_S = 1.0
 _STUCK_S = 5.0
+"""Time, s, that one write may take before the log reports that the disk does not answer."""
 _WARN_PERIOD_S = 60.0
 _CLOCK_STEP_S = 0.5
 _NS = 1e-9
@@ -33,7 +34,7 @@ _DAY_S = 86400.0
 
 
 class _Record(NamedTuple):
-    """A line before it has its place: Unix time and monotonic time, ns; ``is_urgent``: to be on the disk at once."""
+    """A line without a number yet: Unix time and monotonic time, ns; ``is_urgent``: to be on the disk at once."""
 
     wall: int
     monotonic: int
@@ -57,7 +58,7 @@ class Health(NamedTuple):
     waiting: int
     lost: int
     written: int
-    link: Link
+    link: ChainLink
 
 
 class AuditLog:
@@ -65,16 +66,16 @@ class AuditLog:
 
     def __init__(self, folder: str, days: float, file_bytes: int = FILE_BYTES,
                  most_waiting: int = MOST_WAITING) -> None:
-        """Prepare; ``start`` begins.
+        """Set up the log; ``start`` begins to write.
 
         Args:
-            folder: Of this log alone; it is made where it is missing.
-            days: Files whose last line is older go; 0 for never.
+            folder: Of this log alone; it is created where it is missing.
+            days: Age of a file's last line at which the file is deleted; 0 for never.
             file_bytes: Size at which a file is followed by the next.
             most_waiting: Lines that wait in memory at most.
         """
         self.path = folder
-        self._folder = LogFolder(folder)
+        self._folder = AuditFolder(folder)
         self._days = days
         self._file_bytes = file_bytes
         self._most_waiting = most_waiting
@@ -100,18 +101,18 @@ class AuditLog:
         self._thread = threading.Thread(target=self._run, name="audit log", daemon=True)
 
     def start(self) -> None:
-        """Begin to write."""
+        """Start the writing thread."""
         self._thread.start()
 
     def add_task(self, task: Callable[[], None]) -> None:
-        """Have the writing thread call this some times a second, from now on."""
+        """Have the writing thread call ``task`` a few times a second."""
         self._tasks.append(task)
 
     def write(self, kind: str, fields: Mapping[str, Any], is_urgent: bool = False) -> None:
-        """Have a line written; returns at once.
+        """Queue a line for writing; return at once.
 
         Args:
-            kind: What it tells of; docs/audit.md lists them.
+            kind: The kind of line; docs/audit.md lists them.
             fields: The rest of the line; plain values, which are not changed afterwards.
             is_urgent: It is to be on the disk at once, and not within ``SYNC_PERIOD_S``.
         """
@@ -132,7 +133,9 @@ class AuditLog:
         return Health(trouble, self._waiting, self._lost_in_all, self._written, self._link)
 
     def close(self, timeout: float) -> bool:
-        """Write what waits, if the disk takes it within ``timeout`` s, and end; False where lines are left."""
+        """Write the waiting lines, if the disk takes them within ``timeout`` s, and end; return False where lines are
+        left.
+        """
         self._is_closing = True
         self._queue.put(None)
         if self._thread.is_alive():
@@ -160,7 +163,7 @@ class AuditLog:
                 self._drop()
             if self._is_closing and (self._trouble or not self._pending and self._queue.empty()):
                 break
-        self._let_go()
+        self._release()
 
     def _collect(self) -> None:
         """Take over lines that wait; where there are none, wait for some."""
@@ -183,7 +186,7 @@ class AuditLog:
             if self._descriptor is None:
                 self._open()
             self._put_pending()
-            self._tell_losses()
+            self._write_losses()
             self._prune()
             if self._is_dirty and time.monotonic() - self._synced_at >= SYNC_PERIOD_S:
                 self._sync()
@@ -196,7 +199,7 @@ class AuditLog:
             self._busy_since = None
 
     def _put_pending(self) -> None:
-        """Write what was collected, as one piece."""
+        """Write the collected lines as one piece."""
         data: List[bytes] = []
         is_urgent = False
         link, offset = self._link, self._offset
@@ -218,8 +221,8 @@ class AuditLog:
             if is_urgent:
                 self._sync()
 
-    def _put(self, data: bytes, link: Link) -> None:
-        """Put whole lines at the end, in the next file where this one has its size; raises OSError."""
+    def _put(self, data: bytes, link: ChainLink) -> None:
+        """Append whole lines, in the next file where this one is full; raise OSError where the disk refuses."""
         if self._size >= self._file_bytes:
             self._sync()
             assert self._descriptor is not None
@@ -242,7 +245,7 @@ class AuditLog:
         self._put(line + b"\n", link_of(line, self._link.number + 1))
         self._written += 1
 
-    def _line(self, after: Link, record: _Record) -> bytes:
+    def _line(self, after: ChainLink, record: _Record) -> bytes:
         head = {"time": iso(record.wall), "up": round(record.monotonic * _NS, 6), "kind": record.kind}
         try:
             return encode(after, {**head, **record.fields})
@@ -251,14 +254,14 @@ class AuditLog:
 
     @staticmethod
     def _clock_step(record: _Record, offset: Optional[int]) -> Optional[_Record]:
-        """Return a line about a clock that was set since the line before; None where it was not."""
+        """Return a line about a clock that was set since the previous line; None where it was not."""
         step = 0.0 if offset is None else (record.wall - record.monotonic - offset) * _NS
         if abs(step) < _CLOCK_STEP_S:
             return None
         text = "the clock was set %s by %.3f s" % ("forward" if step > 0.0 else "back", abs(step))
         return record._replace(kind="clock", fields={"step_s": round(step, 6), "text": text})
 
-    def _tell_losses(self) -> None:
+    def _write_losses(self) -> None:
         """Write how many lines were lost, once there is room again."""
         if not self._lost or not self._queue.empty():
             return
@@ -274,7 +277,7 @@ class AuditLog:
     # ---- files ----
 
     def _open(self) -> None:
-        """Go on where the log ends on the disk, whoever wrote it and however that ended."""
+        """Open the log where it ends on the disk, whoever wrote it and however that ended."""
         self._folder.take()
         end = self._folder.end()
         self._link, self._size = end.link, 0
@@ -293,9 +296,9 @@ class AuditLog:
             self._put_own("clock", {"before": end.time, "text": "the last line before has a later time than now"})
 
     def _prune(self) -> None:
-        """Delete what is old enough at the start and with each new file, after a line that names it and is on the disk.
+        """Delete old files at the start and with each new file, after a line that names them is on the disk.
 
-        At other times nothing is looked for: a clock that is wrong by years costs two files at a time.
+        At other times nothing is deleted: a clock that is wrong by years costs two files at a time.
         """
         if not self._days or not self._is_pruning_due:
             return
@@ -312,7 +315,7 @@ class AuditLog:
         self._is_dirty, self._synced_at = False, time.monotonic()
 
     def _fail(self, error: OSError) -> None:
-        """Close the file; a later try looks at what became of it."""
+        """Close the file after an error; a later try looks at what became of it."""
         self._close_file()
         now = time.monotonic()
         self._retry_at = now + _RETRY_PERIOD_S
@@ -338,7 +341,7 @@ class AuditLog:
                 os.close(self._descriptor)
             self._descriptor = None
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         if self._descriptor is not None:
             with contextlib.suppress(OSError):
                 self._sync()

@@ -1,4 +1,4 @@
-"""Streams of messages: one line when a stream begins, one when it has ended, with the number of messages.
+"""Audit lines of message streams: one when a stream begins, one with the number of messages when it has ended.
 
 A servo stream or a held jog is one act of one node; a line for each of its messages would bury all others.
 """
@@ -7,7 +7,7 @@ import time
 from typing import Any, Callable, Dict, Hashable, List, Mapping, Tuple
 
 QUIET_S = 1.0
-"""s; a stream has ended so long after its last message."""
+"""Silence, s, after which a stream has ended."""
 MOST_STREAMS = 200
 
 Write = Callable[[str, Mapping[str, Any]], None]
@@ -24,10 +24,10 @@ class _Stream:
 
 
 class Streams:
-    """The streams under way."""
+    """The message streams that have not ended."""
 
     def __init__(self, write: Write, clock: Callable[[], float] = time.monotonic) -> None:
-        """Prepare.
+        """Set up the table of streams.
 
         Args:
             write: Takes kind and fields of a line; it must not wait.
@@ -39,11 +39,12 @@ class Streams:
         self._streams: Dict[Hashable, _Stream] = {}
 
     def note(self, key: Hashable, about: Callable[[], Mapping[str, Any]], refusal: str = "") -> None:
-        """Note one message.
+        """Count one message of a stream, and write a line where it begins a stream or changes whether messages are
+        refused.
 
         Args:
             key: Equal for the messages of one stream.
-            about: Gives the fields of its first line: what, who, the first message.
+            about: Returns the fields of its first line: what, who, the first message.
             refusal: Why the message moved nothing; "" where it was taken.
         """
         lines: List[Tuple[str, Mapping[str, Any]]] = []
@@ -69,7 +70,7 @@ class Streams:
             self._write(kind, fields)
 
     def end_quiet(self, quiet: float = QUIET_S) -> None:
-        """End the streams without a message for so long, s."""
+        """End the streams without a message for ``quiet`` s."""
         with self._lock:
             now = self._clock()
             lines = [self._end(key) for key, stream in list(self._streams.items()) if now - stream.last_at >= quiet]

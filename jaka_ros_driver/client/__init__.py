@@ -1,15 +1,15 @@
 """The client of a controller, without ROS: its sockets and threads, and custody of the arm.
 
 core            custody of the arm, as pure state machines
-settings        how the client talks to one controller; the numbers that a user may change
+settings        address, time limits and bounds of one client; the numbers that a user may change
 transport       the two connections to the controller, and one wait for both; the driver's and the guard's
 arm_client      one arm for any number of threads: a lock around the core, one thread for its sockets and its time
-fail_stop       the last words of a driver whose core has failed
-custody_file    what a driver moves, on disk while it lasts
-process_state   what the kernel says of another process
+fail_stop       the last stop and the evidence of a driver whose core has failed
+custody_file    the motion in custody, on disk while it lasts
+process_state   the state of another process, from the kernel
 driver_pipe     the guard's end of the pipes between it and the driver
-stopping        how the guard stops an arm, step by step; without socket, thread and clock
-arm_stopper     the guard at work
+stopping        the guard's stop of an arm, step by step; without socket, thread and clock
+arm_stopper     the sockets of the guard's stop
 guard_process   the guard's process: stops the arm when the driver dies or freezes
 guard_post      one guard process as the driver sees it
 guard           the driver's end of the guard

@@ -1,4 +1,4 @@
-"""One arm for any number of threads: a lock around ``core``, and one thread for its sockets and timers."""
+"""The thread-safe client of one arm: a lock around ``core``, and one thread for its sockets and timers."""
 import contextlib
 import logging
 import math
@@ -10,15 +10,15 @@ from typing import Any, Callable, Iterator, List, Optional, Sequence, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client import fail_stop
-from jaka_ros_driver.client.core.actions import Answer, Close, Log, Open, Port, Send, Show, Tell
+from jaka_ros_driver.client.core.actions import Answer, Close, Log, NotifyGuard, Open, Port, PublishState, Send
 from jaka_ros_driver.client.core.arm_core import AT_REST_ONLY, ArmCore
 from jaka_ros_driver.client.core.feed import FeedHealth
 from jaka_ros_driver.client.core.links import LinkHealth
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.planned.path_move import PathProgress
 from jaka_ros_driver.client.core.procedures import power
-from jaka_ros_driver.client.core.procedures.procedure import Procedure
-from jaka_ros_driver.client.core.trajectory import Progress, StartChanged, TrajectoryStart
+from jaka_ros_driver.client.core.procedures.steps import Procedure
+from jaka_ros_driver.client.core.trajectory import StartChanged, TrajectoryProgress, TrajectoryStart
 from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.custody_file import CustodyFile, CustodyKeeper
 from jaka_ros_driver.client.guard import Guard
@@ -28,39 +28,37 @@ from jaka_ros_driver.errors import ConnectionLost, JakaError
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.trajectory.build import build_path
-from jaka_ros_driver.trajectory.points import JointTrajectory, Tolerances
+from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryTolerances
 
 _LOG = logging.getLogger(__name__)
 
 _LONGEST_WAIT_S = 0.02
-"""s; longest pause of the thread. The guard is told at least this often that the driver lives, and the core notices by
-longer pauses that it was held up.
-"""
+"""Longest pause, s, of the thread: the guard's heartbeat period, and the core notices longer ones."""
 _REST_TIMEOUT_S = 1.0
-"""s; how long ``close`` waits for the arm to come to rest."""
+"""Longest time, s, that ``close`` waits for the arm to come to rest."""
 
 _LAST_STOPS = 3
 _LAST_STOP_PERIOD_S = 0.1
-"""s; a driver whose core has failed sends the stop so often, so far apart, before it gives the connection up."""
+"""Period, s, of the ``_LAST_STOPS`` stops that a driver whose core has failed sends before it closes the connection."""
 
 _JOIN_LEAD_S = 0.016
 _BUILD_TIME_S = 5e-6
-"""s; a running trajectory is joined two cycles ahead, and so much later for each point of the new one."""
+"""Lead, s, for each point of a new trajectory, beside two cycles, with which it joins a running one."""
 _LONGEST_LEAD_S = 1.0
 
 StateListener = Callable[[RobotState, bool], None]
-CustodyListener = Callable[[Tell], None]
+CustodyListener = Callable[[NotifyGuard], None]
 
 
 class LoopTask:
-    """Something that the client's thread does besides its own work; see ``ArmClient.add_task``."""
+    """A periodic task of the client's thread; see ``ArmClient.add_task``."""
 
     def due(self) -> Optional[float]:
-        """When ``run`` is due, monotonic time, s; None while it is not."""
+        """Return when ``run`` is due, monotonic time, s; None while it is not."""
         raise NotImplementedError
 
     def run(self, now: float) -> None:
-        """Do the task. It must not block."""
+        """Run the task. It must not block."""
         raise NotImplementedError
 
 
@@ -69,14 +67,16 @@ class ArmClient:
 
     def __init__(self, settings: ClientSettings, model: ArmModel, guard: Optional[Guard] = None,
                  custody_file: Optional[CustodyFile] = None) -> None:
-        """Prepare; ``start`` begins.
+        """Set up the client; ``start`` connects it.
 
         Args:
             settings: Address and time limits.
             model: The arm model whose limits every command is checked against.
-            guard: Is told when this driver begins to move the arm (before anything is sent), when that has ended, and
+            guard: Is notified when this driver begins to move the arm (before anything is sent), when that has ended,
+                and
                 every 20 ms that the driver lives. None for no guard.
-            custody_file: Tells a later driver what this one moves, and this one what an earlier one left. None: none.
+            custody_file: Records for a later driver what this one moves, and for this one what an earlier one left.
+                None: none.
         """
         self.settings = settings
         self.model = model
@@ -92,7 +92,7 @@ class ArmClient:
         self._listeners: List[StateListener] = []
         self._custody_listeners: List[CustodyListener] = []
         self._tasks: List[LoopTask] = []
-        self._shows: List[Show] = []
+        self._shows: List[PublishState] = []
         self._is_closing = False
         self._is_closed = False
         self._has_failed = False
@@ -103,7 +103,7 @@ class ArmClient:
     # ---- life ----
 
     def start(self) -> None:
-        """Begin to connect; returns at once. Lost links are made again until ``close``.
+        """Start to connect; return at once. Lost links are connected again until ``close``.
 
         Where a dead driver left the arm moving, stopping it is the first thing that is sent.
         """
@@ -125,10 +125,10 @@ class ArmClient:
             self._perform()
 
     def close(self) -> None:
-        """Stop what this driver moves, end every pending call, disconnect. Waits for the arm to rest, 1 s at most."""
+        """Stop what this driver moves, end every pending call, disconnect. It waits at most 1 s for the arm to rest."""
         if self._is_closing:
             return
-        with contextlib.suppress(Exception), self._in_core():  # a defect there ends the loop, which tells of it
+        with contextlib.suppress(Exception), self._in_core():  # a defect there ends the loop, which logs it
             if not self._is_closed:
                 self._core.close(time.monotonic())
                 self._perform()
@@ -153,7 +153,7 @@ class ArmClient:
     def add_listener(self, listener: StateListener) -> None:
         """Call ``listener(state, is_new)`` for every status frame in the client's thread; it must not block.
 
-        ``is_new`` is False for a frame that was delayed and tells of an earlier time.
+        ``is_new`` is False for a frame that was delayed and shows an earlier time.
         """
         self._listeners.append(listener)
 
@@ -162,7 +162,7 @@ class ArmClient:
         self._custody_listeners.append(listener)
 
     def add_task(self, task: LoopTask) -> None:
-        """Let the client's thread run a task, from now on."""
+        """Have the client's thread run a task from now on."""
         self._tasks.append(task)
 
     # ---- what is known ----
@@ -173,29 +173,29 @@ class ArmClient:
         return self._core.state
 
     def fresh_state(self) -> RobotState:
-        """The newest state; raises ConnectionLost where it is stale, or there is none."""
+        """Return the newest state; raise ConnectionLost where it is stale, or there is none."""
         return self._core.fresh_state(time.monotonic())
 
     @property
     def is_ready(self) -> bool:
-        """Both links are up and the state is fresh."""
+        """True while both links are up and the state is fresh."""
         return self._core.is_ready(time.monotonic())
 
     @property
     def link_health(self) -> LinkHealth:
-        """State of the links to the controller."""
+        """The state of the links to the controller."""
         with self._lock:
             return self._core.links.health()
 
     @property
     def feed_health(self) -> FeedHealth:
-        """State of the status feed."""
+        """The state of the status feed."""
         with self._lock:
             return self._core.links.feed_health(time.monotonic())
 
     @property
     def is_simulated(self) -> Optional[bool]:
-        """The controller is a simulated one; None before that is known."""
+        """True where the controller is a simulated one; None before that is known."""
         return self._core.links.about.is_simulated
 
     @property
@@ -205,7 +205,7 @@ class ArmClient:
 
     @property
     def motion_owner(self) -> Optional[MotionOwner]:
-        """What moves the arm for this driver, until the arm is seen at rest."""
+        """The kind of motion in which this driver moves the arm, until the arm is seen at rest; None for none."""
         return self._core.motion_owner
 
     @property
@@ -215,15 +215,17 @@ class ArmClient:
 
     @property
     def is_motion_possible(self) -> bool:
-        """This driver can move the arm, or moves it: links, drives and stops allow it, and nobody else has the arm."""
+        """True where this driver can move the arm, or moves it: links, drives and stops allow it, and nobody else has
+        the arm.
+        """
         return self._core.is_motion_possible(time.monotonic())
 
     def is_hand_guided(self, state: RobotState) -> bool:
-        """Somebody guides the arm by hand in this state; not every feed tells."""
+        """Return whether somebody guides the arm by hand in this state; not every feed has that."""
         return self._core.is_hand_guided(state)
 
     def has_moved_since(self, moment: float) -> bool:
-        """Fresh frames after this moment (monotonic, s) show the joints somewhere else than before."""
+        """Return whether fresh frames after this moment (monotonic, s) show the joints somewhere else than before."""
         return self._core.custody.stillness.has_moved_since(moment)
 
     @property
@@ -256,20 +258,19 @@ class ArmClient:
         return self.run(lambda core: core.ask(command), exclusive=isinstance(command, AT_REST_ONLY))
 
     def run(self, procedure: Callable[[ArmCore], Procedure], exclusive: bool = False) -> Any:
-        """Carry out a procedure of ``core/procedures``, and return its result.
+        """Run a procedure of ``core/procedures``, and return its result; raise what the procedure names.
 
         With ``exclusive`` it is refused while anything moves the arm, and nothing can begin to move it meanwhile.
-        Raises what the procedure names.
         """
         return self._call(lambda call, now: self._core.run(call, procedure(self._core), now, exclusive))
 
     def begin(self, procedure: Callable[[ArmCore], Procedure]) -> "Future[Any]":
-        """Begin a procedure and return at once; the future gets its result, or the error that it names."""
+        """Begin a procedure and return at once; the future receives its result, or the error that it names."""
         return self._begin(lambda call, now: self._core.run(call, procedure(self._core), now))
 
-    def move(self, command: c.Motion, wait: bool = True) -> None:
-        """Move to the command's target. Returns, with ``wait``, when the arm is there, otherwise when the controller
-        has accepted.
+    def move(self, command: c.MoveCommand, wait: bool = True) -> None:
+        """Move to the command's target; return, with ``wait``, when the arm is there, otherwise on the controller's
+        acceptance.
 
         Raises:
             InvalidCommand: Outside the limits, or the arm cannot move now; nothing was sent.
@@ -279,8 +280,8 @@ class ArmClient:
         """
         self._call(lambda call, now: self._core.move(call, command, wait, now))
 
-    def queue(self, command: c.Motion) -> "Future[None]":
-        """Begin a move, or queue it behind those under way; returns when the controller has accepted it.
+    def queue(self, command: c.MoveCommand) -> "Future[None]":
+        """Begin a move, or queue it behind the running ones; return when the controller has accepted it.
 
         Returns:
             Ends when the target is reached (of a queue: passed), or with a MotionInterrupted.
@@ -298,7 +299,7 @@ class ArmClient:
 
         Args:
             commands: The segments.
-            is_cancelled: Looked at while nothing was sent yet; ``cancel_path`` ends it later.
+            is_cancelled: Checked while nothing was sent yet; ``cancel_path`` ends it later.
             on_begun: Called in the client's thread, when the first segment was accepted; it must not block.
 
         Returns:
@@ -308,7 +309,7 @@ class ArmClient:
         return self._begin(lambda call, now: self._core.move_path(call, commands, is_cancelled, on_begun, now))
 
     def cancel_path(self, path: "Future[PathProgress]") -> bool:
-        """Stop the path of this future; False where it is not under way (yet, or any more)."""
+        """Stop the path of this future; return False where it does not run (yet, or any more)."""
         with self._in_core():
             is_cancelled = self._core.cancel_path(path, time.monotonic())
             self._perform()
@@ -316,12 +317,12 @@ class ArmClient:
 
     @property
     def path(self) -> Optional[PathProgress]:
-        """How far the path under way has come; None without one."""
+        """The progress of the running path; None without one."""
         with self._lock:
             return self._core.path
 
     def play_program(self) -> "Future[None]":
-        """Play the loaded program; returns when it is seen running, and then nobody else can move the arm.
+        """Play the loaded program; return when it is seen running, and then nobody else can move the arm.
 
         Returns:
             Ends when it is over, or with a MotionInterrupted.
@@ -334,17 +335,19 @@ class ArmClient:
         return end
 
     def resume_program(self) -> "Future[None]":
-        """Go on with the paused program. As ``play_program``; of one that this driver plays, the first future ends."""
+        """Resume the paused program, as ``play_program`` plays one; of one that this driver plays, the first future
+        ends.
+        """
         end = self._future()
         self._call(lambda call, now: self._core.resume_program(call, end, now))
         return end
 
     def jog(self, command: c.Jog) -> None:
-        """Begin a jog, or keep it going for another ``jog_timeout``. Raises what ``move`` raises."""
+        """Begin a jog, or keep it going for another ``jog_timeout``. Raise what ``move`` raises."""
         self._call(lambda call, now: self._core.jog(call, command, now))
 
     def set_servo_mode(self, active: bool) -> None:
-        """Enter servo mode and hold the arm there, or leave it; returns when the controller confirms.
+        """Enter servo mode and hold the arm there, or leave it; return when the controller confirms.
 
         Raises as ``move``, and MotionInterrupted when the controller does not follow within 2 s.
         """
@@ -353,13 +356,14 @@ class ArmClient:
     def servo_target(self, command: Union[c.ServoJoint, c.ServoPose]) -> None:
         """Add one target to the servo stream.
 
-        Raises InvalidCommand, and nothing moves, outside servo mode, outside the limits, too far from the last one.
+        Raises:
+            InvalidCommand: Outside servo mode, outside the limits, or too far from the last target; nothing moves.
         """
         with self._in_core():
             self._core.set_servo_target(command, time.monotonic())
 
     def jog_velocity(self, message: JogMessage) -> None:
-        """Jog as one message of a stream says, until it is not fresh any more.
+        """Jog at the velocity of one message of a stream, until the message is not fresh any more.
 
         Raises InvalidCommand or ConnectionLost where it moves nothing; see ``ArmCore.jog_velocity``.
         """
@@ -375,26 +379,26 @@ class ArmClient:
 
     @property
     def jogged_by(self) -> str:
-        """Who holds the dead-man of a velocity jog; "" for nobody."""
+        """The publisher that holds the dead-man of a velocity jog; "" for nobody."""
         return self._core.dead_man.source
 
     @property
     def last_jog_end(self) -> str:
-        """Why it was let go last, in words."""
+        """The reason for which the dead-man was released last, in words."""
         return self._core.dead_man.last_end
 
     @property
     def stops(self) -> int:
-        """So many stops were asked for; see ``follow``."""
+        """The number of stops that were asked for; see ``follow``."""
         return self._core.stops
 
-    def follow(self, trajectory: JointTrajectory, tolerances: Tolerances,
+    def follow(self, trajectory: JointTrajectory, tolerances: TrajectoryTolerances,
                stops: Optional[int] = None) -> "Future[None]":
-        """Begin to follow a trajectory; one that is under way is replaced, and joined where the arm then is.
+        """Begin to follow a trajectory; a running one is replaced, and joined at the arm's position of that moment.
 
         Args:
-            trajectory: What is to be followed.
-            tolerances: How near.
+            trajectory: The points to follow.
+            tolerances: The deviations that are allowed.
             stops: The number of stops when it was asked for; a stop since then ends it. None: it is asked for now.
 
         Returns:
@@ -418,9 +422,9 @@ class ArmClient:
             else:
                 return done
 
-    def _try_to_follow(self, trajectory: JointTrajectory, tolerances: Tolerances, stops: int,
+    def _try_to_follow(self, trajectory: JointTrajectory, tolerances: TrajectoryTolerances, stops: int,
                        lead: float) -> "Future[None]":
-        """The path is built and audited without the lock; meanwhile the arm may have gone on."""
+        """Build and audit the path without the lock, and begin it; meanwhile the arm may have moved on."""
         starts_at = trajectory.starts_at
         ahead = lead if starts_at is None else max(lead, starts_at - time.monotonic())
         start: TrajectoryStart = self._call(lambda call, now: self._core.trajectory_start(call, ahead, stops, now))
@@ -431,18 +435,18 @@ class ArmClient:
         return self._begin(lambda call, now: self._core.follow(call, path, start, tolerances, stops, now))
 
     def cancel_trajectory(self, goal: "Optional[Future[None]]" = None) -> bool:
-        """Brake a trajectory on its path, that of ``follow``'s future or any; False where it is not under way."""
+        """Brake a trajectory on its path, that of ``follow``'s future or any; return False where it does not run."""
         with self._in_core():
             return self._core.cancel_trajectory(goal, time.monotonic())
 
     @property
-    def trajectory(self) -> Optional[Progress]:
-        """How far the trajectory under way has come; None without one."""
+    def trajectory(self) -> Optional[TrajectoryProgress]:
+        """The progress of the running trajectory; None without one."""
         with self._lock:
             return self._core.trajectory
 
     def stop(self) -> None:
-        """Stop all motion, queued motion and programs; leaves servo mode.
+        """Stop all motion, queued motion and programs, and leave servo mode.
 
         Raises:
             ConnectionLost, ReplyTimeout: The stop could not be delivered.
@@ -467,7 +471,7 @@ class ArmClient:
         return call
 
     def _future(self) -> "Future[Any]":
-        """Make what a caller waits for; it ends at the latest when this client ends."""
+        """Return a new future for a caller; it ends at the latest when this client ends."""
         call: Future[Any] = Future()
         self._calls.add(call)
         return call
@@ -486,11 +490,11 @@ class ArmClient:
                 raise
 
     def _perform(self) -> None:
-        """Carry out the core's actions; the caller holds the lock. Listeners get states later, without the lock."""
+        """Execute the core's actions; the caller holds the lock. Listeners receive states later, without the lock."""
         piece: List[bytes] = []
         for action in self._core.take_actions():
             kind = type(action)
-            if kind is Show:
+            if kind is PublishState:
                 self._shows.append(action)  # type: ignore[arg-type]
                 continue
             if kind is Send:
@@ -501,9 +505,9 @@ class ArmClient:
                 piece = []
             if isinstance(action, Answer):
                 _end(action)
-            elif isinstance(action, Tell):
+            elif isinstance(action, NotifyGuard):
                 if self._guard is not None:
-                    self._guard.tell(action.is_moving)
+                    self._guard.notify(action.is_moving)
                 if self._keeper is not None:
                     self._keeper.note(action)
                 for listener in self._custody_listeners:
@@ -527,8 +531,8 @@ class ArmClient:
     def _fail_stop(self, defect: Exception) -> None:
         """Stop the arm without the core, keep the evidence, and end every call.
 
-        The guard is told nothing more: where the arm is in custody it takes the silence for what it is, and stops the
-        arm until it is seen at rest.
+        The guard receives no further heartbeat: where the arm is in custody it takes the silence for a failure, and
+        stops the arm until it is seen at rest.
         """
         with self._lock:
             self._has_failed = self._is_closed = True
@@ -578,7 +582,7 @@ class ArmClient:
         except Exception:  # a defect of a listener must not end the thread that stops the arm
             _LOG.exception("a listener of the arm's state failed")
 
-    def _pass_on(self, shows: List[Show], now: float) -> None:
+    def _pass_on(self, shows: List[PublishState], now: float) -> None:
         for show in shows:
             for listener in self._listeners:
                 listener(show.state, show.is_new)
@@ -589,7 +593,7 @@ class ArmClient:
 
 
 def _end(answer: Answer) -> None:
-    """Let the thread that made the call go on."""
+    """Complete the future of a call, so that the waiting thread continues."""
     if answer.error is None:
         answer.call.set_result(answer.result)
     else:

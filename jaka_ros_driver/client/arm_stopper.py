@@ -1,4 +1,4 @@
-"""The guard's part that stops the arm: carries out what stopping.py decides, and answers the driver meanwhile."""
+"""The sockets of the guard's stop: they carry out what stopping.py decides, and answer the driver meanwhile."""
 import itertools
 import select
 import time
@@ -6,7 +6,7 @@ from typing import Iterator, List
 
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.custody_file import CustodyFile
-from jaka_ros_driver.client.driver_pipe import STOPPING, WATCHING, DriverPipe, Say
+from jaka_ros_driver.client.driver_pipe import STOPPING, WATCHING, DriverPipe, LogText
 from jaka_ros_driver.client.stopping import Step, Stopping
 from jaka_ros_driver.client.transport import Event, Opened, Received, Transport, addresses_of
 from jaka_ros_driver.errors import FramingError, StatusFrameError
@@ -21,27 +21,27 @@ _FEED_TIMEOUT_S = 1.0
 
 
 class ArmStopper:
-    """Stops the arm, and answers the driver meanwhile. It has one thread, so nothing here waits for the controller."""
+    """The guard's access to the arm. It has one thread, so nothing here waits for the controller."""
 
-    def __init__(self, host: str, command_port: int, status_port: int, say: Say) -> None:
+    def __init__(self, host: str, command_port: int, status_port: int, log: LogText) -> None:
         """Resolve the controller's name now, because that may take too long when the arm must be stopped."""
         self._file = CustodyFile(host, command_port)
         self._has_seen_rest = False
-        self._say = say
+        self._log = log
         self._transport = Transport(host, {Port.COMMAND: command_port, Port.STATUS: status_port},
                                     _CONNECT_TIMEOUT_S, _ACKNOWLEDGE_TIMEOUT_S)
         self._addresses: List[str] = []
         try:
             self._addresses = addresses_of(host)
         except OSError as error:
-            say("%s cannot be resolved: %s" % (host, error))
+            log("%s cannot be resolved: %s" % (host, error))
 
     def stop(self, pipe: DriverPipe) -> None:
-        """Stop the arm; returns when that is done or given up."""
+        """Stop the arm; return when that is done or given up."""
         pipe.answer(STOPPING)
         found = self._file.read()
         jog = found.left.jog_stop if found is not None and found.left.process == pipe.driver_process else None
-        stopping = Stopping(time.monotonic(), self._say, jog)
+        stopping = Stopping(time.monotonic(), self._log, jog)
         command = _CommandPort(stopping, self._transport, self._addresses)
         status = _StatusPort(stopping, self._transport, self._addresses)
         try:
@@ -49,7 +49,7 @@ class ArmStopper:
             while step is not Step.FINISH:
                 step = stopping.step(time.monotonic(), pipe.driver())
                 if step is Step.END_DRIVER:
-                    pipe.end_driver(self._say)
+                    pipe.end_driver(self._log)
                 command.take(step)
                 status.connect_when_due(time.monotonic())
                 sources: List[object] = [self._transport] if pipe.is_closed else [self._transport, pipe]
@@ -70,7 +70,7 @@ class ArmStopper:
 
 
 class _CommandPort:
-    """Carries out the steps of a stop, and tells ``stopping`` their results."""
+    """The command port of a stop: it carries out the steps and reports their results to ``stopping``."""
 
     def __init__(self, stopping: Stopping, transport: Transport, addresses: List[str]) -> None:
         self._stopping = stopping
@@ -98,7 +98,9 @@ class _CommandPort:
 
 
 class _StatusPort:
-    """Tells ``stopping`` what the status feed shows, or why it shows nothing; connected as soon as it can be."""
+    """The status port of a stop: it reports states to ``stopping``, or why there are none, and connects as soon as it
+    can.
+    """
 
     def __init__(self, stopping: Stopping, transport: Transport, addresses: List[str]) -> None:
         self._stopping = stopping
@@ -109,7 +111,7 @@ class _StatusPort:
         self._deadline = 0.0
 
     def connect_when_due(self, now: float) -> None:
-        """Begin to connect when it is time for that, and end a connection that has been silent for too long."""
+        """Begin to connect when that is due, and end a connection that has been silent for too long."""
         if now < self._deadline:
             return
         if self._is_in_use:
@@ -144,5 +146,8 @@ class _StatusPort:
 
 
 def _in_turn(addresses: List[str]) -> Iterator[str]:
-    """Each address in turn, without end; without any, ``Transport`` resolves the name again for each connection."""
+    """Return each address in turn, without end.
+
+    Without any, ``Transport`` resolves the name again for each connection.
+    """
     return itertools.cycle(addresses or [""])

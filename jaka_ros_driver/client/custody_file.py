@@ -1,8 +1,8 @@
-"""Custody on disk: while a driver moves the arm, a small file says so, for a guard or driver that starts later.
+"""Custody on disk: a small file that exists while a driver moves the arm, for a guard or driver that starts later.
 
-The file is in a private folder, is replaced as a whole, and is gone when custody ends. A file whose driver is dead
-tells of an arm that may have been left moving. It is a note, not a lock: where it cannot be written, the driver says
-so once and goes on.
+The file is in a private folder, is replaced as a whole, and is removed when custody ends. A file whose driver is dead
+shows that the arm may have been left moving. It is a note, not a lock: where it cannot be written, the driver logs that
+once and goes on.
 """
 import contextlib
 import json
@@ -15,7 +15,7 @@ import threading
 import time
 from typing import Any, Iterator, List, NamedTuple, Optional
 
-from jaka_ros_driver.client.core.actions import Tell
+from jaka_ros_driver.client.core.actions import NotifyGuard
 from jaka_ros_driver.client.core.foreign_motion import LeftMotion
 from jaka_ros_driver.client.process_state import start_of
 from jaka_ros_driver.client.transport import addresses_of
@@ -33,7 +33,7 @@ class Found(NamedTuple):
 
     Attributes:
         left: The motion.
-        is_alive: The process that has it in custody runs.
+        is_alive: True where the process that has it in custody runs.
     """
 
     left: LeftMotion
@@ -41,7 +41,7 @@ class Found(NamedTuple):
 
 
 class CustodyFile:
-    """The custody file of one controller. Which of its host names is used does not matter."""
+    """The custody file of one controller, whichever of its host names is used."""
 
     def __init__(self, host: str, command_port: int, folders: Optional[List[str]] = None) -> None:
         """Resolve the controller's name.
@@ -49,7 +49,7 @@ class CustodyFile:
         Args:
             host: The controller's address.
             command_port: Its command port.
-            folders: Where the file may be; the first one that can be used gets it. None for the private runtime folder
+            folders: Folders for the file; the first usable one receives it. None for the private runtime folder
                 of the user, else a private one among temporary files.
         """
         try:
@@ -61,7 +61,7 @@ class CustodyFile:
         self._folders = _runtime_folders() if folders is None else folders
 
     def write(self, left: LeftMotion) -> None:
-        """Replace the file; raises OSError where that is not possible."""
+        """Replace the file; raise OSError where that is not possible."""
         jog = left.jog_stop
         text = json.dumps({
             "controller": self._controller, "moves": left.name, "since": left.since, "process": left.process,
@@ -78,13 +78,13 @@ class CustodyFile:
         raise trouble
 
     def remove(self) -> None:
-        """Remove the file where there is one; raises OSError where that is not possible."""
+        """Remove the file where there is one; raise OSError where that is not possible."""
         for folder in self._folders:
             with contextlib.suppress(FileNotFoundError, NotADirectoryError):
                 os.unlink(os.path.join(folder, self._name))
 
     def remove_of(self, process: int) -> None:
-        """Remove the file if this process wrote it. Raises nothing: at worst the next driver sends a needless stop."""
+        """Remove the file if this process wrote it. Raise nothing: at worst the next driver sends a needless stop."""
         found = self.read()
         if found is not None and found.left.process == process:
             with contextlib.suppress(OSError):
@@ -105,7 +105,7 @@ class CustodyFile:
 
 
 class CustodyKeeper:
-    """Keeps the file as the driver's custody is, in a thread of its own: the arm's loop waits for no disk."""
+    """The thread that writes the custody file whenever custody changes: the arm's loop waits for no disk."""
 
     def __init__(self, file: CustodyFile) -> None:
         self._file = file
@@ -117,18 +117,18 @@ class CustodyKeeper:
         self._thread = threading.Thread(target=self._run, name="custody file", daemon=True)
 
     def start(self) -> None:
-        """Begin to write."""
+        """Start the writing thread."""
         self._thread.start()
 
-    def note(self, tell: Tell) -> None:
-        """Note that custody has begun or ended; never waits for the disk."""
+    def note(self, tell: NotifyGuard) -> None:
+        """Record that custody has begun or ended; never wait for the disk."""
         with self._news:
             self._wanted = LeftMotion(tell.name, tell.jog_stop, time.time(), os.getpid()) if tell.is_moving else None
             self._is_due = True
             self._news.notify()
 
     def close(self) -> None:
-        """Write what is due, if the disk takes it within 0.5 s, and end."""
+        """Write the pending change, if the disk takes it within 0.5 s, and end."""
         with self._news:
             self._is_closing = True
             self._news.notify()
@@ -151,7 +151,7 @@ class CustodyKeeper:
                                  "stop it after this one's death: %s", error)
 
     def _next(self) -> Any:
-        """The newest custody that was not written yet; the keeper itself at the end."""
+        """Wait for the newest custody that was not written yet, and return it; return the keeper itself at the end."""
         with self._news:
             self._news.wait_for(lambda: self._is_due or self._is_closing)
             if not self._is_due:
@@ -161,7 +161,7 @@ class CustodyKeeper:
 
 
 def _runtime_folders() -> List[str]:
-    """Private folders for what lasts as long as a process, best first.
+    """Return the private folders for files that last as long as a process, best first.
 
     A driver that is started as a service may lack the variable that one from a shell has: both look at all of them.
     """
@@ -184,14 +184,14 @@ def _make_private(folder: str) -> None:
 
 
 def _require_private(folder: str) -> None:
-    """See that nobody else can have put anything there; raises OSError."""
+    """Raise OSError unless nobody else can have put anything into the folder."""
     about = os.lstat(folder)
     if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.getuid() or about.st_mode & 0o077:
         raise PermissionError("%s is not a private folder of this user" % folder)
 
 
 def _replace(path: str, text: str) -> None:
-    """Write a file so that whoever reads it sees the old one or the new one."""
+    """Replace a file at once, so that a reader sees the old one or the new one."""
     new = "%s.%d.new" % (path, os.getpid())
     descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
     try:

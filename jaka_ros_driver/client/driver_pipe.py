@@ -1,4 +1,4 @@
-"""The guard's end of the pipes to the driver: it receives words of the driver and sends answers."""
+"""The guard's end of the pipes to the driver: it receives the driver's messages and sends answers."""
 import contextlib
 import os
 import select
@@ -7,38 +7,44 @@ import time
 from typing import Callable, Optional
 
 from jaka_ros_driver.client.process_state import waits_for_processor
-from jaka_ros_driver.client.stopping import Driver
+from jaka_ros_driver.client.stopping import DriverCondition
 
 MOVING, IDLE, FAREWELL = b"m", b"i", b"q"
-"""The driver's words: it moves the arm; it does not; it ends in good order."""
+"""The driver's messages: it moves the arm; it does not; it ends in good order."""
 WATCHING, STOPPING = b".", b"!"
 """The guard's answers: it watches the driver; it is stopping the arm."""
 SILENCE_TIMEOUT_S = 0.25
+"""Silence, s, after which a driver that moves the arm is frozen: a dozen beats (``guard_post.BEAT_PERIOD_S``)."""
 STARVED_TIMEOUT_S = 1.0
-"""s; used in place of ``SILENCE_TIMEOUT_S`` where the driver lives but gets no processor time."""
+"""Longest silence, s, in place of ``SILENCE_TIMEOUT_S``, where the driver lives but gets no processor time."""
 ANSWER_PERIOD_S = 0.1
+"""Period, s, of the answers; a guard that misses ten of them is replaced (``guard_post.ANSWER_TIMEOUT_S``)."""
 _STARVED_TURN_S = 0.05
 _HELD_UP_S = 0.1
+"""Lateness, s, of this process above which the whole host may have stood still, and the driver with it."""
 
-Say = Callable[[str], None]
+LogText = Callable[[str], None]
 
 
 class DriverPipe:
-    """Receives what the driver says, and answers it.
+    """The receiver of the driver's messages, and the sender of answers.
 
     Attributes:
-        is_moving: By its last word, the driver moves the arm.
-        is_closed: The pipe is closed: no word can come any more.
-        has_left: The driver has said that it ends in good order.
+        is_moving: True where the driver moves the arm, by its last message.
+        is_closed: True once the pipe is closed: no message can come any more.
+        has_left: True once the driver has announced that it ends in good order.
         driver_process: The driver's process id.
     """
 
     def __init__(self, words: int, answers: int, driver: int, is_moving: bool) -> None:
-        """words, answers: file descriptors. driver: its process id. is_moving: it moves the arm already."""
+        """Take the ends of the pipes.
+
+        words, answers: file descriptors. driver: its process id. is_moving: it moves the arm already.
+        """
         self._words = words
         self._answers = answers
         self.driver_process = driver
-        self._heard_at = time.monotonic()
+        self._received_at = time.monotonic()
         self._answered_at = -ANSWER_PERIOD_S
         self.is_moving = is_moving
         self.is_closed = False
@@ -46,7 +52,7 @@ class DriverPipe:
         self._answer = WATCHING
 
     def fileno(self) -> int:
-        """The descriptor of the words, for ``select``."""
+        """Return the descriptor of the messages, for ``select``."""
         return self._words
 
     @property
@@ -55,35 +61,35 @@ class DriverPipe:
         return self.is_closed or self.has_left
 
     def wait(self, timeout: Optional[float]) -> bool:
-        """Wait for a word, at most ``timeout`` s; False where none came."""
+        """Wait for a message, at most ``timeout`` s; return False where none came."""
         if not select.select([self], [], [], timeout)[0]:
             return False
         self.read()
         return True
 
     def read(self) -> None:
-        """Read the words that have come, and answer."""
+        """Read the messages that have come, and answer."""
         words = os.read(self._words, 4096)
         now = time.monotonic()
         self.is_closed = not words
         if self.is_closed:
             return
-        self._heard_at = now
+        self._received_at = now
         self.has_left = self.has_left or FAREWELL in words
         self.is_moving = words[-1:] == MOVING
         if now - self._answered_at >= ANSWER_PERIOD_S:
-            self._say_answer(now)
+            self._send_answer(now)
 
     def answer(self, answer: bytes) -> None:
         """Answer this from now on, first at once, so that a driver that was frozen learns what was done."""
         self._answer = answer
-        self._say_answer(time.monotonic())
+        self._send_answer(time.monotonic())
 
-    def _say_answer(self, now: float) -> None:
+    def _send_answer(self, now: float) -> None:
         if not select.select([], [self._answers], [], 0.0)[1]:
             return
         self._answered_at = now
-        with contextlib.suppress(OSError):  # the driver has just died; the other pipe tells that
+        with contextlib.suppress(OSError):  # the driver has just died; the other pipe shows that
             os.write(self._answers, self._answer)
 
     def wait_for_silence(self) -> None:
@@ -92,7 +98,7 @@ class DriverPipe:
         was_held_up = False
         while not self.is_over:
             asked_at = time.monotonic()
-            patience = max(0.0, self._heard_at + limit - asked_at)
+            patience = max(0.0, self._received_at + limit - asked_at)
             if self.wait(patience if self.is_moving else None):
                 limit = SILENCE_TIMEOUT_S
                 was_held_up = False
@@ -106,24 +112,25 @@ class DriverPipe:
             else:
                 return
 
-    def driver(self) -> Driver:
-        """What is known of the driver now."""
+    def driver(self) -> DriverCondition:
+        """Return what is known of the driver now."""
         if self.has_left:
-            return Driver.BACK
+            return DriverCondition.BACK
         if self.is_closed:
-            return Driver.DEAD
-        return Driver.BACK if time.monotonic() - self._heard_at < SILENCE_TIMEOUT_S else Driver.SILENT
+            return DriverCondition.DEAD
+        is_back = time.monotonic() - self._received_at < SILENCE_TIMEOUT_S
+        return DriverCondition.BACK if is_back else DriverCondition.SILENT
 
-    def end_driver(self, say: Say) -> None:
+    def end_driver(self, log: LogText) -> None:
         """Kill the driver if it is still silent. It must still be the parent, or its id may be another process's."""
         if self.wait(0.0):
             return
         if os.getppid() != self.driver_process:
-            say("the controller turns the guard away, and process %d is not the driver any more" % self.driver_process)
+            log("the controller turns the guard away, and process %d is not the driver any more" % self.driver_process)
             return
-        say("the controller turns the guard away while the frozen driver is connected: killing the driver, process %d"
+        log("the controller turns the guard away while the frozen driver is connected: killing the driver, process %d"
             % self.driver_process)
         try:
             os.kill(self.driver_process, signal.SIGKILL)
         except OSError as error:
-            say("the driver cannot be killed: %s" % error)
+            log("the driver cannot be killed: %s" % error)

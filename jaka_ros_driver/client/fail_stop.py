@@ -1,4 +1,4 @@
-"""Fail-stop: the last words of a driver whose core has failed by a defect.
+"""Fail-stop: the last stop and the evidence of a driver whose core has failed by a defect.
 
 The stop goes out first, made without the core's help; then the evidence goes to a file. Nothing here raises.
 """
@@ -16,7 +16,7 @@ from jaka_ros_driver.protocol.framing import encode_object
 
 
 def last_stop(core: ArmCore) -> bytes:
-    """Encode the stop that ends whatever the core had in motion; empty where no confirmed link can carry it."""
+    """Encode the stop for whatever motion the core had; empty where no confirmed link can carry it."""
     if not core.channel.is_open:
         return b""
     jog: Optional[JogStop] = None
@@ -27,7 +27,7 @@ def last_stop(core: ArmCore) -> bytes:
 
 
 def write_evidence(core: ArmCore, error: BaseException, folder: str = "") -> Optional[str]:
-    """Write what is known of a failed core into a new file; return its path, None where it could not be written.
+    """Write the known state of a failed core into a new file; return its path, None where it could not be written.
 
     Args:
         core: The core that has failed; attributes that cannot be read any more are left out.
@@ -58,7 +58,7 @@ def write_evidence(core: ArmCore, error: BaseException, folder: str = "") -> Opt
 
 
 def _log_folders() -> List[str]:
-    """Return the folders in which ROS would keep its logs, the wanted one first; they need not be there."""
+    """Return the folders in which ROS would keep its logs, the wanted one first; they may be missing."""
     environment = os.environ
     return [environment.get("ROS_LOG_DIR") or os.path.join(
         environment.get("ROS_HOME") or os.path.join(os.path.expanduser("~"), ".ros"), "log")]

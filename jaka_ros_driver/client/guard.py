@@ -1,4 +1,4 @@
-"""The driver's side of the guard, a separate process; guard_process.py describes what that does.
+"""The driver's side of the guard, a separate process that guard_process.py describes.
 
 Driver and guard watch each other: a guard that has died or does not answer is replaced.
 """
@@ -18,17 +18,17 @@ from jaka_ros_driver.client.guard_post import ANSWER_TIMEOUT_S, BEAT_PERIOD_S, S
 _LOG = logging.getLogger(__name__)
 
 HELD_UP_S = 0.3
-"""s; after a longer gap between two beats the driver itself was held up, so the guard's silence is not counted."""
+"""Gap, s, between two beats above which the driver itself was held up, so the guard's silence is not counted."""
 _EXIT_TIMEOUT_S = 2.0
 _RESTART_PERIODS_S = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 
 @dataclass(frozen=True)
 class GuardHealth:
-    """State of the guard process.
+    """The state of the guard process.
 
     Attributes:
-        is_alive: It runs and answers; False before its first answer.
+        is_alive: True while it runs and answers; False before its first answer.
         replacements: How often it had to be replaced since the start.
         last_trouble: What went wrong last, empty for nothing.
     """
@@ -39,7 +39,7 @@ class GuardHealth:
 
 
 class Guard:
-    """Starts the guard process, tells it what the driver does, replaces it where needed, and ends it.
+    """The driver's supervisor of the guard process: it starts, notifies, replaces and ends it.
 
     It has no thread of its own: the driver's loop calls ``beat``. The other methods may be called from any thread.
     """
@@ -72,15 +72,15 @@ class Guard:
         self._post: Optional[GuardPost] = GuardPost(clock())
         self._post.launch(self._command)
 
-    def tell(self, is_moving: bool) -> None:
-        """Tell the guard at once whether the driver moves the arm, before the first byte of a motion is sent."""
+    def notify(self, is_moving: bool) -> None:
+        """Notify the guard at once whether the driver moves the arm, before the first byte of a motion is sent."""
         with self._lock:
             self._word = MOVING if is_moving else IDLE
             if self._post is not None:
-                self._post.say(self._word)
+                self._post.send(self._word)
 
     def beat(self, now: float) -> None:
-        """Tell the guard that the driver lives, and check that the guard does; never waits.
+        """Send the guard the driver's heartbeat, and check that the guard answers; never wait.
 
         Call it every 20 ms; calls that come sooner have no effect.
         """
@@ -94,13 +94,13 @@ class Guard:
             _LOG.log(level, "guard process: %s", text)
 
     def health(self) -> GuardHealth:
-        """How the guard process does."""
+        """Return the state of the guard process."""
         with self._lock:
             post = self._post
             return GuardHealth(post is not None and post.has_answered, self._replacements, self._trouble)
 
     def close(self) -> None:
-        """End the guard; where the arm is left moving, no farewell is sent, so that the guard stops it."""
+        """End the guard; where the arm is left moving, send no farewell, so that the guard stops it."""
         with self._lock:
             self._is_closing = True
             post, self._post = self._post, None
@@ -112,16 +112,16 @@ class Guard:
             _send_away(post)
 
     def _attend(self, now: float, was_held_up: bool) -> List[Tuple[int, str]]:
-        """Send the driver's word and read the answer; returns what is to be logged."""
+        """Send the driver's message and read the answer; return the lines to log."""
         post = self._post
         if post is None:
             return self._replace(now) if now >= self._start_at else []
-        post.say(self._word)
+        post.send(self._word)
         had_answered = post.has_answered
         has_taken_over = post.listen(now)
         if was_held_up:
-            post.heard_at = now
-        silent = now - post.heard_at
+            post.received_at = now
+        silent = now - post.received_at
         if post.has_ended:
             return self._dismiss(post, "has ended", now)
         if silent > ANSWER_TIMEOUT_S and silent > post.silence_limit():
@@ -151,8 +151,8 @@ class Guard:
         post = None
         try:
             post = GuardPost(now)
-            post.say(self._word)
-            self._starter = threading.Thread(target=self._launch, args=(post, self._told_now(), self._dismissed),
+            post.send(self._word)
+            self._starter = threading.Thread(target=self._launch, args=(post, self._current_command(), self._dismissed),
                                              name="guard starter", daemon=True)
             self._starter.start()
         except (OSError, RuntimeError) as error:  # no more files, no more threads
@@ -166,8 +166,8 @@ class Guard:
         self._replacements += 1
         return []
 
-    def _told_now(self) -> List[str]:
-        """The guard's command line. It tells whether the arm moves: the driver may die before its first word."""
+    def _current_command(self) -> List[str]:
+        """Return the guard's command line, with whether the arm moves: the driver may die before its first message."""
         return self._command + (["--moving"] if self._word == MOVING else [])
 
     @staticmethod
@@ -186,7 +186,7 @@ class Guard:
                 post.leave()
             try:
                 post = GuardPost(0.0)
-                post.launch(self._told_now())
+                post.launch(self._current_command())
             except OSError as error:
                 _LOG.error("guard process: cannot be started, nobody stops the arm: %s", error)
                 return
@@ -194,7 +194,7 @@ class Guard:
 
 
 def _send_away(post: GuardPost) -> None:
-    post.say(FAREWELL)
+    post.send(FAREWELL)
     if post.has_exited(_EXIT_TIMEOUT_S):
         post.leave()
         return

@@ -12,30 +12,32 @@ from jaka_ros_driver.client.process_state import waits_for_processor
 
 BEAT_PERIOD_S = 0.02
 ANSWER_TIMEOUT_S = 1.0
-"""s; a guard that does not answer for this time is replaced."""
+"""Silence, s, of a guard after which it is replaced."""
 STARVED_ANSWER_TIMEOUT_S = 5.0
-"""s; used in place of ``ANSWER_TIMEOUT_S`` where the guard lives but gets no processor time."""
+"""Silence, s, in place of ``ANSWER_TIMEOUT_S``, where the guard lives but gets no processor time."""
 START_TIMEOUT_S = 10.0
 _READ_BYTES = 4096
 
 
 class GuardPost:
-    """One guard process and the pipes to it. The pipes are made first: words wait in them until the process runs.
+    """One guard process and the pipes to it.
+
+    The pipes are made first: messages wait in them until the process runs.
 
     Attributes:
-        has_answered: It has answered at least once.
-        has_ended: It does not run any more, or could not be started.
-        is_stopping: It is stopping the arm, by its last answer.
+        has_answered: True once it has answered.
+        has_ended: True where it does not run any more, or could not be started.
+        is_stopping: True where it is stopping the arm, by its last answer.
         began_at: When it was made, monotonic time, s.
-        heard_at: When it answered last, or was made, monotonic time, s.
+        received_at: When it answered last, or was made, monotonic time, s.
     """
 
     def __init__(self, now: float) -> None:
-        """Make the pipes; raises OSError where that is not possible."""
+        """Create the pipes; raise OSError where that is not possible."""
         self.has_answered = False
         self.has_ended = False
         self.is_stopping = False
-        self.began_at = self.heard_at = now
+        self.began_at = self.received_at = now
         self._process: Optional[subprocess.Popen[bytes]] = None
         self._is_given_up = False
         self._lock = threading.Lock()
@@ -50,14 +52,14 @@ class GuardPost:
         os.set_blocking(self._answers.fileno(), False)
 
     def launch(self, command: List[str]) -> None:
-        """Start the process; raises OSError where that is not possible.
+        """Start the process; raise OSError where that is not possible.
 
         It has a session of its own, so that a signal to the driver's process group does not end it first.
         """
         try:
             process = subprocess.Popen(command, stdin=self._its_words, stdout=self._its_answers,
                                        start_new_session=True)
-        finally:  # where the start failed, the closed pipes tell it
+        finally:  # where the start failed, the closed pipes show it
             self._its_words.close()
             self._its_answers.close()
         with self._lock:
@@ -65,13 +67,13 @@ class GuardPost:
             if self._is_given_up:
                 process.kill()
 
-    def say(self, word: bytes) -> None:
-        """Send a word; never waits. A guard that does not read is noticed by its silence."""
+    def send(self, word: bytes) -> None:
+        """Send a message; never wait. A guard that does not read is noticed by its silence."""
         with contextlib.suppress(OSError):
             self._words.write(word)
 
     def listen(self, now: float) -> bool:
-        """Read the answers that have come; never waits. True where the guard has just begun to stop the arm."""
+        """Read the answers that have come; never wait. Return True where the guard has just begun to stop the arm."""
         answers = self._answers.read(_READ_BYTES)
         if answers is None:
             return False
@@ -81,25 +83,27 @@ class GuardPost:
         has_begun = STOPPING in answers and not self.is_stopping
         self.has_answered = True
         self.is_stopping = answers[-1:] == STOPPING
-        self.heard_at = now
+        self.received_at = now
         return has_begun
 
     def silence_limit(self) -> float:
-        """How long the guard may be silent at present, s."""
+        """Return the longest silence that is allowed to the guard now, s."""
         if not self.has_answered:
             return START_TIMEOUT_S
         process = self._process
         return STARVED_ANSWER_TIMEOUT_S if process and waits_for_processor(process.pid) else ANSWER_TIMEOUT_S
 
     def answers_now(self) -> bool:
-        """Ask the guard and wait for its answer, ``ANSWER_TIMEOUT_S`` at most. True also while the process starts."""
-        self.listen(self.heard_at)
+        """Ask the guard and wait for its answer, ``ANSWER_TIMEOUT_S`` at most. Return True also while the process
+        starts.
+        """
+        self.listen(self.received_at)
         if not self.has_answered:
             return not self.has_ended
         for _ in range(int(ANSWER_TIMEOUT_S / BEAT_PERIOD_S)):
-            self.say(MOVING)
+            self.send(MOVING)
             if select.select([self._answers], [], [], BEAT_PERIOD_S)[0]:
-                self.listen(self.heard_at)
+                self.listen(self.received_at)
                 return not self.has_ended
         return False
 
@@ -116,7 +120,7 @@ class GuardPost:
         self._answers.close()
 
     def has_exited(self, timeout: float) -> bool:
-        """Wait for the end of the process, at most ``timeout`` s; True where it has ended."""
+        """Wait for the end of the process, at most ``timeout`` s; return True where it has ended."""
         if self._process is not None:
             try:
                 self._process.wait(timeout)

@@ -1,8 +1,8 @@
 """The guard: a process beside the driver that stops the arm when the driver dies or freezes while it moves the arm.
 
-Every 20 ms the driver tells, on standard input, whether it moves the arm, or that it ends in good order. The guard
-answers on standard output. When the pipe closes without a farewell, or no word comes for 0.25 s (1 s where the host is
-so busy that the driver gets no processor time), and the driver was moving the arm, the guard takes the command port
+Every 20 ms the driver reports, on standard input, whether it moves the arm, or that it ends in good order. The guard
+answers on standard output. When the pipe closes without a farewell, or no message comes for 0.25 s (1 s where the host
+is so busy that the driver gets no processor time), and the driver was moving the arm, the guard takes the command port
 over, or shares it (docs/controller-protocol.md section 1), and stops the arm, as stopping.py describes.
 
 Some controllers turn a second client away. Such a controller cannot be reached while a frozen driver holds the
@@ -17,18 +17,18 @@ from typing import List, Optional
 
 from jaka_ros_driver.background_log import StandardErrorLog
 from jaka_ros_driver.client.arm_stopper import ArmStopper
-from jaka_ros_driver.client.driver_pipe import DriverPipe, Say
+from jaka_ros_driver.client.driver_pipe import DriverPipe, LogText
 
 _LOG_TIMEOUT_S = 0.5
 
 
-def watch(pipe: DriverPipe, stopper: ArmStopper, say: Say) -> None:
+def watch(pipe: DriverPipe, stopper: ArmStopper, log: LogText) -> None:
     """Watch the driver until it ends, and stop the arm where needed."""
     while True:
         pipe.wait_for_silence()
         if pipe.is_moving and not pipe.has_left:
-            say("the driver %s while the arm moves, stopping the arm" % ("has died" if pipe.is_closed else "is silent"))
-            pipe.is_moving = False  # until the driver tells again that it moves the arm
+            log("the driver %s while the arm moves, stopping the arm" % ("has died" if pipe.is_closed else "is silent"))
+            pipe.is_moving = False  # until the driver reports again that it moves the arm
             stopper.stop(pipe)
         elif pipe.is_over:
             stopper.forget(pipe)

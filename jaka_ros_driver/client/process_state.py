@@ -3,8 +3,9 @@ import os
 
 
 def waits_for_processor(process: int) -> bool:
-    """True where a thread of the process is ready to run and gets no processor time: the process is neither stopped nor
-    hung. False where that is not known.
+    """Return whether a thread of the process is ready to run and gets no processor time; False where that is not known.
+
+    Such a process is neither stopped nor hung.
     """
     try:
         threads = os.listdir("/proc/%d/task" % process)
@@ -21,7 +22,10 @@ def waits_for_processor(process: int) -> bool:
 
 
 def start_of(process: int) -> str:
-    """Tell a process from all that had or will have the same id, by boot and time of its start; "" where none runs."""
+    """Return the boot and the time of a process's start, "" where none runs.
+
+    They tell it from all processes that had or will have the same id.
+    """
     try:
         with open("/proc/sys/kernel/random/boot_id") as file:
             boot = file.read().strip()

@@ -1,4 +1,4 @@
-"""Decides step by step how the guard stops an arm whose driver is dead or frozen; it has no socket, thread or clock.
+"""The guard's stop of an arm whose driver is dead or frozen, step by step; it has no socket, thread or clock.
 
 The stop is repeated until the controller accepts it, and again as long as the status feed does not show the arm at
 rest.
@@ -17,23 +17,24 @@ from jaka_ros_driver.state import RobotState
 
 GIVE_UP_AFTER_S = 60.0
 LOCKED_OUT_AFTER_S = 0.25
-"""s; when the guard was turned away for this time, the frozen driver's connection is taken for the reason."""
+"""Time, s, of being turned away after which the frozen driver's connection is taken for the reason."""
 CONFIRM_AFTER_S = 0.5
-"""s; when the arm is not seen at rest this time after an accepted stop, the stop is sent again."""
+"""Time, s, after an accepted stop until it is sent again where the arm is not seen at rest."""
 BLIND_STOPS = 3
 """Number of accepted stops that suffice where the status feed cannot be read."""
 STILL_FOR_S = 0.12
-"""s; the arm counts as at rest when the status feed has shown it still for this time."""
+"""Stillness, s, in the status feed after which the arm counts as at rest."""
 _BLIND_AFTER_S = 0.5
 _CONNECT_TIMEOUT_S = 1.0
 _REPLY_TIMEOUT_S = 1.0
 _CONNECT_PERIOD_S = 0.05
 _REFUSED_PERIOD_S = 0.08
 _AFTER_THE_DRIVER_S = 0.02
+"""Time, s, that the kernel has to close the connections of the driver that was killed."""
 
 
-class Driver(enum.Enum):
-    """What is known of the driver now."""
+class DriverCondition(enum.Enum):
+    """The state of the driver, as far as the guard knows it."""
 
     SILENT = "silent"
     DEAD = "dead"
@@ -41,7 +42,7 @@ class Driver(enum.Enum):
 
 
 class Step(enum.Enum):
-    """What is to be done next."""
+    """The next step of a stop."""
 
     WAIT = "wait for what happens"
     CONNECT = "connect to the command port"
@@ -60,18 +61,21 @@ class _Link(enum.Enum):
 class Stopping:
     """One stop of the arm, from the moment at which its driver fell silent until the arm is seen at rest.
 
-    The caller asks for the next ``step``, carries it out, and tells the result.
+    The caller asks for the next ``step``, carries it out, and reports the result.
 
     Attributes:
-        has_seen_rest: The arm was seen at rest after the stop.
+        has_seen_rest: True once the arm was seen at rest after the stop.
     """
 
-    def __init__(self, now: float, say: Callable[[str], None], jog: Optional[JogStop] = None) -> None:
-        """jog: what ends the jog that the driver began; None where it began none, or that is not known."""
-        self._say = say
+    def __init__(self, now: float, log: Callable[[str], None], jog: Optional[JogStop] = None) -> None:
+        """Begin a stop.
+
+        jog: The command that ends the driver's jog; None where it began none, or that is not known.
+        """
+        self._log = log
         self._jog = jog
         self.has_seen_rest = False
-        self._said: Set[str] = set()
+        self._logged: Set[str] = set()
         self._give_up_at = now + GIVE_UP_AFTER_S
         self._next_at = now
         self._link = _Link.DOWN
@@ -88,8 +92,8 @@ class Stopping:
 
     # ---- what is to be done ----
 
-    def step(self, now: float, driver: Driver) -> Step:
-        """The next thing to be done."""
+    def step(self, now: float, driver: DriverCondition) -> Step:
+        """Return the next step."""
         if self._has_ended(now):
             return Step.FINISH
         if self._link is _Link.UP:
@@ -98,18 +102,18 @@ class Stopping:
             return self._hang_up("no answer", False, now) if now > self._link_since + _CONNECT_TIMEOUT_S else Step.WAIT
         if now < self._next_at:
             return Step.WAIT
-        if driver is Driver.BACK:
-            self._say("the driver is back and sees to the arm itself")
+        if driver is DriverCondition.BACK:
+            self._log("the driver is back and sees to the arm itself")
             return Step.FINISH
         since = self._locked_out_since
-        if driver is Driver.SILENT and since is not None and now - since >= LOCKED_OUT_AFTER_S:
+        if driver is DriverCondition.SILENT and since is not None and now - since >= LOCKED_OUT_AFTER_S:
             self._locked_out_since, self._next_at = None, now + _AFTER_THE_DRIVER_S
             return Step.END_DRIVER
         self._link, self._link_since, self._has_replied = _Link.CONNECTING, now, False
         return Step.CONNECT
 
     def request(self, now: float) -> bytes:
-        """Return the stop to send, the whole of it (``whole_stop``), and note its requests."""
+        """Return the stop to send, the whole of it (``whole_stop``), and record its requests."""
         commands = whole_stop(self._jog, is_repeated=self._acceptances > 0)
         for command in commands:
             self._exchange.sent(codec.command_name(command), now, _REPLY_TIMEOUT_S, command)
@@ -122,7 +126,7 @@ class Stopping:
         if len(self._exchange) or now < self._next_at:
             return Step.WAIT
         if self._acceptances and self._is_seen(now):
-            self._say_once("the arm moves on %.1f s after an accepted stop, sending the stop again" % CONFIRM_AFTER_S)
+            self._log_once("the arm moves on %.1f s after an accepted stop, sending the stop again" % CONFIRM_AFTER_S)
         return Step.SEND
 
     def _hang_up(self, reason: str, is_turned_away: bool, now: float) -> Step:
@@ -133,12 +137,12 @@ class Stopping:
         is_still = self._stillness.duration(self._accepted_at) >= STILL_FOR_S
         if is_still and (self._acceptances or self._has_no_drives):
             self.has_seen_rest = True
-            self._say("the arm is at rest" if self._acceptances else "the arm is at rest, its drives are off")
+            self._log("the arm is at rest" if self._acceptances else "the arm is at rest, its drives are off")
         elif self._acceptances >= BLIND_STOPS and not self._is_seen(now):
-            self._say("whether the arm is at rest could not be seen: %s; the controller accepted %d stops" % (
+            self._log("whether the arm is at rest could not be seen: %s; the controller accepted %d stops" % (
                 self._feed_trouble or "status port: no frame has come", self._acceptances))
         elif now >= self._give_up_at:
-            self._say("giving up after %.0f s: %s" % (GIVE_UP_AFTER_S, (
+            self._log("giving up after %.0f s: %s" % (GIVE_UP_AFTER_S, (
                 "the controller accepted %d stops, and the arm was not seen at rest" % self._acceptances
                 if self._acceptances else "the arm could not be stopped")))
         else:
@@ -151,11 +155,14 @@ class Stopping:
     # ---- what has happened ----
 
     def connected(self) -> None:
-        """The command port is connected."""
+        """Take note that the command port is connected."""
         self._link = _Link.UP
 
     def failed(self, reason: str, is_turned_away: bool, now: float) -> None:
-        """The command port was not connected, or it was lost. is_turned_away: by the controller, which is reachable."""
+        """Take note that the command port was not connected, or was lost.
+
+        is_turned_away: The controller is reachable and refused.
+        """
         if not is_turned_away or self._has_replied:
             self._locked_out_since = None
         elif self._locked_out_since is None:
@@ -165,10 +172,10 @@ class Stopping:
         self._link = _Link.DOWN
         if was_waiting or not self._acceptances:
             self._next_at = now + _CONNECT_PERIOD_S
-            self._say_once(reason)
+            self._log_once(reason)
 
     def replied(self, item: Item, now: float) -> None:
-        """A reply has come, or bytes that are none."""
+        """Take a reply, or bytes that are none."""
         self._has_replied, self._locked_out_since = True, None
         if isinstance(item, FramingError):
             self._refused("a reply cannot be read: %s" % item, now)
@@ -183,7 +190,7 @@ class Stopping:
             return
         self._exchange.abandon()
         if not self._acceptances:
-            self._say("the controller accepted the stop")
+            self._log("the controller accepted the stop")
             self._accepted_at = now
         self._acceptances += 1
         self._next_at = now + CONFIRM_AFTER_S
@@ -191,20 +198,20 @@ class Stopping:
     def _refused(self, reason: str, now: float) -> None:
         self._exchange.abandon()
         self._next_at = now + _REFUSED_PERIOD_S
-        self._say_once(reason)
+        self._log_once(reason)
 
     def saw(self, state: RobotState, now: float) -> None:
-        """A status frame has come."""
+        """Take a state of the status feed."""
         self._stillness.observe(state)
         self._seen_at = now
         self._has_no_drives = not state.is_powered or not state.is_enabled
 
     def saw_nothing(self, reason: str) -> None:
-        """The status feed cannot be read."""
+        """Take note that the status feed cannot be read."""
         self._feed_trouble = reason
 
-    def _say_once(self, text: str) -> None:
+    def _log_once(self, text: str) -> None:
         """Log a text once, though its cause may come many times a second."""
-        if text not in self._said:
-            self._said.add(text)
-            self._say(text)
+        if text not in self._logged:
+            self._logged.add(text)
+            self._log(text)

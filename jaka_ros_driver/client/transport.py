@@ -21,13 +21,13 @@ _TURNED_AWAY = (errno.ECONNREFUSED, errno.ECONNRESET, errno.ECONNABORTED, errno.
 
 
 class Opened(NamedTuple):
-    """The port is connected."""
+    """The event that the port is connected."""
 
     port: Port
 
 
 class Failed(NamedTuple):
-    """The port could not be connected; ``is_turned_away``: the controller is reachable and refused."""
+    """The event that the port could not be connected; ``is_turned_away``: the controller is reachable and refused."""
 
     port: Port
     reason: str
@@ -35,7 +35,7 @@ class Failed(NamedTuple):
 
 
 class Closed(NamedTuple):
-    """The connection has ended; ``is_turned_away``: the controller has closed or reset it."""
+    """The event that the connection has ended; ``is_turned_away``: the controller has closed or reset it."""
 
     port: Port
     reason: str
@@ -43,7 +43,7 @@ class Closed(NamedTuple):
 
 
 class Received(NamedTuple):
-    """Bytes have arrived."""
+    """The event that bytes have arrived."""
 
     port: Port
     data: bytes
@@ -63,10 +63,10 @@ class _PortSocket:
 
 
 class Transport:
-    """At most one connection to each port. ``wait`` and ``read`` are for one thread; the other methods are called with
-    its lock held.
+    """The connections to the controller, at most one to each port.
 
-    Only ``wait`` blocks. A host name is resolved in a thread of its own, because that may take long.
+    ``wait`` and ``read`` are for one thread; the other methods are called with its lock held. Only ``wait`` blocks. A
+    host name is resolved in a thread of its own, because that may take long.
     """
 
     def __init__(self, host: str, ports: Dict[Port, int], connect_timeout: float, acknowledge_timeout: float) -> None:
@@ -97,11 +97,14 @@ class Transport:
         self._numbers = itertools.count()
 
     def fileno(self) -> int:
-        """The descriptor, for ``select``: readable when ``read`` has something to do."""
+        """Return a descriptor for ``select``: readable when ``read`` has something to do."""
         return self._epoll.fileno()
 
     def open(self, port: Port, address: str = "") -> None:
-        """Begin to connect; ``read`` tells how it went. ``address``: one of the host's, where it is known already."""
+        """Begin to connect; ``read`` returns the result.
+
+        address: One of the host's, where it is known already.
+        """
         self._tries[port] = next(self._numbers)
         try:
             ipaddress.ip_address(address or self._host)
@@ -112,7 +115,7 @@ class Transport:
             self._connect(port, address or self._host)
 
     def close(self, port: Port) -> None:
-        """Close the connection or end the attempt to connect; ``read`` tells nothing more of it."""
+        """Close the connection or end the attempt to connect; ``read`` returns no further event of it."""
         self._tries[port] = next(self._numbers)
         connection = self._connections.pop(port, None)
         if connection is not None:
@@ -140,7 +143,7 @@ class Transport:
         select.select([self._epoll], [], [], max(0.0, seconds))
 
     def read(self) -> List[Event]:
-        """What has happened since the last call, in order."""
+        """Return the events since the last call, in order."""
         for descriptor, mask in self._epoll.poll(0):
             connection = self._by_descriptor.get(descriptor)
             if connection is None:
@@ -259,16 +262,16 @@ class Transport:
         connection = self._connections.pop(port, None)
         if connection is not None:
             self._forget(connection)
-        self._tell(Failed(port, "%s: cannot connect to %s:%d: %s" % (port.value, self._host, self._ports[port], why),
+        self._put(Failed(port, "%s: cannot connect to %s:%d: %s" % (port.value, self._host, self._ports[port], why),
                           is_turned_away))
 
     def _end(self, connection: _PortSocket, reason: str, is_turned_away: bool = False) -> None:
         if self._connections.get(connection.port) is connection:
             del self._connections[connection.port]
             self._forget(connection)
-            self._tell(Closed(connection.port, reason, is_turned_away))
+            self._put(Closed(connection.port, reason, is_turned_away))
 
-    def _tell(self, event: Event) -> None:
+    def _put(self, event: Event) -> None:
         self._events.append(event)
         self.wake()
 
@@ -281,5 +284,5 @@ class Transport:
 
 
 def addresses_of(host: str) -> List[str]:
-    """The IPv4 addresses of a host; raises OSError where its name cannot be resolved."""
+    """Return the IPv4 addresses of a host; raise OSError where its name cannot be resolved."""
     return [str(entry[4][0]) for entry in socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)]

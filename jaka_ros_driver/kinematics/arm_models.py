@@ -1,4 +1,4 @@
-"""The arms: DH parameters, limits and speeds, from ``data/models.yaml`` or from a file of the user's.
+"""The arm models: DH parameters, limits and speeds, from ``data/models.yaml`` or from a user's file.
 
 A model file holds one model, with the keys of one entry of ``data/models.yaml``::
 
@@ -14,9 +14,8 @@ A model file holds one model, with the keys of one entry of ``data/models.yaml``
     tcp_max_acceleration_m_s2: 8.0    # optional
     dh_confidence: calibrated         # optional, free text; so are note and sources (a list)
 
-DH is standard: T_i = Rz(theta_i + theta_offset) Tz(d) Tx(a) Rx(alpha). A calibrated arm may differ from its
-family's structure by ``STRUCTURE_TOLERANCE_M`` and ``STRUCTURE_TOLERANCE_RAD``; inverse kinematics then
-refines the closed form.
+DH is standard: T_i = Rz(theta_i + theta_offset) Tz(d) Tx(a) Rx(alpha). A calibrated arm may differ from its family's
+structure by ``STRUCTURE_TOLERANCE_M`` and ``STRUCTURE_TOLERANCE_RAD``; inverse kinematics then refines the closed form.
 """
 import difflib
 import math
@@ -37,15 +36,16 @@ SPHERICAL_WRIST = "spherical_wrist_shoulder_offset"
 TWO_PARALLEL = "two_parallel_three_intersecting_pairs"
 
 DEFAULT_JOINT_ACCELERATION = 4.0 * math.pi
-"""rad/s2 (720 deg/s2): libjaka's bound and the ceiling advised in docs/controller-protocol.md section 5.2."""
+"""Default joint acceleration, 720 deg/s2: libjaka's bound and the ceiling of docs/controller-protocol.md section 5.2.
+"""
 DEFAULT_TCP_ACCELERATION = 8.0
-"""m/s2: libjaka's bound and the ceiling advised in docs/controller-protocol.md section 5.4.1."""
+"""Default tool acceleration, m/s2: libjaka's bound and the ceiling of docs/controller-protocol.md section 5.4.1."""
 
 STRUCTURE_TOLERANCE_M = 0.01
 STRUCTURE_TOLERANCE_RAD = units.deg_to_rad(2.0)
 
 _TOTAL_LENGTH = (0.1, 20.0)
-"""m; between these lies the sum of all |a| and |d| of a real arm: notices a file in metres."""
+"""Smallest and largest sum, m, of all |a| and |d| of a real arm; it detects a file in metres."""
 _HALF_PI = math.pi / 2.0
 _STRUCTURES: Mapping[str, Tuple[Tuple[float, ...], Tuple[bool, ...], Tuple[bool, ...]]] = {
     THREE_PARALLEL: ((_HALF_PI, 0.0, 0.0, _HALF_PI, -_HALF_PI, 0.0),
@@ -55,14 +55,16 @@ _STRUCTURES: Mapping[str, Tuple[Tuple[float, ...], Tuple[bool, ...], Tuple[bool,
     TWO_PARALLEL: ((_HALF_PI, 0.0, _HALF_PI, -_HALF_PI, _HALF_PI, 0.0),
                    (False, True, False, False, False, False), (True, True, True, True, True, True)),
 }
-"""Per family: alpha, rad; which a and which d may differ from 0. Source: meta.families of the data file."""
+"""The structure of each family: alpha, rad; which a and which d may differ from 0. Source: meta.families of the data
+file.
+"""
 
 _REQUIRED_KEYS = ("family", "dh_standard", "joint_limits_deg", "joint_max_speed_deg_s")
 _OPTIONAL_KEYS = ("name", "tcp_max_speed_m_s", "joint_max_acceleration_deg_s2", "tcp_max_acceleration_m_s2",
                   "dh_confidence", "note", "sources")
 _NOTED_KEYS = ("payload_kg_by_name", "joint_max_speed_urdf_rad_s", "dh_alternatives", "joint_limits_alternatives_deg",
                "joint_max_speed_alternatives_deg_s")
-"""For readers of the data file; the program does not use them."""
+"""Keys for readers of the data file, which the code does not use."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ class ArmModel:
     link_terms: Tuple[Tuple[float, float, float, float, float], ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Check the table; raises InvalidCommand for an unknown family, another structure or a link without length."""
+        """Check the table; raise InvalidCommand for an unknown family, another structure or a link without length."""
         if self.family not in _STRUCTURES:
             raise InvalidCommand("model %s: family %r is unknown; known: %s"
                                  % (self.name, self.family, ", ".join(sorted(_STRUCTURES))))
@@ -133,7 +135,7 @@ class ArmModel:
 
 
 def _snap(value: float) -> float:
-    """Remove the rounding of cos(pi/2) and its like."""
+    """Round a sine or cosine that differs from a whole number by rounding only, as cos(pi/2) does."""
     nearest = float(round(value))
     return nearest if abs(value - nearest) < 1e-15 else value
 
@@ -154,15 +156,16 @@ def _to_structure(name: str, family: str, index: int, row: DhRow) -> DhRow:
 
 
 def model_names() -> Tuple[str, ...]:
-    """Names of the models of the data file, as ``load_model`` takes them."""
+    """Return the names of the models of the data file, as ``load_model`` takes them."""
     return tuple(_data()["models"])
 
 
 @lru_cache(maxsize=None)
 def load_model(name: str) -> ArmModel:
-    """The model of this name; case, spaces, ``-`` and ``_`` do not count (``Zu 7`` is ``zu7``).
+    """Return the model of this name; case, spaces, ``-`` and ``_`` are ignored (``Zu 7`` is ``zu7``).
 
-    Raises InvalidCommand, with the nearest name and all names, where no model has this name.
+    Raises:
+        InvalidCommand: No model has this name; the message has the nearest name and all names.
     """
     key = str(name).lower().replace(" ", "").replace("-", "").replace("_", "")
     if key.startswith("jaka"):
@@ -175,9 +178,10 @@ def load_model(name: str) -> ArmModel:
 
 
 def load_model_file(path: str) -> ArmModel:
-    """The model in a file of the user's; the format stands at the top of this module.
+    """Return the model in a user's file; the format stands at the top of this module.
 
-    Raises InvalidCommand, with file, key and value, where it cannot be read or a value is wrong.
+    Raises:
+        InvalidCommand: The file cannot be read or a value is wrong; the message names file, key and value.
     """
     name = os.path.splitext(os.path.basename(path))[0]
     try:

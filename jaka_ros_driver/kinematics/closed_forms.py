@@ -1,13 +1,13 @@
-"""Closed-form inverse kinematics of the two families that have one. It gives DH angles: theta_offset is still included.
+"""Closed-form inverse kinematics of the two families that have one, in DH angles: theta_offset is still included.
 
-Both families share their outer halves: the wrist point fixes q1 (two ways) and, with a planar two-link arm,
-q2 and q3 (two ways); axes 5 and 6 are solved against a direction r that axis 4's predecessors fix (axis z1 in
-the main family, z3 with a spherical wrist). Facts used, with x6, y6, z6 the axes of the target:
+Both families share their outer halves: the wrist point fixes q1 (two ways) and, with a planar two-link arm, q2 and q3
+(two ways); axes 5 and 6 are solved against a direction r that axis 4's predecessors fix (axis z1 in the main family, z3
+with a spherical wrist). Facts used, with x6, y6, z6 the axes of the target:
 
     r . z6 = cos q5,   r . x6 = sin q5 cos q6,   r . y6 = -sin q5 sin q6,   z4 = -(sin q6 x6 + cos q6 y6)
 
-so that z4, and from it the angle before the wrist, stays right to rounding even where sin q5 is tiny.
-Angles come from atan2 of both their sine and cosine throughout: nothing is lost near a singularity.
+so that z4, and from it the angle before the wrist, stays right to rounding even where sin q5 is tiny. Angles come from
+atan2 of both their sine and cosine throughout: nothing is lost near a singularity.
 """
 import math
 from typing import List, NamedTuple, Sequence, Tuple
@@ -16,11 +16,13 @@ from jaka_ros_driver.kinematics.arm_models import DhRow
 from jaka_ros_driver.kinematics.rotations import Transform
 
 WRIST_TOLERANCE = 1e-6
-"""|sin q5| below which q6 is free and taken from the caller. It is above the rounding of a pose that was sent as
-float32 (about 2e-7 rad), and so small that the pose is wrong by at most 1e-6 rad.
+"""Bound of |sin q5| below which q6 is free and taken from the caller.
+
+It is above the rounding of a pose that was sent as float32 (about 2e-7 rad), and so small that the pose is wrong by at
+most 1e-6 rad.
 """
 CLAMP_TOLERANCE = 1e-6
-"""m; a target that is no farther than this beyond the arm's reach is answered with the stretched arm."""
+"""Distance, m, beyond the arm's reach up to which a target is answered with the stretched arm."""
 
 Angles = Tuple[float, float, float, float, float, float]
 
@@ -40,7 +42,7 @@ class Branches(NamedTuple):
 
 
 def three_parallel(dh: Sequence[DhRow], base_t_flange: Transform, free_q6: float) -> Branches:
-    """Up to 8 branches of the main family.
+    """Return up to 8 branches of the main family.
 
     Args:
         dh: The table, with exactly the family's structure.
@@ -83,7 +85,7 @@ def three_parallel(dh: Sequence[DhRow], base_t_flange: Transform, free_q6: float
 
 
 def spherical_wrist(dh: Sequence[DhRow], base_t_flange: Transform, free_q6: float) -> Branches:
-    """Up to 8 branches of the family with a common wrist point (Pieper). Arguments as ``three_parallel``."""
+    """Return up to 8 branches of the family with a common wrist point (Pieper). Arguments as for ``three_parallel``."""
     xx, yx, zx, xy, yy, zy, xz, yz, zz, px, py, pz = base_t_flange
     row1, row2, row3, row4, _, row6 = dh
     wx, wy = px - row6.d * zx, py - row6.d * zy
@@ -122,7 +124,9 @@ def spherical_wrist(dh: Sequence[DhRow], base_t_flange: Transform, free_q6: floa
 
 
 def _shoulder_angles(x: float, y: float, offset: float) -> Tuple[List[float], bool]:
-    """The q1 that put (x, y) at ``offset`` along z1 = (sin q1, -cos q1); True where one was rounded to the limit."""
+    """Return the q1 that put (x, y) at ``offset`` along z1 = (sin q1, -cos q1), and whether one was rounded to the
+    limit.
+    """
     radius = math.hypot(x, y)
     direction = math.atan2(y, x)
     beyond = abs(offset) - radius
@@ -140,8 +144,10 @@ def _too_near_the_axis(x: float, y: float, offset: float) -> str:
 
 
 def _two_link(x: float, y: float, upper: float, fore: float) -> Tuple[List[Tuple[float, float]], bool, str]:
-    """Pairs (first angle, elbow angle) of a planar arm whose tip is at x, y; True where one was rounded to the limit;
-    and why there is none, in words.
+    """Solve a planar arm of two links whose tip is at x, y.
+
+    Returns:
+        The pairs (first angle, elbow angle); True where one was rounded to the limit; why there is none, in words.
     """
     squared = x * x + y * y
     cosine = (squared - upper * upper - fore * fore) / (2.0 * upper * fore)

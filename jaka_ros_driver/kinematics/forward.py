@@ -9,12 +9,12 @@ from jaka_ros_driver.kinematics.rotations import IDENTITY, Transform, compose
 
 
 def forward(model: ArmModel, joint_position: Sequence[float]) -> Transform:
-    """``base_T_flange`` at these joint angles, rad, shape (6,). Joint limits are not checked."""
+    """Return ``base_T_flange`` at these joint angles, rad, shape (6,). Joint limits are not checked."""
     return link_transforms(model, joint_position)[-1]
 
 
 def link_transforms(model: ArmModel, joint_position: Sequence[float]) -> Tuple[Transform, ...]:
-    """Seven Transforms in the base frame: the base itself, then DH frames 1..6; the last is the flange."""
+    """Return seven Transforms in the base frame: the base itself, then DH frames 1..6; the last is the flange."""
     xx, xy, xz = 1.0, 0.0, 0.0
     yx, yy, yz = 0.0, 1.0, 0.0
     zx, zy, zz = 0.0, 0.0, 1.0
@@ -34,7 +34,7 @@ def link_transforms(model: ArmModel, joint_position: Sequence[float]) -> Tuple[T
 
 def jacobian(model: ArmModel, joint_position: Sequence[float], flange_t_tool: Optional[Transform] = None
              ) -> "np.ndarray[Tuple[int, int], np.dtype[np.float64]]":
-    """Geometric Jacobian in the base frame, shape (6, 6).
+    """Return the geometric Jacobian in the base frame, shape (6, 6).
 
     Column n is the effect of 1 rad/s of joint n+1: rows 0..2 the velocity of the tool point, m/s; rows 3..5 the angular
     velocity, rad/s. Without ``flange_t_tool`` the tool point is the flange.
@@ -50,7 +50,7 @@ def jacobian(model: ArmModel, joint_position: Sequence[float], flange_t_tool: Op
 
 
 class SingularityMeasures(NamedTuple):
-    """How far a joint position is from each singularity; 0 is singular.
+    """The distances of a joint position from each singularity; 0 is singular.
 
     Attributes:
         wrist: |sin q5|: axes 4 and 6 line up (J6 with J2..J4 in the main family). Dimensionless, 0..1.
@@ -64,7 +64,7 @@ class SingularityMeasures(NamedTuple):
 
 
 def singularity_measures(model: ArmModel, joint_position: Sequence[float]) -> SingularityMeasures:
-    """The arm's distances to its singularities at these joint angles, rad, shape (6,).
+    """Return the arm's distances from its singularities at these joint angles, rad, shape (6,).
 
     In the main family and MiniCobo the Jacobian's determinant is the product of the three measures and two link
     lengths. The A12's has no such factors: there, ``wrist`` is |det J| / (a2 * d4 * (a2 + d4)), and the other two are

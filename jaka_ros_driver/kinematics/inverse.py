@@ -1,8 +1,8 @@
-"""Flange pose to joint angles: every branch, or the one nearest to a reference.
+"""Inverse kinematics: flange pose to joint angles, every branch or the one nearest to a reference.
 
-The main family and MiniCobo are solved in closed form (``closed_forms``), the A12 by a one-dimensional
-search (``numeric_inverse``; experimental). An arm whose own DH file deviates from its family's structure
-is solved for the structure and then refined on the real table.
+The main family and MiniCobo are solved in closed form (``closed_forms``), the A12 by a one-dimensional search
+(``numeric_inverse``; experimental). An arm whose own DH file deviates from its family's structure is solved for the
+structure and then refined on the real table.
 
 A target has a solution where the arm reaches it within ``POSITION_TOLERANCE`` and ``ROTATION_TOLERANCE``. Away from
 singularities a solution is exact to rounding.
@@ -19,20 +19,20 @@ from jaka_ros_driver.state import Vector
 from jaka_ros_driver.units import rad_to_deg
 
 POSITION_TOLERANCE = 2e-6
-"""m; the largest error of a solution for a target at a singularity or at the edge of the reach."""
+"""Largest position error, m, of a solution for a target at a singularity or at the edge of the reach."""
 ROTATION_TOLERANCE = 2e-6
-"""rad; the largest error of its rotation."""
+"""Largest rotation error, rad, of such a solution."""
 LIMIT_TOLERANCE = 1e-9
-"""rad; a joint that is no farther than this beyond its limit is set to the limit."""
+"""Largest excess, rad, of a joint over its limit that is clamped to the limit."""
 
 _NEAR_REFERENCE = 0.05
-"""rad; an iterative solution that differs from the reference by no more in any joint counts as the nearest one."""
+"""Largest difference, rad, of any joint from the reference up to which an iterative solution counts as the nearest."""
 _NEAR_SINGULAR = 0.02
 """Singularity measure (dimensionless; shoulder in m) below which rounding of the pose can move the branches far."""
 
 
 def inverse_all(model: ArmModel, base_t_flange: Transform, reference: Optional[Sequence[float]] = None) -> List[Vector]:
-    """Every branch that reaches the pose, each joint in (-pi, pi], rad; joint limits are not checked.
+    """Return every branch that reaches the pose, each joint in (-pi, pi], rad; joint limits are not checked.
 
     Where the pose leaves q6 free (sin q5 = 0), that of ``reference``, rad (6,), is used; 0 without one.
     """
@@ -40,7 +40,7 @@ def inverse_all(model: ArmModel, base_t_flange: Transform, reference: Optional[S
 
 
 def inverse(model: ArmModel, base_t_flange: Transform, reference: Sequence[float]) -> Vector:
-    """Joint angles, rad, shape (6,), within the limits, that reach the pose: the solution nearest to the reference.
+    """Return the joint angles within the limits, rad (6,), that reach the pose and are nearest to the reference.
 
     Branch and whole turns of each joint are chosen for the smallest sum of squared joint differences. At a singularity,
     where rounding of the pose can move the branches far from the reference, a solution next to the reference that
@@ -114,7 +114,7 @@ def _reaches(model: ArmModel, joint_position: Sequence[float], target: Transform
 
 
 def _turned_into(angle: float, low: float, high: float) -> float:
-    """The angle, rad, turned by the fewest whole turns into low..high; infinite where there are none."""
+    """Return the angle, rad, turned by the fewest whole turns into low..high; infinite where no turn fits."""
     if angle < low:
         angle += math.tau * math.ceil((low - LIMIT_TOLERANCE - angle) / math.tau)
     else:
@@ -130,7 +130,7 @@ def _is_near(model: ArmModel, joint_position: Vector, reference: Sequence[float]
 
 
 def _outside_limits(model: ArmModel, branches: Sequence[Vector]) -> str:
-    """A text that names the joints outside their limits, of the branch that has the fewest."""
+    """Return a text that names the joints outside their limits, of the branch that has the fewest."""
     def outside(branch: Vector) -> List[str]:
         return ["joint %d at %.6g rad (%.4g deg), limits %.4g to %.4g deg"
                 % (n + 1, angle, rad_to_deg(angle), rad_to_deg(low), rad_to_deg(high))

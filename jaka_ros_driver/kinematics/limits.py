@@ -1,4 +1,4 @@
-"""The audit: checks every command against the arm's limits before anything is sent.
+"""The limits audit that every command passes before anything is sent.
 
 Each command class has a checker; a command without one is refused, so that none is sent unchecked. Where a value may
 come from a float32 (the ROS interface), its bound is widened by ``FLOAT32_SLACK``.
@@ -14,47 +14,50 @@ from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel
 from jaka_ros_driver.state import IoBank, RobotState
 
 FLOAT32_SLACK = 2e-7
-"""Relative; a bound such as 265 deg, converted to rad and float32, may be larger by this much."""
+"""Relative excess that a bound such as 265 deg, converted to rad and float32, may have."""
 POSITION_LIMIT = 10.0
-"""m, for each axis of a target or a frame: the longest arm reaches 2 m, and frames of its cell are not farther away."""
+"""Largest coordinate, m, of a target or a frame: the longest arm reaches 2 m, and its cell's frames are not farther."""
 ANGLE_LIMIT = 4.0 * math.pi
-"""rad, for each angle of an orientation, and for joints in a query: two turns, more than any joint has."""
+"""Largest angle, rad, of an orientation, and of joints in a query: two turns, more than any joint has."""
 MASSES = (0.0, 100.0)
-"""kg; three times the payload of the strongest arm of the series."""
+"""Smallest and largest mass, kg: three times the payload of the strongest arm of the series."""
 CENTROID_LIMIT = 2.0
-"""m, for each axis: a load's centre of mass is not farther from the flange than the arm is long."""
+"""Largest coordinate, m, of a load's centre of mass: it is not farther from the flange than the arm is long."""
 ANALOG_LIMIT = 1000.0
-"""V or mA; a hundred times the range of the terminals, because a field bus may use other units."""
+"""Largest analog value, V or mA: a hundred times the range of the terminals, because a field bus may use other units.
+"""
 TOLERANCES = (0.0, 1.0)
-"""m; a rounded corner that is larger than this is not meant."""
+"""Smallest and largest radius, m, of a rounded corner; a larger one is a mistake."""
 IO_INDICES = (0, 1023)
 """First and last index of a terminal; no bank of a controller has more."""
 LONGEST_PROGRAM_NAME = 100
 SERVO_CYCLES = (1, 1000)
-"""Servo cycles of 8 ms for one target; the upper bound is 8 s."""
+"""Fewest and most servo cycles of 8 ms for one target; the upper bound is 8 s."""
 JOINT_SPEED_CEILING = math.pi
-"""rad/s (180 deg/s); upper bound of joint speeds for all models (docs/controller-protocol.md sections 5.2, 5.6.5)."""
+"""Highest joint speed, 180 deg/s, for all models (docs/controller-protocol.md sections 5.2, 5.6.5)."""
 JOINT_ACCELERATION_CEILING = 4.0 * math.pi
-"""rad/s2 (720 deg/s2), the maker's advice (docs/controller-protocol.md section 5.2)."""
+"""Highest joint acceleration, 720 deg/s2, the maker's advice (docs/controller-protocol.md section 5.2)."""
 TCP_ACCELERATION_CEILING = 8.0
-"""m/s2 (8000 mm/s2), the maker's advice (docs/controller-protocol.md section 5.4.1)."""
+"""Highest tool acceleration, 8000 mm/s2, the maker's advice (docs/controller-protocol.md section 5.4.1)."""
 UNKNOWN_TCP_SPEED_CEILING = 1.5
-"""m/s, for models without tcp_max_speed: the lowest that any full-size arm has (Zu3)."""
+"""Highest tool speed, m/s, for models without tcp_max_speed: the lowest that any full-size arm has (Zu3)."""
 SLOWEST = 5e-4
-"""rad/s, and m/s of the tool: the lowest speed of a move or a jog. A slower arm cannot be told from one at rest within
-the second in which a motion must be seen to begin (MOVEMENT and START_WINDOW_S of client/core), and a stop would not be
-seen to be obeyed for seconds. The maker names no bound."""
+"""Lowest speed of a move or a jog, rad/s, and m/s of the tool.
+
+A slower arm cannot be told from one at rest within the second in which a motion must be seen to begin (MOVEMENT and
+START_WINDOW_S of client/core), and the effect of a stop would stay invisible for seconds. The maker names no bound.
+"""
 WEAKEST = 5e-3
-"""rad/s2, and m/s2 of the tool: the lowest acceleration, which reaches ``SLOWEST`` in 0.1 s, for the same reason."""
+"""Lowest acceleration, rad/s2, and m/s2 of the tool: it reaches ``SLOWEST`` in 0.1 s, for the same reason."""
 SERVO_PERIOD_S = 0.008
-"""s, one servo cycle (docs/controller-protocol.md section 5.6.5)."""
+"""One servo cycle, s (docs/controller-protocol.md section 5.6.5)."""
 TOOL_IDS = (1, 11)
 USER_FRAME_IDS = (1, 10)
-"""Ids that can be set (docs/interface.md section 2); 0, the flange and the base, can only be selected."""
+"""First and last id that can be set (docs/interface.md section 2); 0, flange and base, can only be selected."""
 FEED_PERIODS_S = (0.001, 10.0)
-"""s; the wire carries whole ms (docs/controller-protocol.md section 6.1)."""
+"""Shortest and longest period of the feed, s; the wire carries whole ms (docs/controller-protocol.md section 6.1)."""
 LINK_LOSS_TIMES_S = (0.0, 10.0)
-"""s; with a longer time the stop of an arm that has lost its client would protect nobody."""
+"""Shortest and longest delay, s; a later stop of an arm that has lost its client would protect nobody."""
 
 Checker = Callable[[Any, ArmModel, Optional[RobotState]], None]
 
@@ -84,17 +87,17 @@ def check(command: commands.Command, model: ArmModel, state: Optional[RobotState
 
 
 def joint_speed_limit(model: ArmModel) -> float:
-    """The highest ``JointMove.speed``, rad/s."""
+    """Return the highest ``JointMove.speed``, rad/s."""
     return min(max(model.joint_max_speed), JOINT_SPEED_CEILING)
 
 
 def tcp_speed_limit(model: ArmModel) -> float:
-    """The highest ``LinearMove.speed``, m/s."""
+    """Return the highest ``LinearMove.speed``, m/s."""
     return UNKNOWN_TCP_SPEED_CEILING if model.tcp_max_speed is None else model.tcp_max_speed
 
 
 def jog_speed_limit(command: commands.Jog, model: ArmModel) -> float:
-    """The highest speed of a jog of this axis: m/s along x, y and z, else rad/s."""
+    """Return the highest speed of a jog of this axis: m/s along x, y and z, else rad/s."""
     if command.frame is JogFrame.JOINT:
         return min(model.joint_max_speed[command.axis], JOINT_SPEED_CEILING)
     return tcp_speed_limit(model) if command.is_linear else joint_speed_limit(model)
@@ -146,7 +149,7 @@ def _text(name: str, value: Any) -> None:
 
 
 def _program_name(name: str, value: Any) -> None:
-    """A file of the controller's own folder: no way into another one, and nothing that cannot be read."""
+    """Raise unless this names a file of the controller's own folder: no path, and nothing unprintable."""
     _text(name, value)
     if not 0 < len(value) <= LONGEST_PROGRAM_NAME or not value.isprintable() or value.strip() != value \
             or "/" in value or "\\" in value or value.startswith("."):
@@ -255,7 +258,7 @@ def _jog_axis(command: Any, model: ArmModel, state: Optional[RobotState]) -> Non
 
 
 def _fields(**checks: Callable[[str, Any], None]) -> Checker:
-    """A checker of a command whose fields do not depend on model and state: each is checked by its function."""
+    """Return a checker of a command whose fields do not depend on model and state: each has its own function."""
     def check_all(command: Any, model: ArmModel, state: Optional[RobotState]) -> None:
         for name, check_one in checks.items():
             check_one(name, getattr(command, name))

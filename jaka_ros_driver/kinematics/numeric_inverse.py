@@ -20,21 +20,22 @@ _REFINED = 1e-11
 """Length of the remaining twist (m and rad together) below which a refinement ends."""
 _SETTLE_STEPS = 15
 _SAME_BRANCH = 1e-6
-"""rad; two refined branches that differ by less in every joint count as one."""
+"""Largest difference, rad, in any joint up to which two refined branches count as one."""
 _GRID = 720
 """Steps of the search over joint 6."""
 _EDGE_GRID = 33
 """Points of the finer search next to an edge of the domain."""
 _ROOT_TOLERANCE = 1e-9
-"""m; largest residual of the equation at a root."""
+"""Largest residual, m, of the equation at a root."""
 
 if TYPE_CHECKING:
     Samples = np.ndarray[Tuple[int], np.dtype[np.float64]]
 
 
 def refine(model: ArmModel, target: Transform, start: Sequence[float]) -> Optional[Vector]:
-    """Joint angles near ``start``, rad (6,), not wrapped, that reach the target with the model's real DH table; None if
-    the iteration does not converge.
+    """Refine joint angles near ``start``, rad (6,), until they reach the target with the model's real DH table.
+
+    The result is not wrapped; None where the iteration does not converge.
     """
     angles = np.array(start, dtype=float)
     for _ in range(_REFINE_STEPS):
@@ -50,10 +51,10 @@ def refine(model: ArmModel, target: Transform, start: Sequence[float]) -> Option
 
 
 def settle(model: ArmModel, target: Transform, start: Sequence[float]) -> Vector:
-    """Joint angles near ``start``, rad (6,), not wrapped, that come nearest to the target; it works at singularities,
-    too.
+    """Return the joint angles near ``start``, rad (6,), that come nearest to the target, also at singularities.
 
-    At most ``_SETTLE_STEPS`` steps of Levenberg-Marquardt. The caller checks how near the result is.
+    The result is not wrapped. It takes at most ``_SETTLE_STEPS`` steps of Levenberg-Marquardt; the caller checks how
+    near the result is.
     """
     angles = np.array(start, dtype=float)
     twist = np.array(_twist(forward(model, tuple(angles)), target))
@@ -72,7 +73,7 @@ def settle(model: ArmModel, target: Transform, start: Sequence[float]) -> Vector
 
 
 def refine_all(model: ArmModel, target: Transform, starts: Sequence[Sequence[float]]) -> List[Vector]:
-    """The results of ``refine`` for each start, without duplicates."""
+    """Return the results of ``refine`` for each start, without duplicates."""
     found: List[Vector] = []
     for start in starts:
         angles = refine(model, target, start)
@@ -86,7 +87,7 @@ def _is_same(a: Vector, b: Vector) -> bool:
 
 
 def _twist(reached: Transform, target: Transform) -> Tuple[float, ...]:
-    """The twist from ``reached`` to ``target`` in the base frame: translation, m (3), then rotation, rad (3)."""
+    """Return the twist from ``reached`` to ``target`` in the base frame: translation, m (3), then rotation, rad (3)."""
     a, b = reached, target
     return (b[9] - a[9], b[10] - a[10], b[11] - a[11]) + turn_between(a, b)
 
@@ -102,7 +103,10 @@ class _JointSixSearch:
         self._wrist = px - row6.d * zx, py - row6.d * zy, pz - row6.d * zz - dh[0].d
 
     def residuals(self, q6: "Samples") -> "np.ndarray[Tuple[int, int], np.dtype[np.float64]]":
-        """|o3 - o1| - a2, m, for the four sign choices; NaN where joint 1 cannot reach the point. Shape (4, n)."""
+        """Return |o3 - o1| - a2, m, for the four sign choices, shape (4, n).
+
+        It is NaN where joint 1 cannot reach the point.
+        """
         xx, yx, _, xy, yy, _, xz, yz, _ = self._target[:9]
         c6, s6 = np.cos(q6), np.sin(q6)
         z4x, z4y, z4z = s6 * xx + c6 * yx, s6 * xy + c6 * yy, s6 * xz + c6 * yz
@@ -124,12 +128,15 @@ class _JointSixSearch:
         return np.array(rows)
 
     def residual(self, q6: float, choice: int) -> float:
-        """One of ``residuals``, as a float; NaN where joint 1 cannot reach the point."""
+        """Return one of ``residuals`` as a float; NaN where joint 1 cannot reach the point."""
         state = self._state(q6, choice)
         return math.nan if state is None else math.hypot(state[2], state[3]) - self._upper
 
     def _state(self, q6: float, choice: int) -> Optional[Tuple[float, ...]]:
-        """c1, s1; o3 and z3, each along and above the shoulder; z4 (3,). None where joint 1 cannot reach the point."""
+        """Return c1, s1; o3 and z3, each along and above the shoulder; z4 (3,).
+
+        The result is None where joint 1 cannot reach the point.
+        """
         shoulder, wrist = (1.0, 1.0, -1.0, -1.0)[choice], (1.0, -1.0, 1.0, -1.0)[choice]
         xx, yx, _, xy, yy, _, xz, yz, _ = self._target[:9]
         c6, s6 = math.cos(q6), math.sin(q6)
@@ -149,7 +156,7 @@ class _JointSixSearch:
         return c1, s1, along - self._d4 * z3_along, z - self._d4 * z3_up, z3_along, z3_up, z4x, z4y, z4z
 
     def angles(self, q6: float, choice: int) -> Optional[Angles]:
-        """All joint angles of the solution at a root."""
+        """Return all joint angles of the solution at a root."""
         state = self._state(q6, choice)
         if state is None:
             return None
@@ -169,7 +176,7 @@ class _JointSixSearch:
 
 
 def two_parallel(dh: Sequence[DhRow], base_t_flange: Transform) -> Branches:
-    """Every branch of the A12's family that the search finds. Arguments as in ``closed_forms``."""
+    """Return every branch of the A12's family that the search finds. Arguments as in ``closed_forms``."""
     search = _JointSixSearch(dh, base_t_flange)
     found: List[Angles] = []
     for choice, low, high in _brackets(search):
@@ -182,7 +189,7 @@ def two_parallel(dh: Sequence[DhRow], base_t_flange: Transform) -> Branches:
 
 
 def _brackets(search: _JointSixSearch) -> Iterator[Tuple[int, float, float]]:
-    """Intervals (sign choice, low, high) around each root that the grid shows; a root may be in two of them.
+    """Return an interval (sign choice, low, high) around each root that the grid shows; a root may be in two of them.
 
     Near an edge of the domain the residual behaves like a square root. There a second grid is used, whose points are
     equidistant in the square root of the distance to the edge, in which the residual is smooth.
@@ -201,7 +208,9 @@ def _brackets(search: _JointSixSearch) -> Iterator[Tuple[int, float, float]]:
 
 
 def _scan(search: _JointSixSearch, choice: int, points: "Samples", values: "Samples") -> Iterator[Tuple[float, float]]:
-    """Intervals between neighbouring points with a change of sign, or with a minimum that may hide two close roots."""
+    """Return the intervals between neighbouring points with a change of sign, or with a minimum that may hide two
+    roots.
+    """
     with np.errstate(invalid="ignore"):
         valid = np.isfinite(values)
         changes = valid[:-1] & valid[1:] & (np.signbit(values[:-1]) != np.signbit(values[1:]))
@@ -219,7 +228,7 @@ def _scan(search: _JointSixSearch, choice: int, points: "Samples", values: "Samp
 
 
 def _edge_of_domain(search: _JointSixSearch, choice: int, inside: float, outside: float) -> float:
-    """The last q6, from ``inside`` towards ``outside``, at which joint 1 still reaches the point."""
+    """Find the last q6, from ``inside`` towards ``outside``, at which joint 1 still reaches the point."""
     for _ in range(60):
         middle = 0.5 * (inside + outside)
         if math.isnan(search.residual(middle, choice)):
@@ -230,7 +239,7 @@ def _edge_of_domain(search: _JointSixSearch, choice: int, inside: float, outside
 
 
 def _lowest(search: _JointSixSearch, choice: int, low: float, high: float) -> float:
-    """The q6 between low and high with the smallest |residual|, or one where its sign has changed (golden section)."""
+    """Find the q6 in low..high with the smallest |residual|, or one where its sign has changed (golden section)."""
     shrink = 0.5 * (math.sqrt(5.0) - 1.0)
     negative = search.residual(low, choice) < 0.0
     left, right = high - shrink * (high - low), low + shrink * (high - low)
@@ -252,7 +261,10 @@ def _lowest(search: _JointSixSearch, choice: int, low: float, high: float) -> fl
 
 
 def _root(search: _JointSixSearch, choice: int, low: float, high: float) -> float:
-    """The root between low and high (regula falsi, Illinois variant); without a change of sign the better of both."""
+    """Find the root between low and high (regula falsi, Illinois variant).
+
+    Without a change of sign it is the better of both.
+    """
     at_low, at_high = search.residual(low, choice), search.residual(high, choice)
     if at_low == 0.0 or (at_low < 0.0) == (at_high < 0.0):
         return low if abs(at_low) < abs(at_high) else high

@@ -1,4 +1,4 @@
-"""Orientations and rigid transforms as plain tuples; every name says its convention.
+"""Orientations and rigid transforms as plain tuples; every name states its convention.
 
 matrix              rotation matrix, row-major, 9 floats; columns are the axes of the rotated frame
 rpy                 rotations about the fixed axes x, then y, then z: R = Rz(rz) Ry(ry) Rx(rx), rad
@@ -17,11 +17,11 @@ Transform = Tuple[float, float, float, float, float, float, float, float, float,
 IDENTITY: Transform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 _GIMBAL_COSINE = 1e-12
-"""cos(ry) below which rx and rz turn about the same axis, so that only their sum or difference is defined."""
+"""Bound of cos(ry) below which rx and rz turn about the same axis, so that only their sum or difference is defined."""
 
 
 def wrap_angle(angle: float) -> float:
-    """The same direction in (-pi, pi], rad."""
+    """Return the same direction in (-pi, pi], rad."""
     if -math.pi < angle <= math.pi:
         return angle
     wrapped = math.remainder(angle, math.tau)
@@ -29,7 +29,7 @@ def wrap_angle(angle: float) -> float:
 
 
 def matrix_from_rpy(rpy: Sequence[float]) -> Matrix:
-    """Rotation matrix Rz(rz) Ry(ry) Rx(rx) of rpy, rad, shape (3,)."""
+    """Return the rotation matrix Rz(rz) Ry(ry) Rx(rx) of rpy, rad, shape (3,)."""
     rx, ry, rz = rpy
     cx, sx = math.cos(rx), math.sin(rx)
     cy, sy = math.cos(ry), math.sin(ry)
@@ -40,7 +40,7 @@ def matrix_from_rpy(rpy: Sequence[float]) -> Matrix:
 
 
 def rpy_from_matrix(matrix: Sequence[float]) -> Vector3:
-    """The rpy of a rotation matrix (or of a Transform), rad, ry in [-pi/2, pi/2].
+    """Return the rpy of a rotation matrix (or of a Transform), rad, ry in [-pi/2, pi/2].
 
     In gimbal lock (ry = +-pi/2) rx is 0. Near it the rotation is still exact to rounding, because rz is computed from
     the matrix after rx was undone.
@@ -53,7 +53,7 @@ def rpy_from_matrix(matrix: Sequence[float]) -> Vector3:
 
 
 def matrix_from_rotation_vector(rotation_vector: Sequence[float]) -> Matrix:
-    """Rotation matrix of a rotation vector, rad, shape (3,), any length."""
+    """Return the rotation matrix of a rotation vector, rad, shape (3,), any length."""
     x, y, z = rotation_vector
     angle = math.sqrt(x * x + y * y + z * z)
     if angle > 1e-8:
@@ -70,7 +70,7 @@ def matrix_from_rotation_vector(rotation_vector: Sequence[float]) -> Matrix:
 
 
 def rotation_vector_from_matrix(matrix: Sequence[float]) -> Vector3:
-    """The rotation vector of a rotation matrix (or of a Transform), rad, angle in [0, pi].
+    """Return the rotation vector of a rotation matrix (or of a Transform), rad, angle in [0, pi].
 
     It is computed by the unit quaternion, so that angles near 0 and near pi lose no digits. At exactly pi both signs of
     the axis are right; which one is returned is not defined.
@@ -86,7 +86,7 @@ def rotation_vector_from_matrix(matrix: Sequence[float]) -> Vector3:
 
 
 def _quaternion_from_matrix(matrix: Sequence[float]) -> Tuple[float, float, float, float]:
-    """(w, x, y, z), from the largest of the four squares (Shepperd's method)."""
+    """Return the quaternion (w, x, y, z), from the largest of the four squares (Shepperd's method)."""
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = matrix[:9]
     trace = r00 + r11 + r22
     if trace >= r00 and trace >= r11 and trace >= r22:
@@ -107,17 +107,17 @@ def _quaternion_from_matrix(matrix: Sequence[float]) -> Tuple[float, float, floa
 
 
 def rotation_vector_from_rpy(rpy: Sequence[float]) -> Vector3:
-    """The rotation vector of the same rotation as rpy, rad."""
+    """Return the rotation vector of the same rotation as rpy, rad."""
     return rotation_vector_from_matrix(matrix_from_rpy(rpy))
 
 
 def rpy_from_rotation_vector(rotation_vector: Sequence[float]) -> Vector3:
-    """The rpy of the same rotation as the rotation vector, rad."""
+    """Return the rpy of the same rotation as the rotation vector, rad."""
     return rpy_from_matrix(matrix_from_rotation_vector(rotation_vector))
 
 
 def rotation_angle_between(a: Sequence[float], b: Sequence[float]) -> float:
-    """Angle of the rotation from a to b, rad, in [0, pi]; matrices or Transforms."""
+    """Return the angle of the rotation from a to b, rad, in [0, pi]; matrices or Transforms."""
     a00, a01, a02, a10, a11, a12, a20, a21, a22 = a[:9]
     b00, b01, b02, b10, b11, b12, b20, b21, b22 = b[:9]
     x = (a02 * b01 + a12 * b11 + a22 * b21) - (a01 * b02 + a11 * b12 + a21 * b22)
@@ -129,25 +129,25 @@ def rotation_angle_between(a: Sequence[float], b: Sequence[float]) -> float:
 
 
 def turn_between(a: Transform, b: Transform) -> Vector3:
-    """The rotation vector, in the common frame, that turns a into b, rad."""
+    """Return the rotation vector, in the common frame, that turns a into b, rad."""
     return rotation_vector_from_matrix(compose(b, invert(a)))
 
 
 def distance_between(a: Transform, b: Transform) -> float:
-    """Distance of the two origins, m."""
+    """Return the distance of the two origins, m."""
     x, y, z = a[9] - b[9], a[10] - b[10], a[11] - b[11]
     return math.sqrt(x * x + y * y + z * z)
 
 
 def transform(matrix: Matrix, translation: Sequence[float]) -> Transform:
-    """A Transform from its rotation matrix and its translation, m, shape (3,)."""
+    """Return the Transform of a rotation matrix and a translation, m, shape (3,)."""
     x, y, z = translation
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = matrix
     return r00, r01, r02, r10, r11, r12, r20, r21, r22, x, y, z
 
 
 def compose(a: Transform, b: Transform) -> Transform:
-    """The product: ``compose(base_T_flange, flange_T_tool)`` is ``base_T_tool``."""
+    """Return the product: ``compose(base_T_flange, flange_T_tool)`` is ``base_T_tool``."""
     a00, a01, a02, a10, a11, a12, a20, a21, a22, ax, ay, az = a
     b00, b01, b02, b10, b11, b12, b20, b21, b22, bx, by, bz = b
     return (a00 * b00 + a01 * b10 + a02 * b20, a00 * b01 + a01 * b11 + a02 * b21, a00 * b02 + a01 * b12 + a02 * b22,
@@ -158,17 +158,17 @@ def compose(a: Transform, b: Transform) -> Transform:
 
 
 def invert(a: Transform) -> Transform:
-    """The inverse: of ``base_T_tool`` it is ``tool_T_base``."""
+    """Return the inverse: that of ``base_T_tool`` is ``tool_T_base``."""
     a00, a01, a02, a10, a11, a12, a20, a21, a22, x, y, z = a
     return (a00, a10, a20, a01, a11, a21, a02, a12, a22,
             -(a00 * x + a10 * y + a20 * z), -(a01 * x + a11 * y + a21 * z), -(a02 * x + a12 * y + a22 * z))
 
 
 def transform_from_pose(pose: Pose) -> Transform:
-    """The Transform of a commands.Pose (m, rpy rad)."""
+    """Return the Transform of a commands.Pose (m, rpy rad)."""
     return transform(matrix_from_rpy(pose.rpy), pose.position)
 
 
 def pose_from_transform(base_t_tool: Transform) -> Pose:
-    """The commands.Pose (m, rpy rad) of a Transform."""
+    """Return the commands.Pose (m, rpy rad) of a Transform."""
     return Pose(position=base_t_tool[9:], rpy=rpy_from_matrix(base_t_tool))

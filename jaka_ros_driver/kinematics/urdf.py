@@ -1,8 +1,8 @@
-"""A URDF generated from an arm's DH table, so that robot_state_publisher's frames equal ours.
+"""The URDF generated from an arm's DH table, so that robot_state_publisher's frames equal ours.
 
-Joint n's frame in the URDF is DH frame n-1 with z along axis n, turned by the DH row's angle offset; link_n
-therefore carries what DH frame n carries, before the row's shift along d, a and twist alpha, which stand in the
-origin of the next joint (and of the fixed joint to the tool link). Visuals are cylinders and boxes: no meshes.
+Joint n's frame in the URDF is DH frame n-1 with z along axis n, turned by the DH row's angle offset; link_n therefore
+carries what DH frame n carries, before the row's shift along d, a and twist alpha, which stand in the origin of the
+next joint (and of the fixed joint to the tool link). Visuals are cylinders and boxes: no meshes.
 """
 import math
 from typing import List, Tuple
@@ -13,13 +13,13 @@ from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT, ArmModel, DhRow
 from jaka_ros_driver.kinematics.rotations import rpy_from_matrix
 
 _EFFORT_UNKNOWN = 0.0
-"""N m; URDF requires the attribute, and no source gives a value."""
+"""Effort limit, N m; URDF requires the attribute, and no source gives a value."""
 _RADIUS = 0.12
 """Radius of a link's cylinder as a share of the arm's longest link."""
 
 
 def urdf_from_model(model: ArmModel, prefix: str = "", base_link: str = "base_link", tool_link: str = "tool0") -> str:
-    """URDF text of the arm: ``base_link``, ``link_1`` .. ``link_6``, ``tool0``; ``joint_1`` .. ``joint_6``.
+    """Return the URDF text of the arm: ``base_link``, ``link_1`` .. ``link_6``, ``tool0``; ``joint_1`` .. ``joint_6``.
 
     Args:
         model: The arm.
@@ -60,7 +60,7 @@ def urdf_from_model(model: ArmModel, prefix: str = "", base_link: str = "base_li
 
 
 def _origin(row: DhRow, next_offset: float) -> str:
-    """Tz(d) Tx(a) Rx(alpha) Rz(next_offset), as URDF writes it (rpy: R = Rz Ry Rx)."""
+    """Return Tz(d) Tx(a) Rx(alpha) Rz(next_offset) as URDF writes it (rpy: R = Rz Ry Rx)."""
     ca, sa = math.cos(row.alpha), math.sin(row.alpha)
     c, s = math.cos(next_offset), math.sin(next_offset)
     rpy = rpy_from_matrix((c, -s, 0.0, ca * s, ca * c, -sa, sa * s, sa * c, ca))
@@ -72,7 +72,7 @@ def _link(name: str, visuals: List[str]) -> List[str]:
 
 
 def _body(row: DhRow, radius: float) -> List[str]:
-    """A cylinder at the joint, one along d, and a box along a."""
+    """Return the visuals of a link: a cylinder at the joint, one along d, and a box along a."""
     visuals = _cylinder(radius, radius * 1.6, (0.0, 0.0, 0.0), "joint")
     if row.d:
         visuals += _cylinder(radius * 0.8, abs(row.d), (0.0, 0.0, 0.5 * row.d), "arm")

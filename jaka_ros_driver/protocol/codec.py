@@ -25,13 +25,13 @@ _JOG_COORD_MAP = {c.JogFrame.BASE: 0, c.JogFrame.JOINT: 1, c.JogFrame.TOOL: 2}
 _JOG_STOP, _JOG_CONTINUOUS = 0, 1
 _LINK_LOSS_KEEP, _LINK_LOSS_ABORT = 0, 2
 _MAX_NUMBER = 1e9
-"""deg or mm; no quantity of a reply is larger, and a float32 can hold it."""
+"""Largest magnitude, deg or mm, accepted in a reply; no quantity of an arm is larger, and a float32 can hold it."""
 _MAX_CODE = 1 << 31
 _LONGEST_CODE = 40
 
 _TRUTHS = {"0": False, "false": False, "0.0": False, "1": True, "true": True, "1.0": True}
 _DRIVES = {**_TRUTHS, "powered_on": True, "powered_off": False, "robot_enabled": True, "robot_disabled": False}
-"""The texts are those of firmware up to 1.5 (docs/controller-protocol.md section 5.1)."""
+"""Spellings of a drive's state; the texts are those of firmware up to 1.5 (docs/controller-protocol.md section 5.1)."""
 
 ERROR_MEANINGS: Dict[int, str] = {
     1: "unknown command or wrong parameter",
@@ -62,7 +62,7 @@ ERROR_MEANINGS: Dict[int, str] = {
 
 
 def encode(command: c.Command) -> JsonObject:
-    """The request object of a command, mm and deg; raises InvalidCommand where a number in it is not finite."""
+    """Return the request object of a command, mm and deg; raise InvalidCommand where a number in it is not finite."""
     name = command_name(command)
     params = _QUERIES[command][1] if isinstance(command, c.Query) else _ENCODERS[type(command)][1](command)
     _require_finite(name, params)
@@ -70,7 +70,7 @@ def encode(command: c.Command) -> JsonObject:
 
 
 def command_name(command: c.Command) -> str:
-    """The controller's name of the command (``cmdName``)."""
+    """Return the controller's name of the command (``cmdName``)."""
     if isinstance(command, c.Query):
         return _QUERIES[command][0]
     name = _ENCODERS[type(command)][0]
@@ -78,9 +78,11 @@ def command_name(command: c.Command) -> str:
 
 
 def decode(command: c.Command, reply: Mapping[str, Any]) -> Any:
-    """The result of a command that the controller accepted; None where it has none.
+    """Return the result of a command that the controller accepted; None where it has none.
 
-    Raises CommandRejected where it refused, ProtocolError where the reply lacks the result.
+    Raises:
+        CommandRejected: The controller refused it.
+        ProtocolError: The reply lacks the result.
     """
     name = command_name(command)
     raise_if_rejected(name, reply)
@@ -145,7 +147,7 @@ def _joints(values: Any) -> Tuple[float, ...]:
 
 
 def _finite(values: Any, count: int) -> Tuple[float, ...]:
-    """The first ``count`` numbers of an array; some firmware writes numbers as text."""
+    """Return the first ``count`` numbers of an array; some firmware writes numbers as text."""
     if not isinstance(values, list) or len(values) < count:
         raise ValueError("expected %d numbers" % count)
     return tuple(_number(value) for value in values[:count])
@@ -159,16 +161,18 @@ def _number(value: Any) -> float:
 
 
 def _user_frame(command: c.SetUserFrame) -> Params:
-    """Write both spellings of the key: which of them a firmware reads is not known, and unknown keys are ignored
-    (docs/controller-protocol.md section 5.7).
+    """Return the parameters with both spellings of the offset's key.
+
+    Which of them a firmware reads is not known, and unknown keys are ignored (docs/controller-protocol.md section 5.7).
     """
     pose = _pose(command.pose)
     return {"userffset": pose, "useroffset": pose, "id": command.user_frame_id, "name": command.name}
 
 
 def _joint_move(move: c.JointMove) -> Params:
-    """Write ``tol`` only where it is wanted: no client but the maker's SDK sends it
-    (docs/controller-protocol.md section 5.2, docs/sdk-client.md section 8).
+    """Return the parameters, with ``tol`` only for a move that has a tolerance.
+
+    No client but the maker's SDK sends it (docs/controller-protocol.md section 5.2, docs/sdk-client.md section 8).
     """
     params = {"relFlag": 0, "jointPosition": all_rad_to_deg(move.joint_position), "speed": rad_to_deg(move.speed),
               "accel": rad_to_deg(move.acceleration)}

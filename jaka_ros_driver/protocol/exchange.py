@@ -1,4 +1,4 @@
-"""Pairs the replies of the command port with requests, and tells which are overdue. The caller tells the time."""
+"""The list of outstanding requests on the command port: it pairs replies with them and finds overdue ones."""
 from collections import deque
 from dataclasses import dataclass
 from typing import Any, Deque, Generic, List, Mapping, Optional, TypeVar
@@ -7,8 +7,8 @@ T = TypeVar("T")
 
 
 @dataclass(eq=False)
-class Request(Generic[T]):
-    """A request that was sent and not answered yet.
+class PendingRequest(Generic[T]):
+    """A request that was sent and is not answered yet.
 
     Attributes:
         name: Its ``cmdName``.
@@ -28,27 +28,27 @@ class Request(Generic[T]):
 
 
 class Exchange(Generic[T]):
-    """Pairs replies with requests: in order, with ``cmdName`` as the check (docs/controller-protocol.md section 3.2).
+    """The requests without a reply, in order, with ``cmdName`` as the check (docs/controller-protocol.md section 3.2).
 
     A reply answers the oldest outstanding request of its ``cmdName``. A reply without a name, as with error code 1,
     answers the oldest request of all. A reply that answers no request is stale and is dropped.
     """
 
     def __init__(self) -> None:
-        self._outstanding: Deque[Request[T]] = deque()
+        self._outstanding: Deque[PendingRequest[T]] = deque()
 
     def __len__(self) -> int:
         return len(self._outstanding)
 
     def sent(self, name: str, now: float, patience: float, waiter: Optional[T] = None,
-             is_slow: bool = False) -> Request[T]:
-        """Note a request that is sent now, whose reply is due within ``patience`` s; ``is_slow`` as in ``Request``."""
-        request = Request(name, patience, now + patience, waiter, is_slow, now)
+             is_slow: bool = False) -> PendingRequest[T]:
+        """Record a request that is sent now, whose reply is due within ``patience`` s; ``is_slow`` as in the record."""
+        request = PendingRequest(name, patience, now + patience, waiter, is_slow, now)
         self._outstanding.append(request)
         return request
 
-    def answered(self, reply: Mapping[str, Any], now: float) -> Optional[Request[T]]:
-        """Take the request that this reply answers off the record and return it; None for a stale reply."""
+    def answered(self, reply: Mapping[str, Any], now: float) -> Optional[PendingRequest[T]]:
+        """Remove the request that this reply answers, and return it; None for a stale reply."""
         name = reply.get("cmdName")
         for place, request in enumerate(self._outstanding):
             if name is None or request.name == name:
@@ -62,17 +62,20 @@ class Exchange(Generic[T]):
         return None
 
     @property
-    def slow(self) -> Optional[Request[T]]:
-        """The oldest request for which the reply to one that is sent now may have to wait."""
+    def slow(self) -> Optional[PendingRequest[T]]:
+        """The oldest request that may hold up the reply to a request sent now; None where none does."""
         return next((request for request in self._outstanding if request.is_slow), None)
 
     @property
     def is_held_up(self) -> bool:
-        """True where the reply to a request that is sent now may have to wait for another."""
+        """True where the reply to a request sent now may have to wait for another."""
         return self.slow is not None
 
     def done(self, name: str, now: float, patience: float) -> None:
-        """What a slow request asked for is done: its reply, and those behind it, are due in the usual time, s."""
+        """Give a slow request whose work is done the usual time to be answered: ``patience`` s.
+
+        The requests behind it get their usual time, too.
+        """
         is_behind = False
         for request in self._outstanding:
             if is_behind:
@@ -80,8 +83,8 @@ class Exchange(Generic[T]):
             elif request.name == name and request.is_slow:
                 is_behind, request.is_slow, request.deadline = True, False, now + patience
 
-    def overdue(self, now: float) -> Optional[Request[T]]:
-        """An outstanding request whose reply is late, if there is one; those behind a slow one have time."""
+    def overdue(self, now: float) -> Optional[PendingRequest[T]]:
+        """Return an outstanding request whose reply is late, or None; those behind a slow one are not late yet."""
         for request in self._outstanding:
             if request.deadline < now:
                 return request
@@ -89,7 +92,7 @@ class Exchange(Generic[T]):
                 return None
         return None
 
-    def abandon(self) -> List[Request[T]]:
+    def abandon(self) -> List[PendingRequest[T]]:
         """Forget and return all outstanding requests, which will not be answered because the link is lost."""
         lost = list(self._outstanding)
         self._outstanding.clear()

@@ -1,12 +1,12 @@
-"""Cuts JSON objects out of the byte streams of the controller's ports, wherever TCP split or glued them.
+"""Parsers that cut JSON objects out of the byte streams of the controller's ports, wherever TCP split or joined them.
 
 Both streams return damage as values, in its place among the objects, so that nothing after it is lost.
 How the bytes were split over ``feed`` calls changes neither the objects nor the number of errors.
 Memory is bounded: bytes that cannot become an object are dropped.
 
-Two other places cut objects, because they promise something else. ``simulation/server/request_parser.py`` reports a
+Two other modules cut objects, because they promise something else. ``simulation/server/request_parser.py`` reports a
 byte that cannot belong to an object as soon as it comes, where ``ObjectStream`` waits for the closing brace.
-``wire/script.py`` has the whole stream at hand and must keep every byte of it, those of damaged objects included.
+``wire/recorded_session.py`` has the whole stream at hand and must keep every byte of it, also those of damaged objects.
 """
 import heapq
 import json
@@ -20,9 +20,9 @@ JsonObject = Dict[str, Any]
 Item = Union[JsonObject, FramingError]
 
 MAX_OBJECT_BYTES = 1 << 20
-"""Longest object accepted from the command port; the longest known reply is a status frame of about 9 kB."""
+"""Longest object, bytes, accepted from the command port; the longest known reply is a status frame of about 9 kB."""
 MAX_FRAME_BYTES = 1 << 16
-"""Longest status frame accepted; the longest known is 8979 bytes (docs/controller-protocol.md section 3.3)."""
+"""Longest status frame, bytes, accepted; the longest known is 8979 bytes (docs/controller-protocol.md section 3.3)."""
 
 _STRUCTURAL = re.compile(rb'["{}]')
 _STRING_END = re.compile(rb'["\\]')
@@ -32,7 +32,7 @@ _HEAD_BYTES = 64
 _CLOSING = ord("}")
 _PARSED_IN_VAIN = 4
 MAX_DAMAGE_BYTES = 1 << 18
-"""A feed of which so much in a row is no frame is none: 28 of the longest frames known."""
+"""Longest run of damage, bytes, after which a feed is given up: 28 of the longest frames known."""
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -40,11 +40,14 @@ def _refuse_constant(name: str) -> NoReturn:
 
 
 STRICT_DECODER = json.JSONDecoder(parse_constant=_refuse_constant)
-"""Refuses NaN and Infinity. One object for all texts: to make one takes as long as to parse a short reply."""
+"""The decoder that refuses NaN and Infinity.
+
+It is shared by all texts: making one takes as long as parsing a short reply.
+"""
 
 
 def parse_object(text: bytes) -> JsonObject:
-    """Parse one JSON object; raises FramingError for all else, also for text that is not UTF-8, NaN and Infinity."""
+    """Parse one JSON object; raise FramingError for anything else, also text that is not UTF-8, NaN, Infinity."""
     try:
         value = STRICT_DECODER.decode(text.decode("utf-8"))
     except (ValueError, RecursionError) as error:
@@ -55,9 +58,11 @@ def parse_object(text: bytes) -> JsonObject:
 
 
 def encode_object(value: JsonObject) -> bytes:
-    """The object as the controller writes it, with ``", "`` and ``": "`` (docs/controller-protocol.md section 3.2).
+    """Return the object as the controller writes it, with ``", "`` and ``": "`` (docs/controller-protocol.md section
+    3.2).
 
-    Raises FramingError where a number in it is not finite.
+    Raises:
+        FramingError: A number in it is not finite.
     """
     try:
         return json.dumps(value, allow_nan=False).encode("utf-8")
@@ -66,7 +71,7 @@ def encode_object(value: JsonObject) -> bytes:
 
 
 class ObjectStream:
-    """Cuts objects that follow each other without delimiter, as on the command port in both directions.
+    """A parser of objects that follow each other without delimiter, as on the command port in both directions.
 
     White space and NUL between objects are skipped; each run of other bytes gives one FramingError.
     """
@@ -81,11 +86,11 @@ class ObjectStream:
 
     @property
     def pending(self) -> int:
-        """Bytes of an object that has begun and not ended."""
+        """The number of bytes of an object that has begun and not ended."""
         return len(self._buffer)
 
     def feed(self, data: bytes) -> List[Item]:
-        """Take the next bytes of the stream, and return what they complete, in order."""
+        """Take the next bytes of the stream, and return the items that they complete, in order."""
         self._buffer += data
         items: List[Item] = []
         while self._buffer:
@@ -123,7 +128,9 @@ class ObjectStream:
         return start >= 0
 
     def _find_end(self) -> int:
-        """Length of the object at the start of the buffer, 0 while it is not complete. No byte is scanned twice."""
+        """Return the length of the object at the start of the buffer, 0 while it is not complete. No byte is scanned
+        twice.
+        """
         position = self._scanned
         while True:
             pattern = _STRING_END if self._in_string else _STRUCTURAL
@@ -149,7 +156,9 @@ class ObjectStream:
 
 
 class _Head(NamedTuple):
-    """The places where a frame may begin and end, and its ``len`` ends; counted from the begin of the stream."""
+    """Offsets of a possible frame: its start, its end, and the end of its ``len``; counted from the begin of the
+    stream.
+    """
 
     start: int
     end: int
@@ -157,11 +166,11 @@ class _Head(NamedTuple):
 
 
 class FrameStream:
-    """Cuts status frames that follow each other, each of which begins with ``len``, its exact size in bytes
-    (docs/controller-protocol.md section 3.3).
+    """A parser of status frames that follow each other, each of which begins with ``len``, its exact size in bytes.
 
-    ``len`` also serves as a check: a frame whose text has another length, or is not JSON, is damaged. Reading continues
-    at the next whole frame; each run of damaged bytes gives one FramingError.
+    The format is that of docs/controller-protocol.md section 3.3. ``len`` also serves as a check: a frame whose text
+    has another length, or is not JSON, is damaged. Reading continues at the next whole frame; each run of damaged bytes
+    gives one FramingError.
 
     The work for damage is bounded: each byte is searched once, a head is looked at once when its frame could be whole,
     and what is parsed in vain is a few times what has come. A stream that is nothing but damage is not read any more.
@@ -184,7 +193,7 @@ class FrameStream:
         self.is_flooded = False
 
     def feed(self, data: bytes) -> List[Item]:
-        """Take the next bytes of the stream, and return what they complete, in order."""
+        """Take the next bytes of the stream, and return the items that they complete, in order."""
         items: List[Item] = []
         for start in range(0, len(data), self._max_bytes):
             if self.is_flooded:
@@ -212,7 +221,7 @@ class FrameStream:
         self._searched = begin + max(last, len(self._buffer) - _HEAD_BYTES)
 
     def _take(self, items: List[Item]) -> bool:
-        """Consume some of the buffer; False when more bytes are needed."""
+        """Consume some of the buffer; return False when more bytes are needed."""
         if not self._heads:
             self._skip(max(0, len(self._buffer) - _HEAD_BYTES), "bytes outside any status frame", items)
             return False
@@ -240,7 +249,7 @@ class FrameStream:
         return True
 
     def _look_at_whole_frames(self) -> None:
-        """Parse what begins with a head and has come to its end; each once."""
+        """Parse each possible frame whose last byte has come, once."""
         available = self._begin + len(self._buffer)
         while self._by_end and self._by_end[0][0] <= available:
             end, start = heapq.heappop(self._by_end)

@@ -1,6 +1,6 @@
 """The TCP ports of a controller (docs/controller-protocol.md, "1. Channels")."""
 
 PORTS = ("command", "status", "poll")
-"""Their names in this package: requests and replies; the status feed; status frames on request."""
+"""Names of the ports in this package: requests and replies; the status feed; status frames on request."""
 PORT_NUMBERS = {"command": 10001, "status": 10000, "poll": 10004}
 """TCP port numbers on which a real controller listens."""

@@ -1,4 +1,4 @@
-"""Status frames of the feed: writes their text with its exact ``len``, and reads their fields as a RobotState."""
+"""Status frames of the feed: the encoder, which writes the exact ``len``, and the decoder to a RobotState."""
 import math
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
@@ -9,18 +9,21 @@ from jaka_ros_driver.state import BusTerminals, FieldBus, IoBank, IoState, Robot
 from jaka_ros_driver.units import all_deg_to_rad, all_mm_to_m, mm_to_m
 
 MAX_JOINT_DEG = 1080.0
-"""deg; three turns. The joints of these arms have one to either side."""
+"""Largest joint angle accepted, deg: three turns. The joints of these arms have one to either side."""
 _MAX_LENGTH_MM = 1e5
-"""mm; the pose is told in a user frame, which may be at the other end of a hall."""
+"""Largest length accepted, mm; a pose is given in a user frame, which may be at the other end of a hall."""
 _MAX_JOINT_SPEED_DEG = 3600.0
-"""deg/s; ten times what any of these joints can do, for a speed that is told is a difference of noisy positions."""
+"""Largest joint speed accepted, deg/s: ten times the fastest joint of these arms.
+
+The margin is needed because a reported speed may be a difference of noisy positions.
+"""
 _MAX_SPEED_MM = 1e5
 _MAX_RATE = 100.0
-"""A rate is 1 at most; firmware that counts in per cent is not excluded by any source."""
+"""Largest speed override accepted: it is 1 at most, but no source excludes firmware that counts in per cent."""
 _MAX_READING = 1e4
-"""deg C, A, N and N m; what is more is no reading."""
+"""Largest sensor reading accepted, deg C, A, N and N m."""
 _MAX_NUMBER = 1e9
-"""No quantity is larger, and a float32 or int32 can hold it."""
+"""Largest magnitude of any other number; a float32 or int32 can hold it."""
 _MAX_EVENT_CODE = 0xFFFFFFFF
 _NUMBERS = frozenset((int, float, bool))
 
@@ -30,31 +33,35 @@ _ANALOG_INPUTS = ((IoBank.CABINET, "ain"), (IoBank.TOOL, "tio_ain"))
 _ANALOG_OUTPUTS = ((IoBank.CABINET, "aout"),)
 _FIELD_BUSES = tuple((bus, tuple(name + kind for kind in ("_din", "_dout", "_ain", "_aout"))) for bus, name in (
     (FieldBus.MODBUS_SLAVE, "mb_slave"), (FieldBus.PROFINET_SLAVE, "pn_dev"), (FieldBus.ETHERNET_IP_SLAVE, "eip_adpt")))
-"""Keys in the order of BusTerminals (docs/controller-protocol.md section 6.2)."""
+"""The keys of each field bus, in the order of BusTerminals (docs/controller-protocol.md section 6.2)."""
 _NO_ARRAYS = [None] * 4
 _READINGS = slice(2, 5)
 _known_arrays: Dict[str, Tuple[List[Any], Vector]] = {}
-"""The newest array of each key, as it was parsed and as a tuple; a memo, which changes no result."""
+"""The newest array of each key, as it was parsed and as a tuple; a cache, which changes no result."""
 
 
 def encode_frame(fields: Mapping[str, Any]) -> bytes:
-    """A status frame's text: ``len``, its size in bytes, and the fields (docs/controller-protocol.md section 3.3).
+    """Return a status frame's text: ``len``, its size in bytes, and the fields (docs/controller-protocol.md section
+    3.3).
 
-    Raises FramingError where a number in it is not finite.
+    Raises:
+        FramingError: A number in it is not finite.
     """
     body = encode_object({key: value for key, value in fields.items() if key != "len"})[1:]
     return with_len(b", " + body if body != b"}" else body)
 
 
 def with_len(rest: bytes) -> bytes:
-    """A frame from all that follows its ``len``, from the comma to the closing brace; ``len`` counts every byte."""
+    """Return the frame whose text behind ``len`` is ``rest``, from the comma to the closing brace; ``len`` counts all
+    bytes.
+    """
     size = len(rest) + len(b'{"len": ')
     total = size + len(str(size))
     return b'{"len": %d' % (size + len(str(total))) + rest
 
 
 def parse_status(fields: Mapping[str, Any], received_at: float) -> RobotState:
-    """Read a status frame.
+    """Decode a status frame.
 
     A controller can be configured to leave fields out (docs/controller-protocol.md section 6.1). A missing field is
     None in the state, except those without which the arm's condition is unknown.
@@ -119,7 +126,7 @@ def _is_number_within(value: Any, limit: float) -> bool:
 
 
 def _are_numbers(values: List[Any], limit: float = _MAX_NUMBER) -> bool:
-    """True where all are numbers whose root sum square is within the limit; fast: 2 us for a hundred."""
+    """Return whether all are numbers whose root sum square is within the limit; fast: 2 us for a hundred."""
     try:
         return math.hypot(*values) <= limit
     except (TypeError, OverflowError):
@@ -127,7 +134,9 @@ def _are_numbers(values: List[Any], limit: float = _MAX_NUMBER) -> bool:
 
 
 def _numbers(fields: Mapping[str, Any], key: str, count: int, limit: float) -> Optional[List[float]]:
-    """The first ``count`` numbers; older firmware has 9 joints (docs/controller-protocol.md section 4.2)."""
+    """Return the first ``count`` numbers of a field; older firmware has 9 joints (docs/controller-protocol.md section
+    4.2).
+    """
     values = fields.get(key)
     if values is None:
         return None
@@ -155,7 +164,7 @@ def _integer(fields: Mapping[str, Any], key: str) -> Optional[int]:
 
 
 def _flag(fields: Mapping[str, Any], key: str) -> Optional[bool]:
-    """Booleans come as true/false, 0/1 or their text, depending on the firmware."""
+    """Decode a boolean, which comes as true/false, 0/1 or their text, depending on the firmware."""
     value = fields.get(key)
     if value is None:
         return None
@@ -174,7 +183,7 @@ def _essential_flag(fields: Mapping[str, Any], key: str) -> bool:
 
 
 def _event_code(value: Any) -> int:
-    """``"0x0"``, ``"0"`` and 0 all stand for none (docs/controller-protocol.md section 4.4)."""
+    """Decode an event code; ``"0x0"``, ``"0"`` and 0 all stand for none (docs/controller-protocol.md section 4.4)."""
     try:
         code = value if type(value) is int else int(value, 0)
     except (TypeError, ValueError):
@@ -208,8 +217,10 @@ def _io(fields: Mapping[str, Any]) -> IoState:
 
 
 def _field_buses(fields: Mapping[str, Any]) -> Dict[FieldBus, BusTerminals]:
-    """The field buses in the frame. An unknown shape reads as no terminals instead of an error: no real controller has
-    confirmed these fields, and the arm is driven without them.
+    """Return the terminals of each field bus in the frame.
+
+    An unknown shape reads as no terminals instead of an error: no real controller has confirmed these fields, and the
+    arm is driven without them.
     """
     found: Dict[FieldBus, BusTerminals] = {}
     for bus, keys in _FIELD_BUSES:
@@ -220,10 +231,10 @@ def _field_buses(fields: Mapping[str, Any]) -> Dict[FieldBus, BusTerminals]:
 
 
 def _array(key: str, values: Any) -> Optional[Vector]:
-    """The numbers of an array; None where it is anything else.
+    """Return the numbers of an array as a tuple; None where the value is anything else.
 
-    Terminals seldom change, and a frame has up to 1700 of them: an array that is equal to the one before under its key
-    is not looked at again, and the same tuple is returned, which costs the fewest comparisons later, too.
+    Terminals seldom change, and a frame has up to 1700 of them: an array that equals the previous one of its key is not
+    checked again, and the same tuple is returned, which also makes later comparisons cheap.
     """
     known = _known_arrays.get(key)
     if known is not None and known[0] == values:
@@ -236,10 +247,10 @@ def _array(key: str, values: Any) -> Optional[Vector]:
 
 
 def _monitored(monitor: Any) -> Tuple[Optional[float], Optional[Vector], Optional[Vector]]:
-    """Cabinet and joint temperatures, deg C, and joint currents, A, out of ``monitor_data``
-    (docs/controller-protocol.md section 6.3).
+    """Decode ``monitor_data``: cabinet and joint temperatures, deg C, and joint currents, A.
 
-    They are shown and warned of only, so an unknown shape reads as unknown values instead of an error.
+    See docs/controller-protocol.md section 6.3. The values are only displayed and warned of, so an unknown shape reads
+    as unknown values instead of an error.
     """
     if not isinstance(monitor, list) or len(monitor) < 6:
         return None, None, None
@@ -257,7 +268,7 @@ def _floats(values: List[Any]) -> Optional[Vector]:
 
 
 def _wrench(sensor: Any) -> Tuple[Optional[Vector], int]:
-    """The contact wrench, N and N m, and the sensor's error out of ``torqsensor`` (docs/controller-protocol.md section
+    """Decode ``torqsensor``: the contact wrench, N and N m, and the sensor's error (docs/controller-protocol.md section
     6.4).
 
     A controller without a sensor sends the field, too, with each reading 0; a sensor's raw reading never is. An unknown

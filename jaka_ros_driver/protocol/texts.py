@@ -1,4 +1,4 @@
-r"""Makes texts of the controller safe for logs, messages and terminals.
+r"""Sanitiser of the controller's texts for logs, messages and terminals.
 
 A JSON text can contain a lone surrogate (``\ud800``), which cannot be written as UTF-8; control characters, which
 change a terminal; and megabytes.
@@ -11,7 +11,7 @@ _LONGEST_VALUE = 200
 
 
 def printable(text: str, longest: int = LONGEST_TEXT) -> str:
-    """The text, cut to ``longest`` characters, with blanks for white space and ``?`` for what cannot be printed."""
+    """Return the text, cut to ``longest`` characters, with blanks for white space and ``?`` for the unprintable."""
     if len(text) > longest:
         text = text[:longest - 3] + "..."
     if text.isprintable():
@@ -20,7 +20,7 @@ def printable(text: str, longest: int = LONGEST_TEXT) -> str:
 
 
 def shown(value: Any, longest: int = _LONGEST_VALUE) -> str:
-    """A JSON value for a message: its Python notation, made printable and cut to ``longest`` characters."""
+    """Return a JSON value for a message: its Python notation, made printable and cut to ``longest`` characters."""
     try:
         return printable(repr(value), longest)
     except (ValueError, RecursionError):  # an int with too many digits, or lists nested too deeply
@@ -28,5 +28,5 @@ def shown(value: Any, longest: int = _LONGEST_VALUE) -> str:
 
 
 def text_of(value: Any) -> str:
-    """The value of a field that should be a text, made printable; of another type, its Python notation."""
+    """Return the value of a field that should be a text, made printable; of another type, its Python notation."""
     return printable(value) if isinstance(value, str) else shown(value)

@@ -1,17 +1,17 @@
 """The ROS layer: the only room that imports rospy and the generated messages.
 
-node          the program jaka_driver: puts everything below together
+node          the command jaka_driver: creates and connects everything below
 params        private parameters, checked, as one DriverConfig
 convert       ROS requests to commands, results and states to ROS messages; no other file here changes units
-services      the services: their table, their server, what each does with the arm, the record of every call
-audit         what of all this is recorded in the audit log
+services      the services: their table, their server, their handlers, the record of every call
+audit         the lines of the audit log that are made from calls, goals and messages
 topics        state topics, transforms, diagnostics, and the topics that take servo targets
 trajectories  FollowJointTrajectory, and trajectories by topic
 action_server    of actionlib, without a traceback at the node's end
 other_messages   types of control_msgs and industrial_msgs, installed or made at start
 frame_table   the tool and user frames that the controller has stored
-model_check   whether the controller's pose agrees with the arm model
-connections   how many connections this node serves, and which are closed when there are too many
+model_check   comparison of the controller's pose with the arm model
+connections   bounds of the node's connections, and which are closed when there are too many
 driver_lock, single_name   one driver for each controller, one node for each name
 start_checks  refuses to start where no client can reach the node, time stands still, or a topic is used twice
 master_watch  registers again with a ROS master that was restarted

@@ -1,4 +1,4 @@
-"""The action server of actionlib, without a traceback at the node's end; what comes to it is recorded."""
+"""The action server of actionlib, without a traceback at the node's end; its goals are recorded."""
 import contextlib
 from typing import Any, Callable, Iterator
 
@@ -9,22 +9,23 @@ from jaka_ros_driver.ros.audit.recorder import Recorder
 
 
 class QuietActionServer(ActionServer):  # type: ignore[misc]
-    """Records goals, cancels and results; raises nothing once the node's end has closed its topics.
+    """An action server that records goals, cancels and results, and raises nothing once the node's end closed its
+    topics.
 
-    Its timer publishes the status five times a second. rospy closes all topics before ``rospy.is_shutdown`` says True,
-    and actionlib asks only that.
+    Its timer publishes the status five times a second. rospy closes all topics before ``rospy.is_shutdown`` is True,
+    and actionlib checks only that.
     """
 
     def __init__(self, name: str, spec: Any, take: Callable[[Any], None], cancel: Callable[[Any], None],
                  recorder: Recorder) -> None:
-        """Prepare; ``start`` begins.
+        """Set up the server; ``start`` begins.
 
         Args:
             name: Of the action, with ``~`` for the node's own.
             spec: The generated type.
-            take: Gets the handle of each new goal.
-            cancel: Gets the handle of each goal that is to be cancelled.
-            recorder: Gets goals, cancels and results.
+            take: Called with the handle of each new goal.
+            cancel: Called with the handle of each goal that is to be cancelled.
+            recorder: Records goals, cancels and results.
         """
         self._name = name
         self._recorder = recorder
@@ -53,7 +54,7 @@ class QuietActionServer(ActionServer):  # type: ignore[misc]
             super().publish_result(status, result)
 
     def publish_feedback(self, status: Any, feedback: Any) -> None:
-        """Publish how far a goal is."""
+        """Publish the progress of a goal."""
         with _closed_only_at_the_end():
             super().publish_feedback(status, feedback)
 

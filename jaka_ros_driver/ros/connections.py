@@ -1,4 +1,4 @@
-"""Bounds how many connections this node serves, and closes some when there are too many. rospy itself has no bound.
+"""Limits of the connections that this node serves; some are closed when there are too many. rospy itself has no limit.
 
 The number of file descriptors of a process is limited. rospy gives one, and a thread, to every connection, also where
 the peer then sends nothing. When none is left, its accepting thread ends for good, and nobody could stop the arm any
@@ -25,15 +25,15 @@ from jaka_ros_driver.protocol.texts import printable
 _LOG = logging.getLogger(__name__)
 
 MOST_DESCRIPTORS = 65536
-"""The soft limit of file descriptors is raised to this where the hard limit allows it."""
+"""Soft limit of file descriptors that is set where the hard limit allows it."""
 HANDSHAKE_TIMEOUT_S = 5.0
-"""s; a ROS client sends its whole handshake at once."""
+"""Longest handshake, s; a ROS client sends all of it at once."""
 MOST_HANDSHAKES = 64
 """Most connections whose handshake is not complete; no cell has as many clients that start at the same time."""
 MOST_CONNECTIONS = 2000
 """Most connections of each other kind; each has a thread."""
 _XMLRPC_TIMEOUT_S = 60.0
-"""s without a request, after which an XML-RPC connection is closed; masters and nodes connect again by themselves."""
+"""Idle time, s, after which an XML-RPC connection is closed; masters and nodes connect again by themselves."""
 _LONGEST_HANDSHAKE = 1 << 20
 _BACKLOG = 128
 _NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
@@ -48,7 +48,7 @@ class PooledConnection:
     """One connection of a ConnectionPool.
 
     Attributes:
-        idle_since: Monotonic time, s; infinite while its call is under way.
+        idle_since: Monotonic time, s; infinite while a call of it runs.
     """
 
     __slots__ = ("sock", "idle_since")
@@ -59,25 +59,28 @@ class PooledConnection:
 
     @contextlib.contextmanager
     def busy(self) -> Iterator[None]:
-        """A context that lasts from a call's request to its reply."""
+        """Mark the connection as busy from a call's request to its reply."""
         self.idle_since = _BUSY
         yield
         self.idle_since = time.monotonic()
 
 
 class ConnectionPool:
-    """Connections of one kind. When there are more than ``most``, the one that has been idle longest is ended.
+    """The connections of one kind. When there are more than ``most``, the one that has been idle longest is ended.
 
     Here it is only shut down, which wakes the thread that reads it; that thread closes it and calls ``remove``.
     """
 
     def __init__(self, what: str, most: int) -> None:
-        """``what`` names the connections in the log."""
+        """Set up an empty pool.
+
+        what: Names the connections in the log.
+        """
         self.most = most
         self._what = what
         self._lock = threading.RLock()
         self._connections: Dict[PooledConnection, None] = {}
-        self._told_at = -_BUSY
+        self._logged_at = -_BUSY
 
     def add(self, sock: Any) -> PooledConnection:
         """Add a connection; where there are too many, older ones are ended."""
@@ -94,7 +97,7 @@ class ConnectionPool:
             self._connections.pop(connection, None)
 
     def close_oldest(self, least_idle: float = 0.0) -> bool:
-        """End the connection that has been idle longest; False where none has been idle for ``least_idle`` s."""
+        """End the connection that has been idle longest; return False where none has been idle for ``least_idle`` s."""
         now = time.monotonic()
         with self._lock:
             oldest = min(self._connections, key=lambda connection: connection.idle_since, default=None)
@@ -103,8 +106,8 @@ class ConnectionPool:
             del self._connections[oldest]
         with contextlib.suppress(OSError):  # it has been closed meanwhile
             oldest.sock.shutdown(socket.SHUT_RDWR)
-        if now - self._told_at > _LOG_PERIOD_S:
-            self._told_at = now
+        if now - self._logged_at > _LOG_PERIOD_S:
+            self._logged_at = now
             _LOG.warning("too many %s: those that have been idle longest are closed", self._what)
         return True
 
@@ -115,7 +118,7 @@ _XMLRPC_CONNECTIONS = ConnectionPool("XML-RPC connections", MOST_CONNECTIONS)
 
 
 class _TopicConnections:
-    """Connections of topics; how long they are idle is not known, so a new one is refused when there are too many."""
+    """Connections of topics; their idle time is not known, so a new one is refused when there are too many."""
 
     def __init__(self, most: int) -> None:
         self.most = most
@@ -123,7 +126,7 @@ class _TopicConnections:
         self._sockets: List[socket.socket] = []
 
     def add(self, sock: socket.socket) -> bool:
-        """Add a connection; False where there are too many."""
+        """Add a connection; return False where there are too many."""
         with self._lock:
             self._sockets = [other for other in self._sockets if other.fileno() != -1]
             if len(self._sockets) >= self.most:
@@ -163,7 +166,7 @@ def keep_serving(service_handler: Callable[[Any, Any, Dict[str, str]], Optional[
 
 
 def _raise_descriptor_limit() -> int:
-    """Raise the soft limit of file descriptors towards the hard one; returns the limit."""
+    """Raise the soft limit of file descriptors towards the hard one; return the limit."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     soft, highest = (MOST_DESCRIPTORS if limit == resource.RLIM_INFINITY else limit for limit in (soft, hard))
     wanted = min(highest, MOST_DESCRIPTORS)
@@ -185,8 +188,7 @@ def _share_out(descriptors: int) -> None:
 
 
 def _make_room() -> None:
-    """End one connection, of the kind whose loss matters least; its descriptor is free as soon as its thread has closed
-    it.
+    """End one connection, of the kind whose loss matters least; its thread then frees the descriptor.
 
     New connections are spared: the next connection would take the descriptor, and nothing would be gained.
     """
@@ -206,7 +208,7 @@ class _AcceptingSocket:
         return getattr(self._sock, name)
 
     def accept(self) -> Tuple[socket.socket, Any]:
-        """The next connection."""
+        """Return the next connection."""
         while True:
             try:
                 return self._sock.accept()
@@ -215,7 +217,7 @@ class _AcceptingSocket:
                     raise
                 if error.errno in _NO_ROOM:
                     _make_room()
-                else:  # an error of this peer or the network: accept(2) says to try again
+                else:  # an error of this peer or the network: try again, see accept(2)
                     time.sleep(_RETRY_PERIOD_S)
 
 
@@ -230,7 +232,7 @@ def _shake_hands_in_background(server: Any, sock: socket.socket, address: Any) -
 
 
 def _shake_hands(server: Any, connection: PooledConnection, address: Any) -> None:
-    """Do what rospy's TCPROSServer does with a new connection, but wait for the peer for a limited time only."""
+    """Handle a new connection as rospy's TCPROSServer does, but wait for the peer for a limited time only."""
     sock = connection.sock
     try:
         header = _read_handshake(sock, time.monotonic() + HANDSHAKE_TIMEOUT_S)

@@ -1,9 +1,9 @@
-"""ROS requests to commands, and results and states to ROS messages: shapes, enums and units. No other file of ``ros``
-changes units.
+"""Conversion of ROS requests to commands, and of results and states to ROS messages: shapes, enums and units.
 
-A float32 in a request may be larger than the limit that it was made from (2 pi as float32 is 1.7e-7 rad more). So a
-joint target, speed or acceleration that exceeds a limit of the arm by no more than ``limits.FLOAT32_SLACK`` of the
-limit is set to the limit; a larger one is refused. The controller never gets a value beyond its limits.
+No other file of ``ros`` changes units. A float32 in a request may be larger than the limit that it was made from (2 pi
+as float32 is 1.7e-7 rad more). So a joint target, speed or acceleration that exceeds a limit of the arm by no more than
+``limits.FLOAT32_SLACK`` of the limit is set to the limit; a larger one is refused. The controller never receives a
+value beyond its limits.
 """
 import math
 from dataclasses import dataclass, replace
@@ -56,7 +56,7 @@ class Terminal:
                                    self.index, self.bank.name.lower())
 
 
-class Payload(NamedTuple):
+class ToolPayload(NamedTuple):
     """A load, and the id of the tool that carries it."""
 
     tool_id: int
@@ -64,8 +64,9 @@ class Payload(NamedTuple):
 
 
 class RequestDecoder:
-    """Decodes the requests of services and topics to commands. Every method raises InvalidCommand, which names the
-    field and its valid range.
+    """The decoder of the requests of services and topics to commands.
+
+    Every method raises InvalidCommand, which names the field and its valid range.
 
     Attributes:
         is_vendor: Read requests as the maker's own driver does, where it differs (docs/interface.md section 5).
@@ -74,7 +75,10 @@ class RequestDecoder:
 
     def __init__(self, model: ArmModel, is_vendor: bool = False, is_vendor_2025: bool = False,
                  blends: bool = False) -> None:
-        """is_vendor_2025: with ``is_vendor``, as its driver of 2025 (docs/controller-protocol.md section 9.1)."""
+        """Set up the decoder.
+
+        is_vendor_2025: With ``is_vendor``, as its driver of 2025 (docs/controller-protocol.md section 9.1).
+        """
         self._model = model
         self._is_vendor_2025 = is_vendor_2025
         self.is_vendor = is_vendor
@@ -88,10 +92,10 @@ class RequestDecoder:
                            self._blend_radius(request) or 0.0)
 
     def linear_move(self, request: Any) -> c.LinearMove:
-        """Decode a Move: ``pose`` is x, y, z, mm, and a rotation vector, rad; ``mvvelo`` mm/s; ``mvacc`` mm/s2. In the
-        vendor's interface the rotation is the inverse; in that of 2025 the last three are roll, pitch and yaw, rad.
+        """Decode a Move: ``pose`` is x, y, z, mm, and a rotation vector, rad; ``mvvelo`` mm/s; ``mvacc`` mm/s2.
 
-        A Move has no angular speed: it follows from the linear one, lowered to what the model's joints can do.
+        In the vendor's interface the rotation is the inverse; in that of 2025 the last three are roll, pitch and yaw,
+        rad. A Move has no angular speed: it follows from the linear one, lowered to what the model's joints can do.
         """
         if self._is_vendor_2025:
             pose = _numbers("pose", request.pose, "x y z, mm, and roll pitch yaw, rad")
@@ -146,8 +150,9 @@ class RequestDecoder:
         return c.ServoJoint(self._joint_target("position", values))
 
     def servo_pose_topic(self, message: PoseStamped, user_frame: str) -> c.ServoPose:
-        """Decode a PoseStamped: position, m, and unit quaternion, absolute in both interfaces. ``user_frame`` is the
-        name of the active user frame; the message may name no other.
+        """Decode a PoseStamped: position, m, and unit quaternion, absolute in both interfaces.
+
+        user_frame: Name of the active user frame; the message may name no other.
         """
         if message.header.frame_id not in ("", user_frame):
             raise InvalidCommand("frame_id is %.60r; valid: the active user frame %r, or empty"
@@ -182,7 +187,10 @@ class RequestDecoder:
         raise InvalidCommand("%stype is %d; valid: 0 joint, 1 line, 2 arc" % (name, segment.type))
 
     def _blend_radius(self, request: Any) -> Optional[float]:
-        """Of a Move: how far the tool may pass the target on its way to the next one, m; None where it is to be met."""
+        """Return the blend radius of a Move, m; None where its target is to be met.
+
+        The radius is how far the tool may pass the target on its way to the next one.
+        """
         if not self._blends or request.mvradii == 0.0:
             return None
         if _finite("mvradii", request.mvradii) < 0.0:
@@ -207,14 +215,14 @@ class RequestDecoder:
         _whole("user_num", request.user_num, *limits.USER_FRAME_IDS)
         return c.SetUserFrame(request.user_num, _frame_pose(request.pose), "user_%d" % request.user_num)
 
-    def payload(self, request: Any) -> Payload:
-        """Decode a SetPayload: mass, kg, centre of mass, mm. It is checked here, because the tool is selected first."""
+    def payload(self, request: Any) -> ToolPayload:
+        """Decode a SetPayload: mass, kg, centre of mass, mm. It is audited here, because the tool is selected first."""
         _whole("tool_num", request.tool_num, 0, limits.TOOL_IDS[1])
         mass = _finite("mass", request.mass)
         centroid = tuple(_finite(name, getattr(request, name)) for name in ("xc", "yc", "zc"))
         load = c.SetPayload(mass, all_mm_to_m(centroid))
         limits.check(load, self._model)
-        return Payload(request.tool_num, load)
+        return ToolPayload(request.tool_num, load)
 
     def switch(self, request: Any) -> bool:
         """Decode a SetBool: its ``data``."""
@@ -235,7 +243,7 @@ class RequestDecoder:
         return fraction
 
     def program_name(self, request: Any) -> str:
-        """Decode a LoadProgram: the name; the audit looks at it."""
+        """Decode a LoadProgram: the name, which the audit checks."""
         return str(request.name)
 
     def output(self, request: Any) -> Union[c.SetDigitalOutput, c.SetAnalogOutput]:
@@ -266,15 +274,16 @@ class RequestDecoder:
 
 
 def wire_pose(pose: c.Pose) -> Tuple[float, ...]:
-    """A pose as the ``cartesian_pose`` of get_fk: x, y, z, mm, and rpy, rad."""
+    """Return a pose as the ``cartesian_pose`` of get_fk: x, y, z, mm, and rpy, rad."""
     return all_m_to_mm(pose.position) + tuple(pose.rpy)
 
 
 # ---- state to messages ----
 
 def tool_position(state: RobotState, stamp: Any, frame_id: str, is_vendor: bool) -> Optional[TwistStamped]:
-    """The message of ``~tool_position``: m and rotation vector, rad (vendor's interface: mm and rpy, deg). None where
-    the controller does not report the pose.
+    """Return the message of ``~tool_position``: m and rotation vector, rad (vendor's interface: mm and rpy, deg).
+
+    It is None where the controller does not report the pose.
     """
     if state.tcp_position is None or state.tcp_rpy is None:
         return None
@@ -292,8 +301,9 @@ def tool_position(state: RobotState, stamp: Any, frame_id: str, is_vendor: bool)
 
 
 def tool_pose(state: RobotState, stamp: Any, frame_id: str) -> Optional[PoseStamped]:
-    """The message of ``~tool_position`` in the vendor's interface of 2025: mm and unit quaternion. None where the
-    controller does not report the pose.
+    """Return the message of ``~tool_position`` in the vendor's interface of 2025: mm and unit quaternion.
+
+    It is None where the controller does not report the pose.
     """
     if state.tcp_position is None or state.tcp_rpy is None:
         return None
@@ -308,7 +318,7 @@ def tool_pose(state: RobotState, stamp: Any, frame_id: str) -> Optional[PoseStam
 
 def joint_position(state: RobotState, stamp: Any, names: Sequence[str],
                    velocity: Optional[Sequence[float]]) -> JointState:
-    """A JointState: positions, rad, and velocities, rad/s, where these are known."""
+    """Return a JointState: positions, rad, and velocities, rad/s, where these are known."""
     message = JointState()
     message.header.stamp = stamp
     message.name = list(names)
@@ -318,7 +328,10 @@ def joint_position(state: RobotState, stamp: Any, names: Sequence[str],
 
 
 def robot_states(state: RobotState, is_servo_active: bool, is_vendor: bool) -> RobotMsg:
-    """``~robot_states``; ``servo_state`` tells servo mode, in the vendor's interface whether the arm is enabled."""
+    """Return the message of ``~robot_states``.
+
+    ``servo_state`` is 1 in servo mode, in the vendor's interface while the arm is enabled.
+    """
     return RobotMsg(
         motion_state=int(state.motion_state), power_state=int(state.is_powered),
         servo_state=int(state.is_enabled if is_vendor else is_servo_active),
@@ -326,7 +339,7 @@ def robot_states(state: RobotState, is_servo_active: bool, is_vendor: bool) -> R
 
 
 def transform_message(parent_t_child: Transform, parent: str, child: str, stamp: Any) -> TransformStamped:
-    """A TransformStamped: m and unit quaternion."""
+    """Return a TransformStamped: m and unit quaternion."""
     message = TransformStamped()
     message.header.stamp = stamp
     message.header.frame_id = parent
@@ -338,7 +351,7 @@ def transform_message(parent_t_child: Transform, parent: str, child: str, stamp:
 
 
 def io_states(io: IoState, stamp: Any) -> Any:
-    """``~io_states`` (jaka_msgs/IOStates)."""
+    """Return the message of ``~io_states`` (jaka_msgs/IOStates)."""
     message = messages.IOStates()
     message.header.stamp = stamp
     for name, bank in (("cabinet", IoBank.CABINET), ("tool", IoBank.TOOL), ("extension", IoBank.EXTENSION)):
@@ -359,7 +372,7 @@ def _io_bank(terminals: BusTerminals) -> Any:
 
 
 def wrench(values: Sequence[float], stamp: Any, frame_id: str) -> WrenchStamped:
-    """``~wrench``: force, N, and torque, N m, shape (6,)."""
+    """Return the message of ``~wrench``: force, N, and torque, N m, shape (6,)."""
     message = WrenchStamped()
     message.header.stamp = stamp
     message.header.frame_id = frame_id
@@ -369,13 +382,13 @@ def wrench(values: Sequence[float], stamp: Any, frame_id: str) -> WrenchStamped:
 
 
 def for_each_joint(values: Sequence[float]) -> Float64MultiArray:
-    """A number for each joint, joint 1 first; std_msgs has no type with names."""
+    """Return a message with a number for each joint, joint 1 first; std_msgs has no type with names."""
     layout = MultiArrayLayout(dim=[MultiArrayDimension(label="joint", size=len(values), stride=len(values))])
     return Float64MultiArray(layout=layout, data=list(values))
 
 
 def _quaternion(rotation_vector: Sequence[float]) -> Tuple[float, float, float, float]:
-    """The unit quaternion (x, y, z, w) of a rotation vector, rad (3,)."""
+    """Return the unit quaternion (x, y, z, w) of a rotation vector, rad (3,)."""
     x, y, z = rotation_vector
     angle = math.sqrt(x * x + y * y + z * z)
     scale = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
@@ -413,8 +426,9 @@ def _frame_pose(values: Sequence[float]) -> c.Pose:
 
 
 def _rotation_vector(name: str, pose: Sequence[float]) -> Tuple[float, ...]:
-    """The rotation vector, rad (3,), in the last three of the six values. More than a whole turn is refused: it is a
-    mistake or in degrees, and a much larger one has lost its digits.
+    """Return the rotation vector, rad (3,), in the last three of the six values.
+
+    More than a whole turn is refused: it is a mistake or in degrees, and a much larger one has lost its digits.
     """
     vector = tuple(pose[3:])
     angle = math.hypot(*vector)

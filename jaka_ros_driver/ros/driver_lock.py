@@ -19,19 +19,19 @@ from jaka_ros_driver.errors import JakaError
 _ANSWER_TIMEOUT_S = 1.0
 _RETRY_S = 0.1
 _LONGEST_NAME = 80
-"""bytes of an address within a socket's name, which has 107."""
+"""Longest address, bytes, within a socket's name, which has 107."""
 _CREDENTIALS = struct.Struct("3i")
 
 
 class AlreadyDriven(JakaError):
-    """Another driver on this machine has this controller."""
+    """The error that another driver on this machine has this controller."""
 
 
 class DriverLock:
-    """The lock. It is held from its creation until ``release`` or the end of the process."""
+    """The lock, held from its creation until ``release`` or the end of the process."""
 
     def __init__(self, host: str, port: int, holder: str) -> None:
-        """Take it.
+        """Acquire the lock.
 
         Args:
             host: The controller's address.
@@ -39,8 +39,8 @@ class DriverLock:
             holder: Name of the driver, for the message to a second one.
 
         Raises:
-            AlreadyDriven: Another driver holds it; the message says which.
-            OSError: There is no socket to be had.
+            AlreadyDriven: Another driver holds it; the message names that.
+            OSError: No socket can be created.
         """
         self._sockets: List[socket.socket] = []
         self._threads: List[threading.Thread] = []
@@ -64,7 +64,7 @@ class DriverLock:
             self._threads.append(thread)
 
     def release(self) -> None:
-        """Free the names, before this returns."""
+        """Free the names before returning."""
         for taken in self._sockets:
             with contextlib.suppress(OSError):  # not listening yet
                 taken.shutdown(socket.SHUT_RDWR)
@@ -82,7 +82,7 @@ def _socket_name(address: str, port: int) -> bytes:
 
 
 def _answer(listening: socket.socket, holder: bytes) -> None:
-    """Tell everyone who connects who holds the lock, until it is released."""
+    """Send the holder's name to everyone who connects, until the lock is released."""
     while True:
         try:
             connection, _ = listening.accept()
@@ -97,7 +97,7 @@ def _answer(listening: socket.socket, holder: bytes) -> None:
 
 
 def _holder_of(name: bytes) -> str:
-    """Return name and process id of the driver that holds a lock, as far as they can be had."""
+    """Return name and process id of the driver that holds a lock, as far as they are available."""
     with contextlib.closing(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)) as asking:
         asking.settimeout(_ANSWER_TIMEOUT_S)
         try:
@@ -113,7 +113,7 @@ def _holder_of(name: bytes) -> str:
 
 
 def _addresses(host: str) -> Set[str]:
-    """Return the same text for all names of a host: its addresses; of an unknown name itself."""
+    """Return a host's addresses, the same for all its names; the name itself where it is unknown."""
     try:
         found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError, ValueError):
@@ -123,7 +123,7 @@ def _addresses(host: str) -> Set[str]:
 
 
 def _unmapped(address: str) -> str:
-    """The address; an IPv4 address that is written as IPv6 is turned into IPv4."""
+    """Return the address; an IPv4 address that is written as IPv6 becomes IPv4."""
     try:
         mapped = ipaddress.IPv6Address(address).ipv4_mapped
     except ValueError:
@@ -132,7 +132,10 @@ def _unmapped(address: str) -> str:
 
 
 def _is_here(address: str) -> bool:
-    """True for each address of this machine: loopback, "any", and those of its interfaces. Only such can be bound."""
+    """Return whether this is an address of this machine: loopback, "any", or one of its interfaces.
+
+    Only such an address can be bound.
+    """
     try:
         known = ipaddress.ip_address(address)
         if known.is_loopback or known.is_unspecified:

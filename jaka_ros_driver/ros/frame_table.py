@@ -14,14 +14,14 @@ _LOG = logging.getLogger(__name__)
 
 _CHECK_PERIOD_S = 0.2
 _READ_PERIOD_S = 5.0
-"""s; a frame that was changed at the controller's own panel is noticed after this time at most."""
+"""Longest time, s, until a frame that was changed at the controller itself is noticed."""
 _RETRY_S = 1.0
 
 Frames = Tuple[Transform, ...]
 
 
-class FrameTable:
-    """``flange_T_tool`` and ``base_T_user`` by id; None while they are not known. A thread of its own reads them."""
+class FrameReader:
+    """The ``flange_T_tool`` and ``base_T_user`` by id, read by a thread of its own; None while they are not known."""
 
     def __init__(self, arm: ArmClient) -> None:
         self._arm = arm
@@ -29,7 +29,7 @@ class FrameTable:
         self._tools: Optional[Frames] = None
         self._users: Optional[Frames] = None
         self._changes = 0
-        """Number of beginnings and ends of changes; odd while a change is under way."""
+        """Number of beginnings and ends of changes; odd while a change is being made."""
         self._connections = 0
         self._wake = threading.Event()
         self._is_closing = False
@@ -47,8 +47,9 @@ class FrameTable:
 
     @contextlib.contextmanager
     def changing(self) -> Iterator[None]:
-        """A context in which frames are set: inside it no frame is known, afterwards all are read again. Only one
-        thread at a time may use it.
+        """Set frames within this context: inside it no frame is known, afterwards all are read again.
+
+        Only one thread at a time may use it.
         """
         self._forget()
         try:
@@ -58,11 +59,11 @@ class FrameTable:
             self._wake.set()
 
     def flange_t_tool(self, state: RobotState) -> Optional[Transform]:
-        """The active tool in the flange frame, m."""
+        """Return the active tool in the flange frame, m."""
         return _entry(self._tools, state.tool_id)
 
     def base_t_user(self, state: RobotState) -> Optional[Transform]:
-        """The active user frame in the base frame, m."""
+        """Return the active user frame in the base frame, m."""
         return _entry(self._users, state.user_frame_id)
 
     def _forget(self) -> None:
@@ -82,7 +83,7 @@ class FrameTable:
             waited += _CHECK_PERIOD_S
 
     def _read_all(self) -> bool:
-        """Read both tables; returns False, and forgets none, where the controller holds its replies back."""
+        """Read both tables; return False, and forget none, where the controller holds its replies back."""
         changes = self._changes
         try:
             tools, users = self._read(c.Query.TOOL_FRAMES), self._read(c.Query.USER_FRAMES)

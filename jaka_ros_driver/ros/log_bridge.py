@@ -1,4 +1,4 @@
-"""Passes the package's log records (Python's ``logging``) to rosout, the screen and the node's log file."""
+"""The bridge of the package's log records (Python's ``logging``) to rosout, the screen and the node's log file."""
 import logging
 from typing import Callable
 
@@ -11,7 +11,7 @@ _ROSPY_LOGGER = "rosout"
 
 
 class RosLogHandler(logging.Handler):
-    """Passes a record on to rospy at its level."""
+    """A log handler that passes a record on to rospy at its level."""
 
     def emit(self, record: logging.LogRecord) -> None:
         text = self.format(record)
@@ -26,9 +26,10 @@ class RosLogHandler(logging.Handler):
 
 
 def log_to_ros() -> Callable[[float], bool]:
-    """Begin to pass records on, after ``rospy.init_node``; screen and rosout each get theirs in a thread.
+    """Begin to pass records on, after ``rospy.init_node``; screen and rosout each have a thread for theirs.
 
-    Returns a function that waits for all records to be written, at most the given s; False when some are left.
+    Returns a function that waits for all records to be written, at most the given s; it returns False when some are
+    left.
     """
     rospy_logger = logging.getLogger(_ROSPY_LOGGER)
     backgrounds = [Background(handler) for handler in rospy_logger.handlers]

@@ -1,4 +1,4 @@
-"""Registers the node again after a restart of the ROS master, which knows nothing of nodes that started before it.
+"""The watch over the ROS master: after its restart the node is registered again, because a new master knows no nodes.
 
 A restart is noticed by the master's ``/run_id``, which changes with every start. The registration is rospy's own;
 existing connections are left as they are.
@@ -18,10 +18,10 @@ _PERIOD_S = 1.0
 
 
 class MasterWatch:
-    """Polls the master; after its restart registers all publishers, subscribers and services again."""
+    """The poller of the master that registers all publishers, subscribers and services again after its restart."""
 
     def __init__(self, on_new_master: Callable[[], None], period: float = _PERIOD_S) -> None:
-        """Prepare; ``start`` begins.
+        """Set up the poller; ``start`` begins.
 
         Args:
             on_new_master: Called after the registration, to set parameters again: a new master has lost them, too.
@@ -37,7 +37,7 @@ class MasterWatch:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop polling; a call to the master that is under way is not waited for."""
+        """Stop polling; a running call to the master is not waited for."""
         self._closing.set()
 
     def _run(self) -> None:
@@ -53,7 +53,7 @@ class MasterWatch:
                 return
 
     def _is_new_master(self) -> bool:
-        """True where the master has another run id (roscore sets it), or does not know this node."""
+        """Return whether the master has another run id (roscore sets it), or does not know this node."""
         master = rosgraph.Master(rospy.get_name())
         known_run = self._run_id
         self._run_id = str(master.getParam("/run_id")) if master.hasParam("/run_id") else ""

@@ -1,4 +1,4 @@
-"""Checks the configured model: compares the controller's pose with the model's, from the same joints."""
+"""The check of the configured model: the controller's pose is compared with the model's, from the same joints."""
 import logging
 from typing import NamedTuple, Optional
 
@@ -11,15 +11,18 @@ from jaka_ros_driver.kinematics.rotations import (
     rotation_angle_between,
     transform_from_pose,
 )
-from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.state import RobotState
 
 _LOG = logging.getLogger(__name__)
 
 POSITION_TOLERANCE = 0.0003
-"""m. Joints and pose of a frame are rounded to 6 digits and may be of two cycles, so they are compared at rest only."""
+"""Largest difference of position, m, that rounding explains.
+
+Joints and pose of a frame are rounded to 6 digits and may be of two cycles, so they are compared at rest only.
+"""
 ANGLE_TOLERANCE = 0.001
-"""rad"""
+"""Largest difference of orientation, rad, that rounding explains."""
 _CONFIRMATIONS = 2
 
 
@@ -36,16 +39,16 @@ class Deviation(NamedTuple):
 
 
 class ModelCheck:
-    """Compares the poses for each state of an arm at rest. A deviation counts when it is seen twice in a row."""
+    """The comparison of poses for each state of an arm at rest. A deviation counts when it is seen twice in a row."""
 
-    def __init__(self, arm: ArmClient, frames: FrameTable) -> None:
+    def __init__(self, arm: ArmClient, frames: FrameReader) -> None:
         self._arm = arm
         self._frames = frames
         self._seen = 0
         self._has_warned = False
 
     def check(self, state: RobotState) -> Optional[Deviation]:
-        """The deviation; None where it is not known (motion, frames, pose). Logs it once when it counts."""
+        """Return the deviation; None where it is not known (motion, frames, pose). Log it once when it counts."""
         found = self._deviation(state)
         if found is None:
             return None

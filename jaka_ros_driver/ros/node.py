@@ -1,4 +1,4 @@
-"""The driver node: parameters, client, services, topics and diagnostics put together; the program jaka_driver."""
+"""The driver node, command jaka_driver: parameters, client, services, topics and diagnostics put together."""
 import argparse
 import io
 import logging
@@ -14,7 +14,7 @@ import rospy
 from std_msgs.msg import Bool
 
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.core.actions import Tell
+from jaka_ros_driver.client.core.actions import NotifyGuard
 from jaka_ros_driver.client.custody_file import CustodyFile
 from jaka_ros_driver.client.guard import Guard
 from jaka_ros_driver.errors import JakaError
@@ -25,17 +25,17 @@ from jaka_ros_driver.ros.audit.setting_up import audit_log_of, start_fields
 from jaka_ros_driver.ros.connections import keep_serving, serve_from_the_start
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.driver_lock import DriverLock
-from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.log_bridge import log_to_ros
 from jaka_ros_driver.ros.master_watch import MasterWatch
 from jaka_ros_driver.ros.model_check import ModelCheck
 from jaka_ros_driver.ros.params import DriverConfig, config_from
 from jaka_ros_driver.ros.services.call_publisher import CallPublisher
+from jaka_ros_driver.ros.services.handlers import ServiceHandlers
 from jaka_ros_driver.ros.services.path_action import PathAction
 from jaka_ros_driver.ros.services.recover_action import RecoverAction
-from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
-from jaka_ros_driver.ros.services.service_server import take_connection
-from jaka_ros_driver.ros.services.service_table import Services
+from jaka_ros_driver.ros.services.server import take_connection
+from jaka_ros_driver.ros.services.table import Services
 from jaka_ros_driver.ros.single_name import refuse_second_node, resolved_node_name
 from jaka_ros_driver.ros.start_checks import (
     refuse_taken_topics,
@@ -45,7 +45,7 @@ from jaka_ros_driver.ros.start_checks import (
 )
 from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
 from jaka_ros_driver.ros.topics.io_states import IoPublisher
-from jaka_ros_driver.ros.topics.jog_topics import JogTopics
+from jaka_ros_driver.ros.topics.jog_topics import JogSubscribers
 from jaka_ros_driver.ros.topics.motion_ends import MotionEnds
 from jaka_ros_driver.ros.topics.robot_status import RobotStatusPublisher
 from jaka_ros_driver.ros.topics.sensors import SensorPublishers
@@ -58,21 +58,22 @@ from jaka_ros_driver.scheduling import ask_for_short_slices, set_real_time
 _LOG = logging.getLogger(__name__)
 
 _SWITCH_INTERVAL_S = 0.0005
+"""The longest time, s, that a Python thread keeps the others waiting: the default, 5 ms, is most of a cycle of 8 ms."""
 _ANSWER_TIMEOUT_S = 0.3
 _DRAIN_TIMEOUT_S = 0.5
 _AUDIT_TIMEOUT_S = 0.5
 _LOOK_ROUND_S = 0.1
 _END_TIMEOUT_S = 5.0
-"""s; stopping the arm and answering the calls takes 2 s at most, the rest is the master's."""
+"""Longest time, s, to the node's end: stopping the arm and answering the calls takes 2 s, the rest is the master's."""
 _NAME = "jaka_driver"
 _DESCRIPTION = "robot_description"
 
 
-class Driver:
-    """Everything that runs in the node."""
+class DriverNode:
+    """The driver node: everything that runs in it, from its start to its end."""
 
     def __init__(self, config: DriverConfig, model: ArmModel) -> None:
-        """Take the controller, and offer services and topics; raises AlreadyDriven where another driver has it."""
+        """Lock the controller, and create services and topics; raise AlreadyDriven where another driver has it."""
         self._config = config
         self._model = model
         self._lock = DriverLock(config.ip, config.command_port, "node " + rospy.get_name())
@@ -83,7 +84,7 @@ class Driver:
         self._guard = Guard(config.ip, config.command_port, config.status_port) if config.guard else None
         self._arm = ArmClient(config.client_settings(), model, self._guard,
                               CustodyFile(config.ip, config.command_port))
-        self._frames = FrameTable(self._arm)
+        self._frames = FrameReader(self._arm)
         decoder = RequestDecoder(model, config.is_vendor, config.is_vendor_2025, not config.blocking)
         self._publishers = StatePublishers(self._arm, config, self._frames)
         self._ends = MotionEnds(self._arm)
@@ -97,7 +98,7 @@ class Driver:
         self._io = IoPublisher(self._arm, self._publishers.stamps)
         self._sensors = SensorPublishers(self._arm, self._publishers.stamps, FrameNames(config).flange)
         self._topics = ServoTopics(self._arm, decoder, FrameNames(config), self._recorder)
-        self._jog_topics = JogTopics(self._arm, FrameNames(config), self._frames, self._recorder)
+        self._jog_topics = JogSubscribers(self._arm, FrameNames(config), self._frames, self._recorder)
         self._diagnostics = Diagnostics(self._arm, config, ModelCheck(self._arm, self._frames), self._audit)
         self._master_watch = MasterWatch(self._set_description)
         self._simulated = rospy.Publisher("~simulated", Bool, queue_size=1, latch=True)
@@ -111,7 +112,7 @@ class Driver:
         return self._arm.has_failed
 
     def start(self) -> None:
-        """Begin. The controller need not be reachable yet; a master that does not answer holds this up.
+        """Start the driver. The controller need not be reachable yet; a master that does not answer holds this up.
 
         Raises:
             WrongParameter: A topic would be used for two things.
@@ -155,8 +156,8 @@ class Driver:
         """Offer the topics that only some controllers have, once the status feed shows that this one has them."""
         self._sensors.offer()
 
-    def tell_kind(self) -> None:
-        """Tell in the log and on a latched topic whether the arm is real or simulated, whenever that becomes known."""
+    def publish_kind(self) -> None:
+        """Log, and publish on a latched topic, whether the arm is real or simulated, whenever that becomes known."""
         is_simulated = self._arm.is_simulated
         if is_simulated is None or is_simulated is self._is_simulated:
             return
@@ -173,7 +174,7 @@ class Driver:
     def close(self) -> None:
         """Stop what this driver moves, answer every pending call, disconnect, and release the controller's lock.
 
-        Whoever calls it while another thread does so waits for that.
+        A second caller waits until the first one has done so.
         """
         with self._closing:
             if self._is_closed:
@@ -193,7 +194,7 @@ class Driver:
             self._end_audit()
             self._lock.release()
 
-    def _record_custody(self, tell: Tell) -> None:
+    def _record_custody(self, tell: NotifyGuard) -> None:
         """Record in the client's thread that the driver begins to move the arm, or that this has ended."""
         self._moved = tell.name or self._moved
         self._recorder.event("motion", state="begins" if tell.is_moving else "has ended", motion=self._moved)
@@ -208,7 +209,7 @@ class Driver:
             _LOG.warning("the audit log in %s could not be written to its end", self._audit.path)
 
     def _set_description(self) -> None:
-        """Set ``robot_description``, unless another program has set it."""
+        """Set ``robot_description``, unless another node has set it."""
         if not self._config.publish_description:
             return
         urdf = urdf_from_model(self._model, self._config.frame_prefix, self._config.base_frame,
@@ -220,7 +221,7 @@ class Driver:
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node until it is told to end.
+    """Run the node until it receives a signal or a shutdown request.
 
     Returns:
         0 ended in good order, 1 could not start, 2 wrong usage.
@@ -260,8 +261,9 @@ def main(argv: Optional[List[str]] = None) -> int:
 
 
 class _Life:
-    """The driver's life in a thread of its own, so that the main thread, which takes the signals, never waits for the
-    master.
+    """The driver's life in a thread of its own.
+
+    So the main thread, which takes the signals, never waits for the master.
 
     Attributes:
         exit_code: 0, or 1 where the driver could not start or has failed.
@@ -270,29 +272,29 @@ class _Life:
     def __init__(self, drain_log: Callable[[float], bool]) -> None:
         self.exit_code = 0
         self._drain_log = drain_log
-        self._driver: Optional[Driver] = None
+        self._driver: Optional[DriverNode] = None
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="driver", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     @property
     def is_running(self) -> bool:
-        """False where it is over, or where the node was told to end."""
+        """False where it is over, or where the node was asked to shut down."""
         driver = self._driver
         return (self._thread.is_alive() and not rospy.core.is_shutdown_requested() and not rospy.is_shutdown()
                 and not (driver is not None and driver.has_failed))
 
     def end(self, reason: str) -> bool:
-        """Stop the arm at once, then leave the ROS graph; False where that is not done in time."""
+        """Stop the arm at once, then leave the ROS graph; return False where that is not done in time."""
         self._ending.set()
         deadline = time.monotonic() + _END_TIMEOUT_S
         ending = threading.Thread(target=self._shut_down, args=(reason,), name="shutdown", daemon=True)
         ending.start()
         ending.join(_END_TIMEOUT_S)
-        while not rospy.is_shutdown() and time.monotonic() < deadline:  # another thread does it, told by rosnode kill
+        while not rospy.is_shutdown() and time.monotonic() < deadline:  # another thread does it, on rosnode kill
             time.sleep(_LOOK_ROUND_S)
         if self._driver is not None and self._driver.has_failed:
             self.exit_code = 1
@@ -312,14 +314,14 @@ class _Life:
             _set_scheduler(config.realtime_priority)
             refuse_unreachable_node()
             refuse_taken_topics(config)
-            driver = self._driver = Driver(config, config.arm_model())
+            driver = self._driver = DriverNode(config, config.arm_model())
             rospy.on_shutdown(driver.close)
             rospy.on_shutdown(lambda: self._drain_log(_DRAIN_TIMEOUT_S))
             wait_for_time(self._ending)
             if not self._ending.is_set():
                 driver.start()
             while not self._ending.wait(_LOOK_ROUND_S):
-                driver.tell_kind()
+                driver.publish_kind()
                 driver.offer_sensors()
         except (JakaError, OSError) as error:
             self.exit_code = 1
@@ -332,7 +334,7 @@ class _Life:
 class _Signals:
     """The SIGINT and SIGTERM that come from now on.
 
-    The handler only notes them: one that ended the driver itself, as rospy's does, could wait for a lock that the
+    The handler only records them: one that ended the driver itself, as rospy's does, could wait for a lock that the
     interrupted code holds.
     """
 
@@ -345,7 +347,7 @@ class _Signals:
             signal.signal(number, lambda received, _: self.received.append(received))
 
     def wait(self, timeout: float) -> None:
-        """Return when a signal has come, or after ``timeout``, s."""
+        """Wait until a signal has come, or for ``timeout``, s."""
         if select.select([self._woken], [], [], timeout)[0]:
             os.read(self._woken, 64)
 

@@ -1,7 +1,7 @@
 """Types of control_msgs and industrial_msgs, which are not packaged everywhere: the installed one, or one made here.
 
 The definitions are of our own writing and have the fields of the published ones, so that their md5 is the same: with
-another one no program that was built with the published definition would connect.
+another one no client that was built with the published definition would connect.
 """
 import hashlib
 import importlib
@@ -16,7 +16,7 @@ MD5 = {
     "control_msgs/JointTrajectoryControllerState": "10817c60c2486ef6b33e97dcd87f4474",
     "industrial_msgs/RobotStatus": "b733cb45a38101840b75c4c0d6093d19",
 }
-"""Of the published definitions."""
+"""Checksums of the published definitions."""
 _DEFINITIONS = {
     "actionlib_msgs/GoalID": "time stamp\nstring id\n",
     "actionlib_msgs/GoalStatus": (
@@ -71,7 +71,7 @@ _made: Dict[str, Any] = {}
 
 
 def message_type(name: str) -> Any:
-    """The class of a message, as ``package/Name``: that of an installed package, else ``made_type``."""
+    """Return the class of a message, as ``package/Name``: that of an installed package, else ``made_type``."""
     package, short = name.split("/")
     try:
         return getattr(importlib.import_module(package + ".msg"), short)
@@ -80,7 +80,7 @@ def message_type(name: str) -> Any:
 
 
 def made_type(name: str) -> Any:
-    """A class made from the definitions of this file, the same on the wire. All that it holds are made, too."""
+    """Return a class made from the definitions of this file, the same on the wire; its fields' types are made, too."""
     if name not in _made:
         parts = [_DEFINITIONS[name]]
         parts += [_SEPARATOR % other + text for other, text in sorted(_DEFINITIONS.items()) if other != name]
@@ -89,7 +89,7 @@ def made_type(name: str) -> Any:
 
 
 def stop_motion_type() -> Any:
-    """The class of the service industrial_msgs/StopMotion: the installed one, else one made here."""
+    """Return the class of the service industrial_msgs/StopMotion: the installed one, else one made here."""
     try:
         return importlib.import_module("industrial_msgs.srv").StopMotion
     except (ImportError, AttributeError):

@@ -29,11 +29,14 @@ _PREFIX = re.compile(r"([A-Za-z][A-Za-z0-9_/]*)?\Z")
 
 
 class WrongParameter(JakaError, ValueError):
-    """A private parameter is unknown, or has a wrong type or value; the driver does not start with it."""
+    """The error that a private parameter is unknown, or has a wrong type or value.
+
+    The driver does not start with it.
+    """
 
 
-class Parameter(NamedTuple):
-    """What a private parameter may be.
+class NodeParameter(NamedTuple):
+    """The description and the check of a private parameter.
 
     ``check`` returns a value in the type that the driver uses, and raises ValueError, of which InvalidCommand is one,
     where it is not valid.
@@ -47,7 +50,7 @@ class Parameter(NamedTuple):
 
 
 def _parameter(default: Any, kind: str, unit: str, valid: str, doc: str, check: Callable[[Any], Any]) -> Any:
-    return dataclasses.field(default=default, metadata={"parameter": Parameter(kind, unit, valid, doc, check)})
+    return dataclasses.field(default=default, metadata={"parameter": NodeParameter(kind, unit, valid, doc, check)})
 
 
 def _valid(is_valid: Callable[[Any], bool]) -> Callable[[Any], Any]:
@@ -239,7 +242,7 @@ class DriverConfig:
         return self.trajectory_controller or "jaka_%s_controller" % re.sub(r"[^A-Za-z0-9_]", "_", self.arm_model().name)
 
     def client_settings(self) -> ClientSettings:
-        """The settings of the client."""
+        """Return the settings of the client."""
         return ClientSettings(
             host=self.ip,
             feed_period=min(_CLIENT.feed_period, ms_to_s(max(1.0, round(s_to_ms(1.0 / self.publish_rate))))),
@@ -247,19 +250,20 @@ class DriverConfig:
                if hasattr(self, f.name)})
 
     def arm_model(self) -> ArmModel:
-        """The arm, from ``dh_file`` or by its name; raises InvalidCommand where the file is wrong by now."""
+        """Return the arm, from ``dh_file`` or by its name; raise InvalidCommand where the file is wrong by now."""
         return load_model_file(self.dh_file) if self.dh_file else load_model(self.model)
 
 
-def table() -> List[Tuple[str, Any, Parameter]]:
-    """Name, default and description of every parameter."""
+def table() -> List[Tuple[str, Any, NodeParameter]]:
+    """Return name, default and description of every parameter."""
     return [(f.name, f.default, f.metadata["parameter"]) for f in dataclasses.fields(DriverConfig)]
 
 
 def config_from(values: Mapping[str, Any]) -> DriverConfig:
-    """The configuration from private parameters; those that are not set have their defaults.
+    """Return the configuration from private parameters; those that are not set have their defaults.
 
-    Raises WrongParameter, which names unknown parameters with the nearest known, wrong values with what is valid.
+    Raises:
+        WrongParameter: It names unknown parameters with the nearest known, wrong values with what is valid.
     """
     known = {name: parameter for name, _, parameter in table()}
     wrong: List[str] = []
@@ -281,19 +285,19 @@ def config_from(values: Mapping[str, Any]) -> DriverConfig:
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:
-    """The known name that has most words in common with this one; among several the most similar."""
+    """Return the known name that has most words in common with this one; among several the most similar."""
     words = set(name.lower().split("_"))
     return max(known, key=lambda k: (len(words & set(k.split("_"))), difflib.SequenceMatcher(None, name, k).ratio()))
 
 
-def _refusal(name: str, value: Any, parameter: Parameter, why: str) -> str:
+def _refusal(name: str, value: Any, parameter: NodeParameter, why: str) -> str:
     unit = " " + parameter.unit if parameter.unit else ""
     text = "parameter ~%s is %r; valid: %s, %s%s" % (name, value, parameter.kind, parameter.valid, unit)
     return text + (" (%s)" % why if why else "")
 
 
 def markdown() -> str:
-    """The documentation of all parameters: the content of docs/parameters.md."""
+    """Return the documentation of all parameters: the content of docs/parameters.md."""
     lines = ["# Private parameters of the driver", "",
              "Made from the code with `build/venv/bin/python3 -m jaka_ros_driver.ros.params > docs/parameters.md`.",
              "They are read once, when the node starts; with a wrong value or an unknown name it does not start.", "",

@@ -1,6 +1,6 @@
-"""Lets only one node of a name run: a second one refuses to start, before the master would end the first.
+"""The check that only one node of a name runs: a second one refuses to start, before the master would end the first.
 
-Where two nodes have the same name, the master keeps the newer one and tells the older one to shut down. Where both are
+Where two nodes have the same name, the master keeps the newer one and asks the older one to shut down. Where both are
 to drive the same controller, the older one still holds its lock at that time, so that the newer one ends, too, and the
 arm is left without a driver.
 """
@@ -20,7 +20,7 @@ _NOT_ANSWERED = (OSError, XmlRpcError, http.client.HTTPException, ExpatError, Va
 
 
 def resolved_node_name(default: str, argv: Sequence[str]) -> str:
-    """The global name that ``rospy.init_node(default)`` will give this process.
+    """Return the global name that ``rospy.init_node(default)`` will give this process.
 
     Args:
         default: The node's own name.
@@ -53,7 +53,7 @@ def refuse_second_node(name: str) -> None:
 
 
 def _ask(uri: str, method: str, *arguments: str) -> Any:
-    """A master's or node's answer; None for an error or no answer. Raises _NobodyThere where nothing listens."""
+    """Return a master's or node's answer; None for an error or no answer. Raise _NobodyThere where nothing listens."""
     try:
         with ServerProxy(uri, transport=_ShortTransport()) as proxy:
             code, _, value = getattr(proxy, method)(*arguments)
@@ -63,7 +63,7 @@ def _ask(uri: str, method: str, *arguments: str) -> Any:
 
 
 class _NobodyThere(Exception):
-    """Nothing listens at the address."""
+    """The error that nothing listens at the address."""
 
 
 class _ShortTransport(Transport):

@@ -31,7 +31,7 @@ _OF_ROS = ("/rosout", "/rosout_agg", "/clock", "/tf", "/tf_static", "/diagnostic
 
 
 class Unreachable(JakaError):
-    """Clients cannot reach this node at the address that it gives them."""
+    """The error that clients cannot reach this node at the address that it gives them."""
 
 
 # ---- clients can reach this node ----
@@ -68,7 +68,7 @@ def refuse_unreachable_node() -> None:
 
 
 def _settings() -> str:
-    """Name the setting that the address comes from."""
+    """Return a text that names the setting which the address comes from."""
     for name in ("ROS_HOSTNAME", "ROS_IP"):
         if os.environ.get(name):
             return "the address comes from %s=%s" % (name, os.environ[name])
@@ -135,8 +135,8 @@ def _known_types() -> Dict[str, str]:
 def refuse_topics_used_twice() -> None:
     """Refuse to go on where this node uses one topic for two things; call when all are registered, before it moves.
 
-    A parameter or a remapping can bring that about: joint states that are published on ``~servo_j_command`` would be
-    servo targets.
+    A parameter or a remapping can cause that: joint states that are published on ``~servo_j_command`` would be servo
+    targets.
 
     Raises:
         WrongParameter: The message names the topics.

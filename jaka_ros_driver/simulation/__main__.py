@@ -1,4 +1,7 @@
-"""Command line: ``jaka_sim`` serves a simulated controller, ``jaka_sim panel ACTION key=value`` asks a running one."""
+"""Command line: ``jaka_sim`` serves a simulated controller.
+
+``jaka_sim panel ACTION key=value`` sends a request to the operator port of a running one.
+"""
 import argparse
 import json
 import sys
@@ -9,23 +12,23 @@ from jaka_ros_driver.kinematics.arm_models import model_names
 from jaka_ros_driver.protocol.ports import PORT_NUMBERS
 from jaka_ros_driver.simulation.arm.servo import Starvation
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
-from jaka_ros_driver.simulation.dialect.dialect import Dialect
-from jaka_ros_driver.simulation.server.panel import ACTIONS
-from jaka_ros_driver.simulation.server.server import ask_panel
+from jaka_ros_driver.simulation.dialect.table import Dialect
+from jaka_ros_driver.simulation.server.event_loop import ask_operator_port
+from jaka_ros_driver.simulation.server.operator_actions import ACTIONS
 from jaka_ros_driver.simulation.simulated_controller import SINGLE_CLIENT, SimulatedController
 from jaka_ros_driver.wire import proxy
-from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
 from jaka_ros_driver.wire.sockets import LOOPBACK
+from jaka_ros_driver.wire.startup import print_ports, raise_priority, stop_on_signals
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run the command line; returns 0 done, 1 failed, 2 wrong usage.
+    """Run the command line; return 0 when done, 1 when it failed, 2 for wrong usage.
 
-    argv: Without the program's name; None for those of the process, without what roslaunch adds (__name:=...).
+    argv: Without the command's name; None for those of the process, without what roslaunch adds (__name:=...).
     """
     arguments = [word for word in sys.argv[1:] if ":=" not in word] if argv is None else argv
     if arguments[:1] == ["panel"]:
-        return _panel(arguments[1:])
+        return _operate(arguments[1:])
     return proxy.main(arguments[1:]) if arguments[:1] == ["proxy"] else _serve(arguments)
 
 
@@ -65,14 +68,14 @@ def _dialect(path: Optional[str], seed: Optional[int], firmware: str) -> Dialect
 def _serving_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="jaka_sim", description="A simulated JAKA controller. Its first line of output is JSON with the numbers "
-        "of its ports. 'jaka_sim panel --help' tells about the operator's panel, 'jaka_sim proxy --help' about "
-        "recording a real controller.")
+        "of its ports. 'jaka_sim panel --help' describes the operator port, 'jaka_sim proxy --help' the "
+        "recording of a real controller.")
     parser.add_argument("--model", default="zu7", metavar="NAME", help="one of %s" % ", ".join(model_names()))
     parser.add_argument("--dh-file", metavar="FILE", help="a model of your own instead, see docs/simulation.md")
     parser.add_argument("--host", default=LOOPBACK, metavar="ADDRESS", help="where to listen; default loopback only")
     for port, default, text in (
             ("command", PORT_NUMBERS["command"], "commands"), ("status", PORT_NUMBERS["status"], "status feed"),
-            ("poll", PORT_NUMBERS["poll"], "polled status"), ("panel", 0, "operator's panel, -1 for none")):
+            ("poll", PORT_NUMBERS["poll"], "polled status"), ("panel", 0, "operator port, -1 for none")):
         parser.add_argument("--%s-port" % port, type=int, default=default, metavar="N",
                             help="%s; 0 for a free port, default %d" % (text, default))
     parser.add_argument("--time-scale", type=float, default=1.0, metavar="FACTOR",
@@ -85,7 +88,7 @@ def _serving_parser() -> argparse.ArgumentParser:
     parser.add_argument("--io-index-base", type=int, choices=[0, 1], help="index of the first terminal in commands "
                         "about inputs and outputs, instead of the dialect's")
     parser.add_argument("--force-sensor", action="store_true", help="a force and torque sensor at the flange, which "
-                        "the panel loads with a wrench; default none")
+                        "the operator port loads with a wrench; default none")
     parser.add_argument("--single-client", choices=list(SINGLE_CLIENT), help="a second command client replaces the "
                         "first, is refused, or is served beside it, instead of the dialect's")
     parser.add_argument("--starvation", choices=[s.value for s in Starvation], help="a servo stream that runs dry: "
@@ -102,13 +105,13 @@ def _serving_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _panel(arguments: List[str]) -> int:
+def _operate(arguments: List[str]) -> int:
     actions = "\n".join("  %-22s %s%s" % (name, action.meaning, "\n%25s%s" % ("", action.parameters)
                                           if action.parameters else "") for name, action in ACTIONS.items())
     parser = argparse.ArgumentParser(
         prog="jaka_sim panel", formatter_class=argparse.RawDescriptionHelpFormatter, epilog="actions:\n" + actions,
-        description="Ask the operator's panel of a running simulated controller; prints its answer, JSON.")
-    parser.add_argument("--port", type=int, required=True, metavar="N", help="the panel's port, from the first line "
+        description="Send a request to the operator port of a running simulated controller; prints the answer, JSON.")
+    parser.add_argument("--port", type=int, required=True, metavar="N", help="the operator port, from the first line "
                         "of the simulated controller")
     parser.add_argument("action", metavar="ACTION", choices=list(ACTIONS))
     parser.add_argument("parameters", nargs="*", metavar="key=value", help="value is JSON, or text")
@@ -120,7 +123,7 @@ def _panel(arguments: List[str]) -> int:
             parser.error("%r is no key=value" % parameter)
         request[key] = _value(text)
     try:
-        answer = ask_panel(options.port, request)
+        answer = ask_operator_port(options.port, request)
     except JakaError as error:
         print("jaka_sim: error: %s" % error, file=sys.stderr)
         return 1

@@ -16,18 +16,18 @@ from typing import Any, Dict, Optional, Type
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model, load_model_file
 from jaka_ros_driver.protocol.ports import PORTS
-from jaka_ros_driver.simulation.controller.controller import Controller
-from jaka_ros_driver.simulation.controller.controller_state import Options, Start
+from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
-from jaka_ros_driver.simulation.dialect.dialect import COEXISTS, REFUSED, REPLACES, Dialect
-from jaka_ros_driver.simulation.server import panel
+from jaka_ros_driver.simulation.controller.state import Options, Start
+from jaka_ros_driver.simulation.dialect.table import COEXISTS, REFUSED, REPLACES, Dialect
+from jaka_ros_driver.simulation.server import operator_actions
 from jaka_ros_driver.simulation.server.cycle_clock import MIN_FEED_PERIOD_S
-from jaka_ros_driver.simulation.server.server import PANEL, Server
+from jaka_ros_driver.simulation.server.event_loop import OPERATOR, ControllerServer
 from jaka_ros_driver.wire.log import WireLog
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
 SINGLE_CLIENT = {"replace": REPLACES, "refuse": REFUSED, "coexist": COEXISTS}
-"""The dimension ``second_client`` in the words of the command line."""
+"""Spellings of the dimension ``second_client`` on the command line."""
 MAX_TIME_SCALE = 100.0
 _IDENTITY = re.compile(r"[!-~]{1,256}\Z")
 
@@ -38,9 +38,9 @@ class SimulatedController:
     Attributes:
         server: Its sockets; ``server.controller`` is what it serves. While it runs, use both only through ``panel`` or
             ``server.call``.
-        dialect: What it does on the points that are open.
+        dialect: Its choices on the points that are open.
         command_port: Number of its TCP port, as status_port and poll_port.
-        panel_port: Number of the panel's port; None where it has none.
+        panel_port: Number of the operator port; None where it has none.
     """
 
     def __init__(self, model: str = "zu7", dh_file: Optional[str] = None, *, time_scale: float = 1.0,
@@ -50,7 +50,7 @@ class SimulatedController:
                  log: Optional[str] = None, host: str = LOOPBACK, command_port: int = 0, status_port: int = 0,
                  poll_port: int = 0, panel_port: Optional[int] = 0, identity: Optional[str] = None,
                  io_index_base: Optional[int] = None, force_sensor: bool = False) -> None:
-        """Listen.
+        """Listen on the ports.
 
         Args:
             model: Arm model, a name of the models data.
@@ -58,10 +58,10 @@ class SimulatedController:
             time_scale: Simulated seconds a wall second.
             firmware: "1.5.14", "1.7.1" or "1.7.2"; "1.7" is the latter.
             start: "off", "powered" or "enabled".
-            dialect: What it does on the points that are open; None for the firmware's default.
+            dialect: Choices on the points that are open; None for the firmware's default.
             power_delay: Instead of the dialect's: from power_on to energised drives, s of simulated time.
             enable_delay: Instead of the dialect's: from enable_robot to released brakes, s of simulated time.
-            starvation: Instead of the dialect's: what the arm does when a servo stream has no more points.
+            starvation: Instead of the dialect's: reaction of the arm to a servo stream without more points.
             single_client: Instead of the dialect's second_client: "replace", "refuse" or "coexist".
             seed: Of the random generator of the wire faults.
             log: File for the wire log; None for none.
@@ -69,15 +69,15 @@ class SimulatedController:
             command_port: TCP port, 0 for a free one.
             status_port: As command_port.
             poll_port: As command_port.
-            panel_port: As command_port, on loopback; None for none.
-            identity: What it answers to ``get_simulator_identity``; None for a unique text.
+            panel_port: As command_port, for the operator port, on loopback; None for none.
+            identity: Answer to ``get_simulator_identity``; None for a unique text.
             io_index_base: Instead of the dialect's: index of the first terminal in commands, 0 or 1.
             force_sensor: True for a force and torque sensor at the flange.
 
         Raises:
             InvalidCommand: A value is not one of those above.
             WireLogError: The log cannot be written.
-            OSError: A port cannot be had.
+            OSError: A port cannot be bound.
         """
         arm = load_model_file(dh_file) if dh_file else load_model(model)
         if not 0.0 < time_scale <= MAX_TIME_SCALE:
@@ -99,27 +99,34 @@ class SimulatedController:
         self._log = WireLog(log) if log else None
         ports = {"command": command_port, "status": status_port, "poll": poll_port}
         if panel_port is not None:
-            ports[PANEL] = panel_port
+            ports[OPERATOR] = panel_port
         self._thread: Optional[threading.Thread] = None
         try:
-            self.server = Server(controller, host, ports, time_scale=time_scale, seed=seed, log=self._log,
-                                 panel_handler=lambda request: panel.handle(self.server, request))
+            self.server = ControllerServer(
+                controller, host, ports, time_scale=time_scale, seed=seed, log=self._log,
+                operator_handler=lambda request: operator_actions.handle(self.server, request))
         except OSError:
             self._close_log()
             raise
         numbers = self.server.port_numbers
         self.command_port, self.status_port, self.poll_port = (numbers[port] for port in PORTS)
-        self.panel_port = numbers.get(PANEL)
+        self.panel_port = numbers.get(OPERATOR)
 
     def panel(self, action: str, **parameters: Any) -> Dict[str, Any]:
-        """One action of the panel; raises InvalidCommand where it is refused, ConnectionLost where nothing runs."""
-        answer: Dict[str, Any] = self.server.call(lambda: panel.handle(self.server, {"action": action, **parameters}))
+        """Carry out one action of the operator port.
+
+        Raises:
+            InvalidCommand: It is refused.
+            ConnectionLost: Nothing runs.
+        """
+        request = {"action": action, **parameters}
+        answer: Dict[str, Any] = self.server.call(lambda: operator_actions.handle(self.server, request))
         if not answer["ok"]:
-            raise InvalidCommand("panel: %s" % answer["error"])
+            raise InvalidCommand("operator port: %s" % answer["error"])
         return answer
 
     def state(self) -> Dict[str, Any]:
-        """What is true of the arm, in wire units; see the panel's action ``state``."""
+        """Return the true state of the arm, in wire units; see the operator port's action ``state``."""
         shown: Dict[str, Any] = self.panel("state")["state"]
         return shown
 

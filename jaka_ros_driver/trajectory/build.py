@@ -1,4 +1,4 @@
-"""From where the arm is onto a trajectory, and the audit of the whole way before anything of it is sent."""
+"""The way from the arm's position onto a trajectory, and the audit of all of it before anything is sent."""
 from typing import List, NamedTuple, Sequence, Tuple
 
 import numpy as np
@@ -18,7 +18,8 @@ from jaka_ros_driver.trajectory.points import (
 from jaka_ros_driver.trajectory.splines import spline, with_brake
 
 SPEED_SLACK = 1.02
-"""Polynomials through points of the highest speed pass it a little between them; the clock slows there."""
+"""Share of the speed limit that a path may use: polynomials through points of the highest speed overshoot it a little.
+"""
 ACCELERATION_SLACK = 1.02
 _POSITION_SLACK = 1e-6
 _APPROACH_TIMES_S = (0.1, 0.2, 0.4, 0.8, 1.6)
@@ -28,11 +29,11 @@ _PIECE_SAMPLES = (4, 64)
 _SAMPLES_AT_ONCE = 20_000
 _REST_PIECE_S = 1e-3
 MAX_DELAY_S = 60.0
-"""s; longest wait for a trajectory that starts later. A clock that is wrong would ask for a longer one."""
+"""Longest wait, s, for a trajectory that starts later; a wrong clock would ask for a longer one."""
 
 
 class PathStart(NamedTuple):
-    """Where a path begins: at rest, or on another one that is joined there."""
+    """The state in which a path begins: at rest, or in motion on another path that is joined there."""
 
     state: JointState
     is_at_rest: bool
@@ -40,17 +41,17 @@ class PathStart(NamedTuple):
 
 def build_path(start: PathStart, trajectory: JointTrajectory, elapsed: float, model: ArmModel,
                start_tolerance: float) -> Path:
-    """A path from ``start`` through the points, within the limits of the model at every moment.
+    """Return a path from ``start`` through the points, within the limits of the model at every moment.
 
     Points that were to be reached before now are left out. Where the first point is due now or before, the path leads
     onto the polynomials through the points, and else to the first point.
 
     Args:
-        start: Where the arm is, or will be when it joins.
+        start: The state of the arm now, or when it joins.
         trajectory: The points.
-        elapsed: So long ago the trajectory was to start, s; negative where it starts later.
+        elapsed: Time since the trajectory was to start, s; negative where it starts later.
         model: Its limits.
-        start_tolerance: rad; so far an arm at rest may be from where the trajectory begins.
+        start_tolerance: Largest distance, rad, of an arm at rest from the begin of the trajectory.
 
     Raises:
         InvalidTrajectory: The message names point or joint, time, value, and what is valid.
@@ -85,7 +86,7 @@ def _build(start: PathStart, trajectory: JointTrajectory, elapsed: float, model:
 
 
 def audit(path: Path, model: ArmModel) -> None:
-    """See that every joint keeps its limits of position, speed and acceleration on the whole path.
+    """Check that every joint keeps its limits of position, speed and acceleration on the whole path.
 
     Raises:
         InvalidTrajectory: It does not; the message names the joint, the time, the value and the limit.
@@ -108,21 +109,21 @@ def audit(path: Path, model: ArmModel) -> None:
 # ---- inside ----
 
 def _through(points: Sequence[TrajectoryPoint], start: PathStart) -> Tuple[Array, Array]:
-    """Polynomials through these points, of which the first may be where the arm is."""
+    """Return the polynomials through these points, of which the first may be the arm's own state."""
     if all(point.velocity is None for point in points[1:]):
         return rounded_lines(points, start.state.velocity)
     return spline(points)
 
 
 def _ended(breaks: Array, coefficients: Array, last: TrajectoryPoint) -> Tuple[Array, Array]:
-    """With a brake behind a last point that has a velocity."""
+    """Return the path with a braking segment appended where the last point has a velocity."""
     if last.velocity is None or max(map(abs, last.velocity)) <= REST_VELOCITY:
         return breaks, coefficients
     return with_brake(breaks, coefficients, last.velocity, JOINT_ACCELERATION_CEILING)
 
 
 def _path_of_no_way(start: PathStart, trajectory: JointTrajectory, elapsed: float, start_tolerance: float) -> Path:
-    """Of a plan whose only point is due at its start: the arm is there already, and stays."""
+    """Return the path of a plan whose only point is due at its start: the arm is there already, and stays."""
     last = trajectory.points[-1]
     if elapsed > last.time or not start.is_at_rest:
         raise TrajectoryOfThePast("every point lies in the past: the last one was due %.3f s ago" % (
@@ -134,7 +135,7 @@ def _path_of_no_way(start: PathStart, trajectory: JointTrajectory, elapsed: floa
 
 
 def _led_onto(path: Path, start: PathStart, since: float, model: ArmModel, start_tolerance: float) -> Path:
-    """The path with what leads onto it from beside: the shortest way that keeps the limits."""
+    """Return the path with the shortest approach onto it that keeps the limits."""
     on_path = path.at(since)
     if start.is_at_rest:
         _check_start(start.state.position, on_path.position, start_tolerance)
@@ -185,7 +186,10 @@ def _audit_at(path: Path, model: ArmModel, times: Array) -> None:
 
 
 def _audit_changes(path: Path) -> None:
-    """A speed that changes from one polynomial to the next must be changed within one cycle; so must the last one."""
+    """Refuse a speed that changes from one polynomial to the next by more than one cycle allows.
+
+    The change to rest at the end of the path counts, too.
+    """
     starts, durations = path.coefficients[:, 1], np.diff(path.breaks)
     powers = durations[:, None] ** np.arange(TERMS - 1) * np.arange(1, TERMS)
     ends = np.einsum("nt,ntj->nj", powers, path.coefficients[:, 1:])

@@ -1,4 +1,4 @@
-"""Runs along a path, one step each cycle: at the speed that is wanted, and never faster than the joints can follow.
+"""The clock along a path: one step each cycle, at the wanted speed, and never faster than the joints can follow.
 
 Only the clock's speed changes, never the path: a pause, another speed, a stop or time that was lost lead the arm along
 the same way.
@@ -19,12 +19,15 @@ _SAME_RATE = 1e-4
 _TRIES = 4
 _SHORT_S = 1e-5
 _ROOM = 0.5 * JOINT_ACCELERATION_CEILING
-"""rad/s2; with the rest of its acceleration an arm at the highest speed gives up 5 % of it within four cycles."""
+"""Acceleration, rad/s2, that any joint may need soon where the arm is to run faster than the path.
+
+With the rest of its acceleration an arm at the highest speed slows by 5 % within four cycles.
+"""
 _CYCLES_AHEAD = 7
 
 
 class _Step(NamedTuple):
-    """Where a cycle leads from the present one at the rate that is wanted; the names are those of the clock."""
+    """The result of one cycle from the present one at the wanted rate; the names are those of the clock."""
 
     wanted: float
     time: float
@@ -34,18 +37,18 @@ class _Step(NamedTuple):
 
 
 class PathClock:
-    """Where on its path the arm is sent.
+    """The clock that turns a path into one position for each cycle.
 
     Attributes:
-        path: What is followed.
+        path: The path that is followed.
         time: On the path, s.
         rate: Seconds of the path for each second, in the last cycle.
-        position: Where the arm was sent last, rad (6,).
+        position: The last position sent, rad (6,).
         velocity: Of the last cycle, rad/s (6,).
     """
 
     def __init__(self, path: Path, model: ArmModel) -> None:
-        """Begin at rest at the path's begin."""
+        """Start the clock at rest at the path's begin."""
         self.path = path
         self.time = path.begin
         self.rate = 0.0
@@ -57,16 +60,16 @@ class PathClock:
 
     @property
     def is_at_end(self) -> bool:
-        """The path has been followed to its end."""
+        """True once the path has been followed to its end."""
         return self.time >= self._end
 
     @property
     def is_still(self) -> bool:
-        """The last cycle moved nothing."""
+        """True where the last cycle moved nothing."""
         return max(map(abs, self.velocity)) <= _STILL
 
     def state(self) -> JointState:
-        """Where the joints are wanted now, and how they are to move at the present rate."""
+        """Return the wanted position of the joints now, and their velocity and acceleration at the present rate."""
         position, velocity, acceleration = self._at(self.time)
         return JointState(position, tuple([v * self.rate for v in velocity]),
                           tuple([a * self.rate * self.rate for a in acceleration]))
@@ -77,19 +80,24 @@ class PathClock:
         self._ahead = None
 
     def pass_rest(self, seconds: float) -> None:
-        """Go so far ahead on a path that starts later, s: to its start at most, or to where another one is joined."""
+        """Advance by ``seconds`` on a path that starts later.
+
+        The clock goes to the path's start at most, or to where another path is joined.
+        """
         until = 0.0 if self._next is None else min(0.0, self._next[0])
         self.time = max(self.time, min(self.time + seconds, until))
         self._ahead = None
 
     def look_ahead(self, wanted: float) -> Vector:
-        """Where ``step`` will lead, rad (6,); it is computed now, and need not be then, unless something changes."""
+        """Compute the position to which ``step`` will lead, rad (6,), and keep it for ``step`` unless something
+        changes.
+        """
         if self._ahead is None or self._ahead.wanted != wanted:
             self._ahead = self._from_here(wanted)
         return self._ahead.position
 
     def step(self, wanted: float) -> Vector:
-        """Go one cycle further, if possible at the rate ``wanted`` (0 and more); returns the position, rad (6,)."""
+        """Advance one cycle, if possible at the rate ``wanted`` (0 and more); return the position, rad (6,)."""
         position = self.look_ahead(wanted)
         assert self._ahead is not None
         _, self.time, self.rate, _, self.velocity = self._ahead
@@ -130,9 +138,10 @@ class PathClock:
         return path.at(path.begin + time - joined_at)
 
     def _possible(self, wanted: float, expected: float) -> float:
-        """The rate nearest to the wanted one that asks no joint for more speed or acceleration than it has.
+        """Return the rate nearest to the wanted one that asks no joint for more speed or acceleration than it has.
 
-        Judged by the mean speeds over the stretch that is passed at the ``expected`` rate: a turn may begin within it.
+        It is judged by the mean speeds over the stretch that is passed at the ``expected`` rate: a turn may begin
+        within it.
         """
         speeds = self._mean_speeds(expected * SERVO_PERIOD_S)
         low, high = self._rates(speeds, _CHANGE)
@@ -149,7 +158,9 @@ class PathClock:
         return max(0.0, min(max(wanted, low), high))
 
     def _rates(self, speeds: Vector, change: float) -> Tuple[float, float]:
-        """Between which rates no speed, rad/s, changes by more than ``change`` against the last cycle's."""
+        """Return the bounds of the rate within which no speed, rad/s, changes by more than ``change`` since the last
+        cycle.
+        """
         low, high = 0.0, math.inf
         for speed, before in zip(speeds, self.velocity):
             if abs(speed) > _STILL:
@@ -164,6 +175,9 @@ class PathClock:
         return tuple([(new - old) / duration for new, old in zip(self._at(until).position, self.position)])
 
     def _has_room_ahead(self) -> bool:
-        """No joint needs much of its acceleration soon: an arm that is early for a turn cannot slow down within it."""
+        """Return whether every joint needs little of its acceleration soon.
+
+        An arm that is early for a turn cannot slow down within it.
+        """
         return all(max(map(abs, self._at(self.time + n * SERVO_PERIOD_S).acceleration)) <= _ROOM
                    for n in range(_CYCLES_AHEAD))

@@ -1,9 +1,9 @@
-"""Points without velocities: straight lines from one to the next, rounded where the speed changes.
+"""Paths through points without velocities: straight lines from one to the next, rounded where the speed changes.
 
 A line that turned at a point within one cycle would need more acceleration than a joint has. Around each point the
-speed is changed with the joint's highest acceleration instead, half of it before the point and half behind, so that
-the arm passes beside it, by the change of speed squared, divided by eight times the acceleration. It begins on the
-first point and ends on the last one.
+speed is changed with the joint's highest acceleration instead, half of it before the point and half behind, so that the
+arm passes beside it, by the change of speed squared, divided by eight times the acceleration. It begins on the first
+point and ends on the last one.
 """
 from typing import Sequence, Tuple
 
@@ -20,7 +20,8 @@ _SAME_TIME_S = 1e-9
 
 
 def rounded_lines(points: Sequence[TrajectoryPoint], start_velocity: Vector) -> Tuple[Array, Array]:
-    """Breaks and coefficients, as of ``Path``, through two or more points; begun with ``start_velocity``, rad/s (6,).
+    """Return the breaks and coefficients of a ``Path`` through two or more points, begun with ``start_velocity``, rad/s
+    (6,).
 
     Raises:
         InvalidTrajectory: The points are too near to each other in time for the changes of speed that they ask for.
@@ -69,7 +70,7 @@ def rounded_lines(points: Sequence[TrajectoryPoint], start_velocity: Vector) -> 
 
 
 def _end_blends(positions: Array, durations: Array, start: Array) -> Tuple[float, float]:
-    """Of the first and of the last point, whose speeds depend on them, s."""
+    """Return the blend times, s, of the first and of the last point, on which the speeds of their lines depend."""
     if len(durations) == 1:
         both = _shortest_blend(durations[0], lambda b: (positions[1] - positions[0] - 0.5 * b * start) / (
             durations[0] - b), (start, np.zeros(JOINT_COUNT)), 1)
@@ -81,7 +82,7 @@ def _end_blends(positions: Array, durations: Array, start: Array) -> Tuple[float
 
 
 def _shortest_blend(room: float, velocity_with: "object", others: Tuple[Array, ...], number: int) -> float:
-    """The shortest time, s, in which the speed of the line can be taken up from, or given up to, the others."""
+    """Return the shortest time, s, in which the speed of the line can be reached from, or reduced to, the others."""
     blend = 0.0
     while blend < room:
         velocity = velocity_with(blend)  # type: ignore[operator]

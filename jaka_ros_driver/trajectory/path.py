@@ -13,7 +13,7 @@ Array = Any
 
 
 class JointState(NamedTuple):
-    """Where the joints are, and how they move: rad, rad/s, rad/s2, (6,) each."""
+    """The positions, velocities and accelerations of the joints: rad, rad/s, rad/s2, (6,) each."""
 
     position: Vector
     velocity: Vector
@@ -21,7 +21,7 @@ class JointState(NamedTuple):
 
 
 class Approach(NamedTuple):
-    """What is added to the polynomials until ``until``: it leads from beside the path onto it.
+    """The polynomial that is added until ``until``: it leads from beside the path onto it.
 
     Attributes:
         since, until: s.
@@ -34,7 +34,7 @@ class Approach(NamedTuple):
 
 
 class Path:
-    """Joints over time. Before its begin and behind its end the arm rests there.
+    """The joints over time; before its begin and behind its end the arm rests there.
 
     Attributes:
         begin, end: s; time is that of the trajectory's points, so ``begin`` is negative where it starts later.
@@ -52,7 +52,7 @@ class Path:
         self.approach = approach
 
     def at(self, time: float) -> JointState:
-        """Position, velocity and acceleration at this time, s."""
+        """Return position, velocity and acceleration at this time, s."""
         inside = min(max(time, float(self.breaks[0])), self.end)
         index = min(max(int(np.searchsorted(self.breaks, inside, side="right")) - 1, 0), len(self.coefficients) - 1)
         values = derivatives(inside - float(self.breaks[index])) @ self.coefficients[index]
@@ -64,7 +64,7 @@ class Path:
         return JointState(tuple(position), tuple(velocity), tuple(acceleration))
 
     def samples(self, times: Array) -> Tuple[Array, Array, Array]:
-        """The same at many times within the path, s (m,): three arrays (m, 6)."""
+        """Return positions, velocities and accelerations at many times within the path, s (m,): three arrays (m, 6)."""
         index = np.clip(np.searchsorted(self.breaks, times, side="right") - 1, 0, len(self.coefficients) - 1)
         values = _sampled(times - self.breaks[index], self.coefficients[index])
         approach = self.approach
@@ -78,7 +78,7 @@ class Path:
 
 
 def derivatives(u: float) -> Array:
-    """Powers of u, and their first and second derivatives, (3, 6): times coefficients gives value, slope, curvature."""
+    """Return the powers of u and their first and second derivatives, (3, 6), to multiply with coefficients."""
     u2, u3 = u * u, u * u * u
     return np.array(((1.0, u, u2, u3, u2 * u2, u2 * u3),
                      (0.0, 1.0, 2.0 * u, 3.0 * u2, 4.0 * u3, 5.0 * u2 * u2),
@@ -86,7 +86,7 @@ def derivatives(u: float) -> Array:
 
 
 def quintic(duration: Array, start: Tuple[Array, Array, Array], end: Tuple[Array, Array, Array]) -> Array:
-    """Polynomials with these positions, velocities and accelerations at both ends.
+    """Return the polynomials with these positions, velocities and accelerations at both ends.
 
     Args:
         duration: s (n,).
@@ -107,7 +107,7 @@ def quintic(duration: Array, start: Tuple[Array, Array, Array], end: Tuple[Array
 
 
 def cubic(duration: Array, start: Tuple[Array, Array], end: Tuple[Array, Array]) -> Array:
-    """As ``quintic``, with positions and velocities at both ends."""
+    """Return the polynomials as ``quintic`` does, with positions and velocities at both ends."""
     t = np.asarray(duration, dtype=float)[:, None]
     (p, v), (q, w) = start, end
     way = q - p - v * t

@@ -1,4 +1,4 @@
-"""What a client asks for: points of a trajectory, and how near the arm must keep to it."""
+"""The trajectory that a client asks for: points, and how near the arm must keep to them."""
 import math
 from dataclasses import dataclass
 from typing import Optional, Tuple
@@ -8,10 +8,10 @@ from jaka_ros_driver.kinematics.arm_models import JOINT_COUNT
 from jaka_ros_driver.state import Vector
 
 MAX_POINTS = 100_000
-"""A plan of 800 s with a point each cycle; a longer one is sent in parts."""
+"""Most points of a plan, 800 s with a point each cycle; a longer plan is sent in parts."""
 MAX_DURATION_S = 24.0 * 3600.0
 REST_VELOCITY = 1e-3
-"""rad/s; a last point that is slower than this means rest."""
+"""Highest velocity, rad/s, of a last point that still means rest."""
 
 
 class InvalidTrajectory(InvalidCommand):
@@ -19,12 +19,12 @@ class InvalidTrajectory(InvalidCommand):
 
 
 class TrajectoryOfThePast(InvalidTrajectory):
-    """Every point was to be reached before now."""
+    """The trajectory whose points were all to be reached before now."""
 
 
 @dataclass(frozen=True)
 class TrajectoryPoint:
-    """One point; joint 1 (base) first.
+    """One point of a trajectory; joint 1 (base) first.
 
     Attributes:
         time: From the trajectory's start, s.
@@ -55,13 +55,13 @@ class JointTrajectory:
 
 
 @dataclass(frozen=True)
-class Tolerances:
-    """How near the arm must keep to a trajectory; None: the joint is not watched.
+class TrajectoryTolerances:
+    """The deviations that are allowed from a trajectory; None: the joint is not watched.
 
     Attributes:
         path: On the way, rad (6,).
         goal: At the end, rad (6,).
-        goal_time: So long after its time the arm must rest at the end, s; None: however long it takes.
+        goal_time: Longest time, s, after its end at which the arm must rest there; None: however long it takes.
     """
 
     path: Tuple[Optional[float], ...]
@@ -70,7 +70,7 @@ class Tolerances:
 
 
 def check_points(trajectory: JointTrajectory) -> None:
-    """See that the points are six finite numbers each, at times that rise, and that the arm is to rest at the end.
+    """Check that the points are six finite numbers each, at rising times, and that the arm is to rest at the end.
 
     Raises:
         InvalidTrajectory: The message names the point, its value, and what is valid.

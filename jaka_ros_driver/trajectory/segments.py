@@ -1,6 +1,4 @@
-"""Paths of several segments, joint motions, lines and arcs, as the controller runs them: their audit, and how far an
-arm has come on one.
-"""
+"""Paths of joint motions, lines and arcs that the controller runs: their audit, and the arm's progress on one."""
 import math
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
@@ -11,37 +9,40 @@ from jaka_ros_driver.state import RobotState, Vector
 
 MAX_SEGMENTS = 200
 ARC_TURN_SPEED = math.pi
-"""rad/s; a controller that is told none turns the tool on an arc so fast (docs/sdk-client.md section 8)."""
+"""Angular speed, rad/s, of the tool on an arc for which the controller is given none (docs/sdk-client.md section 8)."""
 _NOWHERE = 1e-6
-"""m or rad; a segment that is shorter leads nowhere, and is not sent."""
+"""Length, m or rad, below which a segment leads nowhere, and is not sent."""
 _PURE_TURN = 1e-3
-"""m; a line that is shorter is told from its rotation."""
+"""Length, m, below which the progress on a line is judged by its rotation."""
 _JOINT_LEVER = 0.5
 _TURN_LEVER = 0.1
-"""m; how much a wrong angle counts beside a wrong place."""
+"""Levers, m, that make an angle comparable with a distance: of a joint, and of the tool's rotation."""
 _SLACK_S = 0.05
 _FASTEST = 1.2
-"""An arm comes no further between two frames than so many times the time between them, and the slack."""
+"""Largest factor by which an arm progresses faster than time between two frames, beside the slack."""
 _BESIDE = 0.003
-"""m; so far an arm that is on its path may be beside it, where no corner is rounded."""
+"""Largest distance, m, of an arm from its path where no corner is rounded."""
 _ASIDE_SHARE = 0.3
 _FAR_ASIDE = 0.02
-"""A place is reached only by an arm that has come nearer to it: what is left is at most this share of its way, and so
-many m. An arm that comes by farther away is moved by something else."""
+"""The largest distance from a place at which it counts as reached: a share of the remaining way, and a bound, m.
+
+An arm that passes by farther away is moved by something else.
+"""
 _ROUNDS = 5
 _BEHIND_CORNER = 1e-3
-"""m; an arm counts as behind a corner when it is nearer by so much to what follows: two segments may lie close."""
+"""Advantage, m, by which an arm must be nearer to the next segment to be behind a corner: two segments may lie close.
+"""
 
 
-class Place(NamedTuple):
-    """Where a segment begins or ends: joints, rad (6,), and the tool in the user frame, m and rpy rad."""
+class PathPlace(NamedTuple):
+    """The begin or end of a segment: joints, rad (6,), and the tool in the user frame, m and rpy rad."""
 
     joints: Vector
     tool: Pose
 
 
 class Circle(NamedTuple):
-    """Of an arc: its centre and two vectors of its plane, m (3,), each as long as its radius; how far it turns, rad."""
+    """The circle of an arc: centre, two vectors of its plane as long as its radius, m (3,); its sweep, rad."""
 
     centre: Vector
     arm: Vector
@@ -50,11 +51,11 @@ class Circle(NamedTuple):
 
     @property
     def radius(self) -> float:
-        """m."""
+        """The radius, m."""
         return math.hypot(*self.arm)
 
     def at(self, share: float) -> Vector:
-        """The place at this share of it, m (3,)."""
+        """Return the point at this share of the arc, m (3,)."""
         c, s = math.cos(share * self.sweep), math.sin(share * self.sweep)
         return tuple([o + c * a + s * b for o, a, b in zip(self.centre, self.arm, self.across)])
 
@@ -63,14 +64,14 @@ class Segment:
     """One segment, between two places.
 
     Attributes:
-        command: What the controller is sent.
+        command: The command that the controller is sent.
         end: Where it ends.
         length: Of the tool's way, m; of a joint motion at least that.
         duration: At its programmed speed, without acceleration and braking, s.
     """
 
-    def __init__(self, command: PathCommand, start: Place, end: Place) -> None:
-        """Raises InvalidCommand where there is no such arc."""
+    def __init__(self, command: PathCommand, start: PathPlace, end: PathPlace) -> None:
+        """Compute length and duration; raise InvalidCommand where there is no such arc."""
         self.command = command
         self.start, self.end = start, end
         self._turned = matrix_from_rpy(end.tool.rpy)
@@ -93,11 +94,14 @@ class Segment:
 
     @property
     def kind(self) -> str:
-        """Its name in messages."""
+        """The segment's name in messages."""
         return {JointMove: "joint", LinearMove: "line", ArcMove: "arc"}[type(self.command)]
 
     def distance(self, share: float, state: RobotState, turned: Optional[Matrix]) -> float:
-        """How far the arm is from this share of it, m and angles as m; ``turned``: the tool's rotation, if known."""
+        """Return the distance of the arm from this share of the segment, m, angles converted to m.
+
+        turned: The tool's rotation, if known.
+        """
         if isinstance(self.command, JointMove):
             return _JOINT_LEVER * max([abs(a + share * (b - a) - q) for a, b, q in zip(
                 self.start.joints, self.end.joints, state.joint_position)])
@@ -121,12 +125,12 @@ class SegmentPath:
         ends: When each ends at its programmed speed, s from the begin.
     """
 
-    def __init__(self, commands: Sequence[PathCommand], places: Sequence[Place]) -> None:
+    def __init__(self, commands: Sequence[PathCommand], places: Sequence[PathPlace]) -> None:
         """Join the segments.
 
         Args:
             commands: Each of which keeps the limits of the arm.
-            places: One more: where the first begins, and where each ends.
+            places: One more than the commands: the begin of the first segment, and the end of each.
 
         Raises:
             InvalidCommand: A segment cannot be run, or a blend radius is larger than its neighbours allow.
@@ -148,15 +152,15 @@ class SegmentPath:
 
     @property
     def duration(self) -> float:
-        """At the programmed speeds, s."""
+        """The duration at the programmed speeds, s."""
         return self.ends[-1]
 
     def completed(self, time: float) -> int:
-        """How many segments have ended at this time, s."""
+        """Return the number of segments that have ended at this time, s."""
         return sum(1 for end in self.ends if end <= time + 1e-9)
 
     def distance(self, time: float, state: RobotState, turned: Optional[Matrix]) -> float:
-        """How far the arm is from the place of this time, m."""
+        """Return the distance of the arm from the place of this time, m."""
         number = min(self.completed(time), len(self.segments) - 1)
         segment = self.segments[number]
         begin = self.ends[number] - segment.duration
@@ -178,8 +182,8 @@ class SegmentPath:
                                      "beside the corner, %.6g m" % (number, radius, longest))
 
 
-class Tracker:
-    """How far an arm has come on a path: the nearest place that it can have reached since the last frame.
+class PathTracker:
+    """The arm's progress on a path: the nearest place that it can have reached since the last frame.
 
     Attributes:
         time: The place, as a time of the path, s; it does not fall.
@@ -192,7 +196,7 @@ class Tracker:
         self.time = 0.0
 
     def observe(self, state: RobotState) -> None:
-        """Take a fresh state into account; an arm beside its path has come no further."""
+        """Advance to the place of a fresh state; an arm beside its path makes no progress."""
         elapsed = max(0.0, state.received_at - self._seen_at)
         low = self.time
         high = min(self._path.duration, low + _FASTEST * elapsed + _SLACK_S)
@@ -208,7 +212,7 @@ class Tracker:
             self.time, self._seen_at = best, state.received_at
 
     def _nearest(self, low: float, high: float, state: RobotState, turned: Optional[Matrix]) -> Tuple[float, float]:
-        """The nearest place between these times of one segment, as a time, and how far it is, m."""
+        """Return the nearest place between these times of one segment, as a time, and its distance, m."""
         first, last, found = low, high, (low, math.inf)
         for _ in range(_ROUNDS):
             step = 0.25 * (last - first)
@@ -221,17 +225,20 @@ class Tracker:
 
     @property
     def completed(self) -> int:
-        """Segments that have ended."""
+        """The number of segments that have ended."""
         return self._path.completed(self.time)
 
     @property
     def fraction(self) -> float:
-        """Of the whole path's duration at the programmed speeds, 0 to 1."""
+        """The share of the whole path's duration at the programmed speeds, 0 to 1."""
         return 1.0 if self._path.duration <= 0.0 else min(1.0, self.time / self._path.duration)
 
 
 def circle_through(start: Sequence[float], via: Sequence[float], end: Sequence[float]) -> Circle:
-    """The arc from start by via to end, m (3,) each; raises InvalidCommand where these lie on a line, or coincide."""
+    """Return the arc from start by via to end, m (3,) each.
+
+    Raises InvalidCommand where they lie on a line, or coincide.
+    """
     ab, ac = _minus(via, start), _minus(end, start)
     plane = _cross(ab, ac)
     area = math.hypot(*plane)

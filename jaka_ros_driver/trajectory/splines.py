@@ -1,4 +1,4 @@
-"""Points with velocities, or with velocities and accelerations, to polynomials."""
+"""Polynomials through points with velocities, or with velocities and accelerations."""
 from typing import Sequence, Tuple
 
 import numpy as np
@@ -11,9 +11,9 @@ _NOTHING = (0.0,) * JOINT_COUNT
 
 
 def spline(points: Sequence[TrajectoryPoint]) -> Tuple[Array, Array]:
-    """Breaks (n,) and coefficients (n - 1, 6, 6), as of ``Path``, through two or more points.
+    """Return the breaks (n,) and coefficients (n - 1, 6, 6) of a ``Path`` through two or more points.
 
-    Between two points with accelerations quintic, with velocities cubic, else straight: what ros_controllers'
+    Between two points with accelerations quintic, with velocities cubic, else straight, as ros_controllers'
     JointTrajectoryController does.
     """
     times = np.array([point.time for point in points])
@@ -39,7 +39,7 @@ def spline(points: Sequence[TrajectoryPoint]) -> Tuple[Array, Array]:
 
 def with_brake(breaks: Array, coefficients: Array, velocity: Sequence[float],
                acceleration: float) -> Tuple[Array, Array]:
-    """The same with a piece more, in which joints of this velocity, rad/s (6,), are braked together."""
+    """Return the path with one more piece, in which joints of this velocity, rad/s (6,), are braked together."""
     duration = max(map(abs, velocity)) / acceleration
     u = breaks[-1] - breaks[-2]
     piece = np.zeros((1, TERMS, JOINT_COUNT))

@@ -1,11 +1,11 @@
-"""The bytes between a driver and a controller, real or simulated: recorded, and played again.
+"""The bytes between a driver and a controller, real or simulated: recorded, and replayed.
 
-sockets       accept, receive, send, close: as the simulated controller, the proxy and the player do it
-listeners     listening sockets that are closed and opened again under the same number
-port_server   the loop that the proxy and the player share
-program       priority, signals and the first line of output of these programs
-log           the wire log: every byte in and out, with its time
-proxy         stands between a driver and a real controller and writes a wire log
-script        a wire log as what is to be sent, and when
-player        plays a wire log to a driver
+sockets           non-blocking accept, receive, send and close, shared by simulated controller, proxy and replayer
+listeners         listening sockets that are closed and opened again under the same number
+port_server       the loop that the proxy and the replayer share
+startup           priority, signals and the first line of output of these commands
+log               the wire log: every byte in and out, with its time
+proxy             stands between a driver and a real controller and writes a wire log
+recorded_session  a recorded session: the bytes of a wire log, arranged for replay
+replayer          replays a recorded session to a driver
 """

@@ -7,7 +7,9 @@ _BACKLOG = 16
 
 
 class Listeners:
-    """Listening sockets by port name. Each is registered with the selector, with its name as data.
+    """The listening sockets of a server by port name.
+
+    Each is registered with the selector, with its name as data.
 
     Attributes:
         numbers: Name of a port to its TCP port number.
@@ -19,14 +21,14 @@ class Listeners:
         self._listeners: Dict[str, Tuple[str, socket.socket]] = {}
 
     def add(self, port: str, host: str, number: int) -> None:
-        """Listen at host on TCP port ``number``, 0 for a free one; raises OSError where it cannot be had."""
+        """Listen at host on TCP port ``number``, 0 for a free one; raise OSError where it cannot be bound."""
         listener = _bound(host, number)
         self._listeners[port] = (host, listener)
         self.numbers[port] = listener.getsockname()[1]
         self.open(port)
 
     def open(self, port: str) -> None:
-        """Listen again; no effect while it is open."""
+        """Listen again; no effect while the port is open."""
         _, listener = self._listeners[port]
         if listener not in self._selector.get_map():
             listener.listen(_BACKLOG)

@@ -1,11 +1,10 @@
-"""The wire log: every byte in and out with its time, and the arm's joints; an MCAP file with JSON channels, for
-Foxglove.
+"""The wire log: every byte in and out with its time, and the arm's joints, as an MCAP file that Foxglove opens.
 
 Channels ``/wire/command``, ``/wire/status``, ``/wire/poll`` hold one message for each piece read or sent. Its bytes are
 in ``data`` as text, one character for each byte (Latin-1), so that nothing is lost and JSON stays readable. ``/joints``
-holds the true joints of a simulated arm. Times are those of the host's monotonic clock, ns; bytes in have the moment
-at which the system got them (Linux), bytes out that at which they were handed to it. Therefore a piece may stand in the
-file behind one of another connection that is a little later.
+holds the true joints of a simulated arm. Times are those of the host's monotonic clock, ns; received bytes have the
+moment at which the system received them (Linux), sent ones that at which they were handed to it. Therefore a piece may
+stand in the file behind one of another connection that is a little later.
 
 A thread of its own writes the log, and flushes it at least once a second and when it is closed. The package ``mcap`` is
 imported only when a log is written or read.
@@ -80,10 +79,10 @@ class TrueJoints(NamedTuple):
 
 
 class WireLog:
-    """Writes a wire log; no method but ``close`` waits for the disk."""
+    """The writer of a wire log; no method but ``close`` waits for the disk."""
 
     def __init__(self, path: str) -> None:
-        """Begin the file; raises WireLogError where mcap is missing, or the file exists or cannot be written."""
+        """Create the file; raise WireLogError where mcap is missing, or the file exists or cannot be written."""
         writer = _mcap().writer
         try:
             self._file = open(path, "xb")
@@ -114,25 +113,28 @@ class WireLog:
         return channels
 
     def bytes_in(self, time_ns: int, port: str, connection: int, data: bytes) -> None:
-        """Note bytes that came in."""
+        """Record received bytes."""
         self._note(port, time_ns, connection, "in", data)
 
     def bytes_out(self, time_ns: int, port: str, connection: int, data: bytes) -> None:
-        """Note bytes that the network has taken."""
+        """Record bytes that the network has taken."""
         self._note(port, time_ns, connection, "out", data)
 
     def event(self, time_ns: int, port: str, connection: int, what: str, peer: str) -> None:
-        """Note that a connection began or ended; ``what`` as in ``WireEvent``."""
+        """Record that a connection began or ended; ``what`` as in ``WireEvent``."""
         self._note(port, time_ns, connection, what, peer.encode("ascii"))
         if what in ("close", "reset"):
             self._newest.pop(connection, None)
 
     def joints(self, time_ns: int, simulated_s: float, joint_position: Vector) -> None:
-        """Note the true joints of the arm, rad (6,)."""
+        """Record the true joints of the arm, rad (6,)."""
         self._put(_JOINTS_TOPIC, time_ns, (simulated_s, joint_position))
 
     def _note(self, port: str, time_ns: int, connection: int, what: str, data: bytes) -> None:
-        """Nothing of a connection gets a time before what was noted of it earlier, as bytes that waited would."""
+        """Queue an entry, with a time that does not lie before that of its connection's previous entry.
+
+        Bytes that waited to be sent would otherwise be logged before their cause.
+        """
         self._newest[connection] = time_ns = max(time_ns, self._newest.get(connection, 0))
         self._put("/wire/" + port, time_ns, (connection, what, data))
 
@@ -143,7 +145,9 @@ class WireLog:
             self.lost += 1
 
     def close(self) -> None:
-        """End the file; its metadata tell how many messages were lost. Raises WireLogError where it is not complete."""
+        """Finish the file, with the number of lost messages in its metadata; raise WireLogError where it is not
+        complete.
+        """
         self._queue.put(None)
         self._thread.join()
         try:
@@ -191,7 +195,9 @@ def _text(time_ns: int, content: Any) -> bytes:
 
 
 def clock_offset_ns(path: str) -> int:
-    """What to add to a log's times to get real time, ns; 0 where it does not tell. Raises as ``read_log``."""
+    """Return the offset from a log's times to real time, ns; 0 where the log has none. Errors are those of
+    ``read_log``.
+    """
     kinds = _mcap().records
     with _reading(path) as records:
         for record in records:
@@ -203,9 +209,10 @@ def clock_offset_ns(path: str) -> int:
 
 
 def read_log(path: str) -> List[Union[WireEvent, TrueJoints]]:
-    """The messages of a wire log in the order of time; a log that was not ended is read as far as it goes.
+    """Return the messages of a wire log in the order of time; an unfinished log is read as far as it goes.
 
-    Raises WireLogError where the package mcap is missing, or the file cannot be read or is no wire log.
+    Raises:
+        WireLogError: The package mcap is missing, or the file cannot be read or is no wire log.
     """
     kinds = _mcap().records
     topics: Dict[int, str] = {}
@@ -229,7 +236,7 @@ def _mcap() -> Any:
 
 
 class _WholeReads(io.BufferedReader):
-    """A file whose reads give all the bytes asked for, or raise EOFError: an unfinished log may end at any byte."""
+    """A file whose reads return all the bytes asked for, or raise EOFError: an unfinished log may end at any byte."""
 
     def __init__(self, path: str) -> None:
         super().__init__(io.FileIO(path))
@@ -243,7 +250,7 @@ class _WholeReads(io.BufferedReader):
 
 @contextlib.contextmanager
 def _reading(path: str) -> Iterator[Iterator[Any]]:
-    """A context with a log's records; it ends where an unfinished log ends. Errors become WireLogErrors."""
+    """Open a log and yield its records, up to where an unfinished log ends; errors become WireLogErrors."""
     reader = _mcap().stream_reader
     try:
         with _WholeReads(path) as file:

@@ -1,4 +1,4 @@
-"""The loop of a program that serves a controller's ports in one thread; what it does with a connection is its own."""
+"""The event loop of a command that serves a controller's ports in one thread."""
 import selectors
 import socket
 from typing import Any, Mapping
@@ -7,18 +7,18 @@ from jaka_ros_driver.wire import sockets
 from jaka_ros_driver.wire.listeners import Listeners
 
 IDLE_S = 0.5
-"""Longest wait of the loop; ``stop`` takes effect after this time at most."""
+"""Longest wait, s, of the loop; ``stop`` takes effect after this time at most."""
 
 
 class PortServer:
-    """Listens on ports and runs the loop. A base class: the methods of the second part say what the program does.
+    """The base class of a server: it listens on ports and runs the loop; the methods of its second part are overridden.
 
     Attributes:
         port_numbers: TCP port number by name.
     """
 
     def __init__(self, host: str, ports: Mapping[str, int]) -> None:
-        """Listen at host on the ports by name, 0 for a free one; raises OSError where a port cannot be had."""
+        """Listen at host on the ports by name, 0 for a free one; raise OSError where a port cannot be bound."""
         self._selector = selectors.DefaultSelector()
         self._listeners = Listeners(self._selector)
         self._is_running = True
@@ -55,7 +55,7 @@ class PortServer:
     # --- what the program does --------------------------------------------------------------------------------------
 
     def _wait_s(self) -> float:
-        """Longest wait for the next event, s."""
+        """Return the longest wait for the next event, s."""
         return IDLE_S
 
     def _accept(self, link: socket.socket, peer: str, port: str) -> None:
@@ -67,8 +67,8 @@ class PortServer:
         raise NotImplementedError
 
     def _turn(self) -> None:
-        """Do what is due by time, once in each turn of the loop."""
+        """Do the work that is due by time, once in each turn of the loop."""
 
     def _close_all(self) -> None:
-        """Close the program's connections at the end of ``run``."""
+        """Close the server's connections at the end of ``run``."""
         raise NotImplementedError

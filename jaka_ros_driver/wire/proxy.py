@@ -1,4 +1,4 @@
-"""``jaka_sim proxy``: stands between a driver and a real controller, forwards every byte unchanged and logs it.
+"""The proxy ``jaka_sim proxy`` between a driver and a real controller: it forwards every byte unchanged and logs it.
 
 Both directions of the ports 10001, 10000 and 10004 are forwarded at once (TCP_NODELAY), whatever the bytes are. The log
 is a wire log as the simulated controller writes it; ``jaka_bag replay-wire`` plays it. When one side ends a connection,
@@ -19,8 +19,8 @@ from jaka_ros_driver.protocol.ports import PORT_NUMBERS, PORTS
 from jaka_ros_driver.wire import sockets
 from jaka_ros_driver.wire.log import WireLog
 from jaka_ros_driver.wire.port_server import PortServer
-from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
 from jaka_ros_driver.wire.sockets import LOOPBACK
+from jaka_ros_driver.wire.startup import print_ports, raise_priority, stop_on_signals
 
 _CONNECT_S = 3.0
 _LOG_TIMEOUT_S = 0.5
@@ -41,7 +41,7 @@ class _Side:
 
 
 class _Connecting:
-    """A client that waits until the controller has answered; nothing of it is read before that."""
+    """A client that waits until the controller has accepted the connection; nothing is read from it before that."""
 
     def __init__(self, client: socket.socket, controller: socket.socket, peer: str, port: str) -> None:
         self.client = client
@@ -56,20 +56,20 @@ class _Connecting:
 
 
 class Proxy(PortServer):
-    """Forwards between clients and one controller.
+    """The proxy between clients and one controller.
 
     Args:
         controller: Address of the controller.
         controller_ports: Its TCP ports by name.
         host: Address to listen on.
         ports: TCP ports to listen on by name, 0 for a free one.
-        log: Gets every byte.
+        log: Receives every byte.
 
     Attributes:
         port_numbers: TCP port by name.
 
     Raises:
-        OSError: A port cannot be had, or the controller's name is not known.
+        OSError: A port cannot be bound, or the controller's name is not known.
     """
 
     def __init__(self, controller: str, controller_ports: Dict[str, int], host: str, ports: Dict[str, int],
@@ -117,7 +117,10 @@ class Proxy(PortServer):
             self._connected(waiting, errno.ETIMEDOUT)
 
     def _connected(self, waiting: _Connecting, code: int) -> None:
-        """The controller has answered, with an error where ``code`` is not 0."""
+        """Begin to forward for a client whose connection the controller accepted.
+
+        Where ``code`` is an error, the client is dropped.
+        """
         if waiting not in self._connecting:
             return
         self._connecting.remove(waiting)
@@ -169,12 +172,12 @@ class Proxy(PortServer):
         self._watch(side)
 
     def _watch(self, side: _Side) -> None:
-        """Wait for bytes of a side until it has ended, and for room while something is unsent to it."""
+        """Register a side for reading until it has ended, and for writing while bytes for it are unsent."""
         events = (0 if side.is_finished else selectors.EVENT_READ) | (selectors.EVENT_WRITE if side.unsent else 0)
         sockets.watch(self._selector, side.link, events, side)
 
     def _finish(self, side: _Side) -> None:
-        """A side has ended; the other one gets what is left before its connection is ended."""
+        """End a connection whose one side has ended, after the other side was sent what is left."""
         side.is_finished = True
         if side.peer.unsent:
             self._watch(side)
@@ -193,7 +196,7 @@ class Proxy(PortServer):
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run ``jaka_sim proxy``; returns 0 when a signal ended it, 1 failed, 2 wrong usage."""
+    """Run ``jaka_sim proxy``; return 0 when a signal ended it, 1 when it failed, 2 for wrong usage."""
     parser = argparse.ArgumentParser(
         prog="jaka_sim proxy", description="Stands between a driver and a real controller, forwards every byte "
         "unchanged and logs it. Its first line of output is JSON with its ports. Start the driver with this computer's "

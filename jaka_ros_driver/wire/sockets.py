@@ -1,4 +1,4 @@
-"""What every program that serves a controller's ports does with a socket; all of them are non-blocking."""
+"""Operations on the non-blocking sockets of every command that serves a controller's ports."""
 import contextlib
 import selectors
 import socket
@@ -17,7 +17,7 @@ _ANCILLARY_BYTES = socket.CMSG_SPACE(_ARRIVAL.size)
 
 
 def accept(listener: Any) -> Optional[Tuple[socket.socket, str]]:
-    """The socket of the next client, and its address as "host:port"; None where it has gone already."""
+    """Return the socket of the next client, and its address as "host:port"; None where it has gone already."""
     try:
         link, address = listener.accept()
     except OSError:
@@ -27,13 +27,13 @@ def accept(listener: Any) -> Optional[Tuple[socket.socket, str]]:
 
 
 def prepare(link: socket.socket) -> None:
-    """Make it non-blocking and turn Nagle's algorithm off."""
+    """Make the socket non-blocking and turn Nagle's algorithm off."""
     link.setblocking(False)
     link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
 def receive(link: socket.socket, most: int = _RECEIVE_BYTES) -> Optional[bytes]:
-    """The next bytes, at most ``most``; None where there are none now, empty where the connection has ended."""
+    """Return the next bytes, at most ``most``; None where there are none now, empty where the connection has ended."""
     try:
         return link.recv(most)
     except BlockingIOError:
@@ -43,7 +43,8 @@ def receive(link: socket.socket, most: int = _RECEIVE_BYTES) -> Optional[bytes]:
 
 
 def stamp_arrivals(link: socket.socket) -> None:
-    """Have ``receive_stamped`` tell when bytes came in; without this, or where the system cannot, when it ran.
+    """Turn on the system's arrival stamps, which ``receive_stamped`` returns; without them it returns the time of its
+    call.
 
     Linux switches its stamps on in the background where no other socket of the computer has them: what comes in within
     the next moments may have the time of its reading.
@@ -53,10 +54,10 @@ def stamp_arrivals(link: socket.socket) -> None:
 
 
 def receive_stamped(link: socket.socket, most: int = _RECEIVE_BYTES) -> Tuple[Optional[bytes], int]:
-    """As ``receive``, and when the last of the bytes came in, ns of ``time.monotonic_ns``.
+    """Return the next bytes as ``receive`` does, and when the last of them arrived, ns of ``time.monotonic_ns``.
 
-    The system's moment does not depend on when this program gets the processor. The system stamps with the wall clock:
-    a step of that clock between the arrival and this call shifts the moment, but never into the future.
+    The system's stamp does not depend on when this process gets the processor. The system stamps with the wall clock: a
+    step of that clock between the arrival and this call shifts the moment, but never into the future.
     """
     try:
         data, ancillary, _, _ = link.recvmsg(most, _ANCILLARY_BYTES)
@@ -73,7 +74,7 @@ def receive_stamped(link: socket.socket, most: int = _RECEIVE_BYTES) -> Tuple[Op
 
 
 def send(link: socket.socket, data: bytes) -> bytes:
-    """Send what the network takes now; returns what is left. Raises OSError where the connection is broken."""
+    """Send what the network takes now; return what is left. Raise OSError where the connection is broken."""
     try:
         while data:
             data = data[link.send(data):]
@@ -95,7 +96,7 @@ def watch(selector: selectors.BaseSelector, link: socket.socket, events: int, da
 
 
 def close(link: socket.socket, is_reset: bool) -> None:
-    """Close it, so that the peer sees an orderly end, or a reset (RST)."""
+    """Close the socket, so that the peer receives an orderly end, or a reset (RST)."""
     if is_reset:
         link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)
     link.close()

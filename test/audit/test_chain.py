@@ -33,7 +33,7 @@ def test_a_line_with_a_changed_byte_is_no_line(fields, data):
 
 
 def test_the_checksum_is_at_the_end_and_of_all_before_it():
-    line = chain.encode(chain.Link(41, "ab" * 32), {"kind": "call"})
+    line = chain.encode(chain.ChainLink(41, "ab" * 32), {"kind": "call"})
     assert line.startswith(b'{"n":42,"prev":"abab') and json.loads(line)["kind"] == "call"
     assert chain.link_of(line, 42).number == 42 and len(chain.link_of(line, 42).sha256) == 64
 

@@ -369,7 +369,7 @@ def test_lines_of_many_threads_are_all_there(begin, place):
 def test_the_newest_file_is_never_old(begin, place):
     many_files(begin)
     names = files(place)
-    folder = folder_module.LogFolder(place)
+    folder = folder_module.AuditFolder(place)
     assert names[-1] not in [old.name for old in folder.older_than("9999")] and len(folder.older_than("9999")) == 2
 
 

@@ -24,11 +24,11 @@ from raw_client import RawClient, RawFeed  # noqa: E402
 from jaka_ros_driver.kinematics import closed_forms  # noqa: E402
 from jaka_ros_driver.kinematics.arm_models import load_model  # noqa: E402
 from jaka_ros_driver.kinematics.forward import forward  # noqa: E402
-from jaka_ros_driver.simulation.controller.controller import Controller  # noqa: E402
-from jaka_ros_driver.simulation.controller.controller_state import Options, Start  # noqa: E402
+from jaka_ros_driver.simulation.controller.executor import Controller  # noqa: E402
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES  # noqa: E402
+from jaka_ros_driver.simulation.controller.state import Options, Start  # noqa: E402
+from jaka_ros_driver.simulation.server.event_loop import ask_operator_port  # noqa: E402
 from jaka_ros_driver.simulation.server.request_parser import RequestParser  # noqa: E402
-from jaka_ros_driver.simulation.server.server import ask_panel  # noqa: E402
 from jaka_ros_driver.units import deg_to_rad  # noqa: E402
 
 MOVE = {"cmdName": "moveL", "cartPosition": [460.0, 60.0, 320.0, 180.0, 0.0, -90.0], "speed": 50.0, "accel": 200.0}
@@ -109,7 +109,7 @@ class Instance:
                     client.ask(**dict(MOVE, command="moveL", cartPosition=[440.0, y, 330.0, 180.0, 0.0, -90.0]))
 
     def lateness(self):
-        return ask_panel(self.ports["panel_port"], {"action": "wire"})["wire"]["cycle_lateness"]
+        return ask_operator_port(self.ports["panel_port"], {"action": "wire"})["wire"]["cycle_lateness"]
 
     def end(self):
         self._ends = True

@@ -175,7 +175,7 @@ def test_a_controller_that_turns_it_away_is_tried_until_the_driver_is_back(bench
         bench.controller.refuse(name)
     back = threading.Timer(0.4, os.write, [bench.words, MOVING])
     back.start()
-    bench.pipe._heard_at = -math.inf  # frozen for long
+    bench.pipe._received_at = -math.inf  # frozen for long
     bench.stop()
     back.join()
     assert "cannot connect" in bench.said[0] and bench.said[-1] == "the driver is back and sees to the arm itself"
@@ -184,7 +184,7 @@ def test_a_controller_that_turns_it_away_is_tried_until_the_driver_is_back(bench
 
 def test_a_driver_that_takes_its_leave_meanwhile_is_heard(bench):
     bench.controller.answers = lambda number: False
-    bench.pipe._heard_at = -math.inf
+    bench.pipe._received_at = -math.inf
     os.write(bench.words, FAREWELL)
     bench.stop()
     assert bench.pipe.has_left and bench.said[-1] == "the driver is back and sees to the arm itself"

@@ -14,7 +14,7 @@ from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, Mo
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.simulation.arm.plant import HOME
-from jaka_ros_driver.simulation.controller.controller_state import Start
+from jaka_ros_driver.simulation.controller.state import Start
 
 MODEL = load_model("zu7")
 JOG = c.Jog(c.JogFrame.JOINT, 0, 0.3)

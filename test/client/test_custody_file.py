@@ -10,7 +10,7 @@ import time
 import pytest
 from waiting import eventually
 
-from jaka_ros_driver.client.core.actions import Tell
+from jaka_ros_driver.client.core.actions import NotifyGuard
 from jaka_ros_driver.client.core.foreign_motion import LeftMotion
 from jaka_ros_driver.client.custody_file import CustodyFile, CustodyKeeper
 from jaka_ros_driver.commands import JogFrame, JogStop
@@ -131,11 +131,11 @@ def test_only_its_own_file_is_removed_for_a_dead_driver(file):
 
 def test_custody_is_on_disk_while_it_lasts(file, keeper):
     before = time.time()
-    keeper.note(Tell(True, "a jog", JOG))
+    keeper.note(NotifyGuard(True, "a jog", JOG))
     assert eventually(file.read)
     left = file.read().left
     assert (left.name, left.jog_stop, left.process) == ("a jog", JOG, os.getpid()) and left.since >= before
-    keeper.note(Tell(False))
+    keeper.note(NotifyGuard(False))
     assert eventually(lambda: file.read() is None)
 
 
@@ -153,8 +153,8 @@ def test_nobody_waits_for_the_disk_and_only_the_newest_word_is_written(folder):
     keeper.start()
     began = time.monotonic()
     for number in range(1000):
-        keeper.note(Tell(True, "move %d" % number))
-        keeper.note(Tell(False))
+        keeper.note(NotifyGuard(True, "move %d" % number))
+        keeper.note(NotifyGuard(False))
     assert time.monotonic() - began < 5.0
     gate.set()
     keeper.close()
@@ -166,7 +166,7 @@ def test_a_disk_that_fails_is_told_once(tmp_path, caplog):
     keeper = CustodyKeeper(CustodyFile("127.0.0.1", 10001, [str(tmp_path / "not" / "there")]))
     keeper.start()
     for number in range(5):
-        keeper.note(Tell(True, "move %d" % number))
+        keeper.note(NotifyGuard(True, "move %d" % number))
         assert eventually(lambda: not keeper._is_due)
     keeper.close()
     assert caplog.text.count("cannot be noted on disk") == 1

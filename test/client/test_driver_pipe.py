@@ -20,7 +20,7 @@ from jaka_ros_driver.client.driver_pipe import (
     WATCHING,
     DriverPipe,
 )
-from jaka_ros_driver.client.stopping import Driver
+from jaka_ros_driver.client.stopping import DriverCondition
 
 
 class Ends:
@@ -82,7 +82,7 @@ def silence_of(pipe):
 def test_a_driver_in_motion_is_silent_after_a_quarter_of_a_second(ends, idle_host):
     one = ends(is_moving=True)
     assert SILENCE_TIMEOUT_S - 0.01 < silence_of(one.pipe) < STARVED_TIMEOUT_S - 0.1
-    assert one.pipe.driver() is Driver.SILENT
+    assert one.pipe.driver() is DriverCondition.SILENT
 
 
 def test_a_driver_that_gets_no_time_is_waited_for(ends, starved):
@@ -112,7 +112,7 @@ def test_an_idle_driver_may_be_silent_until_it_leaves(ends, idle_host):
     one = ends()
     threading.Timer(3 * SILENCE_TIMEOUT_S, one.say, [FAREWELL]).start()
     assert silence_of(one.pipe) > 2.9 * SILENCE_TIMEOUT_S
-    assert one.pipe.has_left and one.pipe.is_over and one.pipe.driver() is Driver.BACK
+    assert one.pipe.has_left and one.pipe.is_over and one.pipe.driver() is DriverCondition.BACK
 
 
 @pytest.mark.parametrize("words, is_moving", [(MOVING, True), (IDLE, False), (MOVING + IDLE, False),
@@ -121,7 +121,7 @@ def test_the_last_word_counts(ends, words, is_moving):
     one = ends()
     one.say(words)
     assert one.pipe.wait(0.0) and one.pipe.is_moving is is_moving
-    assert one.pipe.driver() is Driver.BACK
+    assert one.pipe.driver() is DriverCondition.BACK
 
 
 def test_a_closed_pipe_leaves_the_last_word_standing(ends):
@@ -130,7 +130,7 @@ def test_a_closed_pipe_leaves_the_last_word_standing(ends):
     one.pipe.read()
     one.close(one.words)
     one.pipe.wait_for_silence()
-    assert one.pipe.is_closed and one.pipe.is_moving and one.pipe.driver() is Driver.DEAD
+    assert one.pipe.is_closed and one.pipe.is_moving and one.pipe.driver() is DriverCondition.DEAD
 
 
 def test_words_are_answered_ten_times_a_second_at_most(ends):
@@ -182,7 +182,7 @@ def test_a_driver_that_has_just_spoken_is_not_killed(frozen):
     (one, process), said = frozen, []
     one.say(MOVING)
     one.pipe.end_driver(said.append)
-    assert not said and one.pipe.driver() is Driver.BACK
+    assert not said and one.pipe.driver() is DriverCondition.BACK
     process.stdin.close()
     assert process.wait(20.0) != -signal.SIGKILL
 

@@ -3,7 +3,7 @@ import pytest
 
 from jaka_ros_driver.client.core.feed import Feed
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.client.stopping import Driver, Step, Stopping
+from jaka_ros_driver.client.stopping import DriverCondition, Step, Stopping
 from jaka_ros_driver.commands import LoadProgram, SetRapidRate
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics import limits
@@ -42,7 +42,7 @@ def test_what_is_taken_at_the_edges(command, is_taken):
 def test_a_frozen_driver_is_ended_a_quarter_of_a_second_after_the_first_refusal():
     stopping, now = Stopping(100.0, lambda text: None), 100.0
     while True:
-        step = stopping.step(now, Driver.SILENT)
+        step = stopping.step(now, DriverCondition.SILENT)
         if step is Step.END_DRIVER:
             break
         if step is Step.CONNECT:

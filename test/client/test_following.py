@@ -12,11 +12,11 @@ from jaka_ros_driver.client.core.velocity_jog.dead_man import JogMessage
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import load_model
-from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, Tolerances, TrajectoryPoint
+from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 HOME = tuple(math.radians(q) for q in (0, 90, -90, 90, 90, 0))
 REST = (0.0,) * 6
-LOOSE = Tolerances((None,) * 6, (0.01,) * 6, 5.0)
+LOOSE = TrajectoryTolerances((None,) * 6, (0.01,) * 6, 5.0)
 
 
 def to(first, seconds, starts_at=None):

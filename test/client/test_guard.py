@@ -13,7 +13,7 @@ from waiting import WAIT, eventually
 from jaka_ros_driver.client.process_state import waits_for_processor
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
-from jaka_ros_driver.simulation.controller.replies import Refused
+from jaka_ros_driver.simulation.controller.replies import CommandRefused
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def accept_and_go_on(_state):
 
 
 def refuse(_state):
-    raise Refused("2")
+    raise CommandRefused("2")
 
 
 def is_stopped(one):

@@ -15,7 +15,7 @@ class Post:
     made = []
 
     def __init__(self, now):
-        self.began_at = self.heard_at = now
+        self.began_at = self.received_at = now
         self.has_answered = self.has_ended = self.is_stopping = False
         self.answers = True
         self.words, self.command, self.ends = [], None, []
@@ -24,12 +24,12 @@ class Post:
     def launch(self, command):
         self.command = command
 
-    def say(self, word):
+    def send(self, word):
         self.words.append(word)
 
     def listen(self, now):
         if self.answers and not self.has_ended:
-            self.has_answered, self.heard_at = True, now
+            self.has_answered, self.received_at = True, now
         return False
 
     def silence_limit(self):
@@ -77,17 +77,17 @@ def loop(monkeypatch):
 
 
 def test_a_motion_is_told_at_once_and_with_every_beat(loop):
-    loop.guard.tell(True)
+    loop.guard.notify(True)
     assert Post.made[0].words == [MOVING]
     loop.beat(0.1)
     assert set(Post.made[0].words) == {MOVING} and len(Post.made[0].words) >= 5
-    loop.guard.tell(False)
+    loop.guard.notify(False)
     assert Post.made[0].words[-1] == IDLE and loop.guard.health().is_alive
 
 
 def test_one_that_ends_is_replaced_at_once_and_its_successor_knows_of_the_motion(loop, caplog):
     caplog.set_level(logging.INFO)
-    loop.guard.tell(True)
+    loop.guard.notify(True)
     loop.beat(0.1)
     Post.made[0].has_ended = True
     assert loop.until_replaced(2) < 0.1 and Post.made[0].ends == ["killed", "left"]
@@ -129,7 +129,7 @@ def test_words_between_two_guards_are_kept_for_the_next_one(loop):
         if number == 1:
             loop.until_replaced(2)
     loop.beat(0.05)
-    loop.guard.tell(True)
+    loop.guard.notify(True)
     loop.until_replaced(3)
     assert Post.made[2].words[0] == MOVING
 
@@ -137,7 +137,7 @@ def test_words_between_two_guards_are_kept_for_the_next_one(loop):
 @pytest.mark.parametrize("moves, answers", [(False, True), (True, True), (True, False)])
 def test_at_the_end_the_arm_is_left_to_a_guard_only_where_it_moves(loop, moves, answers):
     loop.beat(0.1)
-    loop.guard.tell(moves)
+    loop.guard.notify(moves)
     Post.made[0].answers = answers
     loop.guard.close()
     first = Post.made[0]
@@ -152,7 +152,7 @@ def test_at_the_end_the_arm_is_left_to_a_guard_only_where_it_moves(loop, moves, 
 
 def test_between_two_guards_the_arm_is_left_to_a_new_one(loop):
     loop.beat(0.1)
-    loop.guard.tell(True)
+    loop.guard.notify(True)
     for number in range(1, 3):
         Post.made[-1].has_ended = True
         if number == 1:

@@ -36,7 +36,7 @@ def driver(bench):
 def guard():
     made = Guard("127.0.0.1", COMMAND_PORT, STATUS_PORT)
     yield made
-    made.tell(False)
+    made.notify(False)
     made.close()
     assert eventually(lambda: not guards())
 
@@ -97,7 +97,7 @@ def test_a_guard_that_dies_or_freezes_in_motion_is_replaced_and_its_successor_st
 
 def test_a_driver_that_dies_before_its_next_word_has_told_the_successor_already(guard):
     # The notifications wait in the pipe for a process that is only being started.
-    guard.tell(True)
+    guard.notify(True)
     beats = Beats(guard)
     beats.until(lambda: guard.health().is_alive)
     first, = guards()
@@ -149,7 +149,7 @@ def test_the_loop_and_the_services_never_wait_while_a_guard_is_replaced(guard, m
     began = time.monotonic()
     beats.go_on(1.0)
     for number in range(100):
-        guard.tell(number % 2 == 0)
+        guard.notify(number % 2 == 0)
     assert time.monotonic() - began < WAIT / 2
     assert not guard.health().is_alive
     release.set()
@@ -169,7 +169,7 @@ def test_a_guard_that_cannot_be_started_is_told_and_tried_again(guard, monkeypat
     os.kill(guards()[0], signal.SIGKILL)
     beats.until(lambda: guard.health().replacements == 3)
     assert not guard.health().is_alive and guard.health().last_trouble
-    guard.tell(True)
+    guard.notify(True)
     monkeypatch.setattr(subprocess, "Popen", real)
     beats.until(lambda: guard.health().is_alive)
     assert len(guards()) == 1
@@ -194,7 +194,7 @@ def test_nothing_that_the_system_refuses_reaches_the_loop(guard, monkeypatch, wh
 
 def test_beats_that_come_early_cost_nothing(guard):
     said = []
-    guard._post.say = said.append
+    guard._post.send = said.append
     now = time.monotonic() + 1.0
     for step in range(100):
         guard.beat(now + step * 0.001)
@@ -204,7 +204,7 @@ def test_beats_that_come_early_cost_nothing(guard):
 def test_a_driver_whose_threads_tell_and_beat_at_once_keeps_its_guard(guard):
     beats = Beats(guard)
     beats.until(lambda: guard.health().is_alive)
-    threads = [threading.Thread(target=lambda: [guard.tell(number % 2 == 0) for number in range(2000)])
+    threads = [threading.Thread(target=lambda: [guard.notify(number % 2 == 0) for number in range(2000)])
                for _ in range(4)]
     for thread in threads:
         thread.start()
@@ -216,6 +216,6 @@ def test_a_driver_whose_threads_tell_and_beat_at_once_keeps_its_guard(guard):
 def test_closing_twice_and_words_afterwards_do_no_harm(guard):
     guard.close()
     guard.close()
-    guard.tell(False)
+    guard.notify(False)
     guard.beat(time.monotonic() + 1.0)
     assert not guards()

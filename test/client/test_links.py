@@ -145,7 +145,7 @@ def test_a_motion_left_unstopped_by_a_lost_link_is_told_as_moving_until_it_is_st
     class Ear:
         """A stand-in for the guard."""
 
-        def tell(self, is_moving):
+        def notify(self, is_moving):
             told.append(is_moving)
 
         def beat(self, now):

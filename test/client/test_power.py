@@ -8,7 +8,7 @@ from jaka_ros_driver.client.core.procedures import power
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.arm.plant import HOME
-from jaka_ros_driver.simulation.controller.controller_state import Start
+from jaka_ros_driver.simulation.controller.state import Start
 
 MODEL = load_model("zu7")
 

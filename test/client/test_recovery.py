@@ -16,7 +16,7 @@ from jaka_ros_driver.errors import CommandRejected, ConnectionLost, InvalidComma
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.arm.plant import HOME
-from jaka_ros_driver.simulation.controller.controller_state import Start
+from jaka_ros_driver.simulation.controller.state import Start
 
 MODEL = load_model("zu7")
 CLEAR, LEAVE, POWER, ENABLE = "clear error", "leave protective stop", "power", "enable"

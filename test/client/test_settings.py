@@ -4,7 +4,7 @@ from simulated_arm import SimulatedArm
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.procedures import settings as procedures
-from jaka_ros_driver.client.core.procedures.procedure import Ask
+from jaka_ros_driver.client.core.procedures.steps import Ask
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.arm.plant import HOME

@@ -1,7 +1,7 @@
 """The guard's stopping of an arm, step by step: its next step after each event."""
 import pytest
 
-from jaka_ros_driver.client.stopping import Driver, Step, Stopping
+from jaka_ros_driver.client.stopping import DriverCondition, Step, Stopping
 from jaka_ros_driver.commands import JogFrame, JogStop
 from jaka_ros_driver.errors import FramingError
 from jaka_ros_driver.protocol.framing import ObjectStream
@@ -22,10 +22,10 @@ class Story:
         self.stopping = Stopping(self.now, self.said.append)
         self.joint = 0.0
 
-    def step(self, driver=Driver.DEAD):
+    def step(self, driver=DriverCondition.DEAD):
         return self.stopping.step(self.now, driver)
 
-    def until(self, step, driver=Driver.DEAD, timeout=100.0, speed=None, **flags):
+    def until(self, step, driver=DriverCondition.DEAD, timeout=100.0, speed=None, **flags):
         """Let time pass, with a frame of an arm of this speed every 8 ms, until this is the next step; return the
         seconds."""
         began = self.now
@@ -180,30 +180,30 @@ def test_a_reply_that_never_comes_ends_the_connection(story):
 
 
 def test_a_connection_that_is_neither_made_nor_refused_is_tried_anew_and_the_driver_let_live(story):
-    story.until(Step.CONNECT, Driver.SILENT)
+    story.until(Step.CONNECT, DriverCondition.SILENT)
     for _ in range(5):
-        assert story.until(Step.HANG_UP, Driver.SILENT) == pytest.approx(1.0, abs=2 * PERIOD)
-        assert story.until(Step.CONNECT, Driver.SILENT) < 0.1
+        assert story.until(Step.HANG_UP, DriverCondition.SILENT) == pytest.approx(1.0, abs=2 * PERIOD)
+        assert story.until(Step.CONNECT, DriverCondition.SILENT) < 0.1
 
 
 def test_a_frozen_driver_is_ended_after_a_quarter_of_a_second_of_being_turned_away(story):
     began, step = story.now, Step.WAIT
     while step is not Step.END_DRIVER and story.now < began + 1.0:
-        step = story.step(Driver.SILENT)
+        step = story.step(DriverCondition.SILENT)
         if step is Step.CONNECT:
             story.turn_away()
         story.now += PERIOD
     assert story.now - began == pytest.approx(LOCKED_OUT_AFTER_S, abs=0.1)
     ended_at = story.now - PERIOD
-    story.until(Step.CONNECT, Driver.SILENT)
+    story.until(Step.CONNECT, DriverCondition.SILENT)
     assert 0.02 <= story.now - ended_at < 0.05, "the system takes a moment to close its connection"
 
 
 def test_a_frozen_driver_is_ended_where_the_controller_takes_the_connection_and_never_replies(story):
     story.connect()
     story.send()
-    story.until(Step.HANG_UP, Driver.SILENT)
-    assert story.until(Step.END_DRIVER, Driver.SILENT) < 0.1
+    story.until(Step.HANG_UP, DriverCondition.SILENT)
+    assert story.until(Step.END_DRIVER, DriverCondition.SILENT) < 0.1
 
 
 def test_a_frozen_driver_is_let_live_where_the_guard_was_served_before(story):
@@ -213,10 +213,10 @@ def test_a_frozen_driver_is_let_live_where_the_guard_was_served_before(story):
         story.reply("servo_move")
         story.now += 0.2
         story.turn_away()
-    story.until(Step.CONNECT, Driver.SILENT)
+    story.until(Step.CONNECT, DriverCondition.SILENT)
 
 
-@pytest.mark.parametrize("driver", [Driver.DEAD, Driver.BACK])
+@pytest.mark.parametrize("driver", [DriverCondition.DEAD, DriverCondition.BACK])
 def test_a_driver_that_is_dead_or_back_is_never_ended(story, driver):
     while story.now < 110.0:
         step = story.step(driver)
@@ -228,13 +228,13 @@ def test_a_driver_that_is_dead_or_back_is_never_ended(story, driver):
 
 def test_a_driver_that_is_back_gets_the_command_port_and_the_guard_finishes_what_it_has_begun(story):
     story.connect()
-    assert story.step(Driver.BACK) is Step.SEND
+    assert story.step(DriverCondition.BACK) is Step.SEND
     story.send()
     story.reply(code="2")
-    story.until(Step.SEND, Driver.BACK, speed=1.0)
+    story.until(Step.SEND, DriverCondition.BACK, speed=1.0)
     story.send()
     story.turn_away()  # the driver has connected
-    story.until(Step.FINISH, Driver.BACK, speed=1.0)
+    story.until(Step.FINISH, DriverCondition.BACK, speed=1.0)
     assert "the driver is back" in story.said[-1]
 
 
@@ -243,7 +243,7 @@ def test_a_connection_lost_after_the_stop_is_not_made_anew_while_the_arm_comes_t
     story.send()
     story.reply()
     story.turn_away()
-    story.until(Step.FINISH, Driver.BACK, timeout=0.4, speed=0.0)
+    story.until(Step.FINISH, DriverCondition.BACK, timeout=0.4, speed=0.0)
     assert story.said[-1] == "the arm is at rest"
 
 

@@ -9,7 +9,7 @@ from raw_client import RawClient
 from waiting import eventually
 
 from jaka_ros_driver.client.arm_client import ArmClient
-from jaka_ros_driver.client.core.jog import Jog as JogMotion
+from jaka_ros_driver.client.core.jog import JogMotion as JogMotion
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.custody_file import CustodyFile
 from jaka_ros_driver.client.settings import ClientSettings

@@ -13,7 +13,7 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.state import RobotState
 from jaka_ros_driver.trajectory.build import build_path
-from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, Tolerances, TrajectoryPoint
+from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 STOP_BUTTON = 9
 """The caller that asks for nothing but stops, and waits for no answer before the next one."""
@@ -170,7 +170,7 @@ class Clients:
         except InvalidTrajectory:
             return
         command = c.JointMove(path.at(path.end).position, 1.0, 1.0)
-        tolerances = Tolerances((None,) * 6, (0.01,) * 6, 1.0)
+        tolerances = TrajectoryTolerances((None,) * 6, (0.01,) * 6, 1.0)
 
         def give(core: Any, call: Call, now: float) -> None:
             call.path, call.start, call.asked = path, start, asked

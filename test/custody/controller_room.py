@@ -18,11 +18,11 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.command_spec import LINK_LOSS_COMMAND
-from jaka_ros_driver.simulation.controller.controller import Controller, ReplyLine, RequestResult
-from jaka_ros_driver.simulation.controller.controller_state import Options, ProgramState
+from jaka_ros_driver.simulation.controller.executor import Controller, ReplyLine, RequestResult
 from jaka_ros_driver.simulation.controller.firmware import Firmware
-from jaka_ros_driver.simulation.controller.replies import Refused, accepted, refused
-from jaka_ros_driver.simulation.dialect.dialect import COEXISTS, REFUSED
+from jaka_ros_driver.simulation.controller.replies import CommandRefused, accepted, refused
+from jaka_ros_driver.simulation.controller.state import Options, ProgramState
+from jaka_ros_driver.simulation.dialect.table import COEXISTS, REFUSED
 from jaka_ros_driver.simulation.server.request_parser import RequestParser
 
 DRIVER, GUARD, RIVAL, ORPHAN = "driver", "guard", "rival", "driver that is dead"
@@ -318,7 +318,7 @@ class ControllerRoom:
         if now < faults.lies_until.get(name, 0.0) and is_motion(request):
             self._execute(request, who)
             self._note("reports a refusal of what it did")
-            return RequestResult(name, refused(self.controller.state.dialect, name, Refused()))
+            return RequestResult(name, refused(self.controller.state.dialect, name, CommandRefused()))
         if name == "is_in_servomove" and now < faults.denies_servo_until:
             return RequestResult(name, accepted(self.controller.state.dialect, name, {"in_servomove": False}))
         can_wait = is_motion(request) and (name in PLANNED or name == "jog")
@@ -330,7 +330,7 @@ class ControllerRoom:
         name = str(request.get("cmdName"))
         self._note("refuses", name)
         self.on_executed(request, False, who)
-        return RequestResult(name, refused(self.controller.state.dialect, name, Refused()))
+        return RequestResult(name, refused(self.controller.state.dialect, name, CommandRefused()))
 
     def _hold(self, request: Dict[str, Any], who: str) -> RequestResult:
         """Accept now and begin later; a motion that could not begin now is refused as usual."""
@@ -414,12 +414,12 @@ class ControllerRoom:
 
     def _resume(self) -> None:
         self.resumed_at = self.clock.now
-        with contextlib.suppress(Refused):
+        with contextlib.suppress(CommandRefused):
             self.controller.state.resume()
 
     def guide_at_arm(self, joint: int, velocity: float, duration: float) -> None:
         """Guide the arm by hand, with the button on it pressed."""
-        with contextlib.suppress(Refused, TargetRejected):
+        with contextlib.suppress(CommandRefused, TargetRejected):
             self.controller.state.set_hand_guiding(True)
             self.push(joint, velocity, 0.5 * duration)
             self.clock.after(duration, lambda: self.controller.state.set_hand_guiding(False))

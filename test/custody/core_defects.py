@@ -9,7 +9,7 @@ from typing import Any, Dict, List, Tuple
 
 from sent_rules import requests_in
 
-from jaka_ros_driver.client.core.actions import Answer, Open, Port, Send, Show, Tell
+from jaka_ros_driver.client.core.actions import Answer, NotifyGuard, Open, Port, PublishState, Send
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.errors import JakaError, MotionInterrupted
@@ -104,7 +104,7 @@ class StopsOnce(StopsForCallsOnly):
     has_stopped = False
 
     def change(self, action: Any) -> List[Any]:
-        if isinstance(action, Tell) and action.is_moving:
+        if isinstance(action, NotifyGuard) and action.is_moving:
             self.has_stopped = False
         made = super().change(action)
         if isinstance(action, Send) and b"stop_program" in action.data:
@@ -167,7 +167,7 @@ class SendsAgain(Wrapped):
     def opened(self, port: Port, now: float) -> None:
         self.good.opened(port, now)
         if port is Port.COMMAND and self.motion:
-            self.good.actions.add(Tell(True))
+            self.good.actions.add(NotifyGuard(True))
             self.good.actions.add(Send(self.motion))
 
 
@@ -339,14 +339,14 @@ class ShowsOldAsNew(Wrapped):
     """Frames that are all shown as new."""
 
     def change(self, action: Any) -> List[Any]:
-        return [Show(action.state, True)] if isinstance(action, Show) else [action]
+        return [PublishState(action.state, True)] if isinstance(action, PublishState) else [action]
 
 
 class GuardIsNotTold(Wrapped):
     """A guard that is never notified that the arm moves."""
 
     def change(self, action: Any) -> List[Any]:
-        return [] if isinstance(action, Tell) and action.is_moving else [action]
+        return [] if isinstance(action, NotifyGuard) and action.is_moving else [action]
 
 
 class GuardIsToldTooSoon(Wrapped):
@@ -355,7 +355,7 @@ class GuardIsToldTooSoon(Wrapped):
     def change(self, action: Any) -> List[Any]:
         made = [action]
         if isinstance(action, Send) and b"stop_program" in action.data:
-            made.append(Tell(False))
+            made.append(NotifyGuard(False))
         return made
 
 
@@ -383,7 +383,7 @@ class DoesNotSeeSilence(Wrapped):
         self.good.tick(now)
 
     def change(self, action: Any) -> List[Any]:
-        return [Show(action.state, False)] if isinstance(action, Show) else [action]
+        return [PublishState(action.state, False)] if isinstance(action, PublishState) else [action]
 
 
 class ConnectsOnce(Wrapped):

@@ -41,7 +41,7 @@ from core_defects import (
 )
 from sent_rules import requests_in
 
-from jaka_ros_driver.client.core.actions import Close, Open, Port, Send, Show
+from jaka_ros_driver.client.core.actions import Close, Open, Port, PublishState, Send
 from jaka_ros_driver.client.stopping import Step, Stopping
 
 
@@ -174,7 +174,7 @@ class KeepsBacklog(Wrapped):
             return []
         if isinstance(action, Open) and action.port is Port.STATUS and self.is_kept:
             return []
-        return [Show(action.state, True)] if isinstance(action, Show) else [action]
+        return [PublishState(action.state, True)] if isinstance(action, PublishState) else [action]
 
     def closed(self, port: Port, reason: str, now: float) -> None:
         self.is_kept = self.is_kept and port is not Port.STATUS

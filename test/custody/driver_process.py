@@ -14,7 +14,7 @@ from verdict import RuleBroken
 from virtual_clock import Clock
 from wire import Arrival, Cable, Network
 
-from jaka_ros_driver.client.core.actions import Answer, Close, Log, Open, Port, Send, Show, Tell
+from jaka_ros_driver.client.core.actions import Answer, Close, Log, NotifyGuard, Open, Port, PublishState, Send
 from jaka_ros_driver.client.core.foreign_motion import LeftMotion
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import JogStop
@@ -44,9 +44,11 @@ class CustodyDisk:
         self._drivers: List[Any] = []
         self.left: Optional[LeftMotion] = None
 
-    def note(self, driver: "DriverProcess", tell: Tell) -> None:
+    def note(self, driver: "DriverProcess", tell: NotifyGuard) -> None:
         """Write what a driver moves, or that it moves nothing; a driver that is killed meanwhile writes nothing."""
-        left = LeftMotion(tell.name, tell.jog_stop, self._clock.now, self._number_of(driver)) if tell.is_moving else None
+        left = None
+        if tell.is_moving:
+            left = LeftMotion(tell.name, tell.jog_stop, self._clock.now, self._number_of(driver))
         self._clock.after(_WRITE_TIME, lambda: self._write(driver, left))
 
     def remove_of(self, driver: "DriverProcess") -> None:
@@ -366,7 +368,7 @@ class DriverProcess:
             self._judge.broken("a bug in the core:\n" + traceback.format_exc())
 
     def _perform(self, action: Any, now: float) -> None:
-        if isinstance(action, Show):
+        if isinstance(action, PublishState):
             if action.is_new:
                 self.shown = action.state
             self._judge.shown(action.state, action.is_new, now)
@@ -374,7 +376,7 @@ class DriverProcess:
             self._send(action.data, now)
         elif isinstance(action, Answer):
             self._answer(action, now)
-        elif isinstance(action, Tell):
+        elif isinstance(action, NotifyGuard):
             self.is_moving_told, self._jog_stop = action.is_moving, action.jog_stop
             if self.guard is not None:
                 self.guard.is_told(action.is_moving, action.jog_stop)

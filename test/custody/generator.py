@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
 
 from jaka_ros_driver.commands import JogFrame
-from jaka_ros_driver.simulation.dialect.dialect import Dialect
+from jaka_ros_driver.simulation.dialect.table import Dialect
 
 
 class Event(NamedTuple):

@@ -11,7 +11,7 @@ from wire import Arrival, Cable, Network
 
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.driver_pipe import SILENCE_TIMEOUT_S
-from jaka_ros_driver.client.stopping import Driver, Step, Stopping
+from jaka_ros_driver.client.stopping import DriverCondition, Step, Stopping
 from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.errors import FramingError, StatusFrameError
 from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream
@@ -69,17 +69,17 @@ class GuardProcess:
         self._look()
 
     def _look(self) -> None:
-        if self._is_moving and self._stopping is None and self._driver() is not Driver.BACK:
+        if self._is_moving and self._stopping is None and self._driver() is not DriverCondition.BACK:
             self._note("guard", "the driver is", self._driver().value)
             self._is_moving = False
             self._stopping = self._make_stopping(self._clock.now, lambda text: self._note("guard logs", text),
                                                  self._jog_stop)
             self._turn(self._stopping)
 
-    def _driver(self) -> Driver:
+    def _driver(self) -> DriverCondition:
         if self.driver.is_gone:
-            return Driver.DEAD
-        return Driver.SILENT if self.driver.is_paused else Driver.BACK
+            return DriverCondition.DEAD
+        return DriverCondition.SILENT if self.driver.is_paused else DriverCondition.BACK
 
     # ---- its loop ----
 

@@ -7,7 +7,7 @@ from virtual_clock import Clock
 from wire import Cable, Network
 
 from jaka_ros_driver.client.core.actions import Port
-from jaka_ros_driver.simulation.controller.controller import Controller
+from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.status_frame import all_field_names
 from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES
 from jaka_ros_driver.units import rad_to_deg

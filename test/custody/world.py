@@ -25,8 +25,8 @@ from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.client.stopping import Stopping
 from jaka_ros_driver.kinematics.arm_models import ArmModel, load_model
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
-from jaka_ros_driver.simulation.controller.controller_state import Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.controller.state import Options, Start
 
 MODEL = "zu7"
 BEGIN = 1000.0

@@ -23,7 +23,7 @@ _SIGNS = {ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Di
           ast.FloorDiv: ("//", "/"), ast.Mod: ("%", "*"), ast.Pow: ("**", "*"),
           ast.BitAnd: ("&", "|"), ast.BitOr: ("|", "&")}
 _COMPARED = r"not\s+in\b|in\b|is\s+not\b|is\b|[<>=!]=|<|>"
-_LOGS = {"log", "_say", "debug", "info", "warning", "error", "exception", "loginfo", "logwarn", "logerr"}
+_LOGS = {"log", "_log", "_say", "debug", "info", "warning", "error", "exception", "loginfo", "logwarn", "logerr"}
 _TEXTS = {"__repr__", "__str__"}
 
 

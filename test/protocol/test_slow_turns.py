@@ -16,9 +16,9 @@ from jaka_ros_driver.kinematics.rotations import (
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.protocol.framing import encode_object, parse_object
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
-from jaka_ros_driver.simulation.controller.controller import Controller
-from jaka_ros_driver.simulation.controller.controller_state import Options, Start
+from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.controller.state import Options, Start
 
 QUARTER = math.pi / 2.0
 

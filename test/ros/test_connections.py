@@ -33,7 +33,7 @@ from std_srvs.srv import Empty, EmptyResponse, SetBool, SetBoolResponse, Trigger
 from jaka_msgs.srv import GetIO, GetIOResponse
 from jaka_ros_driver.ros.connections import keep_serving, serve_from_the_start
 from jaka_ros_driver.ros.log_bridge import log_to_ros
-from jaka_ros_driver.ros.services.service_server import CallCount, ServiceServer, take_connection
+from jaka_ros_driver.ros.services.server import CallCount, ServiceServer, take_connection
 
 def hold_all_descriptors(request):
     held, until = [], time.monotonic() + 1.5

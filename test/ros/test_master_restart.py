@@ -10,7 +10,7 @@ from ros_graph import Roscore
 from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros import master_watch
-from jaka_ros_driver.ros.services.service_table import SERVICES
+from jaka_ros_driver.ros.services.table import SERVICES
 
 FIELDS = "{joint: %s}" % HOME
 

@@ -14,7 +14,7 @@ from waiting import eventually
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.audit.recorder import Recorder
-from jaka_ros_driver.ros.services import service_table as services
+from jaka_ros_driver.ros.services import table as services
 
 
 @pytest.mark.parametrize("parameters, words", [

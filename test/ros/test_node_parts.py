@@ -11,10 +11,10 @@ from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros import node
 from jaka_ros_driver.ros.params import DriverConfig
 
-PARTS = ("ArmClient", "CallPublisher", "Diagnostics", "DriverLock", "FrameTable", "Guard", "IoPublisher", "JogTopics",
-         "MasterWatch", "ModelCheck", "MotionEnds", "PathAction", "RecoverAction", "RequestDecoder",
+PARTS = ("ArmClient", "CallPublisher", "Diagnostics", "DriverLock", "FrameReader", "Guard", "IoPublisher",
+         "JogSubscribers", "MasterWatch", "ModelCheck", "MotionEnds", "PathAction", "RecoverAction", "RequestDecoder",
          "RobotStatusPublisher", "SensorPublishers", "ServiceHandlers", "Services", "ServoTopics", "SpeedPublisher",
-          "StatePublishers", "TrajectoryInterface", "audit_log_of", "keep_serving", "refuse_topics_used_twice", "rospy")
+         "StatePublishers", "TrajectoryInterface", "audit_log_of", "keep_serving", "refuse_topics_used_twice", "rospy")
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def parts(monkeypatch):
 
 
 def driver(**parameters):
-    return node.Driver(DriverConfig(**parameters), load_model("zu7"))
+    return node.DriverNode(DriverConfig(**parameters), load_model("zu7"))
 
 
 @pytest.mark.parametrize("is_guarded", [True, False])
@@ -70,7 +70,7 @@ def test_whether_the_arm_is_real_is_told_when_it_becomes_known_and_when_it_chang
     parts["rospy"].Publisher.return_value.publish.side_effect = told.append
     for is_simulated in (None, True, True, None, False, False, True):
         parts["ArmClient"].return_value.is_simulated = is_simulated
-        one.tell_kind()
+        one.publish_kind()
     assert told == [True, False, True]
 
 
@@ -110,7 +110,7 @@ def life(monkeypatch):
     played, started = Rospy(), threading.Event()
     made = mock.Mock(has_failed=False)
     made.start.side_effect = started.set
-    for name, part in (("rospy", played), ("Driver", mock.Mock(return_value=made)), ("wait_for_time", mock.Mock()),
+    for name, part in (("rospy", played), ("DriverNode", mock.Mock(return_value=made)), ("wait_for_time", mock.Mock()),
                        ("refuse_unreachable_node", mock.Mock()), ("refuse_taken_topics", mock.Mock())):
         monkeypatch.setattr(node, name, part)
     one = node._Life(lambda timeout: True)
@@ -149,7 +149,7 @@ def test_a_driver_whose_core_has_failed_ends_with_1(life):
 
 @pytest.mark.parametrize("error", [InvalidCommand("unknown arm model"), OSError("no such file"), KeyError("a defect")])
 def test_a_driver_that_cannot_start_ends_with_1(life, monkeypatch, error):
-    monkeypatch.setattr(node, "Driver", mock.Mock(side_effect=error))
+    monkeypatch.setattr(node, "DriverNode", mock.Mock(side_effect=error))
     life.start()
     life._thread.join(20.0)
     assert not life.is_running and life.exit_code == 1

@@ -7,10 +7,10 @@ import pytest
 from sdk_2_1_14 import table_rows
 
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
-from jaka_ros_driver.simulation.dialect.dialect import DIMENSIONS
 from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES
+from jaka_ros_driver.simulation.dialect.table import DIMENSIONS
 from jaka_ros_driver.simulation.server.faults import KINDS
-from jaka_ros_driver.simulation.server.panel import ACTIONS
+from jaka_ros_driver.simulation.server.operator_actions import ACTIONS
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parents[1] / "docs" / "simulation.md"

@@ -9,9 +9,9 @@ from raw_client import RawClient
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.__main__ import main
-from jaka_ros_driver.simulation.controller.controller import Controller
-from jaka_ros_driver.simulation.controller.controller_state import Options
+from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.controller.state import Options
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 
 QUESTION = "get_simulator_identity"

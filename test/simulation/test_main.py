@@ -9,7 +9,7 @@ from program_places import command_of
 from raw_client import RawClient, RawFeed
 
 from jaka_ros_driver.simulation.__main__ import main
-from jaka_ros_driver.simulation.dialect.dialect import Dialect
+from jaka_ros_driver.simulation.dialect.table import Dialect
 from jaka_ros_driver.wire.log import read_log
 
 PROGRAM = command_of("jaka_sim")
@@ -62,7 +62,7 @@ def test_panel_on_the_command_line(start):
     program.send_signal(signal.SIGINT)
     program.communicate(timeout=20)
     gone = panel("state")
-    assert gone.returncode == 1 and gone.stderr.startswith("jaka_sim: error: no panel answers")
+    assert gone.returncode == 1 and gone.stderr.startswith("jaka_sim: error: no operator port answers")
 
 
 @pytest.mark.parametrize("source", ["--dialect", "--dialect-seed", None])

@@ -16,14 +16,11 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (".", "test/support", "test/support/live")]
 
+from drawn_dialects import dialect_options  # noqa: E402
 from driver_bench import LiveDriver, begin  # noqa: E402
 from figures import summary  # noqa: E402
 from ros_graph import master  # noqa: E402
 from waiting import eventually  # noqa: E402
-from drawn_dialects import dialect_options  # noqa: E402
-from live_driver import LiveDriver, begin  # noqa: E402
-from ros_bench import eventually  # noqa: E402
-from soak_bench import master, summary  # noqa: E402
 
 MOTIONS = ("move", "jog", "servo")
 ENDS = {"SIGINT": signal.SIGINT, "SIGTERM": signal.SIGTERM}

@@ -14,16 +14,17 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (".", "test/support", "test/support/live")]
 
+from drawn_dialects import dialect_options  # noqa: E402
 from driver_bench import LiveDriver  # noqa: E402
 from figures import summary  # noqa: E402
-from drawn_dialects import dialect_options  # noqa: E402
 from link_cuts import CUTS, LinkWatch, size_of  # noqa: E402
 from ros_graph import master  # noqa: E402
 
 SHOWN = 10
+ALL_KINDS = tuple(sorted(CUTS))
 
 
-def cut_at_random(cuts, seed, folder, options=("--single-client", "replace"), kinds=tuple(sorted(CUTS))):
+def cut_at_random(cuts, seed, folder, options=("--single-client", "replace"), kinds=ALL_KINDS):
     with LiveDriver(folder, name="linked", simulator=options) as live:
         live.arm.wait_until_ready()
         watch = LinkWatch(live, seed)
@@ -67,7 +68,7 @@ def main(cuts, cycles, seed, dialects):
         for number in range(1, dialects + 1):
             options, text = dialect_options(number, folder)
             print(text, flush=True)
-            kinds = [name for name in sorted(CUTS) if name != "another client" or "second_client replaces" in text]
+            kinds = [name for name in ALL_KINDS if name != "another client" or "second_client replaces" in text]
             cut_at_random(cuts, seed + number, folder, options, kinds)
         if not dialects:
             cut_at_random(cuts, seed, folder)

@@ -2,7 +2,7 @@
 import json
 from pathlib import Path
 
-from jaka_ros_driver.simulation.dialect.dialect import Dialect
+from jaka_ros_driver.simulation.dialect.table import Dialect
 
 FIRMWARE = "1.7.1"
 

@@ -4,8 +4,8 @@ from typing import List
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.kinematics.rotations import Transform
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames
 from jaka_ros_driver.simulation.arm.events import PlantEvent
+from jaka_ros_driver.simulation.arm.frames import ArmFrames
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S, HOME, Plant
 
 ZU7 = load_model("zu7")

@@ -8,18 +8,18 @@ import math
 import numpy as np
 from virtual_clock import Clock
 
-from jaka_ros_driver.client.core.actions import Answer, Close, Open, Port, Send, Show
+from jaka_ros_driver.client.core.actions import Answer, Close, Open, Port, PublishState, Send
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
-from jaka_ros_driver.simulation.controller.controller import Controller, ReplyLine
-from jaka_ros_driver.simulation.controller.controller_state import Options, Start
+from jaka_ros_driver.simulation.controller.executor import Controller, ReplyLine
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.controller.state import Options, Start
 from jaka_ros_driver.simulation.controller.status_frame import all_field_names
-from jaka_ros_driver.simulation.dialect.dialect import Dialect
+from jaka_ros_driver.simulation.dialect.table import Dialect
 from jaka_ros_driver.trajectory.build import build_path
-from jaka_ros_driver.trajectory.points import JointTrajectory, Tolerances
+from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryTolerances
 
 FIELDS = frozenset((
     "joint_actual_position", "joint_position", "actual_position", "powered_on", "enabled", "inpos", "emergency_stop",
@@ -164,7 +164,7 @@ class SimulatedArm:
         start, error = self.answers.pop("start")
         assert error is None, error
         path = build_path(start.begin, JointTrajectory(tuple(points)), 0.0, self._model, START_TOLERANCE)
-        self.core.follow("goal", path, start, Tolerances((0.02,) * 6, (0.001,) * 6, 0.5), 0, self.now)
+        self.core.follow("goal", path, start, TrajectoryTolerances((0.02,) * 6, (0.001,) * 6, 0.5), 0, self.now)
         self._perform()
         self.until(lambda: "goal" in self.answers, path.end + 3.0)
         self.run(0.2)
@@ -314,7 +314,7 @@ class SimulatedArm:
                 self._clock.after(_CONNECTS_IN_S, lambda port=action.port, number=number: self._connected(port, number))
             elif isinstance(action, Close):
                 self._lose(action.port)
-            elif isinstance(action, Show):
+            elif isinstance(action, PublishState):
                 self.shown.append(action.state)
 
     def _answer(self, action):

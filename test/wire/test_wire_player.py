@@ -16,10 +16,10 @@ from program_places import command_of
 from raw_client import RawClient, RawFeed
 
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
-from jaka_ros_driver.wire import player as wire_player
+from jaka_ros_driver.wire import replayer as wire_player
 from jaka_ros_driver.wire.log import WireEvent, WireLog, clock_offset_ns, read_log
-from jaka_ros_driver.wire.player import WirePlayer
-from jaka_ros_driver.wire.script import wire_script
+from jaka_ros_driver.wire.recorded_session import recorded_session
+from jaka_ros_driver.wire.replayer import SessionReplayer
 
 WAIT = 30
 REQUESTS = ("get_robot_state", "get_version", "get_robot_state", "nonsense")
@@ -59,7 +59,7 @@ def playing(path, speed=1.0):
     def notice(event, **facts):
         heard.append((event, facts))
 
-    player = WirePlayer(wire_script(read_log(str(path))), speed, {}, notice)
+    player = SessionReplayer(recorded_session(read_log(str(path))), speed, {}, notice)
     thread = threading.Thread(target=player.run)
     thread.start()
     try:

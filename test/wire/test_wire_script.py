@@ -4,7 +4,14 @@ import json
 import pytest
 
 from jaka_ros_driver.wire.log import TrueJoints, WireEvent
-from jaka_ros_driver.wire.script import Piece, Replies, Reply, WireScriptError, cut_objects, wire_script
+from jaka_ros_driver.wire.recorded_session import (
+    Piece,
+    RecordedReply,
+    RecordedSessionError,
+    Replies,
+    cut_objects,
+    recorded_session,
+)
 
 
 def event(seconds, port, connection, what, data=b""):
@@ -20,8 +27,8 @@ def tell(seconds, name, value, connection=2):
 
 
 def test_status_bytes_keep_their_times_whatever_they_are():
-    script = wire_script([event(5.0, "status", 1, "open"), event(5.5, "status", 1, "out", b"\x00half a fr"),
-                          event(5.6, "status", 1, "out", b"ame"), event(6.0, "status", 1, "reset")])
+    script = recorded_session([event(5.0, "status", 1, "open"), event(5.5, "status", 1, "out", b"\x00half a fr"),
+                               event(5.6, "status", 1, "out", b"ame"), event(6.0, "status", 1, "reset")])
     (only,) = script.connections["status"]
     assert [(round(piece.at, 6), piece.data) for piece in only.pieces] == [(0.5, b"\x00half a fr"), (0.6, b"ame")]
     assert (only.opened, only.ended, only.how) == (0.0, pytest.approx(1.0), "reset")
@@ -29,8 +36,8 @@ def test_status_bytes_keep_their_times_whatever_they_are():
 
 
 def test_the_nth_reply_of_a_name_answers_the_nth_request_of_that_name():
-    script = wire_script([event(0.0, "command", 2, "open"), ask(1.0, "a"), ask(1.1, "b"), ask(1.2, "a"),
-                          tell(1.3, "b", 1), tell(1.4, "a", 2), tell(1.6, "a", 3)])
+    script = recorded_session([event(0.0, "command", 2, "open"), ask(1.0, "a"), ask(1.1, "b"), ask(1.2, "a"),
+                               tell(1.3, "b", 1), tell(1.4, "a", 2), tell(1.6, "a", 3)])
     first, second = script.replies.next("a"), script.replies.next("a")
     assert (first.after, first.data) == (pytest.approx(0.4), b'{"cmdName":"a","v":2}\n')
     assert (second.after, second.data) == (pytest.approx(0.4), b'{"cmdName":"a","v":3}\n')
@@ -39,22 +46,22 @@ def test_the_nth_reply_of_a_name_answers_the_nth_request_of_that_name():
 
 
 def test_a_request_more_often_than_recorded_gets_the_last_reply_again_and_an_unknown_one_none():
-    script = wire_script([event(0.0, "command", 2, "open"), ask(1.0, "a"), tell(1.1, "a", 7)])
+    script = recorded_session([event(0.0, "command", 2, "open"), ask(1.0, "a"), tell(1.1, "a", 7)])
     assert script.replies.next("a") == script.replies.next("a")
     assert script.replies.next("zzz") is None
     assert (script.replies.answered, script.replies.repeated, script.replies.unanswered) == (1, 1, ["zzz"])
 
 
 def test_a_reply_without_a_name_answers_the_oldest_open_request():
-    script = wire_script([event(0.0, "command", 2, "open"), ask(1.0, "a"), ask(1.1, "b"), tell(1.2, "b", 1),
-                          event(1.3, "command", 2, "out", b'{"errorCode":"1"}')])
+    script = recorded_session([event(0.0, "command", 2, "open"), ask(1.0, "a"), ask(1.1, "b"), tell(1.2, "b", 1),
+                               event(1.3, "command", 2, "out", b'{"errorCode":"1"}')])
     assert script.replies.next("a").data == b'{"errorCode":"1"}'
 
 
 def test_replies_go_on_over_a_reconnect():
-    script = wire_script([event(0.0, "command", 2, "open"), ask(1.0, "a"), tell(1.1, "a", 1),
-                          event(2.0, "command", 2, "close"), event(3.0, "command", 5, "open"), ask(3.1, "a", 5),
-                          tell(3.3, "a", 2, 5)])
+    script = recorded_session([event(0.0, "command", 2, "open"), ask(1.0, "a"), tell(1.1, "a", 1),
+                               event(2.0, "command", 2, "close"), event(3.0, "command", 5, "open"), ask(3.1, "a", 5),
+                               tell(3.3, "a", 2, 5)])
     assert script.replies.next("a").data.endswith(b"1}\n")
     assert script.replies.next("a").data.endswith(b"2}\n")
     assert [one.opened for one in script.connections["command"]] == pytest.approx([0.0, 3.0])
@@ -69,16 +76,16 @@ def test_objects_are_cut_at_any_piece_boundary_with_all_bytes_kept():
 
 
 def test_a_log_without_connections_is_refused():
-    with pytest.raises(WireScriptError, match="no connection"):
-        wire_script([TrueJoints(0, 0.0, (0.0,) * 6)])
+    with pytest.raises(RecordedSessionError, match="no connection"):
+        recorded_session([TrueJoints(0, 0.0, (0.0,) * 6)])
 
 
 def test_questions_about_the_present_are_not_answered_from_another_moment():
     # The driver would take the feed for old: it shows other joints than the answer.
     replies = Replies()
     for at, text in ((1.0, b"off"), (5.0, b"on")):
-        replies.add("get_joint_pos", Reply(0.0, b"then"), at)
-        replies.add("get_robot_state", Reply(0.0, text), at)
+        replies.add("get_joint_pos", RecordedReply(0.0, b"then"), at)
+        replies.add("get_robot_state", RecordedReply(0.0, text), at)
     assert b'"errorCode": "1"' in replies.next("get_joint_pos", 1.0).data
     assert [replies.next("get_robot_state", at).data for at in (0.0, 4.9, 5.1, 5.2)] == [b"off", b"off", b"on", b"on"]
     assert not replies.unanswered

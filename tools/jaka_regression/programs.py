@@ -13,8 +13,8 @@ def _calling_main_of(module: str) -> Tuple[str, str]:
 JAKA_BAG = _calling_main_of("jaka_bag.cli.main")
 SIMULATION = _calling_main_of("jaka_ros_driver.simulation.__main__")
 DRIVER = _calling_main_of("jaka_ros_driver.ros.node")
-WIRE_PLAYER = ("-m", "jaka_ros_driver.wire.player")
-PANEL_SESSION = ("-m", "jaka_ros_driver.simulation.server.panel_session")
+WIRE_PLAYER = ("-m", "jaka_ros_driver.wire.replayer")
+PANEL_SESSION = ("-m", "jaka_ros_driver.simulation.server.operator_session")
 STAGE = ("-m", "jaka_regression.many.stage_program")
 
 MASTER = ("-c", "from rosmaster.master import Master\nimport signal\nimport time\n"

@@ -3,7 +3,6 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from jaka_bag.cli.options import add_old_spelling
 from jaka_bag.cli.quantities import positive_number
 from jaka_bag.compare.loading import load_run
 from jaka_bag.compare.tolerances import load_tolerances
@@ -44,8 +43,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("-o", "--output", metavar="FOLDER", help="for the log, the reports and what the programs print; "
                                                  "default: a new folder among the temporary files")
     add("-f", "--force", action="store_true", help="overwrite what is in the folder")
-    add_old_spelling(parser, "-t", "tolerances", str,
-                     "-t means --tolerances here, and --topics in other commands: write --tolerances")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""What the core asks of the shell around it: to connect, to send, to answer a call, to tell the guard."""
+"""The actions that the core returns to the shell around it: connect, send, answer a call, notify the guard."""
 import enum
 from typing import Any, List, NamedTuple, Optional, Union
 
@@ -15,38 +15,38 @@ class Port(enum.Enum):
 
 
 class Open(NamedTuple):
-    """Connect this port, and answer with ``opened`` or ``failed``."""
+    """The request to connect this port, to be answered with ``opened`` or ``failed``."""
 
     port: Port
 
 
 class Close(NamedTuple):
-    """Drop the connection of this port, or the try to connect it; ``closed`` is not called for it."""
+    """The request to close the connection of this port, or to give up connecting; ``closed`` is not called for it."""
 
     port: Port
     reason: str
 
 
 class Send(NamedTuple):
-    """Put these bytes on the command port."""
+    """The request to send these bytes on the command port."""
 
     data: bytes
 
 
 class Answer(NamedTuple):
-    """The call that came with this token has ended: with a result, or with an error."""
+    """The end of the call that came with this token: a result, or an error."""
 
     call: Any
     result: Any
     error: Optional[JakaError]
 
 
-class Tell(NamedTuple):
-    """The word for the guard, and for the disk: whether this driver moves the arm. It stands before the first byte.
+class NotifyGuard(NamedTuple):
+    """The notification, for the guard and for the disk, whether this driver moves the arm; it precedes the first byte.
 
     Attributes:
-        is_moving: It does.
-        name: What it moves, in words.
+        is_moving: True where it does.
+        name: The motion, in words.
         jog_stop: The command that ends its jog; None where it is none.
     """
 
@@ -55,39 +55,41 @@ class Tell(NamedTuple):
     jog_stop: Optional[JogStop] = None
 
 
-class Show(NamedTuple):
-    """A state of the arm; ``is_new`` False where it tells of a time that has passed: not to be published."""
+class PublishState(NamedTuple):
+    """The request to publish a state; ``is_new`` is False where it shows a time that has passed: not to be published as
+    new.
+    """
 
     state: RobotState
     is_new: bool
 
 
 class Log(NamedTuple):
-    """A line for the log, with a level of ``logging``."""
+    """The request to log a line, with a level of ``logging``."""
 
     level: int
     text: str
 
 
-Action = Union[Open, Close, Send, Answer, Tell, Show, Log]
+Action = Union[Open, Close, Send, Answer, NotifyGuard, PublishState, Log]
 
 
 class Actions:
-    """Collects actions, in order, until the shell takes them."""
+    """The list of actions, in order, until the shell takes them."""
 
     def __init__(self) -> None:
         self._actions: List[Action] = []
 
     def add(self, action: Action) -> None:
-        """Put one at the end."""
+        """Append an action."""
         self._actions.append(action)
 
     def log(self, level: int, text: str) -> None:
-        """Put a line for the log at the end."""
+        """Append a line for the log."""
         self._actions.append(Log(level, text))
 
     def answer(self, call: Any, result: Any = None, error: Optional[JakaError] = None) -> None:
-        """Put the end of a call at the end; None is a call that nobody waits for."""
+        """Append the end of a call; None is a call that nobody waits for."""
         if call is not None:
             self._actions.append(Answer(call, result, error))
 
@@ -98,6 +100,6 @@ class Actions:
         calls.clear()
 
     def take(self) -> List[Action]:
-        """All of them; none is left."""
+        """Return all actions, and leave none."""
         taken, self._actions = self._actions, []
         return taken

@@ -1,4 +1,4 @@
-"""One arm: routes events of the links and calls of users, and decides who may move the arm.
+"""The core of one arm: it routes events of the links and calls of users, and decides who may move the arm.
 
 The way of a move: audit against the model's limits, the arm's condition, custody, then the wire; "accepted" is the
 controller's reply, the end is evidence in the status feed. A stop waits for nobody. It ends what was asked before it,
@@ -9,33 +9,33 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.actions import Action, Actions, Port
-from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.contradictions import require_no_wait
 from jaka_ros_driver.client.core.custody import Admission, Custody, Enter
 from jaka_ros_driver.client.core.foreign_motion import ForeignMotion, LeftBehind, LeftMotion
-from jaka_ros_driver.client.core.jog import Jog
+from jaka_ros_driver.client.core.jog import JogMotion
 from jaka_ros_driver.client.core.links import Links
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.planned.path_audit import audit
 from jaka_ros_driver.client.core.planned.path_move import PathMove, PathProgress
-from jaka_ros_driver.client.core.planned.program import Program, require_program_state
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Running, Until
+from jaka_ros_driver.client.core.planned.program import ProgramMotion, require_program_state
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, OnEnd, Procedure, Running, Until
 from jaka_ros_driver.client.core.servo import Servo
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
 from jaka_ros_driver.client.core.stops import Stops
 from jaka_ros_driver.client.core.streaming import Streaming, left_servo_mode
 from jaka_ros_driver.client.core.trajectory import (
     Goal,
-    Progress,
     Trajectory,
+    TrajectoryProgress,
     TrajectoryStart,
     require_start,
     start_at_rest,
 )
 from jaka_ros_driver.client.core.velocity_jog.dead_man import DeadMan, JogMessage
+from jaka_ros_driver.client.core.velocity_jog.motion import VelocityJog
 from jaka_ros_driver.client.core.velocity_jog.ramp import require_possible
-from jaka_ros_driver.client.core.velocity_jog.velocity_jog import VelocityJog
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import (
     ConnectionLost,
@@ -48,33 +48,33 @@ from jaka_ros_driver.kinematics import limits
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import ProgramState, RobotState
 from jaka_ros_driver.trajectory.path import Path
-from jaka_ros_driver.trajectory.points import Tolerances
+from jaka_ros_driver.trajectory.points import TrajectoryTolerances
 from jaka_ros_driver.trajectory.segments import SegmentPath
 
 AT_REST_ONLY = (c.SetToolFrame, c.SelectTool, c.SetUserFrame, c.SelectUserFrame, c.SetPayload, c.SetHandGuiding)
-"""They change what a motion under way means, or what the arm carries."""
+"""Commands that change the meaning of a running motion, or what the arm carries."""
 
 
 class ArmCore:
-    """See the module's first lines. ``core/actions`` says what the shell does with the actions.
+    """The state machine of one arm; ``core/actions`` has the actions that it returns to the shell.
 
     Attributes:
-        actions: Collects what the shell is to do.
+        actions: Collects the actions for the shell.
         custody: Who moves the arm.
         links: To the controller.
         disturbances: Counts what ends an act that was begun without a call: stops, faults, lost links, calls.
         last_disturbance: The last one, in words.
-        is_recovering: A recovery is under way.
+        is_recovering: True while a recovery runs.
         dead_man: Who holds a velocity jog.
         switched_on_at: By SetPower or SetEnabled, when a call began to switch it on that was not seen done yet, s.
     """
 
     def __init__(self, settings: ClientSettings, model: ArmModel) -> None:
-        """Prepare; ``start`` begins."""
+        """Set up without links; ``start`` connects them."""
         self.settings = settings
         self.model = model
         self.actions = Actions()
-        self.channel = Channel(self.actions, settings)
+        self.channel = CommandChannel(self.actions, settings)
         self.custody = Custody(self.actions, self.channel, settings, model.joint_max_speed,
                                lambda now: self._admission.retry(now))
         self.links = Links(settings, self.actions, self.channel, self.custody, self.note_disturbance)
@@ -100,17 +100,17 @@ class ArmCore:
 
     @property
     def stops(self) -> int:
-        """So many stops were asked for."""
+        """The number of stops that were asked for."""
         return self._stops.count
 
     @property
     def is_free(self) -> bool:
-        """Nobody has custody of the arm."""
+        """True while nobody has custody of the arm."""
         return self.custody.is_free
 
     @property
     def motion_owner(self) -> Optional[MotionOwner]:
-        """What moves the arm on behalf of this driver."""
+        """The kind of motion that moves the arm on behalf of this driver; None for none."""
         return self._admission.owner
 
     @property
@@ -121,29 +121,29 @@ class ArmCore:
 
     @property
     def late_servo_cycles(self) -> int:
-        """Cycles of the present servo stream that came too late to be sent."""
+        """The number of cycles of the present servo stream whose targets came too late to be sent."""
         motion = self.custody.motion
         return motion.late_cycles if isinstance(motion, Streaming) else 0
 
     @property
-    def trajectory(self) -> Optional[Progress]:
-        """How far the trajectory under way has come; None without one."""
+    def trajectory(self) -> Optional[TrajectoryProgress]:
+        """The progress of the running trajectory; None without one."""
         motion = self.custody.motion
         return motion.progress if isinstance(motion, Trajectory) else None
 
     @property
     def path(self) -> Optional[PathProgress]:
-        """How far the path under way has come; None without one."""
+        """The progress of the running path; None without one."""
         motion = self.custody.motion
         return motion.progress if isinstance(motion, PathMove) else None
 
     def is_ready(self, now: float) -> bool:
-        """Both links are up and the state is fresh."""
+        """Return whether both links are up and the state is fresh."""
         state = self.links.state
         return self.links.is_up and state is not None and now - state.received_at <= self.settings.stale_after
 
     def fresh_state(self, now: float) -> RobotState:
-        """The newest state.
+        """Return the newest state.
 
         Raises:
             ConnectionLost: It is stale, or there is none.
@@ -151,11 +151,14 @@ class ArmCore:
         return self.links.fresh_state(now)
 
     def is_hand_guided(self, state: RobotState) -> bool:
-        """Somebody guides the arm by hand in this state."""
+        """Return whether somebody guides the arm by hand in this state."""
         return self._admission.is_guided_in(state)
 
     def is_motion_possible(self, now: float) -> bool:
-        """This driver can move the arm, or moves it: links, drives and stops allow it, and nobody else has the arm."""
+        """Return whether this driver can move the arm, or moves it.
+
+        Links, drives and stops allow it, and nobody else has the arm.
+        """
         try:
             state = self._admission.require_ready_to_move(MotionOwner.MOVE, now)
             if self.motion_owner is None:
@@ -165,11 +168,11 @@ class ArmCore:
         return self.motion_owner is not MotionOwner.LEFT
 
     def take_actions(self) -> List[Action]:
-        """What the shell is to do, in order, since it last asked."""
+        """Return the actions for the shell since its last call, in order."""
         return self.actions.take()
 
     def next_deadline(self) -> float:
-        """When ``tick`` is due, s."""
+        """Return when ``tick`` is due, s."""
         due = min(self.custody.deadline, self.links.deadline, self._admission.deadline)
         for running in self._running:
             due = min(due, running.deadline)
@@ -178,7 +181,10 @@ class ArmCore:
     # ---- events of the shell ----
 
     def start(self, now: float, left: Optional[LeftMotion] = None) -> None:
-        """Begin to connect; ``left``: what a driver that is dead left moving, which is stopped first of all."""
+        """Begin to connect.
+
+        left: The motion that a dead driver left, which is stopped first of all.
+        """
         if left is not None:
             self.custody.take_over(LeftBehind(left), now)
             self.actions.log(logging.WARNING, self.foreign_motion)
@@ -186,23 +192,23 @@ class ArmCore:
         self.links.tick(now)
 
     def opened(self, port: Port, now: float) -> None:
-        """The port is connected."""
+        """Take note that the port is connected."""
         self.links.note_time(now)
         self.links.opened(port, now)
 
     def failed(self, port: Port, reason: str, now: float) -> None:
-        """The port could not be connected."""
+        """Take note that the port could not be connected."""
         self.links.note_time(now)
         self.links.failed(port, reason, now)
 
     def closed(self, port: Port, reason: str, now: float) -> None:
-        """The connection has ended."""
+        """Take note that the connection has ended."""
         self.links.note_time(now)
         self.links.closed(port, reason, now)
         self._tick_running(now)
 
     def received(self, port: Port, data: bytes, now: float) -> None:
-        """Bytes have arrived."""
+        """Take bytes that have arrived."""
         self.links.note_time(now)
         self.links.received(port, data, now)
         state = self.links.state
@@ -226,14 +232,13 @@ class ArmCore:
 
     # ---- calls: each is answered once ----
 
-    def move(self, call: Any, command: c.Motion, wait: bool, now: float, end: Any = None) -> None:
+    def move(self, call: Any, command: c.MoveCommand, wait: bool, now: float, end: Any = None) -> None:
         """Move to the command's target; answered with ``wait`` when the arm is there, else on acceptance.
 
         ``end``: answered when the target is reached (of a queue: passed), or with what ended the move; not where
-        ``call`` gets an error before anything was sent.
-
-        Errors: InvalidCommand (outside the limits, or the arm cannot move now; nothing was sent), CommandRejected,
-        MotionInterrupted (accepted, and not completed), ReplyTimeout, ConnectionLost.
+        ``call`` gets an error before anything was sent. Errors: InvalidCommand (outside the limits, or the arm cannot
+        move now; nothing was sent), CommandRejected, MotionInterrupted (accepted, and not completed), ReplyTimeout,
+        ConnectionLost.
         """
         def enter(at: float) -> None:
             state = self._admission.require_ready_to_move(MotionOwner.MOVE, at)
@@ -281,7 +286,7 @@ class ArmCore:
         self._enter(call, enter, now)
 
     def cancel_path(self, call: Any, now: float) -> bool:
-        """Stop the path that answers this call; False where it is not under way (yet, or any more)."""
+        """Stop the path that answers this call; return False where it does not run (yet, or any more)."""
         self.links.note_time(now)
         running = self.custody.motion
         if not isinstance(running, PathMove) or running.progress.call is not call or self.custody.is_ending:
@@ -299,12 +304,12 @@ class ArmCore:
         self._run_program(call, end, c.PlayProgram(), ProgramState.IDLE, now)
 
     def resume_program(self, call: Any, end: Any, now: float) -> None:
-        """Go on with the paused program, also with one that was begun at the pendant: it has the arm from now on.
+        """Resume the paused program, also one that was begun at the pendant: it has the arm from now on.
 
         ``end`` as for ``play``; where this driver plays it already, nobody is answered by it. Errors as ``move``.
         """
         running = self.custody.motion
-        if isinstance(running, Program) and not self.custody.is_ending:
+        if isinstance(running, ProgramMotion) and not self.custody.is_ending:
             self.run(call, running.resumed(
                 lambda at: self._admission.require_ready_to_move(MotionOwner.PROGRAM, at), self.seen), now)
         else:
@@ -315,13 +320,13 @@ class ArmCore:
         def enter(at: float) -> None:
             self._admission.require_ready_to_move(MotionOwner.JOG, at)
             running = self.custody.motion
-            if isinstance(running, Jog) and not self.custody.is_ending:
+            if isinstance(running, JogMotion) and not self.custody.is_ending:
                 if running.command == command:
                     running.again(call, at)
                     return
                 self.custody.stop(MotionInterrupted(StopCause.STOPPED, "another jog replaces it"), at)
             if self._admission.may_begin(call, enter, now, at, MotionOwner.JOG):
-                self.custody.begin(Jog(self.custody, command, call), at)
+                self.custody.begin(JogMotion(self.custody, command, call), at)
         self._enter(call, enter, now, command)
 
     def servo_mode(self, call: Any, active: bool, now: float) -> None:
@@ -342,7 +347,7 @@ class ArmCore:
         self._enter(call, enter, now)
 
     def set_servo_target(self, command: Union[c.ServoJoint, c.ServoPose], now: float) -> None:
-        """Take one target into the servo stream; no call, because nothing is sent at once.
+        """Add one target to the servo stream; no call, because nothing is sent at once.
 
         Raises:
             InvalidCommand: Not in servo mode, outside the limits, or too far away; nothing moves.
@@ -357,7 +362,8 @@ class ArmCore:
         running.set_target(command, now)
 
     def jog_velocity(self, message: JogMessage, now: float) -> None:
-        """Jog as one message of a stream says, until it is not fresh any more; no call, because nobody waits for it.
+        """Jog at the velocity of one message of a stream, until it is not fresh any more; no call, as nobody waits for
+        it.
 
         Raises:
             InvalidCommand: It does not count (``DeadMan.take``), the arm does not have that speed, or cannot be moved
@@ -378,11 +384,14 @@ class ArmCore:
         try:
             self._begin_velocity_jog(now)
         except JakaError as error:
-            self.dead_man.let_go(str(error))
+            self.dead_man.release(str(error))
             raise
 
     def _begin_velocity_jog(self, now: float) -> None:
-        """Where the arm still comes to rest from what was before, a later message tries again."""
+        """Begin a velocity jog, unless the arm still comes to rest from an earlier motion.
+
+        Then a later message tries again.
+        """
         if self._is_closing:
             raise ConnectionLost("the driver is shutting down")
         owner = MotionOwner.VELOCITY_JOG
@@ -393,11 +402,10 @@ class ArmCore:
             self.custody.begin(VelocityJog(self.custody, self.model, self.dead_man, state, self._servo_mode_is), now)
 
     def trajectory_start(self, call: Any, lead: float, stops: int, now: float) -> None:
-        """Answered with a ``TrajectoryStart``: the running trajectory ``lead`` s ahead, or the arm, once it rests.
+        """Answer with a ``TrajectoryStart``: the running trajectory ``lead`` s ahead, or the arm, once it rests.
 
-        ``stops``: the number of stops when the trajectory was asked for; a later one ends it.
-
-        Errors: InvalidCommand, ConnectionLost: the arm cannot be moved now. MotionInterrupted: a stop came between.
+        ``stops``: the number of stops when the trajectory was asked for; a later one ends it. Errors: InvalidCommand,
+        ConnectionLost: the arm cannot be moved now. MotionInterrupted: a stop came between.
         """
         def enter(at: float) -> None:
             self._stops.require_none_since(stops)
@@ -409,7 +417,7 @@ class ArmCore:
                 self.actions.answer(call, start_at_rest(state))
         self._enter(call, enter, now)
 
-    def follow(self, call: Any, path: Path, start: TrajectoryStart, tolerances: Tolerances, stops: int,
+    def follow(self, call: Any, path: Path, start: TrajectoryStart, tolerances: TrajectoryTolerances, stops: int,
                now: float) -> None:
         """Follow an audited path from its start on; answered when the arm rests at its end, and servo mode is left.
 
@@ -428,13 +436,13 @@ class ArmCore:
         self._enter(call, enter, now)
 
     def cancel_trajectory(self, call: Any, now: float) -> bool:
-        """Brake the trajectory that answers ``call`` (None: any) on its path; False where it is not under way."""
+        """Brake the trajectory that answers ``call`` (None: any) on its path; return False where it does not run."""
         self.links.note_time(now)
         running = self.custody.motion
         return isinstance(running, Trajectory) and not self.custody.is_ending and running.cancel(call)
 
     def stop(self, call: Any, now: float) -> None:
-        """Stop all motion, queued motion and programs; leaves servo mode. Answered with the controller's word.
+        """Stop all motion, queued motion and programs, and leave servo mode; answered with the controller's reply.
 
         Errors: ConnectionLost, ReplyTimeout, CommandRejected: it could not be delivered. Where this driver moves the
         arm the stop is repeated all the same until the arm rests.
@@ -444,7 +452,7 @@ class ArmCore:
         self._stops.stop(call, now)
 
     def run(self, call: Any, procedure: Procedure, now: float, exclusive: bool = False) -> None:
-        """Carry out a procedure; answered with its result or its error. A ``call`` of None is not answered.
+        """Run a procedure; answered with its result or its error. A ``call`` of None is not answered.
 
         ``exclusive``: only while nothing moves the arm, and nothing moves it meanwhile.
         """
@@ -461,29 +469,29 @@ class ArmCore:
         self._enter(call, enter, now)
 
     def ask(self, command: c.Command) -> Procedure:
-        """A procedure of one command that moves nothing, after its audit."""
+        """Run a procedure of one command that moves nothing, after its audit."""
         return (yield Ask(self.audited(command)))
 
     def close(self, now: float) -> None:
-        """Stop what this driver moves, and answer every call; ``is_free`` tells when the arm rests."""
+        """Stop what this driver moves, and answer every call; ``is_free`` becomes true when the arm rests."""
         self.links.note_time(now)
         self._is_closing = True
         self.links.close()
         ended = MotionInterrupted(StopCause.SHUTDOWN)
-        self.dead_man.let_go(str(ended))
+        self.dead_man.release(str(ended))
         self._admission.end_waiting(ended)
         self.custody.stop(ended, now)
         for running in list(self._running):
             running.throw(ConnectionLost(StopCause.SHUTDOWN.value), now)
 
     def disconnect(self, now: float) -> None:
-        """Drop both connections for good; what still waits is told."""
+        """Close both connections for good, and end the calls that still wait."""
         self.links.disconnect(now)
 
     # ---- what procedures use ----
 
     def audited(self, command: c.Command) -> c.Command:
-        """The command, if it keeps the model's limits.
+        """Return the command, if it keeps the model's limits.
 
         Raises:
             InvalidCommand: It does not.
@@ -492,13 +500,13 @@ class ArmCore:
         return command
 
     def stop_own(self, now: float) -> None:
-        """A stop that nobody is answered for."""
-        self.dead_man.let_go("a stop")
+        """Send a stop for which nobody is answered."""
+        self.dead_man.release("a stop")
         self._stops.stop_own(now)
 
     def seen(self, holds: Callable[[RobotState], bool], timeout: float,
              check: Callable[[], None] = lambda: None) -> Procedure:
-        """Wait, ``timeout`` s at most, for a state of later than now for which ``holds``; returns whether it came.
+        """Wait at most ``timeout`` s for a state of later than now for which ``holds``; return whether it came.
 
         ``check`` is called each time before a state is looked at; what it raises is raised in the procedure.
         """
@@ -511,13 +519,13 @@ class ArmCore:
         return (yield Until(is_seen, timeout))
 
     def note_disturbance(self, what: str) -> None:
-        """This ends what was begun without a call: auto_enable, a velocity jog."""
+        """Record a disturbance, which ends what was begun without a call: auto_enable, a velocity jog."""
         self.disturbances += 1
         self.last_disturbance = what
-        self.dead_man.let_go(what)
+        self.dead_man.release(what)
 
     def hand_guiding_was_set(self, active: bool) -> None:
-        """The controller took it; not every feed tells."""
+        """Record that the controller accepted a change of hand guiding; not every feed has that."""
         self._admission.is_guided = active
 
     # ---- inside: calls ----
@@ -550,7 +558,7 @@ class ArmCore:
             if self.motion_owner is None:
                 require_program_state(state, wanted)
             if self._admission.may_begin(call, enter, now, at, MotionOwner.PROGRAM):
-                self.custody.begin(Program(self.custody, command, call, end), at)
+                self.custody.begin(ProgramMotion(self.custody, command, call, end), at)
         self._enter(call, enter, now)
 
     def _answerer(self, call: Any) -> OnEnd:
@@ -575,6 +583,6 @@ class ArmCore:
             self.actions.log(logging.INFO, "servo mode has ended: %s" % reason)
 
     def _leave_servo_mode(self) -> Procedure:
-        """Of a servo mode that no stream of this driver is in."""
+        """Leave a servo mode that no stream of this driver is in."""
         yield from left_servo_mode()
         self.links.is_servo_active = False

@@ -1,6 +1,7 @@
-"""Evidence that a planned motion has arrived: how near the arm is to the target, and what ``inpos`` is worth.
+"""Evidence that a planned motion has arrived: the arm's distance from the target, and ``inpos`` as far as it is
+reliable.
 
-A controller may say ``inpos`` while the arm still moves, late, or never (docs/controller-protocol.md section 6.2).
+A controller may set ``inpos`` while the arm still moves, late, or never (docs/controller-protocol.md section 6.2).
 Within the tolerance of a target an arm may be held, too, by a pause that the feed does not show, and go on later.
 """
 from typing import Optional
@@ -9,16 +10,20 @@ from jaka_ros_driver.client.core.stillness import MOVEMENT
 from jaka_ros_driver.state import RobotState, Vector
 
 SETTLE_TIME_S = 0.3
-"""s; beyond the time of rest: an arm that rests on its target for so long has arrived, whatever ``inpos`` says, and
-one that rests away from it has been stopped by somebody else."""
+"""Stillness, s, beyond the time of rest, after which an arm on its target has arrived, whatever ``inpos`` says.
+
+An arm that rests so long away from its target has been stopped by somebody else.
+"""
 NO_DISTANCE = 0.03
-"""The share of a tolerance within which an arm counts as at its target, moved or not: no way is left to be seen."""
+"""Share of a tolerance within which an arm counts as at its target, moved or not: no way is left to be seen."""
 _FALSE_S = 0.15
-"""s; ``inpos`` that is false for so long while the arm moves follows the motion, and not its acceptance alone."""
+"""Time, s, for which ``inpos`` must be false while the arm moves to show that it follows the motion, not its
+acceptance.
+"""
 
 
 class InPosition:
-    """Watches ``inpos`` over one motion that has begun, from frame to frame."""
+    """The history of ``inpos`` over one motion that has begun, from frame to frame."""
 
     def __init__(self) -> None:
         self._false_since: Optional[float] = None
@@ -38,7 +43,7 @@ class InPosition:
         elif max([abs(a - b) for a, b in zip(self._true_at, state.joint_position)]) > MOVEMENT:
             self._is_early = True
 
-    def tells_the_end(self, state: RobotState) -> bool:
+    def shows_the_end(self, state: RobotState) -> bool:
         """Return whether ``inpos`` is true now, was false while the arm moved, and never true while it moved on."""
         return (state.is_in_position and not self._is_early and self._false_since is not None
                 and self._false_until - self._false_since >= _FALSE_S)

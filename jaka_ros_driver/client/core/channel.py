@@ -24,18 +24,23 @@ from jaka_ros_driver.protocol.framing import ObjectStream, encode_object
 _PIECE_BYTES = 1 << 12
 _MOST_STRAY_BYTES = 1 << 17
 _MOST_STRAYS = 1000
-"""Replies in a row that answer no request: more are no controller's; all that wait on a connection are far fewer."""
+"""Most replies in a row that answer no request.
+
+More are no controller's; all that wait on a connection are far fewer.
+"""
 
 OnReply = Callable[[Any, Optional[JakaError], float], None]
-"""Gets the command's result, or the error, and the time, s. Errors: CommandRejected, ProtocolError, ReplyTimeout,
-ConnectionLost."""
+"""The receiver of a command's result, or of its error, and of the time, s.
+
+Errors: CommandRejected, ProtocolError, ReplyTimeout, ConnectionLost.
+"""
 
 
 class Requests(Protocol):
-    """A place to send requests to: the channel, or an introduction."""
+    """The interface for sending requests: the channel's, or an introduction's."""
 
     def request(self, command: Command, now: float, on_reply: OnReply) -> None:
-        """Send one command; errors as ``Channel.request``."""
+        """Send one command; errors as ``CommandChannel.request``."""
 
 
 _PARTS_OF_A_STOP = (JogStop, SetServoMode, Stop)
@@ -43,7 +48,7 @@ _PARTS_OF_A_STOP = (JogStop, SetServoMode, Stop)
 
 @functools.lru_cache(maxsize=None)
 def _stop_text(command: Command) -> bytes:
-    """Encode a part of a stop; kept, because a stop has up to 20 of them and waits for nothing. There are 21."""
+    """Encode a part of a stop; cached, because a stop has up to 20 of them and waits for nothing. There are 21."""
     return encode_object(codec.encode(command))
 
 
@@ -54,13 +59,13 @@ class _Pending:
 
 
 class Introduction:
-    """A new connection, whose controller may be another one than was meant: all it can be asked is its identity."""
+    """A new connection whose controller may not be the intended one: all it can be asked is its identity."""
 
-    def __init__(self, channel: "Channel") -> None:
+    def __init__(self, channel: "CommandChannel") -> None:
         self._channel = channel
 
     def request(self, command: Command, now: float, on_reply: OnReply) -> None:
-        """Ask for the identity; errors as ``Channel.request``.
+        """Ask for the identity; errors as ``CommandChannel.request``.
 
         Raises:
             ConnectionLost: The connection has ended; or it is not the identity that is asked for.
@@ -70,14 +75,14 @@ class Introduction:
         self._channel.send_all([command], now, {0: on_reply})
 
 
-class Channel:
-    """Several requests may be on their way; a late reply ends the connection (docs/controller-protocol.md section 3.2).
+class CommandChannel:
+    """The command port's outstanding requests, of which several may be on their way.
 
-    What the controller did of a command whose reply is late is unknown, and later replies could no longer be told
-    apart. Nothing is ever sent twice.
+    A late reply ends the connection (docs/controller-protocol.md section 3.2): whether the controller acted on the
+    command is unknown, and later replies could no longer be told apart. Nothing is ever sent twice.
 
     Attributes:
-        is_open: The port is connected to the controller that was meant: requests can be sent.
+        is_open: The port is connected to the intended controller: requests can be sent.
         introduction: The connection while its controller is not known to be that one; None otherwise.
         was_answered: A request was answered on the newest connection.
         damaged_replies: Pieces of the stream that are no replies, since start.
@@ -107,12 +112,12 @@ class Channel:
         return self.introduction
 
     def trust(self, introduction: Introduction) -> None:
-        """Use this connection from now on: its controller is the one that was meant. No effect where it has ended."""
+        """Use this connection from now on: its controller is the intended one. No effect where it has ended."""
         if introduction is self.introduction:
             self.is_open, self.introduction = True, None
 
     def close(self, reason: str, now: float, late: Optional[Any] = None) -> None:
-        """The connection has ended; who waits for a reply is told."""
+        """Close the channel after the connection has ended; answer those who wait for a reply with an error."""
         self.is_open, self.introduction = False, None
         self._down_reason = reason
         for request in self._exchange.abandon():
@@ -123,7 +128,9 @@ class Channel:
                 request.waiter.on_reply(None, error, now)
 
     def prepare(self, command: Command) -> None:
-        """Encode a command that is likely to be the next one; nothing is sent. Raises InvalidCommand as ``request``."""
+        """Encode a command that is likely to be the next one; nothing is sent. Raise InvalidCommand as ``request``
+        does.
+        """
         on_wire = self._on_wire(command)
         if self._prepared is None or self._prepared[0] != on_wire:
             self._prepared = on_wire, encode_object(codec.encode(on_wire))
@@ -149,7 +156,7 @@ class Channel:
         self.send_all(commands, now, {**(besides or {}), judged: on_reply})
 
     def send_all(self, commands: Sequence[Command], now: float, on_reply: Mapping[int, OnReply]) -> None:
-        """Put the commands on the connection; for ``request_all`` and an introduction, which know that there is one."""
+        """Send the commands, for ``request_all`` and an introduction, which know that there is a connection."""
         texts = [self._encoded(command) for command in commands]
         for place, command in enumerate(commands):
             patience, is_slow = self._patience(command)
@@ -159,11 +166,13 @@ class Channel:
 
     @property
     def is_flooded(self) -> bool:
-        """True where the bytes that come answer no request any more; nothing of them is read."""
+        """True where the received bytes answer no request any more; they are not read."""
         return self._stray_bytes > _MOST_STRAY_BYTES or self._strays > _MOST_STRAYS
 
     def received(self, data: bytes, now: float) -> None:
-        """Take bytes of the port: who waits for a reply gets it. Their cost is bounded, whatever they are."""
+        """Take bytes of the port, and pass replies to those who wait for them. Their cost is bounded, whatever they
+        are.
+        """
         for start in range(0, len(data), _PIECE_BYTES):
             if self.is_flooded or not (self.is_open or self.introduction):
                 return
@@ -210,10 +219,10 @@ class Channel:
         return None if slow is None or self._lets_pass else slow.sent_at + self._settings.reply_timeout
 
     def require_prompt(self, what: str) -> None:
-        """See that replies need not wait for a slow one.
+        """Raise unless replies need not wait for a slow one.
 
         Raises:
-            InvalidCommand: They may have to; ``what`` says what was not sent.
+            InvalidCommand: They may have to; ``what`` names what was not sent.
         """
         slow = self._exchange.slow
         if slow is not None and not self._lets_pass:
@@ -221,15 +230,15 @@ class Channel:
                                  "stop_move, and what the status feed tells, are served" % (what, slow.name))
 
     def done(self, command: Command, now: float) -> None:
-        """What this command asked for is seen to be done; its reply is due in the usual time now."""
+        """Give the reply to this command the usual time from now, because its effect is visible."""
         self._exchange.done(codec.command_name(command), now, self._settings.reply_timeout)
 
     def overdue(self, now: float) -> Optional[Any]:
-        """A request whose reply is late, if there is one; hand it to ``close``."""
+        """Return a request whose reply is late, or None; pass it to ``close``."""
         return self._exchange.overdue(now)
 
     def _patience(self, command: Command) -> Tuple[float, bool]:
-        """How long the reply may take, s, and whether later replies may wait for it.
+        """Return how long the reply may take, s, and whether later replies may wait for it.
 
         A controller can hold back the replies to power_on and enable_robot until that is done
         (docs/controller-protocol.md section 5.1).
@@ -249,7 +258,10 @@ class Channel:
         return encode_object(codec.encode(on_wire))
 
     def _on_wire(self, command: Command) -> Command:
-        """Terminals count from 0 in this program, from ``io_index_base`` on the wire."""
+        """Return the command as it is sent.
+
+        Terminals count from 0 in this driver, from ``io_index_base`` on the wire.
+        """
         if self.io_index_base and isinstance(command, TERMINAL_COMMANDS):
             return dataclasses.replace(command, index=command.index + self.io_index_base)
         return command

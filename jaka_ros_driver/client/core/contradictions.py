@@ -12,29 +12,29 @@ from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState
 
 _JUMP_SLACK = 0.05
-"""rad"""
+"""Change of a joint, rad, between two frames that is never a jump."""
 _JUMP_FACTOR = 1.2
 _LATE_FRAME_S = 0.15
-"""s; a frame may be late by so much before the feed counts as silent (feed.SILENCE_S): the arm moved on meanwhile."""
+"""Delay, s, of a frame before the feed counts as silent (feed.SILENCE_S): the arm moved on meanwhile."""
 _TOOL_SLACK = 0.02
-"""m"""
+"""Change of the tool's position, m, that is never a jump."""
 _TOOL_REACH = 3.0
-"""m; a joint's turn moves the tool by at most so much a rad, tool included."""
+"""Largest way of the tool, m, for each rad of a joint's turn, tool included."""
 
 STREAMS = (MotionOwner.SERVO, MotionOwner.TRAJECTORY, MotionOwner.VELOCITY_JOG)
-"""Motions in servo mode."""
+"""Kinds of motion in servo mode."""
 PLANNED = (MotionOwner.MOVE, MotionOwner.PATH, MotionOwner.JOG)
-"""Motions that the controller plans, each from one command."""
+"""Kinds of motion that the controller plans, each from one command."""
 MOTIONS = (*PLANNED, MotionOwner.PROGRAM, *STREAMS)
 
 
-class Evidence(NamedTuple):
-    """Knowledge of the arm at one moment.
+class ArmEvidence(NamedTuple):
+    """The knowledge of the arm at one moment.
 
     Attributes:
         state: The newest fresh state.
         is_guided: Somebody guides the arm by hand.
-        servo_mode: What the controller answered lately to the question whether it is in servo mode; None for nothing.
+        servo_mode: The controller's latest answer whether it is in servo mode; None for nothing.
         wants_servo_mode: Whether the motion needs servo mode; None while it enters or leaves it.
         jump: Which joint has jumped, in words; "" for none.
         frames: Which tool or user frame has changed since the motion began, in words; "" for none.
@@ -58,7 +58,7 @@ class AtStart(enum.Enum):
     ALLOWS = "may begin"
 
 
-class Row(NamedTuple):
+class Contradiction(NamedTuple):
     """One condition that contradicts motion.
 
     Attributes:
@@ -71,7 +71,7 @@ class Row(NamedTuple):
     """
 
     name: str
-    cause: Callable[[Evidence], Optional[MotionInterrupted]]
+    cause: Callable[[ArmEvidence], Optional[MotionInterrupted]]
     at_start: AtStart = AtStart.REFUSES
     refusal: str = "refused, the arm cannot move: %s"
     except_for: Mapping[MotionOwner, str] = {}
@@ -79,90 +79,94 @@ class Row(NamedTuple):
 
 
 def _if(holds: Callable[[RobotState], bool], cause: StopCause,
-        text: Callable[[RobotState], str] = lambda state: "") -> Callable[[Evidence], Optional[MotionInterrupted]]:
+        text: Callable[[RobotState], str] = lambda state: "") -> Callable[[ArmEvidence], Optional[MotionInterrupted]]:
     return lambda seen: MotionInterrupted(cause, text(seen.state)) if holds(seen.state) else None
 
 
-def _new_fault(seen: Evidence) -> Optional[MotionInterrupted]:
+def _new_fault(seen: ArmEvidence) -> Optional[MotionInterrupted]:
     state = seen.state
     is_fault = seen.is_new_event and state.has_fault and not state.has_warning
     return MotionInterrupted(StopCause.FAULT, event_text(state)) if is_fault else None
 
 
-def _hand_guiding(seen: Evidence) -> Optional[MotionInterrupted]:
+def _hand_guiding(seen: ArmEvidence) -> Optional[MotionInterrupted]:
     return MotionInterrupted(StopCause.FAULT, "hand guiding is on") if seen.is_guided else None
 
 
-def _foreign_program(seen: Evidence) -> Optional[MotionInterrupted]:
+def _foreign_program(seen: ArmEvidence) -> Optional[MotionInterrupted]:
     runs = seen.state.program_state in PROGRAM_UNDER_WAY
     return MotionInterrupted(StopCause.FAULT, "a program of the controller's own runs") if runs else None
 
 
-def _servo_mode(seen: Evidence) -> Optional[MotionInterrupted]:
+def _servo_mode(seen: ArmEvidence) -> Optional[MotionInterrupted]:
     if seen.servo_mode is None or seen.wants_servo_mode is None or seen.servo_mode is seen.wants_servo_mode:
         return None
     return MotionInterrupted(StopCause.FAULT, "the controller is in servo mode, for another client" if seen.servo_mode
                              else "the controller has left servo mode")
 
 
-def _jump(seen: Evidence) -> Optional[MotionInterrupted]:
+def _jump(seen: ArmEvidence) -> Optional[MotionInterrupted]:
     return MotionInterrupted(StopCause.FAULT, seen.jump) if seen.jump else None
 
 
-def _frames(seen: Evidence) -> Optional[MotionInterrupted]:
+def _frames(seen: ArmEvidence) -> Optional[MotionInterrupted]:
     return MotionInterrupted(StopCause.FAULT, seen.frames) if seen.frames else None
 
 
-_STANDING: Tuple[Row, ...] = (
-    Row("emergency stop", _if(lambda s: s.emergency_stop, StopCause.EMERGENCY_STOP)),
-    Row("protective stop", _if(lambda s: s.protective_stop, StopCause.PROTECTIVE_STOP, event_text)),
-    Row("no power", _if(lambda s: not s.is_powered, StopCause.NOT_ENABLED, lambda s: "the drives have no power")),
-    Row("drives disabled", _if(lambda s: not s.is_enabled, StopCause.NOT_ENABLED, event_text)))
+_STANDING: Tuple[Contradiction, ...] = (
+    Contradiction("emergency stop", _if(lambda s: s.emergency_stop, StopCause.EMERGENCY_STOP)),
+    Contradiction("protective stop", _if(lambda s: s.protective_stop, StopCause.PROTECTIVE_STOP, event_text)),
+    Contradiction("no power", _if(lambda s: not s.is_powered, StopCause.NOT_ENABLED,
+                                  lambda s: "the drives have no power")),
+    Contradiction("drives disabled", _if(lambda s: not s.is_enabled, StopCause.NOT_ENABLED, event_text)))
 
-TABLE: Tuple[Row, ...] = (
+TABLE: Tuple[Contradiction, ...] = (
     *_STANDING,
-    Row("new fault", _new_fault, AtStart.ALLOWS,
-        why_at_start="an event that stood before the motion, without a stop, is history: controllers go on to show it"),
-    Row("hand guiding", _hand_guiding, refusal="refused: hand guiding owns the arm's motion; switch it off first",
-        except_for={MotionOwner.PROGRAM: "a program may ask for hand guiding itself"}),
-    Row("another's program", _foreign_program, AtStart.WAITS,
-        "refused: a program of the controller's own runs; stop it first",
-        except_for={MotionOwner.PROGRAM: "it is this motion"}),
-    Row("program not told", _if(lambda s: s.program_state is None, StopCause.FAULT,
-                                lambda s: "the controller does not tell any more whether its program runs"),
-        refusal="refused: this controller does not tell whether a program runs (interp_state)",
-        except_for=dict.fromkeys((*PLANNED, *STREAMS), "its end is seen in the joints")),
-    Row("servo mode", _servo_mode, AtStart.WAITS,
-        "refused: the controller is in servo mode, for another client; stop_move leaves it"),
-    Row("joints jump", _jump, AtStart.ALLOWS,
-        why_at_start="no frame counts until it shows the arm where the controller says it is, and then at rest"),
-    Row("another frame", _frames, AtStart.ALLOWS,
-        except_for={MotionOwner.PROGRAM: "a program selects its frames itself"},
-        why_at_start="its targets mean the frames that are active when it begins"))
+    Contradiction("new fault", _new_fault, AtStart.ALLOWS,
+                  why_at_start="an event that stood before the motion, without a stop, is history: controllers go on "
+                  "to show it"),
+    Contradiction("hand guiding", _hand_guiding,
+                  refusal="refused: hand guiding owns the arm's motion; switch it off first",
+                  except_for={MotionOwner.PROGRAM: "a program may ask for hand guiding itself"}),
+    Contradiction("another's program", _foreign_program, AtStart.WAITS,
+                  "refused: a program of the controller's own runs; stop it first",
+                  except_for={MotionOwner.PROGRAM: "it is this motion"}),
+    Contradiction("program not told", _if(lambda s: s.program_state is None, StopCause.FAULT,
+                                          lambda s: "the controller does not tell any more whether its program runs"),
+                  refusal="refused: this controller does not tell whether a program runs (interp_state)",
+                  except_for=dict.fromkeys((*PLANNED, *STREAMS), "its end is seen in the joints")),
+    Contradiction("servo mode", _servo_mode, AtStart.WAITS,
+                  "refused: the controller is in servo mode, for another client; stop_move leaves it"),
+    Contradiction("joints jump", _jump, AtStart.ALLOWS,
+                  why_at_start="no frame counts until it shows the arm where the controller says it is, and then at "
+                  "rest"),
+    Contradiction("another frame", _frames, AtStart.ALLOWS,
+                  except_for={MotionOwner.PROGRAM: "a program selects its frames itself"},
+                  why_at_start="its targets mean the frames that are active when it begins"))
 
 
 def standing_cause(state: RobotState) -> Optional[MotionInterrupted]:
     """Return why the arm cannot move in this state; None where nothing stands against it."""
-    return _first(_STANDING, Evidence(state, False))
+    return _first(_STANDING, ArmEvidence(state, False))
 
 
 def require_drives(state: RobotState) -> None:
-    """See that the drives are ready.
+    """Check that the drives are ready.
 
     Raises:
-        InvalidCommand: Something stands against motion.
+        InvalidCommand: Something forbids motion.
     """
     cause = standing_cause(state)
     if cause is not None:
         raise InvalidCommand("refused, the arm cannot move: %s" % cause)
 
 
-def cause_of_stop(owner: MotionOwner, seen: Evidence) -> Optional[MotionInterrupted]:
+def cause_of_stop(owner: MotionOwner, seen: ArmEvidence) -> Optional[MotionInterrupted]:
     """Return why a motion of this kind must be stopped; None where nothing contradicts it."""
     return _first([row for row in TABLE if owner not in row.except_for], seen)
 
 
-def _first(rows: Sequence[Row], seen: Evidence) -> Optional[MotionInterrupted]:
+def _first(rows: Sequence[Contradiction], seen: ArmEvidence) -> Optional[MotionInterrupted]:
     for row in rows:
         cause = row.cause(seen)
         if cause is not None:
@@ -170,8 +174,8 @@ def _first(rows: Sequence[Row], seen: Evidence) -> Optional[MotionInterrupted]:
     return None
 
 
-def require_start(owner: MotionOwner, seen: Evidence) -> None:
-    """See that nothing forbids a motion of this kind to begin at once or after a wait.
+def require_start(owner: MotionOwner, seen: ArmEvidence) -> None:
+    """Check that nothing forbids a motion of this kind to begin at once or after a wait.
 
     Raises:
         InvalidCommand: Something does.
@@ -179,12 +183,14 @@ def require_start(owner: MotionOwner, seen: Evidence) -> None:
     _refuse(owner, seen, AtStart.REFUSES)
 
 
-def require_no_wait(owner: MotionOwner, seen: Evidence) -> None:
-    """See that nothing is there whose end a motion of this kind would have to wait for; errors as ``require_start``."""
+def require_no_wait(owner: MotionOwner, seen: ArmEvidence) -> None:
+    """Check that no condition holds whose end a motion of this kind would have to wait for; errors as
+    ``require_start``.
+    """
     _refuse(owner, seen, AtStart.WAITS)
 
 
-def _refuse(owner: MotionOwner, seen: Evidence, kind: AtStart) -> None:
+def _refuse(owner: MotionOwner, seen: ArmEvidence, kind: AtStart) -> None:
     for row in TABLE:
         cause = row.cause(seen) if row.at_start is kind and owner not in row.except_for else None
         if cause is not None:
@@ -192,10 +198,13 @@ def _refuse(owner: MotionOwner, seen: Evidence, kind: AtStart) -> None:
 
 
 class JumpWatch:
-    """Notices joints that change faster than the arm can move, between one fresh state and the next."""
+    """The detector of joints that change faster than the arm can move, between one fresh state and the next."""
 
     def __init__(self, joint_max_speed: Sequence[float]) -> None:
-        """joint_max_speed: rad/s, base first."""
+        """Set up without a state.
+
+        joint_max_speed: rad/s, base first.
+        """
         self._speeds = tuple(joint_max_speed)
         self._last: Optional[RobotState] = None
 
@@ -212,15 +221,18 @@ class JumpWatch:
         return ""
 
     def lose_sight(self) -> None:
-        """Forget the last state: what comes may be anything."""
+        """Forget the last state: the next one may show anything."""
         self._last = None
 
 
 class Watch:
-    """Looks at every fresh state of one motion, from before its first byte."""
+    """The check of every fresh state of one motion, from before its first byte."""
 
     def __init__(self, owner: MotionOwner, before: Optional[RobotState]) -> None:
-        """before: The newest state before the motion."""
+        """Remember the state before the motion.
+
+        before: The newest state before the motion.
+        """
         self._owner = owner
         self._known_event = 0 if before is None else before.error_code
         self._last = before
@@ -236,8 +248,8 @@ class Watch:
         is_new = state.error_code != self._known_event
         if is_new:
             self._known_event = 0
-        return cause_of_stop(self._owner, Evidence(state, bool(state.is_hand_guided), jump=jump, is_new_event=is_new,
-                                                   frames=self._frames_changed(state) or self._pose_jump(state)))
+        return cause_of_stop(self._owner, ArmEvidence(state, bool(state.is_hand_guided), jump=jump, is_new_event=is_new,
+                                                      frames=self._frames_changed(state) or self._pose_jump(state)))
 
     def _frames_changed(self, state: RobotState) -> str:
         for name, shown in (("tool", state.tool_id), ("user frame", state.user_frame_id)):
@@ -249,7 +261,9 @@ class Watch:
         return ""
 
     def _pose_jump(self, state: RobotState) -> str:
-        """Notice what the ids may not tell: the tool's pose is another one, and the joints have not moved it there."""
+        """Return that the tool's pose jumps and its joints do not, in words; "" otherwise: the ids need not show
+        another frame.
+        """
         if state.tcp_position is None:
             return ""
         last, self._last = self._last, state
@@ -263,7 +277,7 @@ class Watch:
 
 
 def described() -> List[Dict[str, str]]:
-    """Return the table as rows of text: condition, start, under way by kind of motion; for pages and tests."""
+    """Return the table as rows of text, for pages and tests: condition, start, effect on each running motion."""
     rows = []
     for row in TABLE:
         start = row.at_start.value + (": " + row.why_at_start if row.why_at_start else "")

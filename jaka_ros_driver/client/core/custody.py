@@ -11,11 +11,11 @@ import enum
 import logging
 from typing import Any, Callable, List, NamedTuple, Optional, Protocol, Sequence
 
-from jaka_ros_driver.client.core.actions import Actions, Tell
-from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.actions import Actions, NotifyGuard
+from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.contradictions import (
     STREAMS,
-    Evidence,
+    ArmEvidence,
     JumpWatch,
     Watch,
     cause_of_stop,
@@ -23,7 +23,7 @@ from jaka_ros_driver.client.core.contradictions import (
     require_start,
     standing_cause,
 )
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner
+from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
 from jaka_ros_driver.client.core.stillness import REST_TIME_S, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import STOP_REPLY, SetLinkLoss, whole_stop
@@ -39,20 +39,21 @@ from jaka_ros_driver.errors import (
 from jaka_ros_driver.state import RobotState
 
 _RETRY_PERIOD_S = 0.05
-"""s; from the refusal of a stop to the next one."""
+"""Pause, s, from the refusal of a stop to the next one."""
 _COASTING_TIME_S = 0.5
-"""s; an arm that still moves so long after an accepted stop is stopped once more."""
-_TELL_AFTER_S = 1.0
-"""s; callers of a motion whose stop is not accepted are told its end at the latest then."""
+"""Time, s, after an accepted stop until an arm that still moves is stopped once more."""
+_ANSWER_AFTER_S = 1.0
+"""Longest time, s, until callers of a motion whose stop is not accepted are answered."""
 _CAUSE_TIME_S = 0.1
-"""s; the status feed may show so much later why the controller has refused a frame."""
-_SAY_PERIOD_S = 1.0
+"""Time, s, within which the status feed may show why the controller has refused a frame."""
+_LOG_PERIOD_S = 1.0
 _WAIT_FOR_REST_S = 1.5
-"""s; a motion waits so long for the arm to come to rest from what was before it."""
+"""Longest time, s, that a motion waits for the arm to come to rest from an earlier one."""
 _NEVER = float("inf")
 
 Enter = Callable[[float], None]
-"""Begins a call at a time, s; tried again while the call waits. What it raises is the call's answer."""
+"""A function that begins a call at a time, s, and is tried again while the call waits; its error is the call's answer.
+"""
 
 
 class _Phase(enum.Enum):
@@ -80,10 +81,10 @@ _ALL_SHOWN = Shown(_NEVER, _NEVER)
 
 
 class Custody:
-    """One motion at a time; see the module's first lines.
+    """The custody of one motion at a time; the module's first lines describe it.
 
     Attributes:
-        motion: What is in custody; None while it is free.
+        motion: The motion in custody; None while it is free.
         stillness: Evidence of rest, fed with every fresh frame.
         channel: The command port.
         actions: Where actions go.
@@ -91,9 +92,9 @@ class Custody:
         question_due: Somebody waits for evidence that the feed tells of this moment, s: the controller is asked.
     """
 
-    def __init__(self, actions: Actions, channel: Channel, settings: ClientSettings,
+    def __init__(self, actions: Actions, channel: CommandChannel, settings: ClientSettings,
                  joint_max_speed: Sequence[float], on_free: Callable[[float], None]) -> None:
-        """Nobody moves the arm; ``on_free`` is called when that is so again.
+        """Set up while nobody moves the arm; ``on_free`` is called when that is so again.
 
         joint_max_speed: rad/s, base first.
         """
@@ -101,7 +102,7 @@ class Custody:
         self.channel = channel
         self.settings = settings
         self.stillness = Stillness()
-        self.motion: Optional[Motion] = None
+        self.motion: Optional[ArmMotion] = None
         self._on_free = on_free
         self._jumps = JumpWatch(joint_max_speed)
         self._state: Optional[RobotState] = None
@@ -111,7 +112,7 @@ class Custody:
         self._phase = _Phase.FREE
         self._number = 0
         self._outcome: Optional[MotionInterrupted] = None
-        self._is_told = False
+        self._is_answered = False
         self._is_guess = False
         self._held_since = 0.0
         self._began_at = 0.0
@@ -120,24 +121,24 @@ class Custody:
         self._accepted_at: Optional[float] = None
         self._moves_on = False
         self._retry_at = _NEVER
-        self._said_at = -_NEVER
+        self._logged_at = -_NEVER
         self._knows_link_loss = True
 
     # ---- what is known ----
 
     @property
     def is_free(self) -> bool:
-        """Nobody moves the arm."""
+        """True while nobody moves the arm."""
         return self._phase is _Phase.FREE
 
     @property
     def is_ending(self) -> bool:
-        """It will be free as soon as the arm is seen at rest."""
+        """True while custody ends as soon as the arm is seen at rest."""
         return self._phase in (_Phase.STOPPING, _Phase.SETTLING)
 
     @property
     def ending_reason(self) -> str:
-        """Why the motion is being stopped, in words; "" where it is not."""
+        """The reason for which the motion is being stopped, in words; "" where it is not."""
         return str(self._outcome) if self.is_ending and self._outcome is not None else ""
 
     def describe(self) -> str:
@@ -148,17 +149,17 @@ class Custody:
 
     @property
     def must_stop(self) -> bool:
-        """A stop is still to be accepted."""
+        """True while a stop is still to be accepted."""
         return self._phase is _Phase.STOPPING and self._accepted_at is None
 
     @property
     def deadline(self) -> float:
-        """When ``tick`` is due, s."""
+        """The time at which ``tick`` is due, s."""
         if self.motion is None:
             return _NEVER
         if self._phase is _Phase.HELD:
             return self.motion.due()
-        return min(self._retry_at, _NEVER if self._is_told else self._began_at + _TELL_AFTER_S)
+        return min(self._retry_at, _NEVER if self._is_answered else self._began_at + _ANSWER_AFTER_S)
 
     def rest_since(self, moment: float) -> float:
         """Return for how long the arm has been seen at rest since then (monotonic, s), in s.
@@ -185,8 +186,8 @@ class Custody:
 
     # ---- the life of a motion ----
 
-    def begin(self, motion: Motion, now: float) -> None:
-        """Take custody, tell the guard, and let the motion send its first command.
+    def begin(self, motion: ArmMotion, now: float) -> None:
+        """Take custody, notify the guard, and let the motion send its first command.
 
         Raises:
             JakaError: Nothing was sent; nobody moves the arm.
@@ -196,38 +197,38 @@ class Custody:
         try:
             motion.begin(now)
         except JakaError:
-            self._is_told = True
+            self._is_answered = True
             self._release(now)
             raise
 
-    def take_over(self, motion: Motion, now: float) -> None:
-        """Take custody of what is known to have been left moving: it is stopped, as the first word on the next link."""
+    def take_over(self, motion: ArmMotion, now: float) -> None:
+        """Take custody of a motion that was left running: it is stopped, as the first message on the next link."""
         self._take(motion, _Phase.STOPPING, now)
         self._began_at = now
-        self._is_told = True
+        self._is_answered = True
 
     def finish(self, now: float) -> None:
-        """The motion is completed: the target is reached and the arm is still."""
+        """End the custody of a completed motion: the target is reached and the arm is still."""
         if self._phase is _Phase.HELD:
             self._release(now)
 
     def settle(self, now: float) -> None:
-        """The controller refused the motion: nobody moves the arm once it is seen at rest."""
+        """Watch a motion that the controller refused: nobody moves the arm once it is seen at rest."""
         if self._phase is _Phase.HELD:
             self._phase, self._began_at = _Phase.SETTLING, now
-            self._is_told = True
+            self._is_answered = True
 
     def not_accepted(self, error: JakaError, now: float) -> None:
-        """The motion's command has failed; unless the controller refused it, what became of it is not known."""
+        """Handle the failure of the motion's command; unless the controller refused it, its effect is not known."""
         if isinstance(error, CommandRejected):
             self.settle(now)
         elif not isinstance(error, (ConnectionLost, ReplyTimeout)):  # with these the link goes, and ``link_lost`` acts
             self.stop(MotionInterrupted(StopCause.FAULT, str(error)), now)
 
     def stop(self, outcome: Optional[MotionInterrupted], now: float, is_guess: bool = False) -> None:
-        """Stop the motion; its callers are told this outcome when the stop is accepted. The first one counts.
+        """Stop the motion; its callers receive this outcome when the stop is accepted. The first one counts.
 
-        ``is_guess``: the status feed may soon show why; then that is told.
+        ``is_guess``: the status feed may soon show the cause; then that is reported.
         """
         if self._phase in (_Phase.HELD, _Phase.SETTLING):
             self._phase = _Phase.STOPPING
@@ -237,7 +238,7 @@ class Custody:
             self._send_stop(now)
 
     def stop_for(self, answer: Callable[[Optional[JakaError]], None], now: float) -> None:
-        """Stop the motion for a caller: ``answer`` gets the error of this very stop, None where it was accepted."""
+        """Stop the motion for a caller: ``answer`` receives the error of this very stop, None where it was accepted."""
         if self._phase is not _Phase.STOPPING:
             self._phase = _Phase.STOPPING
             self._outcome, self._began_at = MotionInterrupted(StopCause.STOPPED), now
@@ -246,7 +247,7 @@ class Custody:
     # ---- events ----
 
     def observe(self, state: RobotState, now: float, shown: Shown = _ALL_SHOWN) -> None:
-        """Take a fresh state into account; ``shown``: until when the feed has shown what there was to be seen."""
+        """Take a fresh state into account; ``shown`` says until when the feed has shown what there was to be seen."""
         self._shown = shown
         self.stillness.observe(state)
         self._state = state
@@ -278,16 +279,17 @@ class Custody:
             if self.rest_since(self._accepted_at) >= motion.rest_time and motion.may_be_left(state):
                 self._release(now)
             elif self.stillness.has_moved_since(coasts_until) or goes_on:
-                self._say(logging.ERROR, "the arm %s after an accepted stop; stopping it again" % (
+                self._log(logging.ERROR, "the arm %s after an accepted stop; stopping it again" % (
                     "moves on" if self.stillness.has_moved_since(coasts_until) else "rests, and %s goes on"
                     % motion.name), now)
                 self._accepted_at, self._moves_on = None, True
                 self._send_stop(now)
 
     def notice_jump(self, state: RobotState, now: float) -> str:
-        """Take a state that has come in time; return which joint has jumped, in words: then it may not be believed.
+        """Check a state that has come in time for a jump; return which joint has jumped, in words: then it may not be
+        believed.
 
-        A motion is stopped; what the arm did before says nothing of what it does now.
+        A motion is stopped; what the arm did before the jump proves nothing of what it does now.
         """
         jump = self._jumps.jump(state)
         if jump:
@@ -297,11 +299,11 @@ class Custody:
                 self.stop(cause, now)
         return jump
 
-    def heard_servo_mode(self, is_active: bool, asked_at: float, now: float) -> None:
+    def note_servo_mode(self, is_active: bool, asked_at: float, now: float) -> None:
         """Take the controller's answer to a question of ``asked_at``, s: whether it is in servo mode."""
         if self._phase is _Phase.HELD and self.motion is not None and self._state is not None and (
                 asked_at > self._held_since):
-            cause = cause_of_stop(self.motion.owner, Evidence(
+            cause = cause_of_stop(self.motion.owner, ArmEvidence(
                 self._state, False, is_active, self.motion.wants_servo_mode(asked_at)))
             if cause is not None:
                 self.stop(cause, now)
@@ -315,11 +317,11 @@ class Custody:
         elif self._phase is _Phase.STOPPING:
             if now >= self._retry_at and not self._outstanding:
                 self._send_stop(now)
-            if now - self._began_at >= _TELL_AFTER_S and not self._is_told:
+            if now - self._began_at >= _ANSWER_AFTER_S and not self._is_answered:
                 if not self._waits_for_rest:
                     self._outcome = MotionInterrupted(StopCause.TIMEOUT, "the stop is not accepted; it is sent again "
                                                       "and again (%s)" % (self._outcome or "at the end"))
-                self._tell_end()
+                self._answer_end()
 
     def prepare(self) -> None:
         """Compute in idle time what the motion sends next; nothing is sent."""
@@ -327,24 +329,24 @@ class Custody:
             self.motion.prepare()
 
     def sight_lost(self, reason: str, now: float) -> None:
-        """The status feed is gone or unreadable: a motion would go on unseen."""
+        """Stop a motion after the status feed is lost or unreadable: it would go on unseen."""
         self.stillness.lose_sight()
         self._jumps.lose_sight()
         if self._phase in (_Phase.HELD, _Phase.SETTLING):
             self.stop(MotionInterrupted(StopCause.LINK_LOST, reason), now)
 
     def link_lost(self, reason: str, now: float) -> None:
-        """The command port is gone: the stop is the first word on the next connection."""
+        """Take note that the command port is lost: the stop is the first message on the next connection."""
         self._outstanding = 0
         if self._phase in (_Phase.HELD, _Phase.SETTLING):
             self._phase, self._began_at = _Phase.STOPPING, now
-        if self._phase is _Phase.STOPPING and not self._is_told:
+        if self._phase is _Phase.STOPPING and not self._is_answered:
             if not self._waits_for_rest:
                 self._outcome = MotionInterrupted(StopCause.LINK_LOST, reason)
-            self._tell_end()
+            self._answer_end()
 
     def link_up(self, now: float) -> None:
-        """The command port is connected: before anything else is sent, the stop that is still owed."""
+        """Send the stop that is still owed, before anything else, on a command port that was connected."""
         self._knows_link_loss = True
         if self.must_stop:
             self.actions.log(logging.WARNING, "stopping the motion that was under way when the link went down")
@@ -352,18 +354,18 @@ class Custody:
 
     # ---- inside ----
 
-    def _take(self, motion: Motion, phase: _Phase, now: float) -> None:
+    def _take(self, motion: ArmMotion, phase: _Phase, now: float) -> None:
         assert self.is_free
         self._number += 1
         self.motion, self._phase = motion, phase
-        self._outcome, self._is_told, self._is_guess = None, False, False
+        self._outcome, self._is_answered, self._is_guess = None, False, False
         self._accepted_at, self._retry_at, self._outstanding, self._moves_on = None, _NEVER, 0, False
         self._watch = Watch(motion.owner, self._state)
         self._held_since = now
-        self.actions.add(Tell(True, motion.name, motion.jog_stop))
+        self.actions.add(NotifyGuard(True, motion.name, motion.jog_stop))
 
     def _send_stop(self, now: float, answer: Callable[[Optional[JakaError]], None] = lambda error: None) -> None:
-        """Send what ends this motion, now; without a connection the call fails and ``link_up`` sends it."""
+        """Send the stop of this motion now; without a connection the call fails and ``link_up`` sends it."""
         assert self.motion is not None
         number = self._number
 
@@ -383,7 +385,7 @@ class Custody:
                                      {} if jog is None or self._moves_on else {STOP_REPLY + 1: jog_end_replied})
         except JakaError as error:
             self._retry_at = _NEVER
-            self._say(logging.ERROR, "the arm could not be stopped: %s" % error, now)
+            self._log(logging.ERROR, "the arm could not be stopped: %s" % error, now)
             answer(error)
             return
         self._outstanding += 1
@@ -396,10 +398,10 @@ class Custody:
         if error is None:
             self._accepted_at = now if self._accepted_at is None else self._accepted_at
             if not self._is_guess and not self._waits_for_rest:
-                self._tell_end()
+                self._answer_end()
         elif not isinstance(error, ConnectionLost) and self._accepted_at is None:
             self._retry_at = now + _RETRY_PERIOD_S
-            self._say(logging.ERROR, "the stop was not accepted, sending it again: %s" % error, now)
+            self._log(logging.ERROR, "the stop was not accepted, sending it again: %s" % error, now)
 
     def _look_for_the_cause(self, state: RobotState, now: float) -> None:
         cause = standing_cause(state)
@@ -408,32 +410,35 @@ class Custody:
         if cause is not None or now - self._began_at >= _CAUSE_TIME_S:
             self._is_guess = False
             if self._accepted_at is not None and not self._waits_for_rest:
-                self._tell_end()
+                self._answer_end()
 
     @property
     def _waits_for_rest(self) -> bool:
-        """The stop is accepted, and its callers are told where the arm has come to rest."""
-        return self._accepted_at is not None and self.motion is not None and self.motion.is_told_at_rest
+        """True where the stop is accepted, and its callers are answered only where the arm has come to rest."""
+        return self._accepted_at is not None and self.motion is not None and self.motion.is_answered_at_rest
 
-    def _say(self, level: int, text: str, now: float) -> None:
-        """Log, but not the same trouble at every repetition."""
-        if now - self._said_at >= _SAY_PERIOD_S:
-            self._said_at = now
+    def _log(self, level: int, text: str, now: float) -> None:
+        """Log a text, but not the same trouble at every repetition."""
+        if now - self._logged_at >= _LOG_PERIOD_S:
+            self._logged_at = now
             self.actions.log(level, text)
 
-    def _tell_end(self) -> None:
-        if not self._is_told and self.motion is not None:
-            self._is_told = True
+    def _answer_end(self) -> None:
+        if not self._is_answered and self.motion is not None:
+            self._is_answered = True
             self.motion.ended(self._outcome)
 
     def _release(self, now: float) -> None:
-        """The arm rests. Who waits for the motion is told last, so that the next one finds the arm free."""
+        """Release the arm, which rests.
+
+        Callers of the motion are answered last, so that the next motion finds the arm free.
+        """
         motion, self.motion = self.motion, None
         self._phase = _Phase.FREE
         self._retry_at = _NEVER
         self._set_link_loss(0.0, now)
-        self.actions.add(Tell(False))
-        if not self._is_told and motion is not None:
+        self.actions.add(NotifyGuard(False))
+        if not self._is_answered and motion is not None:
             motion.ended(self._outcome)
         self._on_free(now)
 
@@ -451,22 +456,22 @@ class Custody:
 
 
 class Sight(Protocol):
-    """What is known of the arm now; ``Links`` is it."""
+    """The interface to the present knowledge of the arm, which ``Links`` implements."""
 
     @property
     def is_up(self) -> bool:
-        """Both connections are up."""
+        """True while both connections are up."""
 
     @property
     def last_error(self) -> str:
-        """Why one is down; empty when both are up."""
+        """The reason for which a connection is down; empty when both are up."""
 
     @property
     def is_servo_active(self) -> bool:
-        """The controller is in servo mode; False while that is not known."""
+        """True while the controller is in servo mode; False while that is not known."""
 
     def fresh_state(self, now: float) -> RobotState:
-        """The newest state; ConnectionLost where it is stale."""
+        """Return the newest state; raise ConnectionLost where it is stale."""
 
 
 class _Waiting(NamedTuple):
@@ -476,11 +481,11 @@ class _Waiting(NamedTuple):
 
 
 class Admission:
-    """Lets one call at a time at the arm.
+    """The queue of calls that want the arm, of which one at a time is admitted.
 
     Attributes:
-        is_setting: A change that needs the arm at rest is under way.
-        is_guided: Hand guiding was switched on by this driver; not every feed tells.
+        is_setting: A change that needs the arm at rest is being made.
+        is_guided: Hand guiding was switched on by this driver; not every feed has that.
         stops_under_way: Stops that were sent while nobody had custody, and are not answered yet.
     """
 
@@ -495,18 +500,18 @@ class Admission:
 
     @property
     def owner(self) -> Optional[MotionOwner]:
-        """What has the arm on behalf of this driver."""
+        """The kind of motion that has the arm on behalf of this driver; None for none."""
         if self._custody.motion is not None:
             return self._custody.motion.owner
         return MotionOwner.SETTING if self.is_setting else None
 
     @property
     def deadline(self) -> float:
-        """When ``retry`` is due, s."""
+        """The time at which ``retry`` is due, s."""
         return min([waiting.deadline for waiting in self._waiting], default=float("inf"))
 
     def require_ready_to_move(self, owner: MotionOwner, now: float) -> RobotState:
-        """See that nothing forbids a motion of this kind now; returns the arm's state.
+        """Check that nothing forbids a motion of this kind now; return the arm's state.
 
         Raises:
             InvalidCommand: Something does (``contradictions``).
@@ -520,18 +525,20 @@ class Admission:
         return state
 
     def is_guided_in(self, state: RobotState) -> bool:
-        """Somebody guides the arm by hand; where the feed does not tell, what this driver switched on counts."""
+        """Return whether somebody guides the arm by hand; where the feed lacks that, what this driver switched on
+        counts.
+        """
         return self.is_guided if state.is_hand_guided is None else state.is_hand_guided
 
-    def evidence(self, owner: MotionOwner, state: RobotState) -> Evidence:
+    def evidence(self, owner: MotionOwner, state: RobotState) -> ArmEvidence:
         """Return what is known before a motion of this kind."""
         is_free = self.owner is None  # else servo mode is this driver's own
-        return Evidence(state, self.is_guided_in(state), self._sight.is_servo_active if is_free else None,
-                        None if owner in STREAMS else False)
+        return ArmEvidence(state, self.is_guided_in(state), self._sight.is_servo_active if is_free else None,
+                           None if owner in STREAMS else False)
 
     def may_begin(self, call: Any, enter: Enter, asked_at: float, now: float,
                   owner: MotionOwner = MotionOwner.SETTING) -> bool:
-        """Whether something new may begin; else the call waits for the end of what comes to rest.
+        """Return whether a new motion may begin; otherwise the call waits for the present one to come to rest.
 
         Raises:
             InvalidCommand: Somebody else has the arm, and keeps it.
@@ -550,7 +557,7 @@ class Admission:
         return False
 
     def is_free_at_rest(self, owner: MotionOwner, now: float) -> bool:
-        """Whether something new may begin now; False while the arm comes to rest from what was before.
+        """Return whether a new motion may begin now; False while the arm comes to rest from an earlier one.
 
         Raises:
             InvalidCommand: Somebody else has the arm, and keeps it.
@@ -570,7 +577,7 @@ class Admission:
         return self._custody.stillness.duration() >= REST_TIME_S
 
     def retry(self, now: float) -> None:
-        """Try again to begin what waits."""
+        """Try again to begin the waiting calls."""
         if not self._waiting:
             return
         waiting, self._waiting = self._waiting, []
@@ -581,6 +588,6 @@ class Admission:
                 self._actions.answer(one.call, None, error)
 
     def end_waiting(self, error: JakaError) -> None:
-        """Answer every call that waits with this error."""
+        """Answer every waiting call with this error."""
         self._actions.answer_all([one.call for one in self._waiting], error)
         self._waiting = []

@@ -1,11 +1,11 @@
-"""The status feed: bytes in, states out, and which of them tell of now.
+"""The status feed: bytes in, states out, and which of them show the present.
 
 Frames may have waited on their way: in this process while it was stopped, in the network, in the controller. Such
 frames come faster than the controller makes them. After a silence frames are therefore old news until they come in
 their own rhythm again, unless all that were made meanwhile have come at once.
 
-A feed that falls behind without a silence owes frames: those of its period that have not come. Whether it owes them to
-a slow link or is made more slowly than the controller says, arrivals do not tell; ``Witness`` does.
+A feed that falls behind without a silence owes frames: those of its period that have not come. Arrivals alone do not
+show whether the link is slow or the controller makes frames more slowly than it says; ``Witness`` does.
 """
 from collections import deque
 from dataclasses import dataclass
@@ -17,35 +17,37 @@ from jaka_ros_driver.protocol.status import parse_status
 from jaka_ros_driver.state import RobotState
 
 MAX_BURST = 5
-"""Of the frames that arrive in one piece so many, the newest, are shown as new: the others are old news."""
+"""Most frames of one piece that count as new, the newest ones: the others are old news."""
 SILENCE_S = 0.15
-"""s; a longer pause in a feed that is otherwise faster puts what follows in doubt.
+"""Longest pause, s, in a feed that is otherwise faster, that does not put the following frames in doubt.
 
 After a shorter one all that has waited arrives in one piece, and the newest frames of that are new indeed.
 """
 _SHORTEST_PERIOD_S = 0.004
-"""s; no controller makes frames faster, so that shorter intervals are those of frames that waited."""
+"""Shortest period, s, at which a controller makes frames; shorter intervals are those of frames that waited."""
 _MISSING_S = 0.05
-"""s; after a pause frames of so long a time may be missing: they were not made, or are still on their way."""
+"""Missing frames, s, after a pause, that are tolerated: they were not made, or are still on their way."""
 _RATE_WINDOW = 250
+"""Frames from which rate and jitter are computed: 2 s at 125 Hz."""
 _USUAL_WINDOW = 9
 _TICK_S = 1e-6
+"""Shortest time, s, between the arrivals of two frames: of those read at once, too, each is later than the last."""
 _CLOCKS_DIFFER = 0.015
 """Share by which a feed may be slower than its period, for good: clocks differ, and a controller counts in cycles."""
 _SLOWER_BY_NATURE = 1.5
-"""A rhythm slower than the period by this factor is a controller's that does not keep to it, unless it once did."""
+"""Factor above which a rhythm slower than the period is a controller's that does not keep to it, unless it once did."""
 _MEAN_SHARE = 0.02
 _RHYTHM_FRAMES = 100
-"""Frames after which the mean tells the rhythm of a connection."""
+"""Frames after which the mean shows the rhythm of a connection."""
 LONGEST_DEBT_S = 0.45
-"""s; a feed that owes frames of so long a time is taken for old, where no witness says that it is not."""
+"""Missing frames, s, above which a feed is taken for old, where no witness shows that it is not."""
 _REFUTED_DEBT_S = 1.0
-"""s; a feed that owes so much and yet is not old is made at the rhythm at which it comes."""
+"""Missing frames, s, above which a feed that is not old is made at the rhythm at which it comes."""
 
 
 @dataclass(frozen=True)
 class FeedHealth:
-    """How the status feed does.
+    """The state of the status feed.
 
     Attributes:
         rate: Frames a second over the last two seconds or so, Hz; 0 while there is no feed.
@@ -65,7 +67,7 @@ class FeedHealth:
 
 
 class Feed:
-    """Keeps the newest state that is not old news.
+    """The receiver of the status feed, which keeps the newest state that is not old news.
 
     Attributes:
         state: That state, however old; None before the first.
@@ -74,7 +76,10 @@ class Feed:
     """
 
     def __init__(self, period: float) -> None:
-        """``period``: how often the controller was asked for a frame, s."""
+        """Set up without a connection.
+
+        period: The period, s, that the controller was asked for.
+        """
         self._period = period
         self._due_period: Optional[float] = None
         self._mean = 0.0
@@ -97,7 +102,7 @@ class Feed:
         self.last_byte_at = 0.0
 
     def open(self, now: float) -> None:
-        """A new connection: what it sends is new."""
+        """Begin with a new connection: what it sends is new."""
         self._stream = FrameStream()
         self._arrivals.clear()
         self._intervals.clear()
@@ -108,24 +113,24 @@ class Feed:
         self.last_byte_at = now
 
     def confirmed(self, period: Optional[float]) -> None:
-        """Count debt from the period that the controller confirmed, s; none where it did not say."""
+        """Count missing frames from the period that the controller confirmed, s; none where it confirmed none."""
         self._due_period = period if period is not None and period > 0.0 else None
         self._keeps_period = False
         self.owed = 0.0
 
     def refute_debt(self) -> None:
-        """Take the rhythm at which frames come for the controller's own: a witness has seen that they are not old."""
+        """Take the rhythm at which frames come for the controller's own: a witness has shown that they are not old."""
         if self.owed > _REFUTED_DEBT_S and len(self._arrivals) > _RHYTHM_FRAMES:
             self._due_period = (self._arrivals[-1] - self._arrivals[0]) / (len(self._arrivals) - 1)
             self.owed = 0.0
 
     def give_up(self) -> None:
-        """Take what counted as new for old: there is no fresh state before the next new one."""
+        """Discard the newest state as old: there is no fresh state before the next new one."""
         self._is_given_up = True
 
     @property
     def is_flooded(self) -> bool:
-        """The connection brings so much that is no frame that it is not read any more."""
+        """True where the connection brings so much damage that it is not read any more."""
         return self._stream.is_flooded
 
     @property
@@ -134,14 +139,14 @@ class Feed:
         return sorted(self._intervals)[len(self._intervals) // 2] if self._intervals else self._period
 
     def held_up(self) -> None:
-        """Nobody read for a while: what has piled up is old news."""
+        """Take note that nobody read for a while: what has piled up is old news."""
         self._was_held_up = True
 
     def received(self, data: bytes, now: float, is_believed: Callable[[RobotState], bool] = lambda state: True
                  ) -> List[Tuple[RobotState, bool]]:
-        """Take bytes of the port; returns the states that they complete, and whether each tells of now.
+        """Take bytes of the port; return the states that they complete, and whether each shows the present.
 
-        ``is_believed``: asked for each that has come in time, in their order; others are no news.
+        is_believed: Asked for each that has come in time, in their order; others are no news.
         """
         self.last_byte_at = now
         states: List[RobotState] = []
@@ -169,12 +174,12 @@ class Feed:
         return told
 
     def fresh_state(self, max_age: float, now: float) -> Optional[RobotState]:
-        """The newest state, or None when it is older than ``max_age`` s."""
+        """Return the newest state, or None when it is older than ``max_age`` s."""
         state = self.state
         return None if state is None or self._is_given_up or now - state.received_at > max_age else state
 
     def health(self, now: float, silence_timeout: float) -> FeedHealth:
-        """Rate, jitter and damage."""
+        """Return rate, jitter and damage of the feed."""
         age = now - self.state.received_at if self.state is not None else float("inf")
         rate = jitter = 0.0
         if len(self._arrivals) > 2 and age < silence_timeout:
@@ -187,7 +192,7 @@ class Feed:
         return FeedHealth(rate, jitter, age, self._frames, self._damaged, self._last_damage)
 
     def _count_new(self, count: int, sent: int, now: float) -> int:
-        """Count those of the ``count`` frames of a piece that tell of now: the newest so many.
+        """Return how many frames of a piece of ``count``, the newest, show the present.
 
         ``sent`` counts the damaged ones, too.
 

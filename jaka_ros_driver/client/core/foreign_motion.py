@@ -1,20 +1,20 @@
-"""Motion that is not this driver's: what a dead driver left moving, and an arm that moves in nobody's custody."""
+"""Motion that is not this driver's: one that a dead driver left, and an arm that moves in nobody's custody."""
 import logging
 from dataclasses import dataclass
 from typing import Optional
 
 from jaka_ros_driver.client.core.actions import Actions
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner
+from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import JogStop
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState, Vector
 
 _REST_TIME_S = 0.5
-"""s; the joints are still for so long before such a motion counts as over: its speed is not known."""
+"""Stillness, s, of the joints after which such a motion counts as over: its speed is not known."""
 _NOTICED = 2e-3
-"""rad (0.11 deg); a joint that is farther than this from where it rested moves; brakes that open move it by less."""
+"""Distance, rad (0.11 deg), of a joint from its place of rest above which it moves; opening brakes move it by less."""
 _LONGEST_GAP_S = 0.6
-"""s; across a longer gap between two frames nothing is known."""
+"""Longest gap, s, between two frames across which anything is known."""
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class LeftMotion:
     """A driver's custody, as it stands in its file.
 
     Attributes:
-        name: What it is: "a move", "a jog".
-        jog_stop: What ends its jog; None where it is none.
+        name: The motion: "a move", "a jog".
+        jog_stop: The command that ends its jog; None where it is none.
         since: Since when, s of wall time.
         process: The driver's process id.
     """
@@ -34,7 +34,7 @@ class LeftMotion:
     process: int
 
 
-class LeftBehind(Motion):
+class LeftBehind(ArmMotion):
     """A motion that a dead driver left: all that is known of it is how to stop it."""
 
     owner = MotionOwner.LEFT
@@ -56,7 +56,7 @@ class LeftBehind(Motion):
 
 
 class ForeignMotion:
-    """Notices an arm that moves in nobody's custody, and says so once.
+    """The detector of an arm that moves in nobody's custody, which logs that once.
 
     Attributes:
         text: What is known of it, in words; "" while there is none.
@@ -72,7 +72,7 @@ class ForeignMotion:
         """Take the newest state into account.
 
         Args:
-            state: It; one that was seen before changes nothing.
+            state: The newest one; one that was seen before changes nothing.
             still_for: For how long the arm has been seen at rest, s.
             is_explained: This driver moves the arm, or a hand guides it.
         """

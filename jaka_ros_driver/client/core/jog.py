@@ -1,31 +1,33 @@
-"""A jog: goes on as long as it is called for, and is stopped so long after the last call, whatever the feed says."""
+"""The jog with a watchdog: it is stopped a fixed time after the last call, whatever the feed shows."""
 import logging
 from typing import Any, List, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner, rest_time_at
+from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, rest_time_at
 from jaka_ros_driver.client.core.move import NOT_SEEN_TO_BEGIN, START_WINDOW_S, UNSEEN_START_S
 from jaka_ros_driver.client.core.stillness import MOVEMENT
-from jaka_ros_driver.commands import Jog as JogCommand
-from jaka_ros_driver.commands import JogStop
+from jaka_ros_driver.commands import Jog, JogStop
 from jaka_ros_driver.errors import JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import RobotState, Vector
 
 _OVER_TIME_S = 0.5
-"""s; a jog whose arm has moved and rests for so long has ended, whatever ``inpos`` says."""
+"""Stillness, s, after which a jog whose arm has moved has ended, whatever ``inpos`` says."""
 
 
-class Jog(Motion):
-    """Continuous motion of one axis with a watchdog.
+class JogMotion(ArmMotion):
+    """A continuous motion of one axis with a watchdog.
 
     Attributes:
-        command: What is jogged.
+        command: The command that began it.
     """
 
     owner = MotionOwner.JOG
 
-    def __init__(self, custody: Custody, command: JogCommand, call: Any) -> None:
-        """Prepare; ``call`` is answered with the controller's acceptance."""
+    def __init__(self, custody: Custody, command: Jog, call: Any) -> None:
+        """Set up the motion.
+
+        call: Answered with the controller's acceptance.
+        """
         self.command = command
         self.jog_stop = JogStop(command.frame, command.axis)
         self._custody = custody
@@ -40,7 +42,7 @@ class Jog(Motion):
         self._custody.channel.request(self.command, now, lambda _, error, at: self._replied(error, at))
 
     def again(self, call: Any, now: float) -> None:
-        """It is called for once more: its full time begins anew."""
+        """Restart the watchdog for another call."""
         self.deadline = now + self._custody.settings.jog_timeout
         if self._accepted_at is None:
             self._calls.append(call)

@@ -1,4 +1,4 @@
-"""Keeps one connection up: asks for it, and for a new one with growing pauses when it goes down."""
+"""One connection and its retries: a new one is asked for with growing pauses when it goes down."""
 import logging
 from collections import deque
 from typing import Deque, NamedTuple
@@ -9,21 +9,21 @@ _FIRST_PAUSE_S = 0.1
 _LONGEST_PAUSE_S = 0.5
 _STABLE_TIME_S = 2.0
 _FIRST_WAY_S, _LONGEST_WAY_S = 1.0, 10.0
-"""s; pauses of a link that gives way to another client."""
+"""First and longest pause, s, of a link that gives way to another client."""
 _RIVALS_GONE_S = 30.0
-"""s; a connection that lasted so long, longer than any pause, shows that nobody takes the port any more."""
+"""Life of a connection, s, longer than any pause, that shows that nobody takes the port any more."""
 _TAKEN_TIMES, _TAKEN_WITHIN_S = 3, 10.0
 _NEVER = float("inf")
 
 
-class Link:
-    """One port's connection.
+class PortLink:
+    """The connection to one port.
 
-    A connection that goes down at once, as when the controller's port is busy with another client, counts as a
-    failure: the pause before the next try doubles up to 0.5 s.
+    A connection that goes down at once, as when the controller's port is busy with another client, counts as a failure:
+    the pause before the next try doubles up to 0.5 s.
 
     Attributes:
-        is_up: It is connected.
+        is_up: True while it is connected.
         connections: How often it has been connected.
         last_error: Why it is down; empty while it is up.
         retry_at: When the next try is due, s; infinite while there is none to come.
@@ -48,7 +48,7 @@ class Link:
             self.retry_at = now
 
     def stop(self, reason: str) -> None:
-        """Drop the connection; ask for no more."""
+        """Close the connection; ask for no more."""
         self._is_stopped = True
         self.retry_at = _NEVER
         self._actions.add(Close(self._port, reason))
@@ -56,7 +56,7 @@ class Link:
         self.last_error = reason
 
     def opened(self, now: float) -> None:
-        """Note that it is connected: no other try is due."""
+        """Take note that the port is connected: no other try is due."""
         self.is_up = True
         self.retry_at = _NEVER
         self._opened_at = now
@@ -65,13 +65,13 @@ class Link:
         self._actions.log(logging.INFO, "%s connected" % self._port.value)
 
     def failed(self, reason: str, now: float) -> None:
-        """It could not be connected."""
+        """Take note that the port could not be connected."""
         if reason != self.last_error:
             self._actions.log(logging.WARNING, reason)
         self._again(reason, now)
 
     def lost(self, reason: str, now: float) -> None:
-        """A connection that was up has ended."""
+        """Take note that a connection that was up has ended."""
         if not self.is_up:
             return
         self.is_up = False
@@ -107,7 +107,10 @@ class Link:
         return now - self._opened_at
 
     def hurry(self, at: float = _NEVER) -> None:
-        """Give way to nobody with the next try: a stop is owed. ``at``: when it is due at the latest, s."""
+        """Give way to nobody with the next try: a stop is owed.
+
+        at: The latest time of the try, s.
+        """
         if self._way and self.retry_at != _NEVER:
             self.retry_at = min(self.retry_at, self._ended_at + self._pause, at)
 
@@ -130,9 +133,9 @@ class _End(NamedTuple):
 
 
 class Takeovers:
-    """Tells another client, which takes the command port again and again, from other losses of a link.
+    """The detector of another client that takes the command port again and again, among other losses of a link.
 
-    The controller does not say who it is. It closes one client's connection when it accepts the next one, or at once
+    The controller does not report who it is. It closes one client's connection when it accepts the next one, or at once
     where it keeps its first client, and goes on with its status feed meanwhile.
     """
 
@@ -144,7 +147,7 @@ class Takeovers:
         self._ends.append(_End(now, lasted))
 
     def are_rivalry(self, now: float) -> bool:
-        """The port was taken three times in ten seconds."""
+        """Return whether the port was taken three times in ten seconds."""
         return len(self._ends) == _TAKEN_TIMES and now - self._ends[0].at <= _TAKEN_WITHIN_S
 
     def __str__(self) -> str:

@@ -1,18 +1,18 @@
-"""Both links to one controller: kept up, watched, and made sure of whose they are.
+"""The links to one controller, command and status port: kept up, watched, and checked for whose they are.
 
-What is lost with a link is told to the custody of the motion at once; nothing is ever sent twice.
+A loss of a link is passed to the custody of the motion at once; nothing is ever sent twice.
 """
 import logging
 from dataclasses import dataclass
 from typing import Any, Callable, Optional, Tuple
 
-from jaka_ros_driver.client.core.actions import Actions, Port, Show
-from jaka_ros_driver.client.core.channel import Channel, Introduction
+from jaka_ros_driver.client.core.actions import Actions, Port, PublishState
+from jaka_ros_driver.client.core.channel import CommandChannel, Introduction
 from jaka_ros_driver.client.core.custody import Custody, Shown
 from jaka_ros_driver.client.core.feed import LONGEST_DEBT_S, SILENCE_S, Feed, FeedHealth
-from jaka_ros_driver.client.core.link import Link, Takeovers
+from jaka_ros_driver.client.core.link import PortLink, Takeovers
 from jaka_ros_driver.client.core.procedures import session
-from jaka_ros_driver.client.core.procedures.procedure import Running
+from jaka_ros_driver.client.core.procedures.steps import Running
 from jaka_ros_driver.client.core.witness import Witness
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Query
@@ -20,24 +20,25 @@ from jaka_ros_driver.errors import ConnectionLost, JakaError, ReplyTimeout
 from jaka_ros_driver.state import RobotState
 
 _BEAT_PERIOD_S = 0.25
+"""Period, s, of the heartbeat. It keeps the age of what a moving arm shows below 0.8 s (docs/safety.md)."""
 _GUARD_ACTS_S = 1.0
-"""s; so long after this process was held up, a connection that has ended may have been the guard's doing."""
+"""Time, s, after this process was held up, in which a lost connection may have been taken by the guard."""
 _JUMP_SETTLES_S = 1.0
-"""s; joints that have not jumped for so long are believed where the controller cannot be asked where they are."""
+"""Time, s, without a jump after which joints are believed where the controller cannot be asked for them."""
 _NEVER = float("inf")
 
 
 @dataclass(frozen=True)
 class LinkHealth:
-    """How the links do.
+    """The state of the links.
 
     Attributes:
         command_is_up: The command port is connected and answers.
         status_is_up: The status port is connected.
         connections: How often the command port has been connected since start.
         last_error: Why a link is down, empty when both are up.
-        version: The controller's version, empty before it told.
-        feed_period: Period of the status feed as the controller confirmed it, s; None where it does not say.
+        version: The controller's version, empty while unknown.
+        feed_period: Period of the status feed as the controller confirmed it, s; None where it does not.
         damaged_replies: Replies that were not JSON since start.
         is_simulated: The controller is a simulated one; None before that is known.
     """
@@ -58,12 +59,15 @@ class Links:
     Attributes:
         is_ready: The command port is connected and the controller has answered all that is asked first.
         is_servo_active: The controller is in servo mode; False while that is not known.
-        about: What the controller told of itself.
+        about: The controller's answers about itself.
     """
 
-    def __init__(self, settings: ClientSettings, actions: Actions, channel: Channel, custody: Custody,
+    def __init__(self, settings: ClientSettings, actions: Actions, channel: CommandChannel, custody: Custody,
                  on_disturbed: Callable[[str], None]) -> None:
-        """Prepare; ``start`` begins. ``on_disturbed`` is told what ends an act that was begun without a call."""
+        """Set up without a connection; ``start`` connects.
+
+        on_disturbed: Called with what ends an act that was begun without a call.
+        """
         self._settings = settings
         self._actions = actions
         self._channel = channel
@@ -71,8 +75,8 @@ class Links:
         self._on_disturbed = on_disturbed
         self._feed = Feed(settings.feed_period)
         self._witness = Witness(actions, channel, settings.silence_timeout)
-        self._command = Link(Port.COMMAND, actions)
-        self._status = Link(Port.STATUS, actions)
+        self._command = PortLink(Port.COMMAND, actions)
+        self._status = PortLink(Port.STATUS, actions)
         self._handshake: Optional[Running] = None
         self._next_beat = _NEVER
         self._last_event = 0.0
@@ -97,22 +101,22 @@ class Links:
 
     @property
     def last_error(self) -> str:
-        """Why a link is down; empty when both are up."""
+        """The reason for which a link is down; empty when both are up."""
         return self._command.last_error or self._status.last_error or (
             "" if self.is_ready else "the controller has not answered yet")
 
     @property
     def is_up(self) -> bool:
-        """Both are up."""
+        """True while both links are up."""
         return self.is_ready and self._status.is_up
 
     @property
     def deadline(self) -> float:
-        """When ``tick`` is due, s."""
+        """The time at which ``tick`` is due, s."""
         return min(self._command.retry_at, self._status.retry_at, self._next_beat)
 
     def fresh_state(self, now: float) -> RobotState:
-        """The newest state.
+        """Return the newest state.
 
         Raises:
             ConnectionLost: It is stale, or there is none.
@@ -124,26 +128,32 @@ class Links:
         return state
 
     def health(self) -> LinkHealth:
-        """How the links do."""
+        """Return the state of the links."""
         about = self.about
         return LinkHealth(self.is_ready, self._status.is_up, self._command.connections, self.last_error,
                           about.version, about.feed_period, self._channel.damaged_replies, about.is_simulated)
 
     def feed_health(self, now: float) -> FeedHealth:
-        """How the status feed does."""
+        """Return the state of the status feed."""
         return self._feed.health(now, self._settings.silence_timeout)
 
     # ---- events ----
 
     def start(self, now: float) -> None:
-        """Begin to connect. Of a controller that must say who it is, the state is not looked at before it has."""
+        """Begin to connect.
+
+        The state of a controller that must identify itself is not read before it has.
+        """
         self._last_event = now
         self._command.start(now)
         if not self._settings.simulator:
             self._status.start(now)
 
     def note_time(self, now: float) -> None:
-        """Every event passes here: nobody came for a while, as after the process was stopped, is noticed."""
+        """Take the time of an event, and notice where nobody came for a while, as after the process was stopped.
+
+        Every event passes here.
+        """
         gap, self._last_event = now - self._last_event, now
         if gap > SILENCE_S:
             self._held_up, self._held_up_at = gap, now
@@ -196,7 +206,7 @@ class Links:
                 witness = self._witness
                 self._custody.observe(state, now, Shown(witness.agreed_at if witness.is_trusted else _NEVER,
                                                         witness.agreed_at if witness.can_tell else _NEVER))
-            self._actions.add(Show(state, is_new))
+            self._actions.add(PublishState(state, is_new))
         if self.is_ready and (self._witness.wants_to_ask or self._custody.question_due > self._witness.asked_at):
             self._witness.ask(now)
         if self._witness.take_motion_seen():
@@ -237,11 +247,11 @@ class Links:
         return self._command.is_left_to_others
 
     def close(self) -> None:
-        """The driver is about to end."""
+        """Take note that the driver is about to end."""
         self._is_closing = True
 
     def disconnect(self, now: float) -> None:
-        """Drop both for good; who waits for a reply is told."""
+        """Close both links for good; answer those who wait for a reply."""
         reason = "driver shut down"
         self._command.stop(reason)
         self._status.stop(reason)
@@ -250,7 +260,7 @@ class Links:
     # ---- inside ----
 
     def _trust(self, introduction: Introduction, now: float) -> None:
-        """The controller is the one that was meant: what is owed to it goes out first."""
+        """Use the connection of the intended controller: what is owed to it goes out first."""
         self._channel.trust(introduction)
         self._custody.link_up(now)
         if self._settings.simulator:
@@ -278,15 +288,21 @@ class Links:
             self._drop_command(str(error), now)
 
     def _beat_replied(self, result: Any, error: Optional[JakaError], asked_at: float, now: float) -> None:
-        """Asking now and then shows a port that has fallen silent, and whether servo mode is on."""
+        """Take the answer to the heartbeat.
+
+        It reveals a port that has fallen silent, and whether servo mode is on.
+        """
         pause = _BEAT_PERIOD_S if asked_at > self._held_up_at else 0.0  # what piled up must be compared at once
         self._next_beat = now + pause if self.is_ready else _NEVER
         if error is None:
             self.is_servo_active = bool(result)
-            self._custody.heard_servo_mode(self.is_servo_active, asked_at, now)
+            self._custody.note_servo_mode(self.is_servo_active, asked_at, now)
 
     def _command_ended(self, reason: str, now: float) -> None:
-        """The controller has ended the connection; another client that takes the port again and again is given way."""
+        """Handle a connection that the controller has ended.
+
+        A client that takes the port again and again is given way.
+        """
         lasted = self._command.lasted(now)
         is_all_well = (self._has_sight and self._status.is_up and now - self._held_up_at > _GUARD_ACTS_S
                        and self._feed.fresh_state(self._settings.stale_after, now) is not None)
@@ -326,7 +342,7 @@ class Links:
     def _is_believed(self, state: RobotState) -> bool:
         """Return whether a frame that has come in time may be taken for true; joints that jump may not.
 
-        Where no witness can settle that, joints that have not jumped for a while do.
+        Where no witness can settle that, joints that have not jumped for a while may.
         """
         now, witness = state.received_at, self._witness
         jump = self._custody.notice_jump(state, now)
@@ -362,14 +378,17 @@ class Links:
 
 
 class _HealthWatch:
-    """Notices a stop, a fault, or drives that go off, in every frame, old or new; also one that joins another."""
+    """The detector of a stop, a fault, or drives that go off, in every frame, old or new.
+
+    A trouble that joins another counts, too.
+    """
 
     def __init__(self) -> None:
         self._before: Optional[Tuple[bool, ...]] = None
         self._was_powered = self._was_enabled = False
 
     def trouble(self, state: RobotState) -> str:
-        """What has become worse with this frame, in words; "" for nothing."""
+        """Return what has become worse with this frame, in words; "" for nothing."""
         now = (state.emergency_stop, state.protective_stop, state.has_fault and not state.has_warning)
         trouble = ""
         if self._before is not None and any(is_bad and not was_bad for is_bad, was_bad in zip(now, self._before)):

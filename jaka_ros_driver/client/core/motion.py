@@ -1,4 +1,4 @@
-"""What all motions have in common: an owner's name, what ends them on the wire, what stands against them."""
+"""The base class of all motions, with their kinds and the conditions in which one rests or is held."""
 import enum
 from typing import Optional
 
@@ -9,11 +9,11 @@ from jaka_ros_driver.state import RobotState
 
 _NEVER = float("inf")
 _REACH = 1.5
-"""m; a joint turns at least by the tool's way divided by this."""
+"""Largest reach, m: a joint turns at least by the tool's way divided by it."""
 
 
 class MotionOwner(enum.Enum):
-    """What may hold the arm's motion; the value is its name in refusals."""
+    """The kinds of use that may hold the arm's motion; the value is the name in refusals."""
 
     MOVE = "a move"
     JOG = "a jog"
@@ -26,15 +26,15 @@ class MotionOwner(enum.Enum):
     SETTING = "a change of frames, payload or hand guiding"
 
 
-class Motion:
+class ArmMotion:
     """One motion, from before its first byte until custody of it ends.
 
     Attributes:
-        owner: Its name.
+        owner: Its kind.
         rest_time: How long the joints must be still to show that it has ended, s.
         deadline: When its time is over, s; infinite where it has no limit.
         is_leaving: It comes to its end by itself: who wants the arm waits for that.
-        is_told_at_rest: After a stop its callers are told when the arm rests, not when the stop is accepted.
+        is_answered_at_rest: After a stop its callers are answered when the arm rests, not when the stop is accepted.
         jog_stop: The command that ends its jog; None where it is none.
     """
 
@@ -42,7 +42,7 @@ class Motion:
     rest_time = REST_TIME_S
     deadline = _NEVER
     is_leaving = False
-    is_told_at_rest = False
+    is_answered_at_rest = False
     jog_stop: Optional[JogStop] = None
 
     @property
@@ -51,7 +51,7 @@ class Motion:
         return self.owner.value
 
     def begin(self, now: float) -> None:
-        """Send its first command.
+        """Send the motion's first command.
 
         Raises:
             JakaError: Nothing was sent.
@@ -59,39 +59,48 @@ class Motion:
         raise NotImplementedError
 
     def due(self) -> float:
-        """When ``tick`` is due, s."""
+        """Return when ``tick`` is due, s."""
         return self.deadline
 
     def wants_servo_mode(self, since: float) -> Optional[bool]:
-        """Return whether it has needed servo mode all the time since then, s; None while it enters or leaves it."""
+        """Return whether the motion has needed servo mode all the time since then, s; None while it enters or leaves
+        it.
+        """
         return False
 
     def observe(self, state: RobotState, now: float) -> None:
-        """Take a fresh state into account; not called any more while it is being stopped."""
+        """Take a fresh state into account; not called any more while the motion is being stopped."""
 
     def tick(self, now: float) -> None:
-        """Let time pass; not called any more while it is being stopped."""
+        """Let time pass; not called any more while the motion is being stopped."""
 
     def prepare(self) -> None:
         """Compute in idle time what the next ``tick`` needs, as far as it is known; nothing is sent."""
 
     def observe_stop(self, state: RobotState) -> None:
-        """Take a fresh state into account while it is being stopped."""
+        """Take a fresh state into account while the motion is being stopped."""
 
     def may_be_left(self, state: RobotState) -> bool:
-        """After an accepted stop or a refusal, with the joints at rest: this state does not say that it goes on."""
+        """Return whether this state, after an accepted stop or a refusal and with joints at rest, shows no further
+        motion.
+        """
         return True
 
     def goes_on(self, state: RobotState) -> bool:
-        """After an accepted stop, with the joints at rest: it is known to go on, and must be stopped again."""
+        """Return whether the motion is known to go on after an accepted stop, with joints at rest, and must be stopped
+        again.
+        """
         return not self.may_be_left(state)
 
     def halt(self) -> Optional[JogStop]:
-        """Send nothing any more: the motion is being stopped. Returns what ends its jog, where it is one."""
+        """Send nothing any more, because the motion is being stopped; return the command that ends its jog, or None."""
         return self.jog_stop
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
-        """Answer whoever waits for it: it is completed (None), or was interrupted. Only the first word counts."""
+        """Answer the callers of the motion: it is completed (None), or was interrupted.
+
+        Only the first outcome counts.
+        """
 
 
 def is_held(state: RobotState) -> bool:
@@ -100,7 +109,7 @@ def is_held(state: RobotState) -> bool:
 
 
 def event_text(state: RobotState) -> str:
-    """The controller's event in words; empty for none."""
+    """Return the controller's event in words; empty for none."""
     if not state.error_code:
         return ""
     return ("event 0x%X %s" % (state.error_code, state.error_message)).rstrip()

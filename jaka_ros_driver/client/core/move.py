@@ -4,26 +4,25 @@ from typing import Any, List, Optional
 
 from jaka_ros_driver.client.core.arrival import NO_DISTANCE, SETTLE_TIME_S, InPosition, has_settled
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner, is_held, rest_time_at
+from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, is_held, rest_time_at
 from jaka_ros_driver.client.core.stillness import MOVEMENT, REST_TIME_S
-from jaka_ros_driver.commands import JointMove, PathCommand
-from jaka_ros_driver.commands import Motion as MoveCommand
+from jaka_ros_driver.commands import JointMove, MoveCommand, PathCommand
 from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import RobotState
 
 START_WINDOW_S = 1.0
-"""s; a motion that is accepted and not seen to begin within this time is stopped: it may not begin later."""
+"""Longest time, s, until an accepted motion must be seen to begin; else it is stopped, because it may begin later."""
 UNSEEN_START_S = START_WINDOW_S + 0.2
-"""s; the same where no frame comes that would show it: two of the slowest feed."""
+"""Longest time, s, until then where no frame comes that would show it: two of the slowest feed."""
 NOT_SEEN_TO_BEGIN = "accepted, but the arm was not seen to move"
 _JOINT_TOLERANCE = 0.01
 _POSITION_TOLERANCE = 0.002
 _ANGLE_TOLERANCE = 0.02
 _LONGEST_FRAME_TIME_S = 0.1
-"""s; a feed in good order has a frame at least so often."""
+"""Longest interval, s, between two frames of a feed in good order."""
 _LEVER = 0.1
-"""m; a joint whose turning moves the tool at a smaller radius does not count."""
+"""Smallest radius, m, at which a joint's turning moves the tool for that joint to count."""
 
 
 class _Part:
@@ -39,16 +38,16 @@ class _Part:
         self.was_reached = False
 
 
-class Move(Motion):
-    """Completed when the arm is at the last target and still; stopped when anything contradicts that it gets there."""
+class Move(ArmMotion):
+    """A motion that is completed when the arm rests at the last target, and stopped when anything contradicts that."""
 
     owner = MotionOwner.MOVE
     is_paused = False
-    """Paused by a call; the time in which it is does not count."""
+    """True while it is paused by a call; that time does not count."""
 
     def __init__(self, custody: Custody, command: MoveCommand, call: Any, waits: bool, state: RobotState,
                  end: Any = None) -> None:
-        """Prepare.
+        """Set up the motion.
 
         Args:
             custody: Of this motion.
@@ -74,7 +73,7 @@ class Move(Motion):
         self._send(self._parts[0], now)
 
     def add(self, command: MoveCommand, call: Any, now: float, end: Any = None) -> None:
-        """Queue another one behind those that are under way; answered with the controller's acceptance.
+        """Queue another move behind the running ones; answered with the controller's acceptance.
 
         Raises:
             JakaError: Nothing was sent.
@@ -161,8 +160,10 @@ class Move(Motion):
         self._custody.actions.answer(end, None, error)
 
     def _look_for_the_end(self, target: MoveCommand, state: RobotState, now: float) -> None:
-        """Measured positions decide; ``inpos`` only where it has followed the motion. After 1 s of rest a stop makes
-        sure of the end: what begins later is too late.
+        """Decide by the measured positions whether the motion has ended; ``inpos`` counts only where it has followed
+        it.
+
+        After 1 s of rest a stop makes sure of the end: what begins later is too late.
         """
         since, custody = max(self._accepted_at, self._held_at), self._custody
         if custody.rest_since(since) < self.rest_time or not all(part.is_accepted for part in self._parts):
@@ -177,7 +178,7 @@ class Move(Motion):
                 self._custody.stop(None, now)
         elif not state.is_in_position and not is_late:
             return
-        elif distance is None and self._in_position.tells_the_end(state):
+        elif distance is None and self._in_position.shows_the_end(state):
             self._custody.finish(now)
         elif distance is None:
             if is_late:
@@ -188,7 +189,10 @@ class Move(Motion):
                 StopCause.STOPPED, "the arm came to rest %s from the target" % distance_text(target, state)), now)
 
     def _note_reached(self, state: RobotState, now: float) -> None:
-        """Of a queue, each target is passed in its turn; all but the last one may be passed beside a rounded corner."""
+        """Mark the targets of a queue as reached, each in its turn.
+
+        All but the last one may be passed beside a rounded corner.
+        """
         while self._met < len(self._parts) and self._parts[self._met].is_accepted and _is_at(
                 self._parts[self._met].command, state):
             self._met += 1
@@ -205,9 +209,9 @@ class Move(Motion):
                 self._end(part, None)
 
     def _has_arrived(self, distance: float, resting: float, state: RobotState) -> bool:
-        """The arm rests within the tolerance of the last target; Return whether that is the end of the motion."""
+        """Return whether the motion has ended, of an arm that rests within the tolerance of the last target."""
         if len(self._parts) == 1:
-            return has_settled(distance, resting, self.rest_time, state) or self._in_position.tells_the_end(state)
+            return has_settled(distance, resting, self.rest_time, state) or self._in_position.shows_the_end(state)
         return has_settled(distance, resting, self.rest_time, state) and self._was_run_through(state)
 
     def _is_seen_after_all(self, accepted_at: float) -> bool:
@@ -218,10 +222,10 @@ class Move(Motion):
         return self._has_moved or self._custody.is_answered_since(accepted_at)
 
     def _was_run_through(self, state: RobotState) -> bool:
-        """The arm rests on the last target of a queue; Return whether no part of the queue can still begin.
+        """Return whether no part of a queue can still begin, of an arm that rests on the last target.
 
-        It can where an earlier target, or the place where the arm began, is the same, and what lies between was not
-        seen: a controller that hesitates between two moves rests on a target, too, and may say ``inpos`` there.
+        One can where an earlier target, or the place where the arm began, is the same, and what lies between was not
+        seen: a controller that hesitates between two moves rests on a target, too, and may set ``inpos`` there.
         """
         if not all(part.was_reached for part in self._parts):
             return False
@@ -252,7 +256,7 @@ def _joint_distance(a: RobotState, b: RobotState) -> float:
 
 
 def relative_distance(command: PathCommand, state: RobotState) -> Optional[float]:
-    """How far the arm is from the target, 1.0 at the tolerance; None where the feed does not tell."""
+    """Return the arm's distance from the target, 1.0 at the tolerance; None where the feed does not show it."""
     if isinstance(command, JointMove):
         return max([abs(a - b) for a, b in zip(command.joint_position, state.joint_position)]) / _JOINT_TOLERANCE
     away = _pose_distance(command, state)
@@ -262,13 +266,15 @@ def relative_distance(command: PathCommand, state: RobotState) -> Optional[float
 
 
 def _is_at(command: MoveCommand, state: RobotState) -> bool:
-    """Return whether the arm is seen where the command leads."""
+    """Return whether the arm is seen at the command's target."""
     distance = relative_distance(command, state)
     return distance is not None and distance <= NO_DISTANCE
 
 
 def _is_beside(command: MoveCommand, state: RobotState) -> bool:
-    """Of a target whose corner is rounded: the arm is as near as it comes to it, or one frame of the feed from that."""
+    """Return whether the arm is as near to a target with a rounded corner as it comes, or one frame of the feed from
+    that.
+    """
     if command.tolerance <= _POSITION_TOLERANCE:
         return False
     frame_way = command.speed * _LONGEST_FRAME_TIME_S
@@ -287,7 +293,7 @@ def _pose_distance(command: Any, state: RobotState) -> Optional[List[float]]:
 
 
 def distance_text(command: PathCommand, state: RobotState) -> str:
-    """How far the arm is from the target, with units."""
+    """Return the arm's distance from the target, with units."""
     if isinstance(command, JointMove):
         return "%.4f rad" % max([abs(a - b) for a, b in zip(command.joint_position, state.joint_position)])
     away = _pose_distance(command, state) or [0.0, 0.0]

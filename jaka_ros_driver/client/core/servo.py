@@ -1,4 +1,4 @@
-"""Servo mode for a client that streams targets: held where the arm is until they come, and when they stop."""
+"""Servo mode for a client that streams targets; the arm is held before they come, and when they stop."""
 import math
 from typing import Any, List, Optional, Union
 
@@ -16,23 +16,23 @@ from jaka_ros_driver.state import RobotState, Vector
 
 _TCP_SPEED_UNKNOWN = 1.0
 _MAX_LINEAR_DEVIATION = 0.03
-"""m, of the tool or of a point beside it."""
+"""Largest distance, m, of the tool, or of a point beside it, from what was sent lately."""
 
 
 class Servo(Streaming):
-    """Follows targets; left when its client leaves or falls silent."""
+    """The motion that follows a client's targets; servo mode is left when the client leaves or falls silent."""
 
     owner = MotionOwner.SERVO
 
     def __init__(self, custody: Custody, model: ArmModel, call: Any, state: RobotState, on_mode: OnMode) -> None:
-        """Prepare.
+        """Set up the motion.
 
         Args:
             custody: Of this motion.
-            model: Whose limits hold.
+            model: The arm model with the limits.
             call: Answered when the controller confirms servo mode.
             state: Before the motion.
-            on_mode: Told whether servo mode is on and, when it has ended, why.
+            on_mode: Called with whether servo mode is on and, when it has ended, why.
         """
         super().__init__(custody, state, on_mode)
         self._model = model
@@ -44,7 +44,7 @@ class Servo(Streaming):
     # ---- calls ----
 
     def leave(self, call: Any, reason: str) -> None:
-        """Come to rest at the last target, then leave servo mode; ``call`` (None for nobody) is answered then."""
+        """Stop at the last target, then leave servo mode; ``call`` (None for nobody) is answered then."""
         if call is not None:
             self._calls.append(call)
         self.is_leaving = True
@@ -52,7 +52,7 @@ class Servo(Streaming):
             self._leave_reason = reason
 
     def join(self, call: Any) -> None:
-        """Somebody else wants to be in servo mode."""
+        """Answer another caller of servo mode when it is on."""
         if self._leave_reason is not None:
             raise InvalidCommand("refused: servo mode is being left")
         if self._is_entered:
@@ -113,7 +113,7 @@ class Servo(Streaming):
         return True
 
     def _contradiction(self, state: RobotState) -> Optional[MotionInterrupted]:
-        """How far the arm is from everything that it was sent lately; None where it is near something."""
+        """Return a fault where the arm is far from everything that it was sent lately; None where it is not."""
         stream = self._stream
         point = None if stream is None else stream.measured_point(state)
         excess = 0.0 if point is None else self._trace.excess(point)
@@ -130,7 +130,10 @@ class Servo(Streaming):
             self._stream, self._trace = stream, ServoTrace()
 
     def _require_rest(self) -> None:
-        """A stream of the other kind begins at rest, where the arm is measured: only there do the two agree."""
+        """Refuse a change of the kind of stream unless the arm rests.
+
+        Only there do commanded joints and measured pose agree.
+        """
         if (self._stream is not None and not self._stream.is_at_rest) or (
                 self._custody.rest_since(self._moved_at) < REST_TIME_S):
             raise InvalidCommand("refused: joint and pose targets can be changed over at rest only")

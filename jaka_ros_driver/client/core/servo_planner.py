@@ -1,4 +1,4 @@
-"""Turns servo targets, as they come, into one frame a cycle that no speed limit is broken by.
+"""The planner that turns servo targets, as they come, into one frame a cycle that breaks no speed limit.
 
 The controller ignores a step that needs more than 180 deg/s on a joint (docs/controller-protocol.md section 5.6.5), and
 continues or halts as it likes when frames stop; so the steps are limited here, and a hold frame fills every cycle
@@ -23,22 +23,22 @@ from jaka_ros_driver.kinematics.rotations import (
 from jaka_ros_driver.state import RobotState, Vector
 
 Room = Tuple[float, float]
-"""From here to the limits below and above, rad."""
+"""The distances from here to the limits below and above, rad."""
 _NO_LIMITS: Room = (math.inf, math.inf)
 _ORIGIN = (0.0, 0.0, 0.0)
 _LEVER = 0.3
-"""m; how far from the tool's centre a turn is looked at."""
+"""Distance, m, from the tool's centre at which a turn is measured."""
 _WIRE_ROUNDING = 1e-6
-"""rad or m: targets come as float32, and one at the very limit is still allowed."""
+"""Excess, rad or m, over a limit that is allowed, because targets come as float32."""
 _ARRIVED = 1e-7
-"""rad or m"""
+"""Distance, rad or m, within which a target is reached."""
 
 
 class _Follower:
-    """Brings a point to its target: a new one at once where speed and acceleration allow it, else as they do.
+    """The follower that brings a point to its target: a new one at once where speed and acceleration allow it.
 
-    So a smooth stream is passed on as it is, and the last target is come to without passing it, where its client did
-    not stop in the middle of fast motion. A limit is not passed then either: with ``room``, how far it is to the limits
+    So a smooth stream is passed on as it is, and the last target is reached without passing it, where its client did
+    not stop in the middle of fast motion. A limit is not passed then either: with ``room``, the distances to the limits
     below and above, a target is taken at once only where braking afterwards ends within them.
     """
 
@@ -50,7 +50,10 @@ class _Follower:
         self._velocity: Tuple[float, ...] = ()
 
     def step(self, away: Sequence[float], is_new: bool, room: Room = _NO_LIMITS) -> Vector:
-        """The step of this cycle towards a target that is ``away`` from here; ``is_new``: since the last step."""
+        """Return the step of this cycle towards a target that is ``away`` from here.
+
+        is_new: The target came since the last step.
+        """
         if not self._velocity:
             self._velocity = (0.0,) * len(away)
         wanted: Tuple[float, ...] = tuple([a / self._period for a in away])
@@ -67,11 +70,11 @@ class _Follower:
 
     @property
     def is_still(self) -> bool:
-        """The last step was none."""
+        """True where the last step was none."""
         return not self._velocity or math.hypot(*self._velocity) * self._period <= _ARRIVED
 
     def arrives_within(self, away: Sequence[float], cycles: int, room: Room = _NO_LIMITS) -> bool:
-        """Whether it would reach a new target that is ``away`` from here within so many cycles."""
+        """Return whether it would reach a new target that is ``away`` from here within so many cycles."""
         if self._takes_at_once(tuple([a / self._period for a in away]), room):
             return True
         twin = _Follower(self._max_speed, self._max_change / self._period, self._period)
@@ -83,7 +86,7 @@ class _Follower:
         return False
 
     def _limited(self, away: Sequence[float]) -> Vector:
-        """Towards the target, no faster than lets it stop there in whole cycles."""
+        """Return the velocity towards the target, no faster than allows a stop there in whole cycles."""
         distance = math.hypot(*away)
         half = 0.5 * self._period
         stoppable = self._acceleration * (math.sqrt(half * half + 2.0 * distance / self._acceleration) - half)
@@ -103,10 +106,10 @@ class JointServo:
         """Begin at rest.
 
         Args:
-            joint_position: Where the arm is, rad (6,).
+            joint_position: The arm's position, rad (6,).
             model: Its joint limits and speeds; the controller's ceiling for a speed holds besides.
             max_jump: Largest distance of a target from the frame that was sent last, rad.
-            ahead: A target must be reached within so long from that frame, s.
+            ahead: Longest time in which a target must be reachable from that frame, s.
             period: Of a cycle, s.
         """
         self._followers = [_Follower(min(speed, JOINT_SPEED_CEILING), JOINT_ACCELERATION_CEILING, period)
@@ -119,7 +122,7 @@ class JointServo:
         self._target = self._position = joint_position
 
     def set_target(self, target: Vector, is_relative: bool) -> None:
-        """Go there, rad (6,); a relative one counts from the last target.
+        """Set the target, rad (6,); a relative one counts from the last target.
 
         Distances are measured from the frame that was sent last, not from the last target: targets that come faster
         than the arm can follow do not add up.
@@ -146,17 +149,19 @@ class JointServo:
 
     @property
     def is_at_rest(self) -> bool:
-        """The last frame was at the target, and so was the one before."""
+        """True where the last two frames were at the target."""
         return all(f.is_still for f in self._followers) and math.dist(self._position, self._target) <= _ARRIVED
 
     @property
     def point(self) -> Tuple[float, ...]:
-        """What the last frame told, as ``measured_point`` has it."""
+        """The point of the last frame, comparable with ``measured_point``."""
         return self._position
 
     @staticmethod
     def measured_point(state: RobotState) -> Optional[Tuple[float, ...]]:
-        """Where the arm is, in coordinates that a distance means something in; None where it is not told."""
+        """Return the arm's measured place in coordinates in which a distance has a meaning; None where the feed lacks
+        it.
+        """
         return state.joint_position
 
     def next_frame(self) -> ServoJoint:
@@ -190,7 +195,7 @@ class PoseServo:
         self._rotation = self._target_rotation = _rotation(pose.rpy)
 
     def set_target(self, target: Pose, is_relative: bool) -> None:
-        """Go there; of a relative one, position adds along the user frame's axes and rpy adds to the last rpy.
+        """Set the target; a relative position adds along the user frame's axes, a relative rpy to the last rpy.
 
         Raises:
             InvalidCommand: It is too far away, measured from the frame that was sent last; nothing changes.
@@ -216,19 +221,19 @@ class PoseServo:
 
     @property
     def is_at_rest(self) -> bool:
-        """The last frame was at the target, and so was the one before."""
+        """True where the last two frames were at the target."""
         return (self._linear.is_still and self._angular.is_still
                 and math.dist(self._position, self._target_position) <= _ARRIVED
                 and math.hypot(*turn_between(self._rotation, self._target_rotation)) <= 1e-6)
 
     @property
     def point(self) -> Tuple[float, ...]:
-        """What the last frame told, as ``measured_point`` has it."""
+        """The point of the last frame, comparable with ``measured_point``."""
         return _points_of(transform(self._rotation[:9], self._position))
 
     @staticmethod
     def measured_point(state: RobotState) -> Optional[Tuple[float, ...]]:
-        """Where the tool is, m (9,): its centre, and two points beside it that turn with it."""
+        """Return the tool's place, m (9,): its centre, and two points beside it that turn with it."""
         if state.tcp_position is None or state.tcp_rpy is None:
             return None
         return _points_of(transform(matrix_from_rpy(state.tcp_rpy), state.tcp_position))

@@ -1,14 +1,14 @@
-"""Where the arm may be while it is streamed: near something that it was sent a moment ago.
+"""The positions where the arm may be while it is streamed: near something that it was sent a moment ago.
 
-A controller whose frames come late may go on by itself, and then ignore frames that lie too far behind it for one
-cycle (docs/controller-protocol.md section 5.6.5): nothing in the stream would ever bring it back. Only the status feed
-tells.
+A controller whose frames come late may go on by itself, and then ignore frames that lie too far behind it for one cycle
+(docs/controller-protocol.md section 5.6.5): nothing in the stream would ever bring it back. Only the status feed
+reveals that.
 """
 from collections import deque
 from typing import Deque, List, NamedTuple, Sequence
 
 _WINDOW_S = 1.0
-"""s; longer than a controller's queue and filters lag behind."""
+"""Time, s, for which sent positions count: longer than a controller's queue and filters lag behind."""
 _BUCKET_S = 0.1
 
 
@@ -19,7 +19,7 @@ class _Extent(NamedTuple):
 
 
 class ServoTrace:
-    """The extent of what was sent lately, coordinate by coordinate; pure, it is told the time."""
+    """The extent of the positions sent lately, coordinate by coordinate; it has no clock."""
 
     def __init__(self, window_s: float = _WINDOW_S, bucket_s: float = _BUCKET_S) -> None:
         """Remember what was sent within the last ``window_s``, in pieces of ``bucket_s``."""
@@ -27,7 +27,7 @@ class ServoTrace:
         self._extents: Deque[_Extent] = deque()
 
     def sent(self, point: Sequence[float], now: float) -> None:
-        """This point was sent at this time, s."""
+        """Add a point that was sent at this time, s."""
         if not self._extents or now - self._extents[-1].since > self._bucket:
             self._extents.append(_Extent(now, list(point), list(point)))
             while now - self._extents[0].since > self._window + self._bucket:
@@ -41,11 +41,13 @@ class ServoTrace:
                 high[index] = value
 
     def excess(self, point: Sequence[float]) -> float:
-        """How far the point lies outside that extent, in its farthest coordinate; 0 inside, and before the first."""
+        """Return the distance of the point from that extent, in its farthest coordinate; 0 inside, and before the
+        first.
+        """
         return max(self.excesses(point))
 
     def excesses(self, point: Sequence[float]) -> List[float]:
-        """The same for each coordinate."""
+        """Return the distance from that extent for each coordinate."""
         extents = list(self._extents)
         if not extents:
             return [0.0] * len(point)

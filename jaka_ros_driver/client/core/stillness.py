@@ -1,33 +1,36 @@
-"""Evidence that the arm rests: its measured joints, over fresh frames."""
+"""The evidence that the arm rests: its measured joints, over fresh frames."""
 from collections import deque
 from typing import Deque, Optional, Tuple
 
 from jaka_ros_driver.state import RobotState, Vector
 
 REST_TIME_S = 0.08
-"""s; the joints are still for so long before the arm counts as at rest."""
+"""Stillness, s, of the joints after which the arm counts as at rest."""
 MOVEMENT = 2e-4
-"""rad (0.011 deg); a joint that is farther than this from where it was first seen has moved."""
+"""Distance, rad (0.011 deg), of a joint from where it was first seen above which it has moved."""
 _CREEP_FACTOR = 2.0
 _LONGEST_STEP = 3.0 * MOVEMENT
-"""rad; an arm that is farther away at once does not creep."""
+"""Largest step, rad, of an arm that creeps."""
 _LONGEST_STEP_S = 0.6
-"""s; an arm that needs so long for one ``MOVEMENT`` and rests before and afterwards has twitched.
+"""Time, s, for one ``MOVEMENT`` above which an arm that rests before and afterwards has twitched.
 
 One that needs less may creep: it counts as at rest when it has been still clearly longer than it was before that step.
-So 0.0005 rad/s, with a step every 0.4 s, is never rest. At the usual end of a motion the last step took less than
-0.04 s, which changes nothing.
+So 0.0005 rad/s, with a step every 0.4 s, is never rest. At the usual end of a motion the last step took less than 0.04
+s, which changes nothing.
 """
 _LONGEST_GAP_S = 0.6
-"""s; across a longer gap between two frames nothing is known."""
+"""Longest gap, s, between two frames across which anything is known."""
 _COUNTED_GAP_S = 0.04
-"""s; so much of a longer gap counts as rest: a frame that came late may tell of the moment after the one before it."""
+"""Share of a longer gap, s, that counts as rest.
+
+A frame that came late may show the moment after the one before it.
+"""
 _KEPT_GAPS = 256
-"""What is older lies more than 10 s of rest back, longer than anyone asks for."""
+"""Most gaps kept; older ones lie more than 10 s of rest back, longer than anyone asks for."""
 
 
 class Stillness:
-    """Watches the joints of every fresh frame. Only measured positions count, no flag of the controller."""
+    """The watch over the joints of every fresh frame. Only measured positions count, no flag of the controller."""
 
     def __init__(self) -> None:
         self._anchor: Optional[Vector] = None
@@ -56,7 +59,7 @@ class Stillness:
         self._last = now
 
     def lose_sight(self) -> None:
-        """What was seen until now says nothing about what comes."""
+        """Forget the last frame: it proves nothing about the next one."""
         self._anchor = None
 
     def duration(self, after: float = 0.0) -> float:
@@ -78,5 +81,5 @@ class Stillness:
         return 0.0 if self._anchor is None else max(0.0, self._last - max(self._since, after))
 
     def has_moved_since(self, moment: float) -> bool:
-        """Fresh frames after this moment (monotonic, s) show the arm somewhere else than before."""
+        """Return whether fresh frames after this moment (monotonic, s) show the arm somewhere else than before."""
         return self._anchor is not None and self._since > max(moment, self._seen_since)

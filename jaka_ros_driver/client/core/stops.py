@@ -1,11 +1,11 @@
-"""Stops: of what this driver moves, and of an arm that somebody else may move. Their callers wait for nothing else."""
+"""The stops of this driver's motion, and of an arm that somebody else may move. Their callers wait for nothing else."""
 from typing import Any, Callable, Optional
 
 from jaka_ros_driver.client.core.actions import Actions
-from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.custody import Admission, Custody
 from jaka_ros_driver.client.core.links import Links
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, OnEnd, Procedure, Until, pause
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, OnEnd, Procedure, Until, pause
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import STOP_REPLY, Query, whole_stop
@@ -21,26 +21,29 @@ from jaka_ros_driver.errors import (
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY
 
 _COASTING_TIME_S = 0.5
-"""s; an arm that still moves so long after a stop was sent is stopped once more."""
+"""Time, s, after a stop was sent until an arm that still moves is stopped once more."""
 _REPEATED_FOR_S = 10.0
-"""s; an arm that this driver does not move is stopped again for so long: somebody may move it on purpose."""
+"""Time, s, for which an arm that this driver does not move is stopped again: somebody may move it on purpose."""
 
 _SERVO_MODE_LASTS_S, _POLL_PERIOD_S = 2.0, 0.02
-"""s; servo mode is asked for so long after a stop, and so often, until it is left."""
+"""Longest time, s, after a stop for which servo mode is asked for until it is left, and the period of that."""
 
 CarryOut = Callable[[Procedure, OnEnd, float], None]
 
 
 class Stops:
-    """Sends them, and ends what waits to begin.
+    """The sender of stops, which ends what waits to begin.
 
     Attributes:
-        count: So many stops were asked for.
+        count: The number of stops that were asked for.
     """
 
-    def __init__(self, actions: Actions, channel: Channel, custody: Custody, links: Links, admission: Admission,
+    def __init__(self, actions: Actions, channel: CommandChannel, custody: Custody, links: Links, admission: Admission,
                  settings: ClientSettings, carry_out: CarryOut) -> None:
-        """carry_out: has a procedure run, and its end told."""
+        """Set up without a stop.
+
+        carry_out: Runs a procedure, and passes its end on.
+        """
         self.count = 0
         self._actions = actions
         self._channel = channel
@@ -65,7 +68,7 @@ class Stops:
                             lambda _, error, _at: answer(error or self._timeout()), now)
 
     def stop_own(self, now: float) -> None:
-        """A stop that nobody is answered for."""
+        """Send a stop for which nobody is answered."""
         self._end_waiting()
         if self._custody.is_free:
             self._stop_free_arm(None, now)
@@ -73,7 +76,7 @@ class Stops:
             self._custody.stop(MotionInterrupted(StopCause.STOPPED), now)
 
     def require_none_since(self, count: int) -> None:
-        """See that no stop came since then; raises MotionInterrupted."""
+        """Raise MotionInterrupted where a stop came since ``count`` was taken."""
         if self.count != count:
             raise MotionInterrupted(StopCause.STOPPED, "it was asked for before the stop")
 
@@ -98,7 +101,7 @@ class Stops:
         self._carry_out(self._watched(stop, self._patience), lambda _, error, _at: answer(error), now)
 
     def _sent_when_connected(self, stop: "_FreeStop") -> Procedure:
-        """Send it on the connection that is made for it; raises ConnectionLost where none comes about in time."""
+        """Send the stop on the connection that is made for it; raise ConnectionLost where none is up in time."""
         asked = yield Now()
         yield Until(lambda _now: self._channel.is_open, self._patience)
         now = yield Now()
@@ -142,9 +145,12 @@ class _FreeStop:
         answer: Ends the call that asked for it.
     """
 
-    def __init__(self, channel: Channel, custody: Custody, links: Links, admission: Admission, patience: float,
+    def __init__(self, channel: CommandChannel, custody: Custody, links: Links, admission: Admission, patience: float,
                  answer: "_Once", on_accepted: Callable[[float], None]) -> None:
-        """patience: the longest time to its answer, s."""
+        """Set up the stop.
+
+        patience: The longest time to its answer, s.
+        """
         self._on_accepted = on_accepted
         self.answer = answer
         self._channel = channel
@@ -158,14 +164,14 @@ class _FreeStop:
         self._is_over = False
 
     def send(self, now: float) -> None:
-        """Send it, or send it again; raises as ``Channel.request``."""
+        """Send the stop, or send it again; raise as ``CommandChannel.request`` does."""
         is_repeated = self._sent_at is not None
         self._channel.request_all(whole_stop(None, is_repeated), now, self._replied, STOP_REPLY)
         self._sent_at = now
         self._admission.stops_under_way += 1
 
     def look(self, now: float, may_repeat: bool) -> bool:
-        """Look at what is known now; returns whether nothing is left to be done."""
+        """Check what is known now, and send the stop again where needed; return whether it is done."""
         assert self._sent_at is not None
         if self._is_over:
             return True
@@ -181,7 +187,7 @@ class _FreeStop:
         return False
 
     def trouble(self, now: float) -> JakaError:
-        """Return what is known where the arm was not seen at rest in time."""
+        """Return the error for an arm that was not seen at rest in time."""
         if self._accepted_at is None:
             return ReplyTimeout("stop_program", self._patience)
         try:
@@ -192,7 +198,10 @@ class _FreeStop:
                            "and not by this driver" % self._patience)
 
     def _is_seen_at_rest(self, now: float) -> bool:
-        """Wait for rest alone where the stop's reply may have to wait for power_on or enable_robot."""
+        """Return whether the arm was seen at rest after the stop was accepted.
+
+        Where the stop's reply may have to wait for power_on or enable_robot, rest alone counts.
+        """
         stillness = self._custody.stillness
         try:
             state = self._links.fresh_state(now)
@@ -206,7 +215,10 @@ class _FreeStop:
         return self._is_held_up and stillness.duration(self._sent_at or now) >= REST_TIME_S
 
     def _moves_on(self, now: float) -> bool:
-        """The arm, or a program, goes on though the stop was accepted; what a hand moves no stop ends."""
+        """Return whether the arm, or a program, goes on though the stop was accepted.
+
+        No stop ends what a hand moves.
+        """
         try:
             state = self._links.fresh_state(now)
         except ConnectionLost:
@@ -227,10 +239,10 @@ class _FreeStop:
 
 
 class _Once:
-    """Answers a call the first time that it is called.
+    """The answer of a call, of which only the first counts.
 
     Attributes:
-        is_given: It has been called.
+        is_given: True once the call is answered.
     """
 
     def __init__(self, actions: Actions, call: Any) -> None:

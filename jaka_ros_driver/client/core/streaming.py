@@ -1,10 +1,10 @@
-"""What motions in servo mode have in common: entered and confirmed, one frame every 8 ms, left at rest."""
+"""The base class of motions in servo mode: entered and confirmed, one frame every 8 ms, left at rest."""
 from typing import Any, Callable, Optional, Union
 
-from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import Motion
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Running, pause
+from jaka_ros_driver.client.core.motion import ArmMotion
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure, Running, pause
 from jaka_ros_driver.client.core.servo_trace import ServoTrace
 from jaka_ros_driver.commands import JogStop, Query, ServoJoint, ServoPose, SetServoMode
 from jaka_ros_driver.errors import CommandRejected, JakaError, MotionInterrupted, StopCause
@@ -12,34 +12,39 @@ from jaka_ros_driver.kinematics.limits import SERVO_PERIOD_S
 from jaka_ros_driver.state import RobotState, Vector
 
 MAX_JOINT_DEVIATION = 0.04
-"""rad; more than the step of one cycle at 180 deg/s, behind which a controller ignores frames."""
+"""Largest deviation, rad, from a frame: more than one cycle's step at 180 deg/s, behind which a controller ignores
+frames.
+"""
 _CONFIRM_TIMEOUT_S = 2.0
 _POLL_PERIOD_S = 0.02
 _BEHIND_STATUS_S = 0.006
-"""From a status frame to the frames of a stream. Both come every 8 ms and are served by one thread, so that a stream
-whose frames fell due just after a status frame would stay behind the work for it, with all its hold-ups."""
+"""Delay, s, from a status frame to the frames of a stream.
+
+Both come every 8 ms and are served by one thread, so that a stream whose frames fell due just after a status frame
+would stay behind the work for it, with all its hold-ups.
+"""
 _NEVER = float("inf")
 
 Frame = Union[ServoJoint, ServoPose]
 OnMode = Callable[[bool, str], None]
 
 
-class Streaming(Motion):
+class Streaming(ArmMotion):
     """A motion that sends a frame each cycle. Late cycles are left out, never caught up in a burst.
 
-    Whatever goes wrong stops the arm. A child says what the frames are, and when the stream is over.
+    Any failure stops the arm. A child class makes the frames and decides when the stream is over.
 
     Attributes:
         late_cycles: Cycles that came too late to be sent.
     """
 
     def __init__(self, custody: Custody, state: RobotState, on_mode: OnMode) -> None:
-        """Prepare.
+        """Set up the motion.
 
         Args:
             custody: Of this motion.
             state: Before the motion.
-            on_mode: Told whether servo mode is on and, when it has ended, why.
+            on_mode: Called with whether servo mode is on and, when it has ended, why.
         """
         self._custody = custody
         self._state = state
@@ -55,40 +60,40 @@ class Streaming(Motion):
         self._leaving = _Leaving(custody.channel)
         self.late_cycles = 0
 
-    # ---- what a child says ----
+    # ---- called by a subclass ----
 
     def _entered(self, now: float) -> None:
-        """Servo mode is on: the frames begin within one cycle, at ``_next_frame``."""
+        """Start the stream, because servo mode is on: the frames begin within one cycle, at ``_next_frame``."""
         raise NotImplementedError
 
     def _not_entered(self, error: JakaError) -> None:
-        """Servo mode could not be entered; nothing has moved."""
+        """Handle that servo mode could not be entered; nothing has moved."""
         raise NotImplementedError
 
     def _frame(self, now: float) -> Frame:
-        """The frame of this cycle."""
+        """Return the frame of this cycle."""
         raise NotImplementedError
 
     def _sent_point(self) -> Vector:
-        """Where that frame leads, in the coordinates that ``_contradiction`` compares."""
+        """Return the target of that frame, in the coordinates that ``_contradiction`` compares."""
         raise NotImplementedError
 
     def _is_over(self) -> bool:
-        """Nothing is left to be sent: servo mode can be left."""
+        """Return whether nothing is left to be sent, so that servo mode can be left."""
         raise NotImplementedError
 
     def _contradiction(self, state: RobotState) -> Optional[MotionInterrupted]:
-        """What in this state contradicts the stream; None where nothing does."""
+        """Return what in this state contradicts the stream; None where nothing does."""
         raise NotImplementedError
 
     def _skipped(self, cycles: int) -> None:
-        """So many cycles came too late."""
+        """Handle that so many cycles came too late."""
 
     # ---- life ----
 
     @property
     def is_streaming(self) -> bool:
-        """Frames are being sent."""
+        """True while frames are being sent."""
         return self._next_frame != _NEVER
 
     def begin(self, now: float) -> None:
@@ -126,11 +131,14 @@ class Streaming(Motion):
             self._on_mode(False, "")
 
     def may_be_left(self, state: RobotState) -> bool:
-        """After a stop: servo mode is left, in which the next motion would be refused, or was not within 2 s."""
+        """Return whether servo mode is left after a stop, or was not within 2 s.
+
+        In servo mode the next motion would be refused.
+        """
         return self._leaving.is_over
 
     def goes_on(self, state: RobotState) -> bool:
-        return self._leaving.is_told_on
+        return self._leaving.is_answered_on
 
     def halt(self) -> Optional[JogStop]:
         self._next_frame = _NEVER
@@ -187,27 +195,28 @@ class Streaming(Motion):
 
 
 class _Leaving:
-    """Sees a stop end servo mode, with a question behind each frame of the status feed; holds nothing up.
+    """The watch over a stop that ends servo mode, with a question after each frame of the status feed; it delays
+    nothing.
 
     Attributes:
         is_over: Servo mode is left, was not in time, or no stop has begun.
-        is_told_on: The controller has said, since the last stop, that servo mode is on.
+        is_answered_on: The controller has answered, since the last stop, that servo mode is on.
     """
 
-    def __init__(self, channel: Channel) -> None:
+    def __init__(self, channel: CommandChannel) -> None:
         self._channel = channel
         self._began_at: Optional[float] = None
         self._stop = 0
         self._is_asking = False
         self._is_left = False
         self.is_over = True
-        self.is_told_on = False
+        self.is_answered_on = False
 
     def begin(self) -> None:
-        """Take a stop that is about to be sent: what was asked before it says nothing."""
+        """Begin with a stop that is about to be sent: earlier questions prove nothing."""
         self._stop += 1
         self._is_asking = False
-        self.is_over = self.is_told_on = self._is_left = False
+        self.is_over = self.is_answered_on = self._is_left = False
 
     def observe(self, now: float) -> bool:
         """Ask anew where that is due; return, once, whether servo mode has been left."""
@@ -215,7 +224,7 @@ class _Leaving:
             return False
         self._began_at = now if self._began_at is None else self._began_at
         self.is_over = self._is_left or now - self._began_at > _CONFIRM_TIMEOUT_S
-        self.is_told_on = self.is_told_on and not self.is_over
+        self.is_answered_on = self.is_answered_on and not self.is_over
         if not self.is_over and not self._is_asking and self._channel.is_open:
             self._is_asking, number = True, self._stop
 
@@ -223,13 +232,16 @@ class _Leaving:
                 if number == self._stop:
                     self._is_asking = False
                     self._is_left = error is None and not result
-                    self.is_told_on = error is None and bool(result)
+                    self.is_answered_on = error is None and bool(result)
             self._channel.request(Query.SERVO_MODE, now, replied)
         return self._is_left
 
 
 def commanded_joints(state: RobotState) -> Vector:
-    """Where a stream of joint frames begins, rad (6,): as commanded where the arm is near to that, else as measured."""
+    """Return the begin of a stream of joint frames, rad (6,).
+
+    It is the commanded position where the arm is near to that, else the measured one.
+    """
     start = state.joint_position_commanded
     if start is None or max([abs(a - b) for a, b in zip(start, state.joint_position)]) > MAX_JOINT_DEVIATION:
         return state.joint_position
@@ -242,7 +254,7 @@ def _entered() -> Procedure:
 
 
 def left_servo_mode() -> Procedure:
-    """Leave servo mode; MotionInterrupted when the controller does not confirm it within 2 s."""
+    """Leave servo mode; raise MotionInterrupted when the controller does not confirm it within 2 s."""
     yield Ask(SetServoMode(False))
     yield from _confirmed(False)
 

@@ -1,4 +1,6 @@
-"""A joint trajectory: streamed along its audited path, joined by the next one, ended at rest on its last point."""
+"""The motion along a joint trajectory: streamed on its audited path, joined by the next one, ended at rest on its last
+point.
+"""
 from typing import Any, List, NamedTuple, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
@@ -21,37 +23,42 @@ from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.build import PathStart
 from jaka_ros_driver.trajectory.clock import PathClock
 from jaka_ros_driver.trajectory.path import JointState, Path
-from jaka_ros_driver.trajectory.points import Tolerances
+from jaka_ros_driver.trajectory.points import TrajectoryTolerances
 
 _LAG_S = 0.2
-"""s; a client's path tolerance is compared with what was sent within this time, of which a controller's queue and the
-feed take some.
+"""Time, s, of sent positions with which a client's path tolerance is compared.
+
+A controller's queue and the feed take some of it.
 """
 _LONGEST_LAG_S = 0.5
-"""s; so much may the filters of a controller take besides; an arm that is near nothing it was sent since is stopped."""
+"""Longest lag, s, with the filters of a controller.
+
+An arm that is near nothing it was sent since is stopped.
+"""
 _SAME_START = 1e-4
-"""rad; an arm that is farther from where its path was begun has moved since."""
+"""Largest distance, rad, of an arm from the begin of its path that has not moved since."""
 _BRAKE_TIME_S = 1.0
-"""s; an arm that is not seen at rest so long after its stream has come to rest is stopped."""
+"""Longest time, s, from the end of the stream's motion until the arm must be seen at rest."""
 _SEEN_LATE_S = 0.3
-"""s; rest is seen so much later than it begins, at most, by a feed that works."""
+"""Longest delay, s, with which a working feed shows rest."""
 _CATCH_UP = 0.05
 """Share by which the clock runs faster while it makes up for cycles that were late."""
 _LONGEST_CATCH_UP_S = 0.1
+"""Longest delay, s, that the clock makes up for: at 5 % that takes it 2 s."""
 _NOTHING = (0.0,) * JOINT_COUNT
 
 
 class StartChanged(InvalidCommand):
-    """The arm is not any more where the path was built to begin: it must be built anew."""
+    """The error that the arm has left the place where the path was built to begin: it must be built anew."""
 
 
 class TrajectoryStart(NamedTuple):
-    """Where a path may begin.
+    """The place where a path may begin.
 
     Attributes:
         begin: Position and motion there.
         running: The trajectory that is joined; None where the arm rests.
-        path: What it follows.
+        path: The path that it follows.
         time: On that path, where it is joined, s.
     """
 
@@ -62,19 +69,19 @@ class TrajectoryStart(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """What a client has asked for, and by which call it is answered."""
+    """The tolerances that a client has asked for, and the call that is answered."""
 
     call: Any
-    tolerances: Tolerances
+    tolerances: TrajectoryTolerances
 
 
-class Progress(NamedTuple):
-    """How far a trajectory has come.
+class TrajectoryProgress(NamedTuple):
+    """The progress of a trajectory.
 
     Attributes:
         call: Of its goal.
         time: On its path, from the time of its points, s.
-        desired: Where the joints are wanted now.
+        desired: The wanted state of the joints now.
     """
 
     call: Any
@@ -83,7 +90,7 @@ class Progress(NamedTuple):
 
 
 class Trajectory(Streaming):
-    """Runs along one path, and on to those that replace it. Whatever contradicts it stops the arm; nothing resumes.
+    """A motion along one path, and on to those that replace it. Any contradiction stops the arm; nothing resumes.
 
     Attributes:
         is_paused: It brakes on its path, and stays there until this is False again.
@@ -93,15 +100,15 @@ class Trajectory(Streaming):
 
     def __init__(self, custody: Custody, model: ArmModel, goal: Goal, path: Path, state: RobotState,
                  on_mode: OnMode) -> None:
-        """Prepare; the goal is answered when the arm rests at the path's end, and servo mode is left.
+        """Set up the motion; the goal is answered when the arm rests at the path's end, and servo mode is left.
 
         Args:
             custody: Of this motion.
-            model: Whose limits hold.
-            goal: Whom the path is for.
+            model: The arm model with the limits.
+            goal: The goal that the path serves.
             path: Audited; begins where the arm is commanded.
             state: Before the motion.
-            on_mode: Told whether servo mode is on and, when it has ended, why.
+            on_mode: Called with whether servo mode is on and, when it has ended, why.
         """
         super().__init__(custody, state, on_mode)
         self._goal = goal
@@ -120,26 +127,26 @@ class Trajectory(Streaming):
 
     @property
     def can_be_joined(self) -> bool:
-        """Another trajectory can take over from here."""
+        """True where another trajectory can take over from here."""
         return not self.is_leaving
 
     @property
-    def progress(self) -> Progress:
-        """How far it has come."""
-        return Progress(self._goal.call, self._clock.time, self._clock.state())
+    def progress(self) -> TrajectoryProgress:
+        """The progress of the trajectory."""
+        return TrajectoryProgress(self._goal.call, self._clock.time, self._clock.state())
 
     @property
     def is_held(self) -> bool:
-        """It is paused, and its stream has come to rest."""
+        """True while it is paused, and its stream has come to rest."""
         return self.is_paused and self._clock.is_still and self._clock.rate == 0.0
 
     def start_after(self, lead: float) -> TrajectoryStart:
-        """Where another trajectory can join this one, so far ahead on the path, s."""
+        """Return the place where another trajectory can join this one, ``lead`` s ahead on the path."""
         time = self._clock.time + lead
         return TrajectoryStart(PathStart(self._clock.path.at(time), False), self, self._clock.path, time)
 
     def replace(self, goal: Goal, path: Path, start: TrajectoryStart) -> None:
-        """Go over to another path where it starts on the present one; the goal that was under way is told at once.
+        """Change to another path where it starts on the present one; the running goal is answered at once.
 
         Raises:
             StartChanged: The arm has come further than that, or is on another path.
@@ -152,7 +159,10 @@ class Trajectory(Streaming):
         self._custody.actions.answer(before.call, None, MotionInterrupted(StopCause.REPLACED))
 
     def cancel(self, call: Any) -> bool:
-        """Brake on the path, and end at rest; ``call``: whose goal, None for any. False: it is not under way."""
+        """Brake on the path, and end at rest; return False where that goal does not run.
+
+        call: Whose goal, None for any.
+        """
         if self._leave_reason is not None or (call is not None and call is not self._goal.call):
             return False
         self._is_cancelled = self.is_leaving = True
@@ -236,12 +246,12 @@ class Trajectory(Streaming):
 
     @property
     def _wanted(self) -> float:
-        """The rate that the clock is to run at."""
+        """The rate at which the clock is to run."""
         wanted = 0.0 if self.is_paused or self._is_cancelled else self._scale
         return wanted * (1.0 + _CATCH_UP) if self._lag > 0.0 else wanted
 
     def _look_for_the_end(self, state: RobotState, now: float) -> None:
-        """The stream has come to rest; the arm must, too, and where it is asked to."""
+        """End the motion when the arm rests near enough to the last point; stop it where it does not in time."""
         assert self._rests_since is not None
         is_still = self._custody.rest_since(self._rests_since) >= REST_TIME_S
         waited = now - self._rests_since
@@ -272,12 +282,12 @@ class Trajectory(Streaming):
 
 
 def start_at_rest(state: RobotState) -> TrajectoryStart:
-    """Where a path begins whose arm rests: where it is commanded."""
+    """Return the begin of a path for an arm that rests: its commanded position."""
     return TrajectoryStart(PathStart(JointState(commanded_joints(state), _NOTHING, _NOTHING), True))
 
 
 def require_start(path: Path, state: RobotState) -> None:
-    """See that the arm is where the path begins.
+    """Check that the arm is where the path begins.
 
     Raises:
         StartChanged: It is not.

@@ -1,42 +1,53 @@
 """The second witness of the status feed's age: the controller's answers on the command port.
 
-A link that carries less than the feed delivers it at a steady rhythm of its own, which arrivals alone do not tell from
-the rhythm of a slow controller. Content does: what the controller answers when it is asked must appear in the feed soon
-afterwards. A feed that does not show it in time is older than that time, however regularly its frames come.
+A link that carries less than the feed delivers it at a steady rhythm of its own, which arrivals alone do not
+distinguish from the rhythm of a slow controller. Content does: the controller's answer to a question must appear in the
+feed soon afterwards. A feed that does not show it in time is older than that time, however regularly its frames come.
 """
 import logging
 from collections import deque
 from typing import Any, Deque, List, NamedTuple, Optional
 
 from jaka_ros_driver.client.core.actions import Actions
-from jaka_ros_driver.client.core.channel import Channel
+from jaka_ros_driver.client.core.channel import CommandChannel
 from jaka_ros_driver.commands import Query
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
 from jaka_ros_driver.state import RobotState, Vector
 
 NEAR = 0.005
-"""rad; answer and feed may differ by so much where both tell of the same moment: one may be measured, one commanded."""
+"""Largest difference, rad, between answer and feed at the same moment.
+
+One may be measured, the other commanded.
+"""
 _TURN = 0.015
-"""rad; a joint that turns back between two frames goes at most so much farther than they show: 12.6 rad/s2 at 10 Hz."""
+"""Largest excess, rad, of a joint that turns back between two frames over what they show: 12.6 rad/s2 at 10 Hz."""
 _LEAST_AGE_S = 0.25
 _AGE_SHARE = 1.0 / 3.0
-"""Age at which the feed is given up, as a share of the promise: the next question, and its answer, take time, too."""
+"""Age at which the feed is given up, as a share of the silence timeout.
+
+The next question, and its answer, take time, too.
+"""
 _PERIODS, _LATE_S = 2.0, 0.1
 _MOST_AGE_SHARE = 0.6
-"""A frame of a feed with long pauses is by itself one period old, and may be late once; so much of the promise is left
-to that."""
+"""Largest share of the silence timeout that is granted to a feed with long pauses.
+
+Its frames are by themselves one period old, and one may be late.
+"""
 _DRIVES_S = 0.5
-"""s; the feed may show drives ready for so long after the controller first answered that they are not."""
+"""Longest time, s, for which the feed may show drives ready after the controller first answered that they are not."""
 _LONGEST_HISTORY = 250
-"""Frames; a question whose answer takes longer says nothing."""
+"""Most frames kept; a question whose answer takes longer proves nothing."""
 _MOST_QUESTIONS = 4
 _ANEW_S = 2.0
-"""s; a feed that is disputed and stays so is connected anew at most so often."""
+"""Shortest period, s, at which a feed that stays disputed is connected anew."""
 _TRIES = 8
 _MISREAD = 3
-"""Replies in a row that cannot be read, after which the question is not put any more."""
+"""Replies in a row that cannot be read, after which the question is not asked any more."""
 _KEPT_ANSWERS = 4
-"""A second's: an answer far from all of them could not have been found in a feed that is a second old."""
+"""Most answers kept, a second's.
+
+An answer far from all of them could not have been found in a feed that is a second old.
+"""
 
 
 class _Answer(NamedTuple):
@@ -46,20 +57,25 @@ class _Answer(NamedTuple):
 
 
 class Witness:
-    """Asks for joints and drives at each beat, and compares each answer with the frames since its question.
+    """The witness that asks for joints and drives at each beat, and compares each answer with the frames since its
+    question.
 
     A feed that contradicts a witness which has been right before is disputed: none of its frames is believed until they
     show an answer again, also on a new connection. So a feed that repeats itself on time starts no motion.
 
     Attributes:
-        is_trusted: The last answer that could be compared was found in the feed. Else a contradiction says nothing new.
+        is_trusted: The last answer that could be compared was found in the feed. Else a contradiction proves nothing
+            new.
         agreed_at: When the newest answer that was found in the feed was asked for, s: the feed has shown that moment.
         asked_at: When the newest question was put, s.
         dispute: Why no frame is believed, in words; "" where they are.
     """
 
-    def __init__(self, actions: Actions, channel: Channel, silence_timeout: float) -> None:
-        """silence_timeout: s; a frame that is taken for new must not be older than this."""
+    def __init__(self, actions: Actions, channel: CommandChannel, silence_timeout: float) -> None:
+        """Set up without a question.
+
+        silence_timeout: s; a frame that is taken for new must not be older than this.
+        """
         self._actions = actions
         self._channel = channel
         self._longest_age = max(_LEAST_AGE_S, _AGE_SHARE * silence_timeout)
@@ -87,7 +103,7 @@ class Witness:
         self.forget()
 
     def forget(self) -> None:
-        """Drop the open questions: the feed is a new one."""
+        """Drop the open questions, because the feed is a new one."""
         self._generation += 1
         self._asked = 0
         self._frames: Deque[RobotState] = deque(maxlen=_LONGEST_HISTORY)
@@ -100,16 +116,16 @@ class Witness:
 
     @property
     def can_tell(self) -> bool:
-        """The controller knows the question, and its answers are not known to be others than its feed."""
+        """True where the controller knows the question, and its answers are not known to differ from its feed."""
         return Query.JOINTS not in self._refused and (self._was_right or self._tries > 0)
 
     @property
     def wants_to_ask(self) -> bool:
-        """The feed is disputed, and no question is under way that could settle it."""
+        """True where the feed is disputed, and no open question could settle it."""
         return bool(self.dispute) and not self._asked and not self._open and bool(self._frames)
 
     def distrust(self, why: str, counts_from: float) -> None:
-        """Dispute the feed: what it showed before this moment, s, says nothing."""
+        """Dispute the feed: what it showed before this moment, s, proves nothing."""
         if not self.dispute:
             self._actions.log(logging.WARNING, "status feed: not believed until it shows where the controller says the "
                                                "arm is: " + why)
@@ -123,20 +139,23 @@ class Witness:
             self._actions.log(logging.INFO, "status feed: believed again")
 
     def ask(self, now: float) -> None:
-        """Put the questions, where the command port is open and the feed has shown something."""
+        """Send the questions, where the command port is open and the feed has shown something."""
         if self._newest is None:
             return
         self.asked_at = now
         if Query.DRIVES_READY not in self._refused:
-            self._channel.request(Query.DRIVES_READY, now, self._drives_told)
+            self._channel.request(Query.DRIVES_READY, now, self._drives_answered)
         if Query.JOINTS not in self._refused and self._asked < _MOST_QUESTIONS:
             self._asked += 1
             generation = self._generation
-            self._channel.request(Query.JOINTS, now, lambda result, error, at: self._joints_told(
+            self._channel.request(Query.JOINTS, now, lambda result, error, at: self._joints_answered(
                 result, error, at, generation, now))
 
     def saw(self, state: RobotState, is_new: bool, period: float) -> str:
-        """Compare a frame; returns why the feed is too old, "" where nothing says so. ``period``: the usual one, s."""
+        """Compare a frame with the answers; return why the feed is too old, "" where nothing proves it.
+
+        period: The usual one, s.
+        """
         self._newest, now = state, state.received_at
         if now < self._counts_from:
             return ""
@@ -175,7 +194,7 @@ class Witness:
 
     # ---- inside ----
 
-    def _joints_told(self, result: Any, error: Optional[JakaError], now: float, generation: int, asked_at: float
+    def _joints_answered(self, result: Any, error: Optional[JakaError], now: float, generation: int, asked_at: float
                      ) -> None:
         if error is not None:
             self._note_refusal(Query.JOINTS, error)
@@ -206,7 +225,10 @@ class Witness:
         self.settle()
 
     def _is_contradicted(self, now: float) -> bool:
-        """Return whether that counts: not of a witness that has not been right yet, or is wrong again at once."""
+        """Return whether a contradiction counts.
+
+        That of a witness that has not been right yet, or is wrong again at once, does not.
+        """
         was_trusted, self.is_trusted = self.is_trusted, False
         if was_trusted:
             return True
@@ -217,7 +239,7 @@ class Witness:
                                                    "status feed: how old that is shows from its rhythm only")
         return bool(self.dispute) and self._began_at is not None and now - self._began_at > _ANEW_S
 
-    def _drives_told(self, result: Any, error: Optional[JakaError], now: float) -> None:
+    def _drives_answered(self, result: Any, error: Optional[JakaError], now: float) -> None:
         if error is not None:
             self._note_refusal(Query.DRIVES_READY, error)
             return

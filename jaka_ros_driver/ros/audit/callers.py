@@ -11,7 +11,7 @@ from rospy.topics import get_topic_manager
 from jaka_ros_driver.protocol.texts import printable
 
 PEER = "jaka_driver_peer"
-"""The entry of a service connection's header in which this driver notes the peer's address."""
+"""Entry of a service connection's header in which this driver records the peer's address."""
 _LONGEST = 200
 
 
@@ -23,12 +23,12 @@ class Caller(NamedTuple):
 
 
 def note_peer(header: Dict[str, str], sock: Any) -> None:
-    """Note the address of a service connection in its header, over whatever the client has written there."""
+    """Record the address of a service connection in its header, over whatever the client has written there."""
     header[PEER] = address_of(sock)
 
 
 def caller_of_request(request: Any) -> Caller:
-    """Return who sent a service request; ``note_peer`` has noted its address."""
+    """Return who sent a service request; ``note_peer`` has recorded its address."""
     header = _header(request)
     return Caller(_text(header.get("callerid", "")), header.get(PEER, ""))
 

@@ -1,4 +1,7 @@
-"""ROS messages as values of JSON, bounded in depth, length and time: what a client sends must not hold up its call."""
+"""ROS messages as values of JSON, bounded in depth, length and time.
+
+So no content of a client's message holds up its call.
+"""
 import math
 from typing import Any
 
@@ -11,7 +14,7 @@ def plain(value: Any, depth: int = 0) -> Any:
     """Return a value of JSON for a message, a time, a number, a text or an array.
 
     Of an array the first 32 entries are kept, and their number; of a text the first 500 characters. A number that JSON
-    has no word for is written as text.
+    cannot represent is written as text.
     """
     if value is None or isinstance(value, (bool, int)):
         return value

@@ -29,7 +29,7 @@ NOT_RECORDED: Dict[str, str] = {
 }
 """Services, actions and topics that the node takes without a line in the log, each with the reason."""
 URGENT = frozenset(("~power", "~enable", "~recover", "~clear_err"))
-"""Their lines are on the disk at once: they energise the arm, or clear what kept it still."""
+"""Services whose lines are on the disk at once: they energise the arm, or clear what kept it still."""
 STREAMED = frozenset(("~servo_j", "~servo_p", "~jog"))
 """Services that are called again and again for one motion."""
 
@@ -38,7 +38,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def _harmless(method: Callable[..., None]) -> Callable[..., None]:
-    """Log what a method raises in place of raising it."""
+    """Return a method that logs what ``method`` raises in place of raising it."""
     @functools.wraps(method)
     def call(*arguments: Any, **named: Any) -> None:
         try:
@@ -49,29 +49,29 @@ def _harmless(method: Callable[..., None]) -> Callable[..., None]:
 
 
 class CallEntry:
-    """A call under way; one of the two methods records its end."""
+    """A running call; one of the two methods records its end."""
 
     def __init__(self, end: Callable[[bool, str], None] = lambda ok, message: None) -> None:
         self._end = _harmless(end)
 
     def answered(self, ok: bool, message: str) -> None:
-        """Note the answer."""
+        """Record the answer."""
         self._end(ok, message)
 
     def failed(self, error: str) -> None:
-        """Note that it got a ROS service error in place of an answer."""
+        """Record that the call ended with a ROS service error in place of an answer."""
         self._end(False, error)
 
 
 class Recorder:
-    """The writer of these lines. Every method returns at once, and raises nothing.
+    """The writer of the audit lines. Every method returns at once, and raises nothing.
 
     Attributes:
-        names: What is recorded: (``service``, ``action`` or ``topic``, name), with ``~`` for the node's own names.
+        names: The recorded (``service``, ``action`` or ``topic``, name), with ``~`` for the node's own names.
     """
 
     def __init__(self, log: Optional[AuditLog]) -> None:
-        """Prepare; without a ``log`` nothing is recorded."""
+        """Set up the recorder; without a ``log`` nothing is recorded."""
         self.log = log
         self.names: Set[Tuple[str, str]] = set()
         self._numbers = itertools.count(1)
@@ -81,7 +81,7 @@ class Recorder:
 
     @_harmless
     def close_streams(self) -> None:
-        """Write the end of every stream under way."""
+        """Write the end of every open stream."""
         self._streams.end_quiet(0.0)
 
     @_harmless
@@ -92,7 +92,7 @@ class Recorder:
     # ---- services ----
 
     def offers_service(self, name: str) -> None:
-        """Note that calls of this service are recorded, unless it is among those that are not."""
+        """Record calls of this service from now on, unless it is among those that are not."""
         if name not in NOT_RECORDED:
             self.names.add(("service", name))
 
@@ -118,21 +118,21 @@ class Recorder:
             name in URGENT))
 
     def _streamed(self, name: str, caller: Caller, request: Any, refusal: str) -> None:
-        """Take a call of a stream; a jog in another direction is another stream."""
+        """Record a call of a stream; a jog in another direction is another stream."""
         key = (name, *caller, str(request) if name == "~jog" else "")
         self._streams.note(key, lambda: {"what": name, **caller._asdict(), "arguments": plain(request)}, refusal)
 
     # ---- topics ----
 
     def takes_topic(self, name: str) -> None:
-        """Note that messages of this topic are recorded."""
+        """Mark the messages of this topic as recorded."""
         self.names.add(("topic", name))
 
     @_harmless
     def message(self, name: str, message: Any, refusal: str = "", state: str = "") -> None:
-        """Record a message of a topic by which the arm is moved: as one of a stream of its publisher.
+        """Record a message of a topic by which the arm is moved, as one of a stream of its publisher.
 
-        ``state`` tells messages of one publisher apart that are streams of their own, as one that stops.
+        state: Separates messages of one publisher that are streams of their own, as one that stops.
         """
         if self.log is None:
             return
@@ -143,12 +143,12 @@ class Recorder:
     # ---- actions ----
 
     def offers_action(self, name: str) -> None:
-        """Note that goals and cancels of this action are recorded."""
+        """Mark the goals and cancels of this action as recorded."""
         self.names.add(("action", name))
 
     @_harmless
     def goal(self, name: str, message: Any) -> None:
-        """Record a goal that has come, before anything is done with it."""
+        """Record a goal that has come, before it is handled."""
         self._of_action("goal", name, message, "/goal", {
             "goal": plain(message.goal_id.id), "arguments": plain(message.goal)})
 
@@ -184,18 +184,18 @@ _STATUS = {2: "preempted", 3: "succeeded", 4: "aborted", 5: "rejected", 8: "reca
 
 
 class ClientEvents(logging.Handler):
-    """The recorder of what the client logs: stops with their cause, links, watchdogs, the guard, a defect."""
+    """The recorder of the client's log: stops with their cause, links, watchdogs, the guard, a defect."""
 
     def __init__(self, recorder: Recorder) -> None:
         super().__init__(logging.INFO)
         self._recorder = recorder
 
     def begin(self) -> None:
-        """Begin to listen."""
+        """Begin to record."""
         logging.getLogger(client.__name__).addHandler(self)
 
     def end(self) -> None:
-        """Listen no more."""
+        """Stop recording."""
         logging.getLogger(client.__name__).removeHandler(self)
 
     def emit(self, record: logging.LogRecord) -> None:

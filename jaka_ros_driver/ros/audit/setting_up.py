@@ -1,4 +1,4 @@
-"""The audit log of an arm by the node's parameters; what stands in its first line."""
+"""The audit log of an arm by the node's parameters, and its first line."""
 import dataclasses
 import getpass
 import logging
@@ -38,7 +38,7 @@ def folder_of(config: DriverConfig) -> str:
 
 
 def start_fields(config: DriverConfig) -> Dict[str, Any]:
-    """Return what the first line of a driver's life tells: what runs where, with which parameters."""
+    """Return the fields of a start line: what runs where, with which parameters."""
     return {
         "version": package_version(), "node": rospy.get_name(), "process": os.getpid(), "user": _user(),
         "machine": platform.node(), "python": platform.python_version(), "model": config.model,

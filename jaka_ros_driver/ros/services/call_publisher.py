@@ -1,4 +1,4 @@
-"""Publishes a record of every service call: request, caller, response and duration."""
+"""The publisher of a record of every service call: request, caller, response and duration."""
 import io
 import logging
 import time
@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 import rospy
 
 from jaka_msgs import msg as messages
-from jaka_ros_driver.ros.services.service_handlers import Outcome
+from jaka_ros_driver.ros.services.handlers import ServiceOutcome
 
 _LOG = logging.getLogger(__name__)
 
 _QUEUE = 200
 
 
-class Call(NamedTuple):
+class ReceivedCall(NamedTuple):
     """A call as it arrived: ``stamp``, ROS time; ``received_at``, monotonic time, s."""
 
     service: str
@@ -25,7 +25,7 @@ class Call(NamedTuple):
 
 
 class CallPublisher:
-    """Publishes ``~service_calls``. While nobody subscribes, no message is made.
+    """The publisher of ``~service_calls``. While nobody subscribes, no message is made.
 
     A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack ``ServiceCall``, as the maker's does; then a
     warning is logged, and nothing is published.
@@ -40,16 +40,16 @@ class CallPublisher:
             _LOG.warning("jaka_msgs in %s has no ServiceCall: the record of service calls, ~service_calls, is not "
                          "published; everything else is served", messages.__path__[0])
 
-    def answered(self, call: Call, response: Any, outcome: Outcome) -> None:
-        """Publish a call that got this response."""
+    def answered(self, call: ReceivedCall, response: Any, outcome: ServiceOutcome) -> None:
+        """Publish a call that ended with this response."""
         self._publish(call, response=response, success=outcome.is_success,
                       error="" if outcome.is_success else outcome.message)
 
-    def failed(self, call: Call, error: str) -> None:
-        """Publish a call that got a ROS service error instead of a response."""
+    def failed(self, call: ReceivedCall, error: str) -> None:
+        """Publish a call that ended with a ROS service error instead of a response."""
         self._publish(call, error=error)
 
-    def _publish(self, call: Call, error: str, response: Any = None, success: bool = False) -> None:
+    def _publish(self, call: ReceivedCall, error: str, response: Any = None, success: bool = False) -> None:
         if self._publisher is None or not self._publisher.get_num_connections():
             return
         header = call.request._connection_header

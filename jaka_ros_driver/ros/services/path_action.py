@@ -12,7 +12,7 @@ from jaka_ros_driver.errors import JakaError, MotionInterrupted, PathInterrupted
 from jaka_ros_driver.ros.action_server import QuietActionServer
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
-from jaka_ros_driver.ros.services.service_server import CallCount
+from jaka_ros_driver.ros.services.server import CallCount
 
 _LOG = logging.getLogger(__name__)
 
@@ -20,7 +20,7 @@ _FEEDBACK_PERIOD_S = 0.1
 
 
 class _Goal:
-    """What became of a goal until now."""
+    """The state of a goal."""
 
     def __init__(self) -> None:
         self.is_cancelled = threading.Event()
@@ -29,7 +29,7 @@ class _Goal:
 
 
 class PathAction:
-    """Carries out the goals, each in a thread of its own; one that comes while something moves the arm is refused.
+    """The server of the goals, each in a thread of its own; one that comes while something moves the arm is refused.
 
     A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack the action, as the maker's does; then a warning
     is logged, and it is not offered.
@@ -93,7 +93,7 @@ class PathAction:
                 del self._goals[handle.get_goal_id().id]
 
     def _watch(self, handle: Any, goal: _Goal, done: "Future[PathProgress]") -> PathProgress:
-        """Tell how far it comes until it ends; raises the error with which it ends."""
+        """Publish the path's progress until it ends; raise the error with which it ends."""
         is_accepted = is_cancelled = False
         while True:
             try:
@@ -112,7 +112,10 @@ class PathAction:
                     segment=progress.completed, fraction=progress.fraction, paused=progress.is_paused))
 
     def _accept(self, handle: Any, goal: _Goal) -> None:
-        """Of a path that is over before this thread looks, too: actionlib knows no end of a goal that was pending."""
+        """Accept a goal that is still pending.
+
+        That is needed also of a path that is over before this thread looks: actionlib knows no end of a pending goal.
+        """
         if handle.get_goal_status().status in (handle.get_goal_status().PENDING,
                                                handle.get_goal_status().RECALLING):
             handle.set_accepted()
@@ -124,7 +127,7 @@ class PathAction:
         self._end(self._end_of(handle, goal, error), False, str(error), completed, fraction)
 
     def _end_of(self, handle: Any, goal: _Goal, error: Optional[JakaError]) -> Callable[[Any, str], None]:
-        """Which end it is: cancelled; rejected, where nothing moved; else aborted."""
+        """Return the kind of end: cancelled; rejected, where nothing moved; else aborted."""
         if isinstance(error, MotionInterrupted) and error.cause is StopCause.CANCELLED:
             return handle.set_canceled  # type: ignore[no-any-return]
         if not goal.is_begun.is_set():

@@ -12,7 +12,7 @@ from jaka_ros_driver.client.core.procedures.recovery import RecoveryCancelled, R
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.action_server import QuietActionServer
 from jaka_ros_driver.ros.audit.recorder import Recorder
-from jaka_ros_driver.ros.services.service_server import CallCount
+from jaka_ros_driver.ros.services.server import CallCount
 
 _LOG = logging.getLogger(__name__)
 
@@ -20,7 +20,8 @@ _FEEDBACK_PERIOD_S = 0.2
 
 
 class RecoverAction:
-    """Carries out the goals, each in a thread of its own, so that a second one is refused instead of ending the first.
+    """The server of the goals, each in a thread of its own, so that a second one is refused instead of ending the
+    first.
 
     A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack the action, as the maker's does; then a warning
     is logged, and the service alone is offered.
@@ -71,9 +72,11 @@ class RecoverAction:
                 del self._cancels[goal_id]
 
     def _recover(self, goal: Any, cancelled: threading.Event) -> str:
-        """Returns what was done; publishes the steps in this thread, because the client's must not wait.
+        """Recover the arm, and return what was done; publish the steps in this thread, because the client's must not
+        wait.
 
-        The step under way is told again and again: an actionlib client misses what comes while it still sends its goal.
+        The present step is published again and again: an actionlib client misses what comes while it still sends its
+        goal.
         """
         steps: SimpleQueue[Optional[RecoveryStep]] = SimpleQueue()
         done: Future[str] = self._arm.begin(lambda core: recover(core, steps.put, cancelled.is_set))

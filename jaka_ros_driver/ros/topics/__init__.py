@@ -6,7 +6,7 @@ stamps, velocity  ROS time of a sample; joint velocity where the controller does
 speed             the speed override
 io_states         inputs and outputs
 sensors           force sensor, temperatures and currents of the joints, where the feed has them
-motion_ends       how what was only accepted ends: moves, programs
+motion_ends       the ends of accepted moves and programs
 robot_status      the status message of ROS-Industrial
 servo_topics      servo targets by topic
 jog_topics        velocity jog by topic

@@ -25,15 +25,20 @@ PERIOD_S = 1.0
 _SLOW_FEED = 0.95
 """Share of the wanted rate below which the feed is reported as slow."""
 _MAX_JITTER_S = 0.004
+"""Jitter, s, above which a warning is published: half an interval of the feed at 125 Hz."""
 _WARM, _HOT = 70.0, 80.0
-"""deg C above which a warning or an error is reported; no source gives limits, the controller protects the arm."""
+"""Temperatures, deg C, above which a warning or an error is reported; no source gives limits, the controller protects
+the arm.
+"""
 
 Task = Callable[[DiagnosticStatusWrapper], None]
 StateTask = Callable[[DiagnosticStatusWrapper, RobotState], None]
 
 
 class Diagnostics:
-    """Reports once a second in a thread of its own. A check that fails is reported and does not affect the others."""
+    """The reporter of the diagnostics, once a second in its own thread. A failing check is reported and affects no
+    other.
+    """
 
     def __init__(self, arm: ArmClient, config: DriverConfig, model_check: ModelCheck,
                  audit: Optional[AuditLog]) -> None:
@@ -88,7 +93,7 @@ class Diagnostics:
             ("audit log", self._audit_log), ("versions", self._versions))
 
     def _of_state(self, task: StateTask) -> Task:
-        """A task that needs a fresh state."""
+        """Return a task that needs a fresh state."""
         def run(status: DiagnosticStatusWrapper) -> None:
             try:
                 state = self._arm.fresh_state()

@@ -1,8 +1,8 @@
-"""``~io_states``: every input and output that the status feed tells, latched.
+"""The topic ``~io_states``: every input and output in the status feed, latched.
 
 A change of a digital value is published with the frame that shows it. Analog values are noisy: what changes in them
 alone is published ten times a second at most, and only while somebody subscribes. Without a change it is published once
-a second, so that a reader can tell that it holds.
+a second, so that a reader can see that it holds.
 """
 import logging
 from typing import Any, Tuple
@@ -24,7 +24,7 @@ NOTHING_REPORTED = IoState()
 
 
 class IoPublisher:
-    """Publishes it in the client's thread, with each new frame that calls for it.
+    """The publisher of ``~io_states``, in the client's thread, with each new frame that calls for it.
 
     A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack ``IOStates``; then nothing is published.
     """

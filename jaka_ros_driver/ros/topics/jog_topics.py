@@ -1,6 +1,7 @@
 """Velocity jog by topic: the arm moves only while fresh messages of one publisher come.
 
-What does not count is refused and logged, once a second at most. What lets go of the arm is in the log besides.
+A message that does not count is refused and logged, once a second at most. A release of the dead-man is in the log
+besides.
 """
 import math
 import time
@@ -16,27 +17,30 @@ from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
 from jaka_ros_driver.commands import JOINTS, JogFrame
 from jaka_ros_driver.errors import InvalidCommand, JakaError
 from jaka_ros_driver.ros.audit.recorder import Recorder
-from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 
 _LOG_PERIOD_S = 1.0
 _QUEUE = 10
-"""So many messages wait at most; those that have waited too long are told by their age."""
+"""Most messages that wait; those that have waited too long are recognised by their age."""
 _BASE, _TOOL = "base", "tool"
 
 
-class JogTopics:
-    """``~jog_twist`` (geometry_msgs/TwistStamped) and ``~jog_joints`` (sensor_msgs/JointState)."""
+class JogSubscribers:
+    """The subscribers of ``~jog_twist`` (geometry_msgs/TwistStamped) and ``~jog_joints`` (sensor_msgs/JointState)."""
 
-    def __init__(self, arm: ArmClient, names: FrameNames, frames: FrameTable, recorder: Recorder) -> None:
-        """Prepare; ``names`` and ``frames``: of the base and of the active tool."""
+    def __init__(self, arm: ArmClient, names: FrameNames, frames: FrameReader, recorder: Recorder) -> None:
+        """Set up the subscribers.
+
+        names, frames: Of the base and of the active tool.
+        """
         self._arm = arm
         self._recorder = recorder
         self._frames = frames
         self._names = names
 
     def start(self) -> None:
-        """Subscribe."""
+        """Subscribe to both topics."""
         for name, kind, to_wish in (("~jog_joints", JointState, lambda message: joint_wish(message, self._names)),
                                     ("~jog_twist", TwistStamped, self._twist_wish)):
             self._recorder.takes_topic(name)
@@ -60,7 +64,7 @@ class JogTopics:
             try:
                 try:
                     read = read._replace(wish=to_wish(message))
-                except JakaError as error:  # what cannot be understood must let go: the core is told of it, too
+                except JakaError as error:  # what cannot be understood releases the dead-man: the core receives it, too
                     read = read._replace(problem=str(error))
                 self._arm.jog_velocity(read)
                 self._recorder.message(name, message, state=_state(read.wish))
@@ -71,12 +75,15 @@ class JogTopics:
 
 
 def _state(wish: Optional[Wish]) -> str:
-    """Messages that let go are a stream of their own: many clients publish them all day."""
+    """Return the name of the stream that a message belongs to in the audit log.
+
+    Messages of zero velocity are a stream of their own: many clients publish them all day.
+    """
     return "at rest" if wish is not None and wish.is_zero else ""
 
 
 def joint_wish(message: JointState, names: FrameNames) -> Wish:
-    """Velocities of joints by name, in any order; a joint that is not named rests. Positions are ignored.
+    """Return velocities of joints by name, in any order; a joint that is not named rests. Positions are ignored.
 
     Raises:
         InvalidCommand: A name is foreign or there twice, there is none, or not one finite velocity for each.
@@ -99,7 +106,7 @@ def joint_wish(message: JointState, names: FrameNames) -> Wish:
 
 
 def jog_frame(frame_id: str, names: FrameNames) -> JogFrame:
-    """The frame that a message names: as /tf calls it, or "base" or "tool".
+    """Return the frame that a message names: as /tf calls it, or "base" or "tool".
 
     Raises:
         InvalidCommand: It is another one.

@@ -1,4 +1,4 @@
-"""``~motion_state`` and ``~program/state``: how what was only accepted goes on, and how it ends."""
+"""The topics ``~motion_state`` and ``~program/state``: the progress and the ends of accepted moves and programs."""
 import itertools
 import logging
 import threading
@@ -18,10 +18,9 @@ _QUEUE = 100
 
 
 class MotionEnds:
-    """Publishes both topics, latched, with each change, in the order in which things happen.
+    """The publisher of both topics, latched, with each change, in the order of events.
 
-    What happens is noted by the threads that see it, and published by a thread of its own: the client's must not wait.
-
+    Events are recorded by the threads that see them, and published by a thread of its own: the client's must not wait.
     A ``jaka_msgs`` from elsewhere (``JAKA_MSGS_EXTERNAL=1``) may lack the types, as the maker's does; then a warning is
     logged, and nothing is published.
     """
@@ -52,26 +51,26 @@ class MotionEnds:
         self._arm.add_listener(self._arrived)
 
     def close(self) -> None:
-        """Publish what is noted, and nothing after it: the node's end closes the topics next."""
+        """Publish what is recorded, and nothing after it: the node's end closes the topics next."""
         if self._thread.is_alive():
             self._waiting.put(None)
             self._thread.join()
 
     def move_accepted(self, end: "Future[None]") -> str:
-        """A move was accepted; returns the id under which its end will be told."""
+        """Publish that a move was accepted; return the id under which its end will be published."""
         number = str(next(self._ids))
-        self._tell_move(number, "ACCEPTED", "")
+        self._publish_move(number, "ACCEPTED", "")
         end.add_done_callback(lambda done: self._move_ended(number, done))
         return number
 
     def program_loaded(self, name: str) -> None:
-        """This is the loaded program now."""
+        """Publish the name of the loaded program."""
         with self._lock:
             self._program, self._reason = name, ""
-        self._tell_program()
+        self._publish_program()
 
     def program_began(self, end: "Future[None]") -> None:
-        """A program of this driver runs."""
+        """Take note that a program of this driver runs, and publish its end."""
         with self._lock:
             self._reason = ""
         end.add_done_callback(self._program_ended)
@@ -81,36 +80,36 @@ class MotionEnds:
     def _move_ended(self, number: str, end: "Future[None]") -> None:
         error = end.exception()
         if error is None:
-            self._tell_move(number, "COMPLETED", "the target is reached")
+            self._publish_move(number, "COMPLETED", "the target is reached")
         else:
-            self._tell_move(number, "STOPPED", str(error))
+            self._publish_move(number, "STOPPED", str(error))
 
     def _program_ended(self, end: "Future[None]") -> None:
         error = end.exception()
         with self._lock:
             self._reason = "completed" if error is None else str(error)
-        self._tell_program()
+        self._publish_program()
 
     def _look_for_foreign_motion(self) -> None:
-        """Publish when an arm begins to move in nobody's custody, or what a dead driver left is found, and its end."""
+        """Publish the begin and the end of a motion in nobody's custody, or of one that a dead driver left."""
         text, before = self._arm.foreign_motion, self._foreign
         if text != before:
             self._foreign = text
-            self._tell_move("", "FOREIGN" if text else "FOREIGN_ENDED", text or "ended: " + before)
+            self._publish_move("", "FOREIGN" if text else "FOREIGN_ENDED", text or "ended: " + before)
 
     def _arrived(self, state: RobotState, is_new: bool) -> None:
         self._look_for_foreign_motion()
         if is_new and state.program_state is not None and state.program_state != self._shown:
             self._shown = state.program_state
-            self._tell_program()
+            self._publish_program()
 
-    def _tell_move(self, number: str, state: str, reason: str) -> None:
+    def _publish_move(self, number: str, state: str, reason: str) -> None:
         if self._moves is not None:
             message = messages.MotionState(id=number, state=getattr(messages.MotionState, state), reason=reason)
             message.header.stamp = rospy.Time.now()
             self._waiting.put((self._moves, message))
 
-    def _tell_program(self) -> None:
+    def _publish_program(self) -> None:
         if self._programs is None or self._shown is None:
             return
         with self._lock:

@@ -1,7 +1,7 @@
-"""``~robot_status``: what ROS-Industrial programs look at before they move an arm.
+"""The topic ``~robot_status``, which ROS-Industrial clients read before they move an arm.
 
 Published with a status frame, at once when something has changed, else ten times a second; while the controller is
-silent ten times a second, with what is not known as UNKNOWN. While nobody subscribes, nothing is looked at.
+silent ten times a second, with what is not known as UNKNOWN. While nobody subscribes, nothing is computed.
 """
 from typing import Any, NamedTuple, Optional
 
@@ -37,16 +37,16 @@ class Truth(NamedTuple):
 
 
 NOTHING_KNOWN = Truth(UNKNOWN, UNKNOWN, UNKNOWN, FALSE, UNKNOWN, UNKNOWN, 0)
-"""The controller is silent; this driver then refuses every motion."""
+"""The fields while the controller is silent; this driver then refuses every motion."""
 
 
 def truth_of(state: RobotState, is_hand_guided: bool, is_motion_possible: bool,
              is_in_motion: bool) -> Truth:
-    """What the fields are in a state.
+    """Return the fields of the message for a state.
 
     Args:
         state: Fresh.
-        is_hand_guided: Somebody guides the arm by hand: then no program can move it, which is MANUAL.
+        is_hand_guided: Somebody guides the arm by hand: then no client can move it, which is MANUAL.
         is_motion_possible: This driver can move the arm, or moves it.
         is_in_motion: The arm moves, for whatever reason.
     """
@@ -60,7 +60,7 @@ def truth_of(state: RobotState, is_hand_guided: bool, is_motion_possible: bool,
 
 
 class RobotStatusPublisher(LoopTask):
-    """Publishes ``~robot_status`` in the client's thread."""
+    """The publisher of ``~robot_status`` in the client's thread."""
 
     def __init__(self, arm: ArmClient) -> None:
         self._arm = arm
@@ -76,11 +76,14 @@ class RobotStatusPublisher(LoopTask):
         self._arm.add_task(self)
 
     def due(self) -> Optional[float]:
-        """When to look whether the controller is silent, monotonic time, s; None while nobody subscribes."""
+        """Return when to check whether the controller is silent, monotonic time, s; None while nobody subscribes."""
         return self._published_at + _PERIOD_S if self._publisher.get_num_connections() else None
 
     def run(self, now: float) -> None:
-        """Publish that nothing is known, unless it is; a feed that is only slow tells with its next frame."""
+        """Publish that nothing is known, unless there is a fresh state.
+
+        A feed that is only slow is published with its next frame.
+        """
         try:
             self._arm.fresh_state()
         except ConnectionLost:
@@ -95,8 +98,10 @@ class RobotStatusPublisher(LoopTask):
             self._publish(truth, state.received_at)
 
     def _is_in_motion(self, state: RobotState) -> bool:
-        """The measured joints have moved within the last 0.08 s, or a motion is under way that they may be too slow to
-        show. A motion that is held, and servo mode, show only in the joints.
+        """Return whether the measured joints have moved within the last 0.08 s, or a motion runs that may be too slow
+        to show.
+
+        A motion that is held, and servo mode, show only in the joints.
         """
         if self._arm.has_moved_since(state.received_at - REST_TIME_S):
             return True

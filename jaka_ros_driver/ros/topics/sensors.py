@@ -1,4 +1,4 @@
-"""``~wrench``, ``~joint_temperatures``, ``~joint_currents``: offered once the status feed has shown what they tell.
+"""The topics ``~wrench``, ``~joint_temperatures``, ``~joint_currents``, offered once the status feed has their values.
 
 A message that nobody subscribes to is not made. Nothing is published of a sample that is stale or lacks the value.
 """
@@ -18,7 +18,7 @@ _LOG = logging.getLogger(__name__)
 
 _QUEUE = 10
 _EARLY = 0.5
-"""Share of the feed's period: a sample that comes so much before a message is due is taken for it."""
+"""Share of the feed's period by which a sample may come before a message is due to be taken for it."""
 TEMPERATURE_PERIOD_S = 1.0
 CURRENT_PERIOD_S = 0.1
 
@@ -68,7 +68,10 @@ class SensorPublishers:
     """
 
     def __init__(self, arm: ArmClient, stamps: SampleStamps, sensor_frame: str) -> None:
-        """sensor_frame: in which the wrench is."""
+        """Set up the topics; none is offered yet.
+
+        sensor_frame: The frame of the wrench.
+        """
         self._arm = arm
         self._early = _EARLY * arm.settings.feed_period
         self._sensor_error = 0
@@ -81,11 +84,11 @@ class SensorPublishers:
                         lambda _, values: convert.for_each_joint(values), CURRENT_PERIOD_S))
 
     def start(self) -> None:
-        """Begin to publish what is offered."""
+        """Begin to publish the offered topics."""
         self._arm.add_listener(self._arrived)
 
     def offer(self) -> None:
-        """Offer the topics of which the newest state has the values, and log when the sensor fails or is well again."""
+        """Offer the topics of which the newest state has the values, and log when the sensor fails or recovers."""
         state = self._arm.state
         if state is None:
             return

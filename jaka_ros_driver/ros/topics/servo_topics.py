@@ -2,7 +2,7 @@
 
 Targets are absolute and in SI units in both interfaces. A refused target moves nothing; the refusal is logged and
 counted. A target whose stamp is old, or from a clock that is ahead, is refused: it may come from a played bag or from a
-buffer that was held up. Many clients stamp nothing; a stamp of zero tells no age and counts.
+buffer that was held up. Many clients stamp nothing; a stamp of zero gives no age and counts.
 """
 from typing import Any, Callable
 
@@ -21,7 +21,9 @@ _LOG_PERIOD_S = 1.0
 
 
 class ServoTopics:
-    """``~servo_j_command`` (sensor_msgs/JointState) and ``~servo_p_command`` (geometry_msgs/PoseStamped)."""
+    """The subscribers of ``~servo_j_command`` (sensor_msgs/JointState) and ``~servo_p_command``
+    (geometry_msgs/PoseStamped).
+    """
 
     def __init__(self, arm: ArmClient, decoder: RequestDecoder, names: FrameNames, recorder: Recorder) -> None:
         self._arm = arm
@@ -31,7 +33,7 @@ class ServoTopics:
         self.refused = 0
 
     def start(self) -> None:
-        """Subscribe."""
+        """Subscribe to both topics."""
         for name, kind, to_command in (("~servo_j_command", JointState, self._decoder.servo_joint_topic),
                                        ("~servo_p_command", PoseStamped, self._pose_target)):
             self._recorder.takes_topic(name)
@@ -58,7 +60,7 @@ def require_fresh(stamp: rospy.Time, now: rospy.Time) -> None:
     """Refuse a stamp that is older than ``FRESH_S`` or more than ``AHEAD_S`` in the future; zero passes.
 
     Raises:
-        InvalidCommand: The message says how old it is.
+        InvalidCommand: The message has the stamp's age.
     """
     if stamp.is_zero():
         return

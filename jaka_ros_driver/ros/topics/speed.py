@@ -1,4 +1,4 @@
-"""``~speed_scaling_factor``: the controller's speed override, with which trajectories run, too."""
+"""The topic ``~speed_scaling_factor``: the controller's speed override, with which trajectories run, too."""
 from typing import Optional
 
 import rospy
@@ -9,7 +9,10 @@ from jaka_ros_driver.state import RobotState
 
 
 class SpeedPublisher:
-    """Publishes it, latched, with each change; 0 to 1. Nothing is published where the controller does not report it."""
+    """The publisher of the speed override, 0 to 1, latched, with each change.
+
+    Nothing is published where the controller does not report it.
+    """
 
     def __init__(self, arm: ArmClient) -> None:
         self._arm = arm

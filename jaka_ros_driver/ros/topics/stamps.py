@@ -1,4 +1,4 @@
-"""ROS time for what arrived at a given monotonic time."""
+"""The ROS time of what arrived at a given monotonic time."""
 import logging
 import time
 from typing import Callable, Optional
@@ -15,7 +15,7 @@ _SET_BACK_NS = NS_PER_S
 
 
 class StampClock:
-    """Turns arrival times into stamps that strictly increase.
+    """The clock that turns arrival times into stamps that strictly increase.
 
     While the system's clock goes back by up to 1 s, stamps go on in steps of 1 us. A larger step back means that the
     clock was set: then the stamps follow it, and a warning is logged.
@@ -23,13 +23,16 @@ class StampClock:
 
     def __init__(self, now_ns: Callable[[], int] = time.time_ns,
                  monotonic: Callable[[], float] = time.monotonic) -> None:
-        """``now_ns``: the ROS time now, ns; see ``ros_clock``."""
+        """Set up the clock.
+
+        now_ns: The ROS time now, ns; see ``ros_clock``.
+        """
         self._now_ns = now_ns
         self._monotonic = monotonic
         self._last = 0
 
     def stamp(self, received_at: float) -> rospy.Time:
-        """The ROS time for the monotonic time ``received_at``, s; later than the stamp before, and never zero.
+        """Return the ROS time for the monotonic time ``received_at``, s; later than the last stamp, and never zero.
 
         While the time is 0, a simulated clock that does not run, stamps go on in steps as well.
         """
@@ -47,7 +50,7 @@ class StampClock:
 
 
 class SampleStamps:
-    """The stamp of each sample, whoever asks for it: what is published of one sample has one stamp."""
+    """The stamp of each sample: all messages made of one sample have the same."""
 
     def __init__(self, clock: StampClock) -> None:
         self._clock = clock
@@ -55,14 +58,17 @@ class SampleStamps:
         self._stamp = rospy.Time()
 
     def of(self, state: RobotState) -> rospy.Time:
-        """The ROS time at which the sample arrived; samples come in order. Two that arrive together have two stamps."""
+        """Return the ROS time at which the sample arrived; samples come in order. Two that arrive together have two
+        stamps.
+        """
         if state is not self._state:
             self._state, self._stamp = state, self._clock.stamp(state.received_at)
         return self._stamp
 
 
 def ros_clock() -> Callable[[], int]:
-    """What tells the ROS time, ns: the system's clock, or under ``/use_sim_time`` the simulated one.
+    """Return a function that returns the ROS time, ns: the system's clock, or under ``/use_sim_time`` the simulated
+    one.
 
     ``rospy.Time.now`` takes thirty times as long as the system's clock by itself.
     """

@@ -1,7 +1,7 @@
-"""Publishes the state topics and transforms for every new sample as it arrives, in the thread of the arm's client.
+"""The state topics and transforms, published for every new sample as it arrives, in the thread of the arm's client.
 
-Nothing is published while the newest state is stale or the status link is down. A message
-that nobody subscribes to is not made: its making would cost as much as that of those which are read.
+Nothing is published while the newest state is stale or the status link is down. A message that nobody subscribes to is
+not made: its making would cost as much as that of those which are read.
 """
 from typing import Any, List, NamedTuple, Optional, Union
 
@@ -15,7 +15,7 @@ from jaka_ros_driver.client.arm_client import ArmClient, LoopTask
 from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.kinematics.forward import forward
 from jaka_ros_driver.ros import convert
-from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.params import TF_ALL, TF_NONE, DriverConfig
 from jaka_ros_driver.ros.topics.stamps import SampleStamps, StampClock, ros_clock
 from jaka_ros_driver.ros.topics.state_repeater import StateRepeater, StateThinner
@@ -24,7 +24,7 @@ from jaka_ros_driver.state import RobotState, Vector
 
 _QUEUE = 10
 _EARLY_S = 0.0005
-"""s; a repeat is published this much early at most, because the timer is no more exact."""
+"""Longest lead, s, with which a repeat is published, because the timer is no more exact."""
 
 
 class Sample(NamedTuple):
@@ -46,18 +46,18 @@ class FrameNames:
         self.tool = config.frame_prefix + config.tool_frame
 
     def user(self, user_frame_id: Optional[int]) -> str:
-        """The name of a user frame; id 0 is the base."""
+        """Return the name of a user frame; id 0 is the base."""
         return self.base if not user_frame_id else "%suser_frame_%d" % (self.prefix, user_frame_id)
 
 
 class StatePublishers(LoopTask):
-    """Publishes what the status feed tells; as a task of the client's thread it repeats samples of a slow feed.
+    """The publishers of the state; as a task of the client's thread they repeat samples of a slow feed.
 
     Attributes:
         stamps: Of the samples.
     """
 
-    def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameTable) -> None:
+    def __init__(self, arm: ArmClient, config: DriverConfig, frames: FrameReader) -> None:
         self._arm = arm
         self._config = config
         self._frames = frames
@@ -80,7 +80,7 @@ class StatePublishers(LoopTask):
         self._arm.add_task(self)
 
     def due(self) -> Optional[float]:
-        """When the newest sample is to be published again, monotonic time, s; None while the feed is fast enough."""
+        """Return when to publish the newest sample again, monotonic time, s; None while the feed is fast enough."""
         due = self._repeater.next_repeat()
         return None if due is None or self._newest is None else due - _EARLY_S
 
@@ -95,7 +95,10 @@ class StatePublishers(LoopTask):
             self._repeater.repeated(now)
 
     def joint_velocity(self, state: RobotState) -> Optional[Vector]:
-        """The controller's, else estimated at the newest state; rad/s (6,), None while there are too few samples."""
+        """Return the joint velocity, rad/s (6,): the controller's, else an estimate at the newest state.
+
+        It is None while there are too few samples.
+        """
         return state.joint_velocity if state.joint_velocity is not None else self._velocity.value()
 
     def _arrived(self, state: RobotState, is_new: bool) -> None:

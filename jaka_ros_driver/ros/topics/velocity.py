@@ -1,4 +1,4 @@
-"""Joint velocity from joint positions, for controllers that do not report it."""
+"""The joint velocity computed from joint positions, for controllers that do not report it."""
 from collections import deque
 from typing import Deque, List, Optional, Tuple
 
@@ -7,11 +7,12 @@ from jaka_ros_driver.state import RobotState, Vector
 _WINDOW = 8
 _TIMING_WINDOW = 32
 _GAP_S = 0.1
-"""s; after a longer gap between samples the estimate begins anew."""
+"""Gap, s, between samples after which the estimate begins anew."""
 
 
 class VelocityEstimate:
-    """Slope of the least-squares line through the last 8 samples: a filtered difference, about 30 ms late at 125 Hz.
+    """The slope of the least-squares line through the last 8 samples: a filtered difference, about 30 ms late at 125
+    Hz.
 
     Samples are assumed to be equidistant, with the mean interval of the last 32: arrival times jitter, the controller's
     cycle does not.
@@ -22,7 +23,7 @@ class VelocityEstimate:
         self._arrivals: Deque[float] = deque(maxlen=_TIMING_WINDOW)
 
     def add(self, state: RobotState) -> None:
-        """Take the next sample."""
+        """Add the next sample."""
         if self._arrivals and state.received_at - self._arrivals[-1] > _GAP_S:
             self._positions.clear()
             self._arrivals.clear()
@@ -30,7 +31,7 @@ class VelocityEstimate:
         self._arrivals.append(state.received_at)
 
     def value(self) -> Optional[Vector]:
-        """The velocity at the newest sample, rad/s, shape (6,); None until there are enough samples."""
+        """Return the velocity at the newest sample, rad/s, shape (6,); None until there are enough samples."""
         if len(self._positions) < _WINDOW:
             return None
         interval = (self._arrivals[-1] - self._arrivals[0]) / (len(self._arrivals) - 1)

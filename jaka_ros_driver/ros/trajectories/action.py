@@ -21,7 +21,7 @@ from jaka_ros_driver.errors import (
 from jaka_ros_driver.ros.action_server import QuietActionServer
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.other_messages import message_type
-from jaka_ros_driver.ros.services.service_server import CallCount
+from jaka_ros_driver.ros.services.server import CallCount
 from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder, fill_states
 from jaka_ros_driver.trajectory.points import TrajectoryOfThePast
 
@@ -29,7 +29,7 @@ _LOG = logging.getLogger(__name__)
 
 SUCCESSFUL, INVALID_GOAL, INVALID_JOINTS, OLD_HEADER_TIMESTAMP = 0, -1, -2, -3
 PATH_TOLERANCE_VIOLATED, GOAL_TOLERANCE_VIOLATED = -4, -5
-"""Of control_msgs/FollowJointTrajectoryResult."""
+"""Error codes of control_msgs/FollowJointTrajectoryResult."""
 _FEEDBACK_PERIOD_S = 0.05
 _STOP_WAIT_S = 2.0
 
@@ -42,7 +42,7 @@ class TurnQueue:
         threading.Thread(target=self._run, name="trajectory goals", daemon=True).start()
 
     def put(self, work: Callable[[], None]) -> None:
-        """Have this done when all that was put before has been done."""
+        """Run ``work`` when all that was put before has been done."""
         self._work.put(work)
 
     def _run(self) -> None:
@@ -55,7 +55,7 @@ class TurnQueue:
 
 
 class _Goal:
-    """One goal: whether its client has cancelled it, and what ends when the arm has followed it.
+    """One goal: whether its client has cancelled it, and the future that ends when the arm has followed it.
 
     ``stops``: how many stops had been asked for when it came; a later one ends it, also while it waits for its turn.
     """
@@ -67,11 +67,11 @@ class _Goal:
 
 
 class TrajectoryAction:
-    """One name under which goals are taken."""
+    """The action server under one name."""
 
     def __init__(self, name: str, arm: ArmClient, decoder: TrajectoryDecoder, turns: TurnQueue,
                  goals: CallCount, recorder: Recorder) -> None:
-        """Prepare; ``offer`` begins.
+        """Set up the server; ``offer`` begins.
 
         Args:
             name: Of the action, as rospy takes it.
@@ -164,7 +164,10 @@ class TrajectoryAction:
                 return
 
     def _hold(self, handle: Any) -> None:
-        """A goal without points has ended what was under way; it succeeds when the arm rests."""
+        """Wait until the arm rests, and end a goal without points.
+
+        Such a goal has ended the running trajectory.
+        """
         deadline = time.monotonic() + _STOP_WAIT_S
         while self._arm.trajectory is not None and time.monotonic() < deadline:
             time.sleep(_FEEDBACK_PERIOD_S)
@@ -199,7 +202,10 @@ def _code_of_refusal(error: JakaError) -> int:
 
 
 def _code_of_end(error: JakaError) -> int:
-    """The action has no code of its own for an arm that was stopped: the path was not followed."""
+    """Return the action's code for the end of a motion.
+
+    It has none for an arm that was stopped: the path was not followed.
+    """
     if isinstance(error, GoalToleranceViolated):
         return GOAL_TOLERANCE_VIOLATED
     return INVALID_GOAL if isinstance(error, InvalidCommand) else PATH_TOLERANCE_VIOLATED

@@ -1,4 +1,4 @@
-"""Goals of control_msgs/FollowJointTrajectory to trajectories and tolerances; states of joints to messages."""
+"""Conversion of FollowJointTrajectory goals to trajectories and tolerances, and of joint states to messages."""
 import math
 import time
 from typing import Any, Dict, List, Optional, Sequence, Tuple
@@ -10,15 +10,15 @@ from jaka_ros_driver.commands import JOINTS
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.state import Vector
 from jaka_ros_driver.trajectory.path import JointState
-from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, Tolerances, TrajectoryPoint
+from jaka_ros_driver.trajectory.points import InvalidTrajectory, JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 
 class InvalidJoints(InvalidTrajectory):
-    """The names are not those of the arm's six joints."""
+    """The error that the names are not those of the arm's six joints."""
 
 
 class TrajectoryDecoder:
-    """Decodes what a client asks for. Joints may come in any order, with the prefix of the frames or without."""
+    """The decoder of trajectories. Joints may come in any order, with the prefix of the frames or without."""
 
     def __init__(self, config: DriverConfig) -> None:
         self.joint_names = [config.frame_prefix + joint for joint in JOINTS]
@@ -31,7 +31,7 @@ class TrajectoryDecoder:
 
         Raises:
             InvalidJoints: A name is missing, foreign, or there twice.
-            InvalidTrajectory: The lengths of a point's fields do not fit; ``check_points`` looks at the numbers.
+            InvalidTrajectory: The lengths of a point's fields do not fit; ``check_points`` checks the numbers.
         """
         if not message.points:
             return None
@@ -42,11 +42,11 @@ class TrajectoryDecoder:
             starts_at = time.monotonic() + (stamp - rospy.Time.now()).to_sec()
         return JointTrajectory(points, starts_at, may_end_moving)
 
-    def tolerances(self, goal: Any = None) -> Tolerances:
+    def tolerances(self, goal: Any = None) -> TrajectoryTolerances:
         """Decode the tolerances of a FollowJointTrajectoryGoal, or those of the parameters.
 
-        As ros_controllers has it: 0 is the default, a negative number means that nothing is watched. Only positions
-        are watched; the velocity at the end is, by the rest of the arm.
+        As in ros_controllers, 0 is the default, and a negative number means that nothing is watched. Only positions are
+        watched; the velocity at the end is, by the rest of the arm.
 
         Raises:
             InvalidJoints, InvalidTrajectory: A name or a number makes no sense.
@@ -60,7 +60,7 @@ class TrajectoryDecoder:
             self._apply("goal_tolerance", goal.goal_tolerance, end)
             asked = goal.goal_time_tolerance.to_sec()
             goal_time = goal_time if asked == 0.0 else None if asked < 0.0 else asked
-        return Tolerances(tuple(path), tuple(end), goal_time)
+        return TrajectoryTolerances(tuple(path), tuple(end), goal_time)
 
     def _apply(self, field: str, tolerances: Sequence[Any], values: List[Optional[float]]) -> None:
         for tolerance in tolerances:
@@ -75,7 +75,7 @@ class TrajectoryDecoder:
                 values[index] = tolerance.position if tolerance.position > 0.0 else None
 
     def _order(self, names: Sequence[str]) -> List[int]:
-        """For each joint of the arm: where it stands in the message."""
+        """Return the position in the message of each joint of the arm."""
         found: Dict[int, int] = {}
         for position, name in enumerate(names):
             index = self._index.get(name)
@@ -106,7 +106,7 @@ class TrajectoryDecoder:
 
 
 def point_message(state: JointState, seconds: float) -> JointTrajectoryPoint:
-    """A trajectory_msgs/JointTrajectoryPoint of where the joints are, so long after the trajectory's start, s."""
+    """Return a trajectory_msgs/JointTrajectoryPoint of a joint state, ``seconds`` after the trajectory's start."""
     return JointTrajectoryPoint(positions=state.position, velocities=state.velocity, accelerations=state.acceleration,
                                 time_from_start=rospy.Duration.from_sec(max(0.0, seconds)))
 

@@ -1,4 +1,4 @@
-"""Trajectories by topic, the controller's state, and what ROS-Industrial programs expect beside them."""
+"""Trajectories by topic, the controller's state, and the other names that ROS-Industrial clients expect."""
 from typing import Any, Callable, Dict, List, Optional
 
 import rospy
@@ -9,7 +9,7 @@ from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.other_messages import message_type, stop_motion_type
 from jaka_ros_driver.ros.params import DriverConfig
-from jaka_ros_driver.ros.services.service_server import CallCount, ServiceServer
+from jaka_ros_driver.ros.services.server import CallCount, ServiceServer
 from jaka_ros_driver.ros.topics.stamps import StampClock, ros_clock
 from jaka_ros_driver.ros.trajectories.action import TrajectoryAction, TurnQueue
 from jaka_ros_driver.ros.trajectories.messages import TrajectoryDecoder, fill_states
@@ -17,18 +17,22 @@ from jaka_ros_driver.state import RobotState, Vector
 from jaka_ros_driver.trajectory.path import JointState
 
 STATE_PERIOD_S = 0.02
-"""s; ros_controllers publishes the state of a trajectory controller at 50 Hz."""
+"""Period, s, of the state: ros_controllers publishes that of a trajectory controller at 50 Hz."""
 _EARLY_S = 0.004
+"""Half an interval, s, of the feed at 125 Hz: a frame that jitter brings early still counts as due."""
 _QUEUE = 10
 _LOG_PERIOD_S = 1.0
 
 
 class TrajectoryInterface:
-    """All names under which trajectories are taken, and what is told of them."""
+    """All names under which trajectories are taken, and the topics of their state."""
 
     def __init__(self, arm: ArmClient, config: DriverConfig,
                  joint_velocity: Callable[[RobotState], Optional[Vector]], recorder: Recorder) -> None:
-        """Prepare; ``joint_velocity`` tells how fast the joints are in the newest state, rad/s (6,)."""
+        """Set up the names; ``offer`` begins.
+
+        joint_velocity: Returns the velocity of the joints in the newest state, rad/s (6,).
+        """
         self._arm = arm
         self._recorder = recorder
         self._decoder = TrajectoryDecoder(config)
@@ -75,9 +79,10 @@ class TrajectoryInterface:
     # ---- inside ----
 
     def _command(self, message: Any, name: str) -> None:
-        """Of several that wait the newest is taken: a faster stream than can be audited must not be followed late.
+        """Take a trajectory; of several that wait only the newest is followed.
 
-        One without points ends what is under way at once, and all that wait.
+        A faster stream than can be audited must not be followed late. One without points ends the running trajectory at
+        once, and all that wait.
         """
         self._newest[name] = message
         if not message.points:
@@ -90,7 +95,7 @@ class TrajectoryInterface:
         self._arm.cancel_trajectory()
 
     def _follow(self, message: Any, name: str, stops: int) -> None:
-        """A topic has no answer: what is refused or ends early is logged."""
+        """Follow a trajectory of a topic; log a refusal or an early end, because a topic has no answer."""
         if self._newest.get(name) is not message:
             self._recorder.message(name, message, "a newer one came before it began")
             return
@@ -135,6 +140,6 @@ class TrajectoryInterface:
 
 
 def _resting(state: RobotState) -> JointState:
-    """What is desired while no trajectory is under way: that the arm is where the controller commands it."""
+    """Return the desired state while no trajectory runs: the position that the controller commands."""
     commanded: Vector = state.joint_position_commanded or state.joint_position
     return JointState(commanded, (0.0,) * len(commanded), (0.0,) * len(commanded))

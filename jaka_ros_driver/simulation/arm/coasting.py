@@ -1,4 +1,4 @@
-"""Brings moving joints to rest: after servo mode or hand guiding was left, or a path broke off."""
+"""The coasting of joints to rest: after servo mode or hand guiding was left, or a path broke off."""
 from typing import List, Sequence
 
 from jaka_ros_driver.kinematics.arm_models import ArmModel
@@ -6,17 +6,18 @@ from jaka_ros_driver.state import Vector
 
 
 class Coast:
-    """All joints slow down together. The fastest one brakes at its acceleration limit, and harder where it would
-    otherwise pass a soft limit.
+    """A motion in which all joints slow down together.
+
+    The fastest one brakes at its acceleration limit, and harder where it would otherwise pass a soft limit.
 
     Attributes:
-        joints: Where the arm is now, rad (6,).
-        end_joints: Where it will come to rest, rad (6,).
+        joints: The present position, rad (6,).
+        end_joints: The position of rest, rad (6,).
         is_done: True once it is at rest.
     """
 
     def __init__(self, model: ArmModel, joints: Vector, velocity: Sequence[float]) -> None:
-        """joints rad (6,), velocity rad/s (6,)."""
+        """Begin to coast from joints, rad (6,), at velocity, rad/s (6,)."""
         times: List[float] = [abs(v) / a for v, a in zip(velocity, model.joint_max_acceleration)]
         self._duration = max(times)
         for q, v, (low, high) in zip(joints, velocity, model.joint_limits):
@@ -29,7 +30,7 @@ class Coast:
         self.is_done = self._duration <= 0.0
 
     def step(self, dt: float) -> Vector:
-        """Run one cycle of ``dt`` s; returns the joints, rad (6,)."""
+        """Run one cycle of ``dt`` s; return the joints, rad (6,)."""
         self._elapsed += dt
         if self._elapsed >= self._duration:
             self.is_done = True

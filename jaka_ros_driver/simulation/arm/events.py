@@ -1,4 +1,4 @@
-"""What the arm reports while it moves: entries of the event list (docs/controller-protocol.md section 4.4)."""
+"""The events of the moving arm: entries of the event list (docs/controller-protocol.md section 4.4)."""
 from typing import NamedTuple, Optional
 
 from jaka_ros_driver.errors import JakaError
@@ -31,50 +31,55 @@ HAND_GUIDING_ON_SOFT_LIMIT = PlantEvent(0x0F0040, "drag refused, on soft limit")
 HAND_GUIDING_HIT_SOFT_LIMIT = PlantEvent(0x0F0041, "drag hit the soft limit, drag left")
 HAND_GUIDING_REFUSED_MOVING = PlantEvent(0x0F0044, "drag refused, moving")
 SERVO_STARVED = PlantEvent(0x0F0003, "servo stream ran dry")
-"""A guess: no entry for it was found in the maker's list."""
+"""The event of a dry servo stream; its code is a guess: no entry for it was found in the maker's list."""
 
 
 class TargetRejected(JakaError):
-    """The arm cannot run this motion. Nothing was queued and no error is latched: the next valid motion runs.
+    """The error that the arm cannot run a motion.
+
+    Nothing was queued and no error is latched: the next valid motion runs.
 
     Attributes:
-        event_code: Of the event that says why (docs/controller-protocol.md section 4.4), e.g. 0x0F0017.
+        event_code: Of the event with the reason (docs/controller-protocol.md section 4.4), e.g. 0x0F0017.
         reason: Why, in words.
     """
 
     def __init__(self, event: PlantEvent, reason: str = "") -> None:
-        """reason: Why, in words; empty for the event's own text."""
+        """Set event and reason.
+
+        reason: Why, in words; empty for the event's own text.
+        """
         self.event_code, self.reason = event.code, reason or event.text
         super().__init__("0x%06X: %s" % (self.event_code, self.reason))
 
 
 def overspeed(joint: int) -> PlantEvent:
-    """0x0n0030: joint (index 0..5) went faster than its limit."""
+    """Return event 0x0n0030: joint (index 0..5) went faster than its limit."""
     return _of_joint(joint, 0x30, "overspeed")
 
 
 def on_soft_limit(joint: int, upper: bool) -> PlantEvent:
-    """0x0n0031 / 32: joint (index 0..5) stands on its upper or lower soft limit."""
+    """Return event 0x0n0031 or 32: joint (index 0..5) stands on its upper or lower soft limit."""
     return _of_joint(joint, 0x31 + (not upper), "on %s soft limit" % "-+"[upper])
 
 
 def near_soft_limit(joint: int, upper: bool) -> PlantEvent:
-    """0x0n0033 / 34: joint (index 0..5) is about to hit its upper or lower soft limit."""
+    """Return event 0x0n0033 or 34: joint (index 0..5) is about to hit its upper or lower soft limit."""
     return _of_joint(joint, 0x33 + (not upper), "about to hit %s soft limit" % "-+"[upper])
 
 
 def jog_beyond_limit(joint: int, upper: bool) -> PlantEvent:
-    """0x0n0035 / 36: the jog leads beyond the upper or lower soft limit of joint (index 0..5)."""
+    """Return event 0x0n0035 or 36: the jog leads beyond the upper or lower soft limit of joint (index 0..5)."""
     return _of_joint(joint, 0x35 + (not upper), "jog target beyond %s soft limit" % "-+"[upper])
 
 
 def of_jog(cause: PlantEvent) -> PlantEvent:
-    """The event that a jog reports where its path, or a joint's range, ends for this cause."""
+    """Return the event that a jog reports where its path, or a joint's range, ends for this cause."""
     return cause if cause.joint is None else jog_beyond_limit(cause.joint, cause == on_soft_limit(cause.joint, True))
 
 
 def joint_collision(joint: int) -> PlantEvent:
-    """0x0n0061: joint (index 0..5) hit something, the arm stopped."""
+    """Return event 0x0n0061: joint (index 0..5) hit something, the arm stopped."""
     return _of_joint(joint, 0x61, "collision, stopped")
 
 

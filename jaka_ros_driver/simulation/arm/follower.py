@@ -1,10 +1,10 @@
-"""Moves the arm along one route; speed changes, pauses and stops stay on the route."""
+"""The motion of the arm along one route; speed changes, pauses and stops stay on the route."""
 import copy
 from typing import Optional, Sequence
 
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import same_joints
 from jaka_ros_driver.simulation.arm.events import PlantEvent
+from jaka_ros_driver.simulation.arm.frames import same_joints
 from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S, Profile, stopping_way
 from jaka_ros_driver.simulation.arm.routes import Route
 from jaka_ros_driver.state import Vector
@@ -13,11 +13,11 @@ _OVERSPEED = 1.05  # a joint that exceeds its speed limit by this factor means t
 
 
 class Follower:
-    """One route under way.
+    """One running route.
 
     Attributes:
-        route: What is followed.
-        joints: Where the arm is on it, rad (6,).
+        route: The route that is followed.
+        joints: The arm's position on it, rad (6,).
         is_ending: True once ``end`` was called.
         fault: Set where the arm cannot go on along the path; ``joints`` then are those before that place.
     """
@@ -34,12 +34,12 @@ class Follower:
 
     @property
     def way(self) -> float:
-        """Where the arm is: the parameter of the route."""
+        """The arm's place, as the parameter of the route."""
         return self._profile.position
 
     @property
     def speed(self) -> float:
-        """Rate of the parameter, per s."""
+        """The rate of the parameter, per s."""
         return self._profile.velocity
 
     @property
@@ -52,7 +52,10 @@ class Follower:
         return self.way >= self.route.length
 
     def take_limits_of(self, route: Route) -> bool:
-        """Continue with the limits of ``route``; False where it is another path or ends before the arm can stop."""
+        """Continue with the limits of ``route``.
+
+        Returns False where it is another path or ends before the arm can stop.
+        """
         needed = stopping_way(self.speed, route.stopping_acceleration(self.way, 0.0, 0.0), self._profile.jerk_time)
         here = route.joints_at(self.way, self.joints)
         if route.length <= self.way + needed or here is None or not same_joints(here, self.joints):
@@ -61,12 +64,12 @@ class Follower:
         return True
 
     def end(self) -> Vector:
-        """Slow down and stop for good; returns the joints where the arm will rest, rad (6,), else the present ones."""
+        """Slow down and stop for good; return the joints where the arm will rest, rad (6,), else the present ones."""
         self.is_ending = True
         return self.route.joints_at(self._brake(), self.joints) or self.joints
 
     def _brake(self) -> float:
-        """Slow down along the path; returns the parameter where the arm will come to rest."""
+        """Slow down along the path; return the parameter where the arm will come to rest."""
         self._is_braking = True
         self._aimed_at = (-1.0, -1.0, -1.0)
         profile = copy.copy(self._profile)
@@ -76,16 +79,16 @@ class Follower:
         return profile.position
 
     def _slow_down(self, profile: Profile) -> None:
-        """Have the profile brake as hard as the arm can where it is.
+        """Have the profile brake as hard as the arm can at its place.
 
-        One deceleration for the whole way, that of its weakest place, would leave the arm too fast for the bends on
-        the way there.
+        One deceleration for the whole way, that of its weakest place, would leave the arm too fast for the bends on the
+        way there.
         """
         profile.slow_down(self.route.stopping_acceleration(profile.position, profile.velocity, profile.jerk_time),
                           self.route.length)
 
     def step(self, dt: float, rate: float) -> Vector:
-        """Run one cycle of ``dt`` s at ``rate`` (0 to 1) of the programmed speed; returns the joints, rad (6,).
+        """Run one cycle of ``dt`` s at ``rate`` (0 to 1) of the programmed speed; return the joints, rad (6,).
 
         Rate 0 slows down to a standstill and waits there. A later rate above 0 takes effect once the arm stands.
         """

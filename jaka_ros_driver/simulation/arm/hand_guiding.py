@@ -7,16 +7,16 @@ from jaka_ros_driver.simulation.arm.profiles import stoppable_speed
 from jaka_ros_driver.state import Vector
 
 MAX_SPEED = math.pi / 2.0
-"""rad/s; the highest joint speed under a push. No vendor value exists."""
+"""Highest joint speed, rad/s, under a push. No vendor value exists."""
 ACCELERATION = math.pi
-"""rad/s2; the acceleration of a pushed joint. No vendor value exists."""
+"""Acceleration, rad/s2, of a pushed joint. No vendor value exists."""
 
 
 class HandGuiding:
     """The joints of an arm that is guided by hand.
 
     Attributes:
-        joints: Where they are, rad (6,).
+        joints: Their position, rad (6,).
         velocity: rad/s (6,).
         hit_limit: The joint that reached a soft limit, and True where that is the upper one; None before.
     """
@@ -33,7 +33,7 @@ class HandGuiding:
         self._pushes[joint] = min(max(velocity, -MAX_SPEED), MAX_SPEED)
 
     def step(self, dt: float) -> Vector:
-        """Run one cycle of ``dt`` s; returns the joints, rad (6,)."""
+        """Run one cycle of ``dt`` s; return the joints, rad (6,)."""
         joints, velocities = list(self.joints), list(self.velocity)
         for n, ((low, high), wanted) in enumerate(zip(self._model.joint_limits, self._pushes)):
             velocity = velocities[n]

@@ -1,4 +1,4 @@
-"""Jogging one axis: which route a jog runs (docs/controller-protocol.md section 5.5)."""
+"""The route of a jog of one axis (docs/controller-protocol.md section 5.5)."""
 import enum
 import math
 from typing import Optional, Tuple
@@ -6,24 +6,24 @@ from typing import Optional, Tuple
 from jaka_ros_driver.commands import JogFrame, Pose
 from jaka_ros_driver.kinematics.rotations import Transform, Vector3, compose, pose_from_transform
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, rotated, rotation_between, turned
 from jaka_ros_driver.simulation.arm.events import TargetRejected
-from jaka_ros_driver.simulation.arm.legs import Line, Pace, along, norm
+from jaka_ros_driver.simulation.arm.frames import ArmFrames, rotated, rotation_between, turned
+from jaka_ros_driver.simulation.arm.legs import LegPace, LineLeg, along, norm
 from jaka_ros_driver.simulation.arm.moves import FASTEST, SLOWEST
 from jaka_ros_driver.simulation.arm.routes import CartesianRoute, JointRoute, Route
 from jaka_ros_driver.state import Vector
 
 JOINT_ACCELERATION = math.pi
-"""rad/s2, of a joint jog and of a rotation. No vendor value exists."""
+"""Acceleration, rad/s2, of a joint jog and of a rotation. No vendor value exists."""
 TCP_ACCELERATION = 0.5
-"""m/s2, of a Cartesian jog. No vendor value exists."""
+"""Acceleration, m/s2, of a Cartesian jog. No vendor value exists."""
 
 _ALREADY_THERE = 1e-9
 _TURNS = 4.0 * math.pi  # rad; a jog about a Cartesian axis ends after two turns at the latest
 
 
 class JogMode(enum.IntEnum):
-    """How a jog ends; the numbers of the wire (docs/controller-protocol.md section 5.5), where 0 is stop."""
+    """The end of a jog, by the numbers of the wire (docs/controller-protocol.md section 5.5), where 0 is stop."""
 
     CONTINUOUS = 1
     STEP = 2
@@ -32,7 +32,7 @@ class JogMode(enum.IntEnum):
 
 def jog_route(frames: ArmFrames, start: Vector, mode: JogMode, frame: JogFrame, axis: int, velocity: float,
               position: Optional[float]) -> Optional[Route]:
-    """The route of a jog from these joints; None where the joint or tool is at the target already.
+    """Return the route of a jog from these joints; None where the joint or tool is at the target already.
 
     Continuous: until a soft limit, the edge of the reach or a singularity. Step: by ``position``. Absolute: until the
     joint, or the coordinate of the tool in the active user frame, has the value ``position``. In the tool frame, which
@@ -91,9 +91,9 @@ def _cartesian_route(frames: ArmFrames, start: Vector, mode: JogMode, frame: Jog
     top = frames.model.tcp_max_speed
     speed = min(abs(velocity), FASTEST if axis >= 3 or top is None else top)
     acceleration = TCP_ACCELERATION if axis < 3 else JOINT_ACCELERATION
-    pace = Pace(speed, acceleration, speed, acceleration, frames.model.tcp_max_acceleration)
+    pace = LegPace(speed, acceleration, speed, acceleration, frames.model.tcp_max_acceleration)
     end = turned(tool, turn, along(tool[9:], shift, 1.0))
-    route = CartesianRoute(frames, Line(tool, end, pace, rotation_vector=turn), start)
+    route = CartesianRoute(frames, LineLeg(tool, end, pace, rotation_vector=turn), start)
     cause = route.break_event
     if cause is not None and (mode != JogMode.CONTINUOUS or route.length < 1e-6):
         raise TargetRejected(events.of_jog(cause))
@@ -102,7 +102,10 @@ def _cartesian_route(frames: ArmFrames, start: Vector, mode: JogMode, frame: Jog
 
 def _displacement(frames: ArmFrames, tool: Transform, frame: JogFrame, axis: int, extent: float
                   ) -> Tuple[Vector3, Vector3]:
-    """Shift, m (3,), and rotation vector, rad (3,), in base axes, for an extent along or about an axis of the frame."""
+    """Return the shift, m (3,), and the rotation vector, rad (3,), in base axes, of an extent.
+
+    It is along or about an axis of the frame.
+    """
     unit = [0.0, 0.0, 0.0]
     unit[axis % 3] = extent
     way = rotated(tool if frame == JogFrame.TOOL else frames.base_t_user, unit)
@@ -110,7 +113,10 @@ def _displacement(frames: ArmFrames, tool: Transform, frame: JogFrame, axis: int
 
 
 def _to_coordinate(frames: ArmFrames, tool: Transform, axis: int, value: float) -> Tuple[Vector3, Vector3]:
-    """Shift, m (3,), and rotation vector, rad (3,), in base axes, that bring one user frame coordinate to a value."""
+    """Return the shift, m (3,), and the rotation vector, rad (3,), in base axes, to a user frame coordinate.
+
+    They bring the tool's coordinate of this axis to the value.
+    """
     pose = pose_from_transform(compose(frames.user_t_base, tool))
     if axis < 3:
         return _displacement(frames, tool, JogFrame.BASE, axis, value - pose.position[axis])
@@ -121,5 +127,5 @@ def _to_coordinate(frames: ArmFrames, tool: Transform, axis: int, value: float) 
 
 
 def _twice_reach(frames: ArmFrames) -> float:
-    """Twice the arm's reach, m: a path of this length leaves the reach wherever it begins."""
+    """Return twice the arm's reach, m: a path of this length leaves the reach wherever it begins."""
     return 2.0 * (sum(math.hypot(row.a, row.d) for row in frames.model.dh) + norm(frames.flange_t_tool[9:]))

@@ -1,4 +1,4 @@
-"""Geometry of Cartesian paths: straight lines, arcs, and the rounding of the corner between two lines.
+"""The geometry of Cartesian paths: straight lines, arcs, and the rounding of the corner between two lines.
 
 The parameter of a leg is its length in metre-equivalents: the larger of its translation, m, and its rotation, rad,
 times speed over rotation speed. At ``speed`` along it neither translation nor rotation is faster than asked for.
@@ -8,16 +8,22 @@ from typing import NamedTuple, Optional, Sequence
 
 from jaka_ros_driver.kinematics.rotations import Transform, Vector3, rotation_angle_between
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import rotation_between, turned
 from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.simulation.arm.frames import rotation_between, turned
 
 _TINY = 1e-9
 _MOST_TURNS = 100
-"""Of an arc: all of its way is looked at before it is taken, about 1 ms a turn, while nobody else is served."""
+"""Most turns of an arc.
+
+All of its way is scanned before it is accepted, about 1 ms a turn, while nobody else is served.
+"""
 
 
-class Pace(NamedTuple):
-    """How fast a leg is run, m/s, m/s2, rad/s, rad/s2; braking is the tool's deceleration in a stop, m/s2."""
+class LegPace(NamedTuple):
+    """The speeds and accelerations of a leg, m/s, m/s2, rad/s, rad/s2.
+
+    Braking is the tool's deceleration in a stop, m/s2.
+    """
 
     speed: float
     acceleration: float
@@ -42,7 +48,7 @@ class Leg:
         tolerance: How far the rounded corner at its end may leave the two lines, m.
     """
 
-    def __init__(self, start: Transform, end: Transform, way: float, angle: float, pace: Pace,
+    def __init__(self, start: Transform, end: Transform, way: float, angle: float, pace: LegPace,
                  line_id: int, tolerance: float) -> None:
         self.start, self.end, self.way, self.angle = start, end, way, angle
         self.pace, self.line_id, self.tolerance = pace, line_id, tolerance
@@ -57,11 +63,11 @@ class Leg:
             self.max_braking = pace.braking * self.length / way
 
     def at(self, parameter: float) -> Transform:
-        """``base_t_tool`` at this parameter."""
+        """Return ``base_t_tool`` at this parameter."""
         raise NotImplementedError
 
 
-class Line(Leg):
+class LineLeg(Leg):
     """A straight line; the rotation turns about one fixed axis.
 
     Attributes:
@@ -69,9 +75,12 @@ class Line(Leg):
         rotation_rate: Rotation vector per parameter about the axes of the base, rad/m, shape (3,).
     """
 
-    def __init__(self, start: Transform, end: Transform, pace: Pace, line_id: int = 0, tolerance: float = 0.0,
+    def __init__(self, start: Transform, end: Transform, pace: LegPace, line_id: int = 0, tolerance: float = 0.0,
                  rotation_vector: Optional[Vector3] = None) -> None:
-        """rotation_vector: The rotation from start to end, rad (3,); None for the shortest one."""
+        """Set start, end and pace.
+
+        rotation_vector: The rotation from start to end, rad (3,); None for the shortest one.
+        """
         shift = difference(end[9:], start[9:])
         turn = rotation_between(start, end) if rotation_vector is None else rotation_vector
         super().__init__(start, end, norm(shift), norm(turn), pace, line_id, tolerance)
@@ -92,8 +101,11 @@ class Arc(Leg):
     """A piece of a circle. The tangential and the radial acceleration together stay within the pace's acceleration."""
 
     def __init__(self, start: Transform, end: Transform, centre: Vector3, normal: Vector3, sweep: float,
-                 turn: Vector3, pace: Pace, line_id: int = 0) -> None:
-        """sweep: angle about ``normal``, rad. turn: the tool's rotation vector from start to end, rad (3,)."""
+                 turn: Vector3, pace: LegPace, line_id: int = 0) -> None:
+        """Set geometry and pace.
+
+        sweep: angle about ``normal``, rad. turn: the tool's rotation vector from start to end, rad (3,).
+        """
         arm = difference(start[9:], centre)
         radius = norm(arm)
         # Tangential and radial acceleration are at right angles: a / sqrt(2) each makes a.
@@ -123,7 +135,7 @@ class Corner:
         max_speed: Of the parameter, m/s.
     """
 
-    def __init__(self, before: Line, after: Line, half: float) -> None:
+    def __init__(self, before: LineLeg, after: LineLeg, half: float) -> None:
         self.half = half
         self._before, self._after = before, after
         bend = difference(after.position_rate, before.position_rate)
@@ -138,7 +150,7 @@ class Corner:
         self.max_speed = min(before.max_speed, after.max_speed, math.sqrt(square))
 
     def at(self, offset: float) -> Transform:
-        """``base_t_tool`` at offset -half..half from the corner."""
+        """Return ``base_t_tool`` at offset -half..half from the corner."""
         share = 0.5 * (offset / self.half + 1.0)
         back = self.half * (1.0 - share) * (1.0 - share)
         ahead = self.half * share * share
@@ -149,8 +161,11 @@ class Corner:
 
 
 def corner_half(before: Leg, after: Leg) -> float:
-    """How much of each line a corner within ``before.tolerance`` replaces, in their parameter, m; 0 for no corner."""
-    if not isinstance(before, Line) or not isinstance(after, Line) or before.tolerance <= 0.0:
+    """Return the length of each line that a corner within ``before.tolerance`` replaces, in their parameter, m.
+
+    It is 0 for no corner.
+    """
+    if not isinstance(before, LineLeg) or not isinstance(after, LineLeg) or before.tolerance <= 0.0:
         return 0.0
     if before.way < _TINY or after.way < _TINY:
         return 0.0
@@ -159,9 +174,9 @@ def corner_half(before: Leg, after: Leg) -> float:
     return min(longest, 4.0 * before.tolerance / bend) if bend > _TINY else longest
 
 
-def arc_through(start: Transform, via: Transform, end: Transform, turns: int, circle_mode: int, pace: Pace,
+def arc_through(start: Transform, via: Transform, end: Transform, turns: int, circle_mode: int, pace: LegPace,
                 line_id: int) -> Arc:
-    """The arc from start through via to end, preceded by full turns.
+    """Return the arc from start through via to end, preceded by full turns.
 
     Args:
         start: ``base_t_tool``, as via and end.
@@ -202,35 +217,35 @@ def arc_through(start: Transform, via: Transform, end: Transform, turns: int, ci
 
 
 def _angle_from(arm: Vector3, other: Vector3, normal: Vector3) -> float:
-    """Angle from arm to other about normal, rad, within 0 to 2 pi."""
+    """Return the angle from arm to other about normal, rad, within 0 to 2 pi."""
     return math.atan2(dot(cross(arm, other), normal), dot(arm, other)) % math.tau
 
 
 def norm(v: Sequence[float]) -> float:
-    """Euclidean length."""
+    """Return the Euclidean length."""
     return math.hypot(*v)
 
 
 def dot(a: Sequence[float], b: Sequence[float]) -> float:
-    """Scalar product."""
+    """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a: Sequence[float], b: Sequence[float]) -> Vector3:
-    """Vector product."""
+    """Return the vector product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def difference(a: Sequence[float], b: Sequence[float]) -> Vector3:
-    """a - b."""
+    """Return a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def scaled(v: Sequence[float], factor: float) -> Vector3:
-    """v times factor."""
+    """Return v times factor."""
     return v[0] * factor, v[1] * factor, v[2] * factor
 
 
 def along(start: Sequence[float], direction: Sequence[float], way: float) -> Vector3:
-    """start plus way times direction."""
+    """Return start plus way times direction."""
     return start[0] + way * direction[0], start[1] + way * direction[1], start[2] + way * direction[2]

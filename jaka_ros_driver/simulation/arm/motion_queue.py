@@ -4,9 +4,9 @@ from typing import Deque, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.commands import JogFrame
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames
 from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
 from jaka_ros_driver.simulation.arm.follower import Follower
+from jaka_ros_driver.simulation.arm.frames import ArmFrames
 from jaka_ros_driver.simulation.arm.legs import Leg
 from jaka_ros_driver.simulation.arm.profiles import jerk_time
 from jaka_ros_driver.simulation.arm.routes import CartesianRoute, JointRoute, Route
@@ -25,7 +25,7 @@ class _Entry(NamedTuple):
 
 
 class MotionQueue:
-    """Runs routes one after the other. A route that is told to stop slows down first; then the next one begins.
+    """The queue that runs routes one after the other. A stopped route slows down first; then the next one begins.
 
     Attributes:
         jerk_limited: True where moves and jogs that are added from now on have a limited jerk, given ruckig.
@@ -61,7 +61,7 @@ class MotionQueue:
 
     @property
     def length(self) -> int:
-        """Moves not yet completed; jogs, and moves that were told to stop, do not count."""
+        """The number of moves not yet completed; jogs and stopped moves do not count."""
         waiting = sum(1 for entry in self._waiting if entry.jog is None)
         running = self._running
         if running is None or running.is_ending or self._running_jog is not None:
@@ -69,7 +69,7 @@ class MotionQueue:
         return waiting + running.route.moves_left(running.way)
 
     def end_joints(self, standing_at: Vector) -> Vector:
-        """Where the arm will be when the queue is empty, rad (6,)."""
+        """Return the arm's position when the queue is empty, rad (6,)."""
         if self._waiting:
             return self._waiting[-1].route.end_joints
         if self._running is None:
@@ -77,14 +77,15 @@ class MotionQueue:
         return self._rest if self._rest is not None else self._running.route.end_joints
 
     def add_joint_route(self, route: JointRoute) -> None:
-        """Queue a joint motion; raises TargetRejected while a jog runs, or where the queue is full."""
+        """Queue a joint motion; raise TargetRejected while a jog runs, or where the queue is full."""
         self._check_room()
         self._enter(_Entry(route))
 
     def add_leg(self, leg: Leg, start_joints: Vector) -> None:
         """Queue a Cartesian motion; the corner before it is rounded where tolerance and the way left allow it.
 
-        Raises TargetRejected where a jog runs, the queue is full, or the path breaks off where it begins.
+        Raises:
+            TargetRejected: A jog runs, the queue is full, or the path breaks off where it begins.
         """
         self._check_room()
         if self._waiting:
@@ -103,7 +104,7 @@ class MotionQueue:
 
     @property
     def takes_jog(self) -> bool:
-        """True where nothing waits, and nothing runs but a motion that was told to stop."""
+        """True where nothing waits, and nothing runs but a stopped motion."""
         return not self._waiting and (self._running is None or self._running.is_ending)
 
     def start_jog(self, axis: JogAxis, route: Route) -> None:
@@ -111,11 +112,13 @@ class MotionQueue:
         self._enter(_Entry(route, axis))
 
     def change_jog(self, route: Route) -> bool:
-        """Continue the running jog with the limits of this route; False where no jog runs or the geometries differ."""
+        """Continue the running jog with the limits of this route; return False where no jog runs or the geometries
+        differ.
+        """
         return self._running is not None and self._running.take_limits_of(route)
 
     def running_jog_start(self, axis: JogAxis) -> Optional[Vector]:
-        """Joints where the jog of this axis began; None unless it runs."""
+        """Return the joints where the jog of this axis began; None unless it runs."""
         if self._running is None or self._running_jog != axis or self._running.is_ending:
             return None
         return self._running.route.start_joints
@@ -146,7 +149,7 @@ class MotionQueue:
         self._running = self._running_jog = self._rest = self.fault = None
 
     def step(self, dt: float, rate: float) -> Tuple[Optional[Vector], List[PlantEvent]]:
-        """Run one cycle of ``dt`` s at ``rate`` (0 to 1): the joints, rad (6,), None at rest, and the events."""
+        """Run one cycle of ``dt`` s at ``rate`` (0 to 1); return the joints, rad (6,), None at rest, and the events."""
         if self._running is None:
             self._start_in -= dt
             if not self._waiting or self._start_in > _SAME_MOMENT_S:
@@ -203,5 +206,5 @@ class MotionQueue:
 
 
 def _of_move(cause: PlantEvent) -> PlantEvent:
-    """The event that a planned move reports where its path ends for this cause."""
+    """Return the event that a planned move reports where its path ends for this cause."""
     return events.SINGULARITY_PROTECTIVE_STOP if cause == events.SINGULARITY else events.LINEAR_MOVE_FAILED

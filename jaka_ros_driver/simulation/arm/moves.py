@@ -1,39 +1,42 @@
-"""Checks the numbers of a move, fills in defaults, and lowers speeds and accelerations to what the arm can do."""
+"""The checks of a move's numbers, their defaults, and the limits of speed and acceleration that the arm sets."""
 import math
 from typing import Optional
 
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import Transform, distance_between, rotation_angle_between
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import SAME_ANGLE, ArmFrames
 from jaka_ros_driver.simulation.arm.events import TargetRejected
-from jaka_ros_driver.simulation.arm.legs import Pace
+from jaka_ros_driver.simulation.arm.frames import SAME_ANGLE, ArmFrames
+from jaka_ros_driver.simulation.arm.legs import LegPace
 from jaka_ros_driver.state import Vector
 
 SLOWEST = 1e-9
-"""m/s, rad/s, m/s2, rad/s2; smaller values count as 0."""
+"""Smallest speed or acceleration, m/s, rad/s, m/s2, rad/s2; smaller values count as 0."""
 FASTEST = 100.0
-"""m/s, rad/s; Cartesian speeds above this are lowered to it. The arm's own limits are far below."""
+"""Highest Cartesian speed, m/s, rad/s; higher ones are lowered to it. The arm's own limits are far below."""
 STRONGEST = 1e4
-"""rad/s2; the same for rotation accelerations."""
+"""Highest rotation acceleration, rad/s2; higher ones are lowered to it."""
 DEFAULT_JOINT_ACCELERATION = math.pi
-"""rad/s2, where a joint move names none (docs/controller-protocol.md section 2). No vendor value exists."""
+"""Acceleration, rad/s2, of a joint move without one (docs/controller-protocol.md section 2). No vendor value exists."""
 DEFAULT_TCP_ACCELERATION = 0.5
-"""m/s2, where a linear move names none. No vendor value exists."""
+"""Acceleration, m/s2, of a linear move without one. No vendor value exists."""
 DEFAULT_ROTATION_SPEED = 3.14
-"""rad/s: what the SDK sends where its caller names none (docs/sdk-client.md section 8)."""
+"""Rotation speed, rad/s, that the SDK sends where its caller names none (docs/sdk-client.md section 8)."""
 DEFAULT_ROTATION_ACCELERATION = 12.56
-"""rad/s2: as DEFAULT_ROTATION_SPEED."""
+"""Rotation acceleration, rad/s2, from the same source."""
 
 SAME_PLACE = 1e-6
-"""m; a target closer than this to the end of the queue counts as the same place."""
+"""Distance, m, from the end of the queue below which a target counts as the same place."""
 
 _TOOL_RATE_PIECE = 0.1  # rad; step of the joint with the longest way between two samples
-_TOOL_RATE_MARGIN = 1.02  # between two samples the tool can be slightly faster than their distance tells
+_TOOL_RATE_MARGIN = 1.02  # between two samples the tool can be slightly faster than their distance shows
 
 
 def positive(what: str, value: Optional[float], default: float) -> float:
-    """The value, or the default for None; raises TargetRejected unless it is finite and at least SLOWEST (0x0F0010)."""
+    """Return the value, or the default for None; raise TargetRejected unless it is finite and at least SLOWEST.
+
+    The event is 0x0F0010.
+    """
     if value is None:
         return default
     if not math.isfinite(value) or value < SLOWEST:
@@ -42,11 +45,14 @@ def positive(what: str, value: Optional[float], default: float) -> float:
 
 
 def tool_pace(model: ArmModel, speed: float, acceleration: Optional[float], rotation_speed: Optional[float],
-              rotation_acceleration: Optional[float]) -> Pace:
-    """A move's pace, cut to what the model's tool can do; m/s, m/s2, rad/s, rad/s2; raises as ``positive``."""
+              rotation_acceleration: Optional[float]) -> LegPace:
+    """Return a move's pace, limited to what the model's tool can do; m/s, m/s2, rad/s, rad/s2.
+
+    It raises as ``positive`` does.
+    """
     top = FASTEST if model.tcp_max_speed is None else model.tcp_max_speed
     strongest = model.tcp_max_acceleration
-    return Pace(
+    return LegPace(
         min(positive("speed", speed, 0.0), top),
         min(positive("acceleration", acceleration, DEFAULT_TCP_ACCELERATION), strongest),
         min(positive("rotation speed", rotation_speed, DEFAULT_ROTATION_SPEED), FASTEST),
@@ -55,12 +61,15 @@ def tool_pace(model: ArmModel, speed: float, acceleration: Optional[float], rota
 
 
 def same_pose(a: Transform, b: Transform) -> bool:
-    """True where two poses count as the same target."""
+    """Return whether two poses count as the same target."""
     return distance_between(a, b) < SAME_PLACE and rotation_angle_between(a, b) < SAME_ANGLE
 
 
 def tool_rate(frames: ArmFrames, start: Vector, end: Vector) -> float:
-    """The longest way of the tool centre point while the joint with the longest way turns by 1 rad, m/rad."""
+    """Return the longest way of the tool centre point, m/rad.
+
+    It is that while the joint with the longest way turns by 1 rad.
+    """
     length = max(abs(b - a) for a, b in zip(start, end))
     pieces = math.ceil(length / _TOOL_RATE_PIECE)
     fastest, last = 0.0, frames.tool_at(start)

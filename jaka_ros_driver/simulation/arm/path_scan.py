@@ -1,18 +1,21 @@
-"""Walks a Cartesian path by inverse kinematics before it is run: where it ends early, how fast each stretch may be."""
+"""The scan of a Cartesian path by inverse kinematics before it is run.
+
+It finds where the path ends early, and the highest speed on each stretch.
+"""
 from typing import Callable, List, NamedTuple, Optional, Sequence
 
 from jaka_ros_driver.kinematics.rotations import Transform
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames
 from jaka_ros_driver.simulation.arm.events import PlantEvent
+from jaka_ros_driver.simulation.arm.frames import ArmFrames
 from jaka_ros_driver.state import Vector
 
 JointsOfPose = Callable[[Transform, Sequence[float]], Optional[Vector]]
 
 SINGULAR_SHARE = 0.1
-"""A place where joint limits allow less than this share of the speed counts as singular."""
+"""Share of the speed, allowed by joint limits, below which a place counts as singular."""
 SINGULAR_REFERENCE_SPEED = 0.25
-"""m/s; ``SINGULAR_SHARE`` refers to the programmed speed or to this, whichever is lower."""
+"""Speed, m/s, to which ``SINGULAR_SHARE`` refers where the programmed one is higher."""
 
 _BEND = 0.01  # rad; a stretch is split where a joint, in its middle, is farther than this from the chord
 _CHORD = 0.25  # rad; or where a joint moves farther than this over it
@@ -27,7 +30,7 @@ _BUDGET = 0.5  # share of the joint acceleration limits for speed changes; the r
 _BEND_MARGIN = 1.4  # bends within a stretch may be sharper than their mean
 
 
-class Stretch(NamedTuple):
+class PathStretch(NamedTuple):
     """A piece of a path with constant limits, all in units of the path's parameter.
 
     Attributes:
@@ -44,7 +47,7 @@ class Stretch(NamedTuple):
 
 
 class Break(NamedTuple):
-    """Where a path ends early: ``way``, the parameter of the last good place, and the cause."""
+    """The early end of a path: ``way``, the parameter of the last good place, and the cause."""
 
     way: float
     cause: PlantEvent
@@ -60,7 +63,7 @@ class PathScan:
     """
 
     def __init__(self, frames: ArmFrames, joints_of: JointsOfPose, at: Callable[[float], Transform],
-                 start_joints: Vector, limits: Stretch, way: float, angle: float, pieces: int) -> None:
+                 start_joints: Vector, limits: PathStretch, way: float, angle: float, pieces: int) -> None:
         """Walk the path.
 
         Args:
@@ -77,7 +80,7 @@ class PathScan:
         """
         length = limits.way
         self._unit = length / (way + _METRES_PER_RAD * angle)
-        self.stretches: List[Stretch] = []
+        self.stretches: List[PathStretch] = []
         self._starts: List[Vector] = []  # joints at the start of each stretch
         self.joints = start_joints
         self.broken: Optional[Break] = None
@@ -90,7 +93,7 @@ class PathScan:
         self.stretches = merged(self.stretches, _SHORTEST * self._unit)
 
     def _walk(self, begin: float, end: float) -> bool:
-        """Walk one stretch and split it where needed; False where the path breaks off in it."""
+        """Scan one stretch and split it where needed; return False where the path breaks off in it."""
         start, width = self.joints, end - begin
         middle = self._joints_of(self._at(begin + 0.5 * width), start)
         last = self._joints_of(self._at(end), middle) if middle is not None else None
@@ -128,7 +131,7 @@ class PathScan:
         outside = self._frames.joint_outside(joints)
         return None if outside is None else events.on_soft_limit(*outside)
 
-    def _limited(self, start: Vector, middle: Vector, last: Vector, width: float) -> Stretch:
+    def _limited(self, start: Vector, middle: Vector, last: Vector, width: float) -> PathStretch:
         model = self._frames.model
         half = 0.5 * width
         _, speed, acceleration, braking = self._limits
@@ -140,23 +143,24 @@ class PathScan:
                 braking = min(braking, _BUDGET * strongest / rate)
             if bend > 0.0:
                 speed = min(speed, ((1.0 - _BUDGET) * strongest / (_BEND_MARGIN * bend)) ** 0.5)
-        return Stretch(width, speed, min(acceleration, braking), braking)
+        return PathStretch(width, speed, min(acceleration, braking), braking)
 
 
-def merged(stretches: Sequence[Stretch], shortest: float = 0.0) -> List[Stretch]:
-    """Join stretches to their neighbours where the limits are nearly the same or one is shorter than ``shortest``; the
-    lower limits of the two then hold.
+def merged(stretches: Sequence[PathStretch], shortest: float = 0.0) -> List[PathStretch]:
+    """Join stretches to their neighbours where the limits are nearly the same or one is shorter than ``shortest``.
+
+    The lower limits of the two then hold.
     """
-    result: List[Stretch] = []
+    result: List[PathStretch] = []
     for stretch in stretches:
         last = result[-1] if result else None
         if last is not None and (min(last.way, stretch.way) < shortest or _nearly_same(last, stretch)):
-            result[-1] = Stretch(last.way + stretch.way, min(last.speed, stretch.speed),
-                                 min(last.acceleration, stretch.acceleration), min(last.braking, stretch.braking))
+            result[-1] = PathStretch(last.way + stretch.way, min(last.speed, stretch.speed),
+                                     min(last.acceleration, stretch.acceleration), min(last.braking, stretch.braking))
         else:
             result.append(stretch)
     return result
 
 
-def _nearly_same(a: Stretch, b: Stretch) -> bool:
+def _nearly_same(a: PathStretch, b: PathStretch) -> bool:
     return all(abs(x - y) <= 0.02 * min(x, y) for x, y in zip(a[1:3], b[1:3]))

@@ -1,4 +1,4 @@
-"""The simulated arm: where its joints are over time. No sockets, threads, clock or wire units; SI throughout."""
+"""The simulated arm: its joints over time. No sockets, threads, clock or wire units; SI throughout."""
 import math
 from typing import Dict, List, Optional, Sequence, Tuple
 
@@ -6,12 +6,12 @@ from jaka_ros_driver.commands import JogFrame, Pose
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import distance_between
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, checked_transform, finite_six, same_joints
 from jaka_ros_driver.simulation.arm.coasting import Coast
 from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
+from jaka_ros_driver.simulation.arm.frames import ArmFrames, checked_transform, finite_six, same_joints
 from jaka_ros_driver.simulation.arm.hand_guiding import HandGuiding
 from jaka_ros_driver.simulation.arm.jog import JogMode, jog_route
-from jaka_ros_driver.simulation.arm.legs import Line, arc_through
+from jaka_ros_driver.simulation.arm.legs import LineLeg, arc_through
 from jaka_ros_driver.simulation.arm.limit_watch import NEAR_LIMIT, LimitWatch
 from jaka_ros_driver.simulation.arm.motion_queue import MotionQueue
 from jaka_ros_driver.simulation.arm.moves import DEFAULT_JOINT_ACCELERATION, positive, same_pose, tool_pace, tool_rate
@@ -24,7 +24,7 @@ from jaka_ros_driver.state import Vector
 __all__ = ["CYCLE_TIME_S", "HOME", "JogMode", "NEAR_LIMIT", "Plant", "ServoFilter", "Starvation"]
 
 HOME = (0.0, math.pi / 2, -math.pi / 2, math.pi / 2, math.pi / 2, 0.0)
-"""rad (6,); a position away from the singularities of the main family."""
+"""The joints at the start, rad (6,), away from the singularities of the main family."""
 
 _STILL: Vector = (0.0,) * 6
 _SAME_MOMENT_S = 1e-6
@@ -51,7 +51,10 @@ class Plant:
 
     def __init__(self, model: ArmModel, joint_position: Sequence[float] = HOME, *,
                  starvation: Starvation = Starvation.HOLD) -> None:
-        """An arm at rest at these joints, rad (6,); starvation: what to do when a servo stream has no more points."""
+        """Set up an arm at rest at these joints, rad (6,).
+
+        starvation: Reaction to a servo stream without more points.
+        """
         self.settle_time = 0.04
         self._starvation = starvation
         self._frames = ArmFrames(model)
@@ -77,14 +80,14 @@ class Plant:
     # --- what can be seen -------------------------------------------------------------------------------------------
 
     def tcp_pose(self) -> Pose:
-        """Measured pose of the active tool in the active user frame, m and rpy rad."""
+        """Return the measured pose of the active tool in the active user frame, m and rpy rad."""
         if self._pose is None:
             self._pose = self._frames.pose_at(self.joint_position)
         return self._pose
 
     @property
     def tcp_speed(self) -> float:
-        """Speed of the tool centre point over the last cycle, m/s."""
+        """The speed of the tool centre point over the last cycle, m/s."""
         if self.joint_velocity is _STILL:
             return 0.0
         before, now = self._frames.tool_at(self._before), self._frames.tool_at(self.joint_position)
@@ -129,12 +132,12 @@ class Plant:
 
     @property
     def near_limit(self) -> Tuple[bool, ...]:
-        """For each joint, True close to a soft limit (feed field ``drag_near_limit``)."""
+        """True for each joint that is close to a soft limit (feed field ``drag_near_limit``)."""
         near = [joint for joint, _ in self._watch.near(self.joint_position)]
         return tuple(joint in near for joint in range(6))
 
     def take_events(self) -> List[PlantEvent]:
-        """The events since the last call, oldest first."""
+        """Return the events since the last call, oldest first."""
         taken, self._events = self._events, []
         return taken
 
@@ -151,11 +154,13 @@ class Plant:
         self._pose = None
 
     def forward(self, joint_position: Sequence[float]) -> Pose:
-        """Pose of the active tool in the active user frame at these joints, rad (6,); raises as ``finite_six``."""
+        """Return the pose of the active tool in the active user frame at these joints, rad (6,); raise as
+        ``finite_six``.
+        """
         return self._frames.pose_at(finite_six("joint_position", joint_position))
 
     def inverse_nearest(self, pose: Pose, reference: Sequence[float]) -> Vector:
-        """As ``ArmFrames.reachable_joints``, for a pose in the active user frame."""
+        """Return the joints for a pose in the active user frame, as ``ArmFrames.reachable_joints`` does."""
         return self._frames.reachable_joints(self._frames.in_base(pose), finite_six("reference", reference))
 
     # --- queued moves -----------------------------------------------------------------------------------------------
@@ -202,7 +207,7 @@ class Plant:
         self._frames.reachable_joints(end, joints)
         if same_pose(start, end):
             return self._already_there(line_id)
-        self.queue.add_leg(Line(start, end, pace, line_id, tolerance), joints)
+        self.queue.add_leg(LineLeg(start, end, pace, line_id, tolerance), joints)
         return self._accepted()
 
     def add_arc_move(self, via: Pose, target: Pose, speed: float, acceleration: Optional[float] = None,
@@ -249,7 +254,7 @@ class Plant:
         self._servo = self._guiding = self._leaves_servo_in = None
 
     def set_rapid_rate(self, rate: float) -> None:
-        """Set the speed override, 0 to 1, also during a motion; raises TargetRejected for other values."""
+        """Set the speed override, 0 to 1, also during a motion; raise TargetRejected for other values."""
         if not 0.0 <= rate <= 1.0:
             raise TargetRejected(events.BAD_SPEED, "rapid rate must be within 0 to 1")
         self.rapid_rate = rate
@@ -286,7 +291,7 @@ class Plant:
     # --- servo mode -------------------------------------------------------------------------------------------------
 
     def enter_servo(self) -> bool:
-        """Enter servo mode; False, and no change, where the arm moves or the queue is not empty."""
+        """Enter servo mode; return False, and change nothing, where the arm moves or the queue is not empty."""
         if self._guiding is not None or self._coast is not None or not self.queue.is_empty:
             return False
         if self._servo is None:
@@ -309,13 +314,13 @@ class Plant:
     def servo_joint(self, target: Sequence[float], relative: bool = False, cycles: int = 1) -> bool:
         """Append a joint point, rad (6,), to be reached in ``cycles`` times 8 ms.
 
-        False when ignored: over 180 deg/s (docs/controller-protocol.md section 5.6.5), or the buffer is full. Raises
-        TargetRejected for bad numbers, beyond a soft limit and outside servo mode.
+        It returns False when the point is ignored: over 180 deg/s (docs/controller-protocol.md section 5.6.5), or the
+        buffer is full. Raises TargetRejected for bad numbers, beyond a soft limit and outside servo mode.
         """
         return self._streaming().add_joints(tuple(target), relative, cycles)
 
     def servo_pose(self, target: Pose, relative: bool = False, cycles: int = 1) -> bool:
-        """Append one Cartesian point in the active user frame; as ``servo_joint``."""
+        """Append one Cartesian point in the active user frame, as ``servo_joint`` does for joints."""
         return self._streaming().add_pose(target, relative, cycles)
 
     def set_servo_filter(self, kind: ServoFilter, **parameters: float) -> None:
@@ -331,7 +336,7 @@ class Plant:
     # --- hand guiding -----------------------------------------------------------------------------------------------
 
     def start_hand_guiding(self) -> None:
-        """Let the arm be pushed; raises as ``check_hand_guiding``."""
+        """Let the arm be pushed; raise as ``check_hand_guiding`` does."""
         if self._guiding is None:
             self.check_hand_guiding()
             self._guiding = HandGuiding(self._frames.model, self.joint_position)
@@ -350,7 +355,10 @@ class Plant:
             self._guiding = None
 
     def push_joint(self, joint: int, velocity: float) -> bool:
-        """Push joint 0..5 at a velocity, rad/s, until the next call; False, and no effect, without hand guiding."""
+        """Push joint 0..5 at a velocity, rad/s, until the next call.
+
+        Without hand guiding it returns False and has no effect.
+        """
         if self._guiding is None:
             return False
         self._guiding.push(joint, velocity)
@@ -376,7 +384,7 @@ class Plant:
             self._events += self._watch.look(self.joint_position)
 
     def _next_joints(self, dt: float) -> Optional[Vector]:
-        """The joints after this cycle; None where nothing drives them."""
+        """Return the joints after this cycle; None where nothing drives them."""
         if self._coast is not None:
             joints = self._coast.step(dt)
             if self._coast.is_done:

@@ -1,4 +1,4 @@
-"""Progress along a path over time: jerk-limited by ruckig where it is installed, trapezoidal otherwise.
+"""The progress along a path over time: jerk-limited by ruckig where it is installed, trapezoidal otherwise.
 
 A profile has one coordinate, the distance along a path, which only grows. Every motion along a path uses one, so that a
 change of speed, a pause or a stop during the motion never leaves the path.
@@ -8,9 +8,9 @@ import math
 from typing import Any, Optional
 
 CYCLE_TIME_S = 0.008
-"""s, interpolation cycle: docs/controller-protocol.md section 5.6.5."""
+"""Interpolation cycle, s: docs/controller-protocol.md section 5.6.5."""
 JERK_TIME_S = 0.05
-"""s; with ruckig, the time in which acceleration builds up or fades. No vendor value exists."""
+"""Time, s, in which acceleration builds up or fades, with ruckig. No vendor value exists."""
 
 try:
     RUCKIG: Any = importlib.import_module("ruckig")
@@ -23,12 +23,12 @@ _STEEPER_TRIES = 16
 
 
 def jerk_time(jerk_limited: bool) -> float:
-    """Time in which acceleration builds up, s; 0 where the profile is not jerk-limited."""
+    """Return the time in which acceleration builds up, s; 0 where the profile is not jerk-limited."""
     return JERK_TIME_S if jerk_limited and RUCKIG is not None else 0.0
 
 
 class Profile:
-    """Distance, speed and acceleration along a path, advanced by ``step``; in the units of the path (m or rad).
+    """The distance, speed and acceleration along a path, advanced by ``step``; in the units of the path (m or rad).
 
     Attributes:
         position: Distance covered so far.
@@ -38,7 +38,10 @@ class Profile:
     """
 
     def __init__(self, jerk_limited: bool = True) -> None:
-        """jerk_limited: limit the jerk; has no effect without ruckig."""
+        """Set up a profile at rest.
+
+        jerk_limited: limit the jerk; has no effect without ruckig.
+        """
         self.position = 0.0
         self.velocity = 0.0
         self.acceleration = 0.0
@@ -73,7 +76,7 @@ class Profile:
             self._plan_to(target)
 
     def brake(self, max_acceleration: float) -> float:
-        """Come to rest as soon as the limits allow; returns the position where that will be."""
+        """Slow down to rest as soon as the limits allow; return the position where that will be."""
         self._target, self._max_velocity, self._max_acceleration = None, 0.0, max_acceleration
         self._slowed_by = None
         self._trajectory = None
@@ -87,7 +90,7 @@ class Profile:
         return self.position + 0.5 * self.velocity * self.velocity / max_acceleration
 
     def slow_down(self, max_acceleration: float, end: float) -> None:
-        """Come to rest at this deceleration, at ``end`` at the latest. Told again, it changes nothing."""
+        """Slow down to rest at this deceleration, at ``end`` at the latest. A second call changes nothing."""
         if self._slowed_by == max_acceleration:
             return
         if self.brake(max_acceleration) > end:
@@ -95,7 +98,7 @@ class Profile:
         self._slowed_by = max_acceleration
 
     def step(self, dt: float) -> float:
-        """Let dt seconds pass; returns the new position."""
+        """Let dt seconds pass; return the new position."""
         if self._trajectory is not None:
             self._follow(dt)
         elif self._target is None:
@@ -127,7 +130,7 @@ class Profile:
         self.velocity -= self._max_acceleration * dt
 
     def _trapezoid(self, dt: float, target: float) -> None:
-        """One cycle at the constant acceleration after which it is still possible to stop at the target."""
+        """Run one cycle at the constant acceleration after which it is still possible to stop at the target."""
         remaining = target - self.position
         limit = self._max_acceleration * dt
         stoppable = stoppable_speed(self.velocity, remaining, self._max_acceleration, dt)
@@ -174,13 +177,16 @@ class Profile:
         return plan
 
     def _solve(self, plan: Any) -> Any:
-        """The trajectory, or None where ruckig finds none; the trapezoid then takes over."""
+        """Return the trajectory, or None where ruckig finds none; the trapezoid then takes over."""
         trajectory = RUCKIG.Trajectory(1)
         return trajectory if ruckig_solves(RUCKIG.Ruckig(1), plan, trajectory) else None
 
 
 def ruckig_solves(solver: Any, plan: Any, trajectory: Any) -> bool:
-    """Let ruckig compute the trajectory of the plan; False where it fails, as with numbers of very different size."""
+    """Let ruckig compute the trajectory of the plan.
+
+    It returns False where ruckig fails, as with numbers of very different size.
+    """
     try:
         return int(solver.calculate(plan, trajectory).value) >= 0
     except (RUCKIG.RuckigError, ValueError):  # ValueError: a result that its own enumeration lacks
@@ -188,7 +194,10 @@ def ruckig_solves(solver: Any, plan: Any, trajectory: Any) -> bool:
 
 
 def speed_for_way(way: float, final_speed: float, acceleration: float, jerk_time: float) -> float:
-    """The highest speed from which ``way`` suffices to slow to ``final_speed``; braking builds up over jerk_time, s."""
+    """Return the highest speed from which ``way`` suffices to slow to ``final_speed``.
+
+    Braking builds up over jerk_time, s.
+    """
     half = 0.5 * jerk_time
     budget = way - half * final_speed + 0.5 * final_speed * final_speed / acceleration
     root = half * half + 2.0 * budget / acceleration
@@ -196,12 +205,18 @@ def speed_for_way(way: float, final_speed: float, acceleration: float, jerk_time
 
 
 def stoppable_speed(speed: float, room: float, acceleration: float, dt: float) -> float:
-    """The highest speed after a cycle of ``dt`` s from which ``room`` still suffices to stop; below 0 for none."""
+    """Return the highest speed after a cycle of ``dt`` s from which ``room`` still suffices to stop.
+
+    It is below 0 for none.
+    """
     limit = acceleration * dt
     root = limit * limit - 4.0 * (limit * speed - 2.0 * acceleration * room)
     return 0.5 * (math.sqrt(root) - limit) if root > 0.0 else -1.0
 
 
 def stopping_way(speed: float, acceleration: float, jerk_time: float) -> float:
-    """The distance from ``speed`` to rest at this deceleration, which builds up over jerk_time, s; an upper bound."""
+    """Return the distance from ``speed`` to rest at this deceleration; an upper bound.
+
+    The deceleration builds up over jerk_time, s.
+    """
     return 0.5 * speed * (speed / acceleration + jerk_time)

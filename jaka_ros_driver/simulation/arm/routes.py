@@ -9,10 +9,10 @@ from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import Transform, compose
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, nearest_joints
 from jaka_ros_driver.simulation.arm.events import PlantEvent
-from jaka_ros_driver.simulation.arm.legs import Corner, Leg, Line, corner_half
-from jaka_ros_driver.simulation.arm.path_scan import PathScan, Stretch, merged
+from jaka_ros_driver.simulation.arm.frames import ArmFrames, nearest_joints
+from jaka_ros_driver.simulation.arm.legs import Corner, Leg, LineLeg, corner_half
+from jaka_ros_driver.simulation.arm.path_scan import PathScan, PathStretch, merged
 from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S, speed_for_way
 from jaka_ros_driver.state import Vector
 
@@ -38,32 +38,41 @@ class Route:
     break_event: Optional[PlantEvent] = None
 
     def __init__(self) -> None:
-        self._stretches: List[Stretch] = []
+        self._stretches: List[PathStretch] = []
         self._begins: List[float] = []
         self._entry_speeds: List[float] = []
         self._entry_jerk_time = -1.0
         self._index = 0
 
     def joints_at(self, way: float, reference: Sequence[float]) -> Optional[Vector]:
-        """The joints at this parameter nearest to the reference, rad (6,); None where inverse kinematics has none."""
+        """Return the joints at this parameter nearest to the reference, rad (6,).
+
+        None where inverse kinematics has no solution.
+        """
         raise NotImplementedError
 
     def stopping_acceleration(self, way: float, speed: float, jerk_time: float) -> float:
-        """The strongest deceleration that is allowed at this place and where the arm gets before it can change it."""
+        """Return the strongest deceleration that is allowed at this place.
+
+        It also holds where the arm gets before it can change it.
+        """
         ahead = _reaction_way(speed, jerk_time)
         return min((stretch.braking for begin, stretch in zip(self._begins, self._stretches)
                     if begin <= way + ahead and begin + stretch.way >= way), default=math.inf)
 
     def line_id_at(self, way: float) -> int:
-        """``executing_line_id`` of the move to which this place belongs."""
+        """Return the ``executing_line_id`` of the move to which this place belongs."""
         raise NotImplementedError
 
     def moves_left(self, way: float) -> int:
-        """Moves not yet completed at this place."""
+        """Return the number of moves not yet completed at this place."""
         raise NotImplementedError
 
     def limits(self, way: float, speed: float, jerk_time: float) -> Tuple[float, float]:
-        """Highest speed and acceleration at this place with which the arm can still slow down for what lies ahead."""
+        """Return the highest speed and acceleration at this place.
+
+        With them the arm can still slow down for what lies ahead.
+        """
         if len(self._stretches) == 1:
             return self._stretches[0].speed, self._stretches[0].acceleration
         if jerk_time != self._entry_jerk_time:
@@ -95,7 +104,7 @@ class Route:
         self._entry_speeds = speeds[::-1]
         self._entry_jerk_time = jerk_time
 
-    def _set_stretches(self, stretches: Sequence[Stretch]) -> None:
+    def _set_stretches(self, stretches: Sequence[PathStretch]) -> None:
         self._stretches = merged(stretches)
         ends = list(itertools.accumulate(stretch.way for stretch in self._stretches))
         self._begins = [0.0, *ends[:-1]]
@@ -108,7 +117,10 @@ class JointRoute(Route):
 
     def __init__(self, model: ArmModel, start: Vector, end: Vector, speed: float, acceleration: float,
                  line_id: int = 0) -> None:
-        """speed, rad/s, and acceleration, rad/s2: of the joint with the longest way, at most what all joints can do."""
+        """Set up the route.
+
+        speed, rad/s, and acceleration, rad/s2: of the joint with the longest way, at most what all joints can do.
+        """
         super().__init__()
         self.start_joints, self.end_joints, self._line_id = start, end, line_id
         ways = [b - a for a, b in zip(start, end)]
@@ -120,7 +132,7 @@ class JointRoute(Route):
             if rate:
                 top = min(top, joint_speed / abs(rate))
                 strongest = min(strongest, joint_acceleration / abs(rate))
-        self._set_stretches([Stretch(self.length, min(speed, top), min(acceleration, strongest), strongest)])
+        self._set_stretches([PathStretch(self.length, min(speed, top), min(acceleration, strongest), strongest)])
 
     def joints_at(self, way: float, reference: Sequence[float]) -> Optional[Vector]:
         if way >= self.length:
@@ -146,7 +158,7 @@ class CartesianRoute(Route):
     """Lines and arcs of one tool; corners between lines are rounded within their tolerance."""
 
     def __init__(self, frames: ArmFrames, leg: Leg, start_joints: Vector) -> None:
-        """The tool that is active now is used for the whole route."""
+        """Begin the route with one leg, of the tool that is active now and for the whole route."""
         super().__init__()
         self._frames, self._tool_t_flange = frames, frames.tool_t_flange
         self.start_joints = start_joints
@@ -157,7 +169,10 @@ class CartesianRoute(Route):
         self._set_stretches(scan.stretches)
 
     def append(self, leg: Leg, way: float, speed: float, jerk_time: float) -> bool:
-        """Add a leg after a rounded corner while the arm is at ``way`` with ``speed``; False where that cannot be."""
+        """Add a leg after a rounded corner while the arm is at ``way`` with ``speed``.
+
+        It returns False where that is not possible.
+        """
         last = self._pieces[-1].leg
         if self._tool_t_flange != self._frames.tool_t_flange:
             return False
@@ -165,22 +180,22 @@ class CartesianRoute(Route):
         entry = self.length - half
         if half <= 0.0 or way > entry or self.break_event is not None:
             return False
-        if not isinstance(last, Line) or not isinstance(leg, Line):
+        if not isinstance(last, LineLeg) or not isinstance(leg, LineLeg):
             return False
         corner = Corner(last, leg, half)
         entry_joints = self._joints_of(corner.at(-half), self.end_joints)
         if entry_joints is None:
             return False
-        limits = Stretch(2.0 * half, corner.max_speed, 0.5 * min(last.max_acceleration, leg.max_acceleration),
-                         min(last.max_braking, leg.max_braking))
+        limits = PathStretch(2.0 * half, corner.max_speed, 0.5 * min(last.max_acceleration, leg.max_acceleration),
+                             min(last.max_braking, leg.max_braking))
         rounding = PathScan(self._frames, self._joints_of, lambda s: corner.at(s - half), entry_joints, limits,
                             half * (last.way / last.length + leg.way / leg.length),
                             half * (last.angle / last.length + leg.angle / leg.length), _CORNER_PIECES)
         scan = self._scan(leg, self.end_joints)
         if rounding.broken or (scan.broken and scan.broken.way <= half):
             return False
-        bend = Stretch(2.0 * half, min(s.speed for s in rounding.stretches),
-                       min(s.acceleration for s in rounding.stretches), min(s.braking for s in rounding.stretches))
+        bend = PathStretch(2.0 * half, min(s.speed for s in rounding.stretches),
+                           min(s.acceleration for s in rounding.stretches), min(s.braking for s in rounding.stretches))
         braking = min(bend.acceleration, self.limits(way, speed, jerk_time)[1])
         if speed > 1.001 * speed_for_way(entry - way, bend.speed, braking, jerk_time):
             return False
@@ -202,7 +217,7 @@ class CartesianRoute(Route):
 
     def _scan(self, leg: Leg, start_joints: Vector) -> PathScan:
         pieces = max(2, math.ceil(leg.way / _PIECE_WAY), math.ceil(leg.angle / _PIECE_ANGLE))
-        limits = Stretch(leg.length, leg.max_speed, leg.max_acceleration, leg.max_braking)
+        limits = PathStretch(leg.length, leg.max_speed, leg.max_acceleration, leg.max_braking)
         return PathScan(self._frames, self._joints_of, leg.at, start_joints, limits, leg.way, leg.angle, pieces)
 
     def _take_end(self, scan: PathScan) -> None:
@@ -217,7 +232,7 @@ class CartesianRoute(Route):
         return nearest_joints(self._frames.model, compose(base_t_tool, self._tool_t_flange), reference)
 
     def tool_at(self, way: float) -> Transform:
-        """``base_t_tool`` at this parameter."""
+        """Return ``base_t_tool`` at this parameter."""
         n = self._piece_at(way)
         begin, leg, corner = self._pieces[n]
         if corner is not None and way - begin < corner.half:
@@ -249,9 +264,9 @@ def _reaction_way(speed: float, jerk_time: float) -> float:
     return speed * (_LOOK_AHEAD * jerk_time + CYCLE_TIME_S)
 
 
-def _cut(stretches: Sequence[Stretch], end: float, begin: float) -> List[Stretch]:
-    """The stretches between the parameters ``begin`` and ``end``."""
-    result: List[Stretch] = []
+def _cut(stretches: Sequence[PathStretch], end: float, begin: float) -> List[PathStretch]:
+    """Return the stretches between the parameters ``begin`` and ``end``."""
+    result: List[PathStretch] = []
     at = 0.0
     for stretch in stretches:
         low, high = max(at, begin), min(at + stretch.way, end)

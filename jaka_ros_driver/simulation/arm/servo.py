@@ -1,4 +1,4 @@
-"""Servo mode: points of 8 ms and multiples, interpolated, filtered (docs/controller-protocol.md section 5.6)."""
+"""The servo stream: points of 8 ms and multiples, interpolated, filtered (docs/controller-protocol.md section 5.6)."""
 import enum
 import math
 from collections import deque
@@ -6,29 +6,33 @@ from typing import Deque, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, finite_six
 from jaka_ros_driver.simulation.arm.coasting import Coast
 from jaka_ros_driver.simulation.arm.events import PlantEvent, TargetRejected
-from jaka_ros_driver.simulation.arm.legs import Line, Pace
+from jaka_ros_driver.simulation.arm.frames import ArmFrames, finite_six
+from jaka_ros_driver.simulation.arm.legs import LegPace, LineLeg
 from jaka_ros_driver.simulation.arm.profiles import CYCLE_TIME_S
 from jaka_ros_driver.simulation.arm.servo_filters import Filter
 from jaka_ros_driver.state import Vector
 
 MAX_STEP_SPEED = math.pi
-"""rad/s (180 deg/s): a point that needs more of a joint is ignored, docs/controller-protocol.md section 5.6.5."""
+"""Highest joint speed, rad/s (180 deg/s), of a point.
+
+One that needs more is ignored, docs/controller-protocol.md section 5.6.5.
+"""
 MAX_POINTS = 50
 """Largest number of waiting points; further ones are ignored. No vendor value exists."""
 STARVED_S = 0.1
-"""s without a point after which a stream fails, with ``Starvation.FAULT``. No vendor value exists."""
+"""Time, s, without a point after which a stream fails, with ``Starvation.FAULT``. No vendor value exists."""
 MAX_CYCLES = 1000
-"""``stepNum`` at most. No vendor value exists."""
+"""Largest ``stepNum``. No vendor value exists."""
 
-_UNIT_PACE = Pace(1.0, 1.0, 1.0, 1.0, 1.0)
+_UNIT_PACE = LegPace(1.0, 1.0, 1.0, 1.0, 1.0)
 
 
 class Starvation(enum.Enum):
-    """Reactions of the arm to a servo stream without more points: hold the last target, repeat the last increment, slow
-    down from its last speed, or fail after ``STARVED_S``.
+    """The reactions of the arm to a servo stream without more points.
+
+    Hold the last target, repeat the last increment, slow down from its last speed, or fail after ``STARVED_S``.
     """
 
     HOLD = "hold"
@@ -40,7 +44,7 @@ class Starvation(enum.Enum):
 class _Point(NamedTuple):
     start: Vector
     end: Vector
-    line: Optional[Line]
+    line: Optional[LineLeg]
     duration: float
 
 
@@ -72,24 +76,25 @@ class ServoStream:
         return not self._points
 
     def add_joints(self, target: Vector, relative: bool, cycles: int) -> bool:
-        """Append a joint point, rad (6,), to be reached in ``cycles`` cycles; False where it is ignored.
+        """Append a joint point, rad (6,), to be reached in ``cycles`` cycles; return False where it is ignored.
 
-        Raises TargetRejected for bad numbers, a point beyond a soft limit, ``cycles`` out of range.
+        Raises:
+            TargetRejected: Bad numbers, a point beyond a soft limit, ``cycles`` out of range.
         """
         finite_six("servo point", target)
         end = tuple(a + b for a, b in zip(self._end, target)) if relative else tuple(target)
         return self._add(end, None, cycles)
 
     def add_pose(self, target: Pose, relative: bool, cycles: int) -> bool:
-        """As ``add_joints``, for a pose in the active user frame; one out of reach is rejected, too."""
+        """Append a pose in the active user frame, as ``add_joints`` does; one out of reach is rejected, too."""
         start = self._frames.tool_at(self._end)
         goal = self._frames.displaced(start, target) if relative else self._frames.in_base(target)
         end = self._frames.nearest_joints(goal, self._end)
         if end is None:
             raise TargetRejected(events.INVERSE_KINEMATICS_FAILED, "servo point out of reach")
-        return self._add(end, Line(start, goal, _UNIT_PACE), cycles)
+        return self._add(end, LineLeg(start, goal, _UNIT_PACE), cycles)
 
-    def _add(self, end: Vector, line: Optional[Line], cycles: int) -> bool:
+    def _add(self, end: Vector, line: Optional[LineLeg], cycles: int) -> bool:
         if not 1 <= cycles <= MAX_CYCLES:
             raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "stepNum must be 1 to %d" % MAX_CYCLES)
         outside = self._frames.joint_outside(end)
@@ -105,7 +110,7 @@ class ServoStream:
         return True
 
     def step(self, dt: float) -> List[PlantEvent]:
-        """Run one cycle of ``dt`` s; ``joints`` then holds the new command. Returns the events of this cycle."""
+        """Run one cycle of ``dt`` s; ``joints`` then holds the new command. Return the events of this cycle."""
         if self._points:
             before = self._target
             self._interpolate(dt)

@@ -1,4 +1,4 @@
-"""The filters of a servo stream (docs/sdk-client.md section 5, ``filter_type`` 0 to 5): what each does here.
+"""The filters of a servo stream (docs/sdk-client.md section 5, ``filter_type`` 0 to 5).
 
 The vendor gives names and parameters, no formulas: these are the simulation's own. All come to rest on the last target.
 
@@ -19,8 +19,8 @@ from typing import Any, Deque, Dict, List, Sequence, Tuple
 
 from jaka_ros_driver.kinematics.rotations import Transform
 from jaka_ros_driver.simulation.arm import events
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames, rotation_between, turned
 from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.simulation.arm.frames import ArmFrames, rotation_between, turned
 from jaka_ros_driver.simulation.arm.profiles import RUCKIG, ruckig_solves
 from jaka_ros_driver.state import Vector
 
@@ -47,11 +47,11 @@ PARAMETERS: Dict[ServoFilter, Tuple[str, ...]] = {
     ServoFilter.CARTESIAN_LIMITS: _LIMITS + ("nlf_max_vp", "nlf_max_ap", "nlf_max_jp"),
     ServoFilter.FORESIGHT: ("mmf_max_buf", "mmf_kp"),
 }
-"""Names on the wire: docs/controller-protocol.md section 5.6.6, docs/sdk-client.md section 8."""
+"""Names of the parameters on the wire: docs/controller-protocol.md section 5.6.6, docs/sdk-client.md section 8."""
 
 
 def checked_parameters(kind: ServoFilter, parameters: Dict[str, float]) -> Dict[str, float]:
-    """A copy of a filter's parameters; raises TargetRejected where one is missing, surplus or out of range."""
+    """Return a copy of a filter's parameters; raise TargetRejected where one is missing, surplus or out of range."""
     names = PARAMETERS[kind]
     if set(parameters) != set(names):
         raise TargetRejected(events.BAD_SPEED, "filter %d takes %s" % (kind, ", ".join(names) or "no parameters"))
@@ -70,11 +70,11 @@ class Filter:
     """Filter 0: no filter. The others override ``step``."""
 
     def __init__(self, joints: Vector) -> None:
-        """joints: where the arm stands, rad (6,)."""
+        """Set up the filter for an arm that stands at these joints, rad (6,)."""
         self.joints = joints
 
     def step(self, target: Vector, dt: float) -> Vector:
-        """Run one cycle of ``dt`` s towards the interpolated target, rad (6,); returns the joints to command, rad."""
+        """Run one cycle of ``dt`` s towards the interpolated target, rad (6,); return the joints to command, rad."""
         self.joints = target
         return target
 
@@ -97,7 +97,7 @@ class JointLimits(Filter):
 
     def __init__(self, joints: Vector, limits: Tuple[float, float, float]) -> None:
         super().__init__(joints)
-        self._tracker = Tracker(joints, limits)
+        self._tracker = CoordinateTracker(joints, limits)
 
     def step(self, target: Vector, dt: float) -> Vector:
         self.joints = self._tracker.step(target, dt)
@@ -136,8 +136,8 @@ class CartesianLimits(Filter):
         super().__init__(joints)
         self._frames = frames
         self._pose: Transform = frames.tool_at(joints)
-        self._shift = Tracker(self._pose[9:], translation)
-        self._turn = Tracker((0.0, 0.0, 0.0), rotation)
+        self._shift = CoordinateTracker(self._pose[9:], translation)
+        self._turn = CoordinateTracker((0.0, 0.0, 0.0), rotation)
 
     def step(self, target: Vector, dt: float) -> Vector:
         goal = self._frames.tool_at(target)
@@ -150,11 +150,14 @@ class CartesianLimits(Filter):
         return self.joints
 
 
-class Tracker:
+class CoordinateTracker:
     """Several coordinates, each of which follows its target within the same limits of speed, acceleration and jerk."""
 
     def __init__(self, positions: Sequence[float], limits: Tuple[float, float, float]) -> None:
-        """limits: speed, acceleration, jerk in the unit of the coordinates per s, s2, s3."""
+        """Set up the coordinates at rest.
+
+        limits: speed, acceleration, jerk in the unit of the coordinates per s, s2, s3.
+        """
         self._position = list(positions)
         self._velocity = [0.0] * len(self._position)
         self._acceleration = [0.0] * len(self._position)
@@ -170,12 +173,12 @@ class Tracker:
             self._plan.synchronization = RUCKIG.Synchronization.No
 
     def step_from_zero(self, target: Sequence[float], dt: float) -> Vector:
-        """Do what ``step`` does for a target relative to the present coordinates; returns the change."""
+        """Step towards a target relative to the present coordinates, as ``step`` does; return the change."""
         self._position = [0.0] * len(self._position)
         return self.step(target, dt)
 
     def step(self, target: Sequence[float], dt: float) -> Vector:
-        """Run one cycle of ``dt`` s towards the target; returns the coordinates."""
+        """Run one cycle of ``dt`` s towards the target; return the coordinates."""
         if self._plan is None or not self._step_jerk_limited(target, dt):
             for n, goal in enumerate(target):
                 self._step_trapezoid(n, goal, dt)

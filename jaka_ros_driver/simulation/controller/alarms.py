@@ -1,8 +1,8 @@
-"""Which event the feed's ``errcode`` and ``errmsg`` show (docs/controller-protocol.md section 4.4).
+"""The event in the feed's ``errcode`` and ``errmsg`` (docs/controller-protocol.md section 4.4).
 
 Errors stand until ``clear_error``; soft-limit events while the arm is on the limit; the note that the drives were
-disabled until they are enabled again. Warnings, and notes about states in which the arm can move, are kept in the
-list of past events only: the maker's SDK ends a blocking move on any ``errcode`` but 0 (docs/sdk-client.md section 5).
+disabled until they are enabled again. Warnings, and notes about states in which the arm can move, are kept in the list
+of past events only: the maker's SDK ends a blocking move on any ``errcode`` but 0 (docs/sdk-client.md section 5).
 """
 from collections import deque
 from typing import Deque, Optional, Tuple
@@ -13,7 +13,8 @@ from jaka_ros_driver.simulation.arm.events import PlantEvent
 EMERGENCY_STOP = PlantEvent(0x309082, "emergency stop triggered")
 COLLISION = PlantEvent(0x0F0034, "collision detected")
 DISABLED_NOTE = PlantEvent(0x10F0005, "robot servo disabled")
-"""The text as captured from a real controller (docs/controller-protocol.md section 4.4)."""
+"""The note of disabled drives; its text was captured from a real controller (docs/controller-protocol.md section 4.4).
+"""
 
 _LATCHING = frozenset((
     COLLISION, events.INVERSE_KINEMATICS_FAILED, events.TARGET_UNREACHABLE, events.SINGULARITY_PROTECTIVE_STOP,
@@ -39,7 +40,7 @@ class Alarms:
         self._refused: Optional[PlantEvent] = None
 
     def raise_event(self, event: PlantEvent, now: float) -> None:
-        """Note an event of the arm. An error that is shown already stays the one shown."""
+        """Record an event of the arm. An error that is shown already stays the one shown."""
         self.past.append((now, event))
         kind = None if event.joint is None else event.code & 0xFFFF
         if event == EMERGENCY_STOP:
@@ -58,23 +59,23 @@ class Alarms:
             self._emergency_stop = None
 
     def drives_enabled(self) -> None:
-        """The drives are enabled: remove the note that they were disabled."""
+        """Remove the note that the drives were disabled, because they are enabled."""
         self._note = None
 
     def move_refused(self, event: PlantEvent, now: float) -> None:
-        """A move was refused; it latches nothing (docs/controller-protocol.md section 4.3)."""
+        """Record that a move was refused; it latches nothing (docs/controller-protocol.md section 4.3)."""
         self.past.append((now, event))
         self._refused = event
 
     def move_accepted(self) -> None:
-        """A move was accepted: remove the event of an earlier one that was refused."""
+        """Remove the event of an earlier refused move, because one was accepted."""
         self._refused = None
 
     def left_soft_limit(self) -> None:
-        """No joint stands on a soft limit any more."""
+        """Remove the soft-limit event, because no joint stands on a soft limit any more."""
         self._limit = None
 
     def shown(self) -> Tuple[int, str]:
-        """Code and text for the feed; (0, "") for none."""
+        """Return code and text for the feed; (0, "") for none."""
         event = self._emergency_stop or self._error or self._limit or self._refused or self._note
         return (event.code, event.text) if event else (0, "")

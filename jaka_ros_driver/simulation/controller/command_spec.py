@@ -3,13 +3,13 @@ import enum
 from typing import Callable, List, NamedTuple, Optional, Union
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.replies import Reply
-from jaka_ros_driver.simulation.dialect.dialect import EARLY, HELD
+from jaka_ros_driver.simulation.controller.state import ControllerState
+from jaka_ros_driver.simulation.dialect.table import EARLY, HELD
 
 _SAME_MOMENT_S = 1e-6
 LINK_LOSS_COMMAND = "set_network_exception_handle"
-"""The command that says what follows the loss of the client that sends it (docs/sdk-client.md section 2)."""
+"""The command that sets the reaction to the loss of the client that sends it (docs/sdk-client.md section 2)."""
 SIMULATED_ONLY = "simulated controllers only"
 
 
@@ -31,10 +31,10 @@ class Held(NamedTuple):
 
 def slow_reply(state: ControllerState, kind: str, delay: float, is_done: Callable[[], bool],
                is_refused: Callable[[], bool] = lambda: False) -> Optional[Held]:
-    """The reply to a command that takes time (docs/controller-protocol.md section 5.1); None for at once.
+    """Return the reply to a command that takes time (docs/controller-protocol.md section 5.1); None for at once.
 
-    kind: ``EARLY`` or ``HELD``. delay: How much later than that it comes, s of simulated time. is_refused: Asked when
-    a held reply is due: True where the command has failed meanwhile.
+    kind: ``EARLY`` or ``HELD``. delay: How much later than that it comes, s of simulated time. is_refused: Asked when a
+    held reply is due: True where the command has failed meanwhile.
     """
     if kind == EARLY and delay <= 0.0:
         return None
@@ -50,7 +50,7 @@ def slow_reply(state: ControllerState, kind: str, delay: float, is_done: Callabl
 
 
 class Then(enum.Enum):
-    """What follows the reply."""
+    """The event that follows the reply."""
 
     NOTHING = "nothing"
     CLOSE = "close the connection"
@@ -79,7 +79,10 @@ class CommandSpec(NamedTuple):
 
 
 def plain(act: Callable[[ControllerState], Optional[Reply]]) -> Handler:
-    """Make a handler of a function that takes no parameters; it returns the fields of the reply, None for none."""
+    """Return the handler of a function without parameters.
+
+    The function returns the fields of the reply, or None for none.
+    """
     def handle(state: ControllerState, _arguments: Arguments) -> Optional[Reply]:
         return act(state)
     return handle

@@ -1,25 +1,26 @@
-"""Tools, user frames, payload, collision sensitivity (docs/controller-protocol.md sections 5.7, 5.9)."""
+"""Commands about tools, user frames, payload, collision sensitivity (docs/controller-protocol.md sections 5.7, 5.9)."""
 from typing import Callable, List, Optional, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain, slow_reply
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, FrameTable, Memory, Payload
-from jaka_ros_driver.simulation.controller.replies import Refused, Reply
+from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Memory, Payload, StoredFrames
+from jaka_ros_driver.simulation.controller.replies import CommandRefused, Reply
+from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.simulation.controller.wire_units import pose_from_wire, pose_to_wire, rounded
-from jaka_ros_driver.simulation.dialect.dialect import EITHER
+from jaka_ros_driver.simulation.dialect.table import EITHER
 from jaka_ros_driver.units import all_m_to_mm, all_mm_to_m
 
 MAX_COLLISION_LEVEL = 5
 MAX_MASS_KG = 100.0
-"""More than the heaviest arm of the line carries (models data)."""
+"""Largest mass, kg: more than the heaviest arm of the line carries (models data)."""
 
 
-def _set_offsets(table_of: Callable[[Memory], FrameTable], key_of: Callable[[ControllerState, Arguments], str]
+def _set_offsets(table_of: Callable[[Memory], StoredFrames], key_of: Callable[[ControllerState, Arguments], str]
                  ) -> Handler:
-    """Make the handler that stores a frame; the values of the active one hold at once, and are refused during a motion.
+    """Return the handler that stores a frame.
 
-    Id 0, which is fixed, and ids beyond the table are refused.
+    The values of the active one hold at once, and are refused during a motion. Id 0, which is fixed, and ids beyond the
+    table are refused.
     """
     def handle(state: ControllerState, arguments: Arguments) -> None:
         table, frame_id = table_of(state.memory), arguments.integer("id")
@@ -28,7 +29,7 @@ def _set_offsets(table_of: Callable[[Memory], FrameTable], key_of: Callable[[Con
         pose = pose_from_wire(arguments.vector(key_of(state, arguments), 6))
         arguments.text("name", "")  # checked only: no query returns it
         if not 1 <= frame_id < FRAME_COUNT:
-            raise Refused()
+            raise CommandRefused()
         table.frames[frame_id] = pose
         if frame_id == table.active:
             state.apply_frames()
@@ -36,18 +37,21 @@ def _set_offsets(table_of: Callable[[Memory], FrameTable], key_of: Callable[[Con
 
 
 def _user_key(state: ControllerState, arguments: Arguments) -> str:
-    """The maker's key is misspelt userffset; some clients send useroffset (docs/controller-protocol.md section 5.7)."""
+    """Return the key of a user frame's offset.
+
+    The maker's key is misspelt userffset; some clients send useroffset (docs/controller-protocol.md section 5.7).
+    """
     key = state.dialect.user_frame_key
     return arguments.first_of("userffset", "useroffset") if key == EITHER else key
 
 
-def _select(state: ControllerState, table: FrameTable, frame_id: int) -> Optional[Held]:
+def _select(state: ControllerState, table: StoredFrames, frame_id: int) -> Optional[Held]:
     done_at, dialect = state.now + state.dialect.frame_delay, state.dialect
     state.select_frame(table, frame_id)
     return slow_reply(state, dialect.frame_reply, dialect.frame_reply_delay, lambda: state.now >= done_at)
 
 
-def _offsets(table: FrameTable) -> List[List[float]]:
+def _offsets(table: StoredFrames) -> List[List[float]]:
     return [pose_to_wire(pose) for pose in table.frames]
 
 
@@ -55,7 +59,7 @@ def _set_load(payload_of: str) -> Handler:
     def handle(state: ControllerState, arguments: Arguments) -> None:
         mass, centroid = arguments.number("mass"), arguments.vector("centroid", 3)
         if not 0.0 <= mass <= MAX_MASS_KG:
-            raise Refused()
+            raise CommandRefused()
         setattr(state.memory, payload_of, Payload(mass, all_mm_to_m(centroid)))
     return handle
 
@@ -68,12 +72,12 @@ def _set_sensitivity(state: ControllerState, arguments: Arguments) -> None:
     """Set the collision sensitivity; refused while hand guiding is on (event 0x0F0055)."""
     level = arguments.integer("sensitivityVal")
     if not 0 <= level <= MAX_COLLISION_LEVEL or state.plant.is_hand_guided:
-        raise Refused()
+        raise CommandRefused()
     state.memory.collision_level = level
 
 
 def _sensitivity(state: ControllerState) -> Reply:
-    """The collision sensitivity, under one or both keys that clients read (docs/controller-protocol.md 5.9)."""
+    """Return the collision sensitivity, under one or both keys that clients read (docs/controller-protocol.md 5.9)."""
     key, level = state.dialect.sensitivity_key, state.memory.collision_level
     return {name: level for name in ("sensitivityLevel", "sensitivityVal") if key in (name, "both")}
 

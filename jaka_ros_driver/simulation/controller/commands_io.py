@@ -3,39 +3,48 @@ from typing import Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.replies import Refused, Reply
+from jaka_ros_driver.simulation.controller.replies import CommandRefused, Reply
+from jaka_ros_driver.simulation.controller.state import ControllerState
 
 _DIN_STATUS_COUNT = 64
 _MAX_COUNT = 256
 
 
 def _first(state: ControllerState, arguments: Arguments) -> int:
-    """The terminal that ``index`` names, from 0; below 0, which is refused, where the index is below the first."""
+    """Return the terminal that ``index`` names, from 0.
+
+    It is below 0, which is refused, where the index is below the first.
+    """
     return arguments.integer("index") - state.dialect.io_index_base
 
 
 def _get(signal: str, output: bool) -> Handler:
-    """``value``: a number; with ``len`` an array of so many, from ``index`` on (docs/sdk-client.md section 9)."""
+    """Return the handler of a get command.
+
+    ``value`` is a number; with ``len`` an array of so many, from ``index`` on (docs/sdk-client.md section 9).
+    """
     def handle(state: ControllerState, arguments: Arguments) -> Reply:
         bank, first = arguments.integer("type"), _first(state, arguments)
         if not arguments.has("len"):
             return {"value": state.io.get(signal, output, bank, first)}
         count = arguments.integer("len")
         if not 1 <= count <= _MAX_COUNT:
-            raise Refused()
+            raise CommandRefused()
         return {"value": [state.io.get(signal, output, bank, first + i) for i in range(count)]}
     return handle
 
 
 def _set(signal: str) -> Handler:
-    """``value``: a number, or an array for the outputs from ``index`` on; all of them are set, or none."""
+    """Return the handler of a set command.
+
+    ``value`` is a number, or an array for the outputs from ``index`` on; all of them are set, or none.
+    """
     def handle(state: ControllerState, arguments: Arguments) -> None:
         given = arguments.raw("value")
         if not isinstance(given, list):
             given = [given]
         if not 1 <= len(given) <= _MAX_COUNT:
-            raise Refused()
+            raise CommandRefused()
         each = [Arguments({"value": value}) for value in given]
         values = [float(one.flag("value")) if signal == "digital" else one.number("value") for one in each]
         state.io.set(signal, True, arguments.integer("type"), _first(state, arguments), *values)

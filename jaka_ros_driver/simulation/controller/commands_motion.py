@@ -7,20 +7,20 @@ from jaka_ros_driver.simulation.arm.plant import JogMode, ServoFilter
 from jaka_ros_driver.simulation.arm.servo_filters import PARAMETERS
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, Held, plain, slow_reply
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.replies import SERVO_ONLY, Refused, Reply
+from jaka_ros_driver.simulation.controller.replies import SERVO_ONLY, CommandRefused, Reply
+from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.simulation.controller.wire_units import pose_from_wire
 from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, mm_to_m
 
 _JOG_FRAMES = {0: JogFrame.BASE, 1: JogFrame.JOINT, 2: JogFrame.TOOL}
 _JOG_STOP = 0
 MIN_RATE = 1e-3
-"""Lowest speed and acceleration taken, mm or deg per s or s2; with lower ones a move would take days."""
+"""Lowest speed and acceleration accepted, mm or deg per s or s2; with lower ones a move would take days."""
 _RAPID_RATE_DECIMALS = 4
 
 
 def _move(command: str, queue: Callable[[ControllerState, Arguments], bool]) -> Handler:
-    """Make the handler of a queued move; one that is refused latches no error."""
+    """Return the handler of a queued move; one that is refused latches no error."""
     def handle(state: ControllerState, arguments: Arguments) -> None:
         state.require_motion(command)
         try:
@@ -33,10 +33,10 @@ def _move(command: str, queue: Callable[[ControllerState, Arguments], bool]) -> 
 
 
 def _rate(arguments: Arguments, key: str) -> float:
-    """A speed or acceleration; its sign is not checked here."""
+    """Return a speed or acceleration; its sign is not checked here."""
     rate = arguments.number(key)
     if abs(rate) < MIN_RATE:
-        raise Refused()
+        raise CommandRefused()
     return rate
 
 
@@ -87,7 +87,7 @@ def _jog(state: ControllerState, arguments: Arguments) -> None:
     velocity = _rate(arguments, "jogvel")
     position = arguments.number("poscmd") if mode in (JogMode.STEP, JogMode.ABSOLUTE) else None
     if mode not in tuple(JogMode) or coord_map not in _JOG_FRAMES or not 0 <= axis < 6:
-        raise Refused()
+        raise CommandRefused()
     frame = _JOG_FRAMES[coord_map]
     to_si = mm_to_m if frame is not JogFrame.JOINT and axis < 3 else deg_to_rad
     state.require_motion("jog")
@@ -105,11 +105,11 @@ def _servo_move(state: ControllerState, arguments: Arguments) -> None:
 
 
 def _servo_point(vendor_name: str, append: Callable[[ControllerState, Arguments, bool, int], bool]) -> Handler:
-    """Make the handler of a servo point, refused outside servo mode; one over 180 deg/s is ignored."""
+    """Return the handler of a servo point, refused outside servo mode; one over 180 deg/s is ignored."""
     def handle(state: ControllerState, arguments: Arguments) -> None:
         relative, cycles = arguments.flag("relFlag", False), arguments.integer("stepNum", 1)
         if not state.plant.takes_servo_points:
-            raise Refused("-1", SERVO_ONLY % vendor_name)
+            raise CommandRefused("-1", SERVO_ONLY % vendor_name)
         state.require_drives()
         append(state, arguments, relative, cycles)
     return handle
@@ -124,7 +124,10 @@ def _servo_pose(state: ControllerState, arguments: Arguments, relative: bool, cy
 
 
 def _filter_parameter(arguments: Arguments, key: str) -> float:
-    """One parameter of a servo filter in SI units; on the wire ``nlf_max_?r`` are in deg, ``nlf_max_?p`` in mm."""
+    """Return one parameter of a servo filter in SI units.
+
+    On the wire ``nlf_max_?r`` are in deg, ``nlf_max_?p`` in mm.
+    """
     rate = _rate(arguments, key)
     if not key.startswith("nlf"):
         return rate
@@ -134,11 +137,11 @@ def _filter_parameter(arguments: Arguments, key: str) -> float:
 def _set_servo_filter(state: ControllerState, arguments: Arguments) -> None:
     number = arguments.integer("filter_type")
     if number not in tuple(ServoFilter):
-        raise Refused()
+        raise CommandRefused()
     kind = ServoFilter(number)
     parameters = {key: _filter_parameter(arguments, key) for key in PARAMETERS[kind]}
     if state.plant.is_servo_active:
-        raise Refused("-1", "set_servo_move_filter command can not be excuted in servo move mode")
+        raise CommandRefused("-1", "set_servo_move_filter command can not be excuted in servo move mode")
     state.plant.set_servo_filter(kind, **parameters)
 
 
@@ -151,10 +154,13 @@ def _hand_guiding(state: ControllerState, arguments: Arguments) -> Optional[Held
 
 
 def _motion_planner(state: ControllerState, arguments: Arguments) -> None:
-    """The profile of later moves and jogs: 0 trapezoid; -1 (off) and 1 S-curve, where ruckig is installed."""
+    """Set the profile of later moves and jogs.
+
+    0 is the trapezoid; -1 (off) and 1 are the S-curve, where ruckig is installed.
+    """
     kind = arguments.integer("type")
     if kind not in (-1, 0, 1):
-        raise Refused()
+        raise CommandRefused()
     state.memory.settings["set_motion_planner", 0] = {"type": kind}
     state.plant.queue.jerk_limited = kind != 0
 
@@ -169,7 +175,7 @@ def _motion_state(state: ControllerState) -> Reply:
 
 
 def _torque_feedforward(state: ControllerState, arguments: Arguments) -> None:
-    """Stored only: the simulated arm has no dynamics."""
+    """Store the torque feedforward, without effect: the simulated arm has no dynamics."""
     state.memory.settings["torque_feedforward", 0] = {
         "grvCurrent": list(arguments.vector("grvCurrent", 6)), "includeGrvFlag": arguments.integer("includeGrvFlag", 0)}
 

@@ -3,8 +3,8 @@ from typing import Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, plain
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.replies import WHOLE_FRAME, BadParameter, Refused, Reply
+from jaka_ros_driver.simulation.controller.replies import WHOLE_FRAME, BadParameter, CommandRefused, Reply
+from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.simulation.controller.status_frame import StatusFrame, all_field_names
 from jaka_ros_driver.state import ProgramState
 from jaka_ros_driver.units import ms_to_s, s_to_ms
@@ -17,14 +17,14 @@ _PORTS, _FIELDS, _DELAY = "PORTCONFIG", "ATTROPTIONALDATA", "port10000_delay_ms"
 def _load(state: ControllerState, arguments: Arguments) -> None:
     name = arguments.text("programName")
     if not name or state.program_state is not ProgramState.IDLE:
-        raise Refused()
+        raise CommandRefused()
     state.memory.program_name = name
 
 
 def _play(state: ControllerState, _arguments: Arguments) -> None:
     """Start the program; it runs until it is stopped, because programs have a state here but no content."""
     if not state.memory.program_name:
-        raise Refused()
+        raise CommandRefused()
     state.require_motion("play_program")
     state.require_standstill()
     state.program_state = ProgramState.RUNNING
@@ -36,7 +36,7 @@ def _modify_variable(state: ControllerState, arguments: Arguments) -> None:
         raise BadParameter("value_new is neither number nor text")
     variables = state.memory.variables
     if not 0 <= number or (number not in variables and len(variables) >= _MAX_VARIABLES):
-        raise Refused()
+        raise CommandRefused()
     variables[number] = (alias, arguments.text("value_new") if isinstance(value, str) else value)
 
 
@@ -54,12 +54,15 @@ def _set_volatile_delay(state: ControllerState, arguments: Arguments) -> None:
 
 def _set_delay(state: ControllerState, milliseconds: int) -> None:
     if not 1 <= milliseconds <= MAX_FEED_PERIOD_MS:
-        raise Refused()
+        raise CommandRefused()
     state.set_feed_period(ms_to_s(milliseconds))
 
 
 def _whole_number(value: object) -> int:
-    """An optional-info value: a number, or its text as clients send it (docs/controller-protocol.md section 6.1)."""
+    """Return an optional-info value as a number.
+
+    Clients send it as a number or as text (docs/controller-protocol.md section 6.1).
+    """
     try:
         if isinstance(value, (str, int)) and len(str(value)) < 10:
             return int(value)
@@ -77,7 +80,7 @@ def _set_optional_info(state: ControllerState, arguments: Arguments) -> None:
     elif section == _FIELDS and key in all_field_names(state.firmware) and value in (0, 1):
         state.memory.field_switches[key] = bool(value)
     else:
-        raise Refused()
+        raise CommandRefused()
 
 
 def _get_optional_info(state: ControllerState, arguments: Arguments) -> Reply:
@@ -86,7 +89,7 @@ def _get_optional_info(state: ControllerState, arguments: Arguments) -> Reply:
         return {"value": str(int(round(s_to_ms(state.feed_period_after_start))))}
     if section == _FIELDS and key in all_field_names(state.firmware):
         return {"value": str(int(state.memory.field_switches.get(key, True)))}
-    raise Refused()
+    raise CommandRefused()
 
 
 PROGRAM_COMMANDS: Tuple[CommandSpec, ...] = (

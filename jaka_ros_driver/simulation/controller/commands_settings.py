@@ -1,16 +1,16 @@
-"""Settings that are stored and returned, and do nothing else here, but for the zeroing of the force sensor: tool I/O,
-RS-485, torque sensor, force control, trajectory recording (docs/controller-protocol.md sections 5.11, 5.15;
-docs/sdk-client.md section 8).
+"""Commands about settings that are stored and returned, and do nothing else here, but for zeroing the force sensor.
 
-Where the keys of a reply are not known, the setter's keys are used; the SDK reads a missing key as zero.
+They are those of tool I/O, RS-485, torque sensor, force control, trajectory recording (docs/controller-protocol.md
+sections 5.11, 5.15; docs/sdk-client.md section 8). Where the keys of a reply are not known, the setter's keys are used;
+the SDK reads a missing key as zero.
 """
 import math
 from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec, Handler, plain
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
-from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused, Reply
+from jaka_ros_driver.simulation.controller.replies import BadParameter, CommandRefused, Reply
+from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.simulation.controller.status_frame import SIGNAL_VALUE, signal_rows
 
 _MAX_SIGNALS = 8
@@ -34,7 +34,7 @@ class _Key(NamedTuple):
     high: Optional[float] = None
 
     def read(self, arguments: Arguments) -> Any:
-        """Its value in a request; raises as ``Arguments``, and Refused where it is out of range."""
+        """Return the value in a request; raise as ``Arguments`` does, and Refused where it is out of range."""
         if isinstance(self.default, str):
             return arguments.text(self.name)
         if isinstance(self.default, tuple):
@@ -49,7 +49,7 @@ class _Key(NamedTuple):
         low = -math.inf if self.low is None else self.low
         high = math.inf if self.high is None else self.high
         if not all(low <= number <= high for number in numbers):
-            raise Refused()
+            raise CommandRefused()
 
 
 class _Setting(NamedTuple):
@@ -76,7 +76,7 @@ _AXES = 6
 _ADMITTANCE_KEYS = (
     _Key("opt", 0, 0, 1), _Key("ftUser", 0.0), _Key("ftReboundFK", 0.0), _Key("ftConstant", 0.0),
     _Key("ftNnormalTrack", 0, 0, 1))
-"""In the order of the SDK's structure; that of the reply's lists is a guess."""
+"""Keys of the admittance settings in the order of the SDK's structure; that of the reply's lists is a guess."""
 _TOOL_DRIVE_KEYS = (_Key("opt", 0, 0, 1), _Key("rigidity", 0.0, 0.0), _Key("rebound", 0.0, 0.0))
 _SETTINGS: Tuple[_Setting, ...] = (
     _Setting("set_tio_vout_param", "get_tio_vout_param", "5.11",
@@ -120,7 +120,7 @@ _SETTINGS: Tuple[_Setting, ...] = (
 def _place(arguments: Arguments, setting: _Setting) -> int:
     place = arguments.integer(setting.selector) if setting.selector else 0
     if not 0 <= place < setting.places:
-        raise Refused()
+        raise CommandRefused()
     return place
 
 
@@ -167,7 +167,7 @@ def _soft_limit(state: ControllerState) -> Reply:
 
 
 def _axes(state: ControllerState, setter: str, keys: Tuple[_Key, ...]) -> List[List[Any]]:
-    """The values that were set for the six axes, each in the order of ``keys``."""
+    """Return the values that were set for the six axes, each in the order of ``keys``."""
     stored = [state.memory.settings.get((setter, axis), {}) for axis in range(_AXES)]
     return [[values.get(key.name, key.default) for key in keys] for values in stored]
 
@@ -177,16 +177,19 @@ def _admittance(state: ControllerState) -> Reply:
 
 
 def _tool_drive(state: ControllerState) -> Reply:
-    """The keys of the request, each with the values of the six axes: the reply's own keys are not known."""
+    """Return the keys of the request, each with the values of the six axes.
+
+    The reply's own keys are not known.
+    """
     columns = zip(*_axes(state, "set_tool_drive_config", _TOOL_DRIVE_KEYS))
     return {"axis": list(range(_AXES)), **{key.name: list(column) for key, column in zip(_TOOL_DRIVE_KEYS, columns)}}
 
 
 def _sensor_data(state: ControllerState, arguments: Arguments) -> Reply:
-    """Readings 1 to 3 of the feed, zeros without a sensor; the keys of the reply are not known."""
+    """Return readings 1 to 3 of the feed, zeros without a sensor; the keys of the reply are not known."""
     kind = arguments.integer("type")
     if not 1 <= kind <= 3:
-        raise Refused()
+        raise CommandRefused()
     sensor = state.force_sensor
     reading = (0.0,) * 6 if sensor is None else sensor.raw if kind == 2 else sensor.actual
     return {"type": kind, "torque_sensor_data": list(reading)}
@@ -202,17 +205,17 @@ def _add_signal(state: ControllerState, arguments: Arguments) -> None:
               for key in ("chnId", "sigType", "sigAddr")}
     values["frequency"] = arguments.integer("frequency", 1)
     if name not in signals and len(signals) >= _MAX_SIGNALS:
-        raise Refused()
+        raise CommandRefused()
     signals[name] = values
 
 
 def _delete_signal(state: ControllerState, arguments: Arguments) -> None:
     if state.memory.signals.pop(arguments.text("tio_signal_name"), None) is None:
-        raise Refused()
+        raise CommandRefused()
 
 
 def _signal_list(state: ControllerState) -> Reply:
-    """An object under the name of each signal, and their number (docs/controller-protocol.md section 5.11)."""
+    """Return an object under the name of each signal, and their number (docs/controller-protocol.md section 5.11)."""
     return {**{name: dict(values, value=SIGNAL_VALUE) for name, values in state.memory.signals.items()},
             "num": len(state.memory.signals)}
 
@@ -222,7 +225,7 @@ def _sample_mode(state: ControllerState, arguments: Arguments) -> None:
     files = _names(state, "trajectories")
     if mode and name not in files:
         if len(files) >= _MAX_TRAJECTORIES:
-            raise Refused()
+            raise CommandRefused()
         files[name] = True
     state.memory.settings["set_traj_sample_mode", 0] = {"mode": int(mode)}
 
@@ -231,17 +234,17 @@ def _rename_trajectory(state: ControllerState, arguments: Arguments) -> None:
     files, source, target = _names(state, "trajectories"), arguments.text("src"), arguments.text("dest")
     files.pop(source, None)
     if target not in files and len(files) >= _MAX_TRAJECTORIES:
-        raise Refused()
+        raise CommandRefused()
     files[target] = True
 
 
 def _remove_trajectory(state: ControllerState, arguments: Arguments) -> None:
     if _names(state, "trajectories").pop(arguments.text("fileName"), None) is None:
-        raise Refused()
+        raise CommandRefused()
 
 
 def _generate_trajectory(_state: ControllerState, arguments: Arguments) -> None:
-    """Nothing to do: a recorded trajectory has a name here, and no content."""
+    """Check the name and do nothing: a recorded trajectory has a name here, and no content."""
     arguments.text("fileName")
 
 

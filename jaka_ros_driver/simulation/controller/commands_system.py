@@ -14,13 +14,13 @@ from jaka_ros_driver.simulation.controller.command_spec import (
     plain,
     slow_reply,
 )
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState, LinkLoss
-from jaka_ros_driver.simulation.controller.replies import Refused, Reply
+from jaka_ros_driver.simulation.controller.replies import CommandRefused, Reply
+from jaka_ros_driver.simulation.controller.state import ControllerState, LinkLoss
 from jaka_ros_driver.simulation.controller.wire_units import joints_to_wire, pose_from_wire, pose_to_wire, rounded
 from jaka_ros_driver.units import all_deg_to_rad, deg_to_rad, m_to_mm, ms_to_s, rad_to_deg
 
 _ROBOT_ID = "0"
-"""A guess: the reply has this key, what a controller puts there is not known."""
+"""The robot id in a reply, a guess: the key is known, a real controller's value is not."""
 
 
 def _robot_state(state: ControllerState) -> Reply:
@@ -32,14 +32,14 @@ def _robot_state(state: ControllerState) -> Reply:
 
 
 def _power_on(state: ControllerState, _arguments: Arguments) -> Optional[Held]:
-    """Begin to power; a held reply tells that the drives have power (docs/controller-protocol.md section 5.1)."""
+    """Begin to power; a held reply reports that the drives have power (docs/controller-protocol.md section 5.1)."""
     state.power_on()
     return slow_reply(state, state.dialect.power_reply, state.dialect.power_reply_delay,
                       lambda: not state.is_powering, lambda: not state.is_powered)
 
 
 def _enable(state: ControllerState, _arguments: Arguments) -> Optional[Held]:
-    """Begin to enable; a reply that is held tells that the brakes are open. Without power nothing happens, code 0."""
+    """Begin to enable; a held reply reports that the brakes are open. Without power nothing happens, code 0."""
     if not state.enable():
         return None
     return slow_reply(state, state.dialect.enable_reply, state.dialect.enable_reply_delay,
@@ -48,18 +48,21 @@ def _enable(state: ControllerState, _arguments: Arguments) -> Optional[Held]:
 
 def _shutdown(state: ControllerState, _arguments: Arguments) -> None:
     if state.is_powered or state.is_enabled:
-        raise Refused()
+        raise CommandRefused()
 
 
 def _set_installation_angle(state: ControllerState, arguments: Arguments) -> None:
     about_x, about_z = arguments.number("angleX"), arguments.number("angleZ")
     if not 0.0 <= about_x <= 180.0 or not 0.0 <= about_z < 360.0:
-        raise Refused()
+        raise CommandRefused()
     state.memory.installation_angles = (about_x, about_z)
 
 
 def _installation_angle(state: ControllerState) -> Reply:
-    """Quaternion (scalar first) and rpy, deg, of the mounting: about x, then about z (docs/sdk-client.md section 6)."""
+    """Return quaternion (scalar first) and rpy, deg, of the mounting.
+
+    It turns about x, then about z (docs/sdk-client.md section 6).
+    """
     about_x, about_z = state.memory.installation_angles
     cx, sx = math.cos(deg_to_rad(about_x) / 2.0), math.sin(deg_to_rad(about_x) / 2.0)
     cz, sz = math.cos(deg_to_rad(about_z) / 2.0), math.sin(deg_to_rad(about_z) / 2.0)
@@ -70,7 +73,7 @@ def _installation_angle(state: ControllerState) -> Reply:
 def _set_network_exception_handle(state: ControllerState, arguments: Arguments) -> None:
     delay, reaction = arguments.number("timeLimit"), arguments.integer("motType")
     if delay < 0.0 or reaction not in tuple(LinkLoss):
-        raise Refused()
+        raise CommandRefused()
     state.link_loss, state.link_loss_delay = LinkLoss(reaction), ms_to_s(delay)
 
 
@@ -85,12 +88,15 @@ def _kine_inverse(state: ControllerState, arguments: Arguments) -> Reply:
     try:
         joints = state.plant.inverse_nearest(pose, reference)
     except TargetRejected as error:
-        raise Refused("-4", "inverse kinematics failed") from error
+        raise CommandRefused("-4", "inverse kinematics failed") from error
     return {"jointPosition": joints_to_wire(joints)}
 
 
 def _dh_param(state: ControllerState) -> Reply:
-    """The modified DH table, deg and mm; alpha and a are those of the link before (docs/sdk-client.md section 6)."""
+    """Return the modified DH table, deg and mm.
+
+    Its alpha and a are those of the link before (docs/sdk-client.md section 6).
+    """
     rows = state.model.dh
     alphas = [0.0] + [rad_to_deg(row.alpha) for row in rows[:-1]]
     lengths = [0.0] + [m_to_mm(row.a) for row in rows[:-1]]

@@ -1,15 +1,15 @@
-"""What differs between the controller generations that are simulated (docs/controller-protocol.md section 8)."""
+"""The differences between the simulated controller generations (docs/controller-protocol.md section 8)."""
 from dataclasses import dataclass
 from typing import Dict
 
 
 @dataclass(frozen=True)
 class Firmware:
-    """One generation.
+    """One generation of controllers.
 
     Attributes:
         name: Of ``FIRMWARE_NAMES``.
-        version: What ``get_version`` answers.
+        version: The answer to ``get_version``.
         is_modern: True from 1.7 on: the feed has commanded positions, executing lines and field bus blocks
             (docs/controller-protocol.md section 6.2).
         digital_count: Length of ``din`` and ``dout`` (docs/controller-protocol.md section 6.2).
@@ -31,4 +31,4 @@ FIRMWARES: Dict[str, Firmware] = {
     "1.7.2": Firmware("1.7.2", "1.7.2_16_X64", True, 144, 66, 1),
 }
 FIRMWARES["1.7"] = FIRMWARES["1.7.2"]
-"""By the name that ``--firmware`` takes."""
+"""The generations by the name that ``--firmware`` takes."""

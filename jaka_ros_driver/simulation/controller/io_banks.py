@@ -6,7 +6,7 @@ from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.state import Vector
 
 BANK_NAMES = ("cabinet", "tool", "extension", "relay", "modbus", "profinet", "ethernet_ip")
-"""Banks in the order of the wire's ``type`` (docs/controller-protocol.md section 5.11)."""
+"""Names of the banks in the order of the wire's ``type`` (docs/controller-protocol.md section 5.11)."""
 
 _DIGITAL_INPUTS = ("din", "tio_din", "ext_din", "", "mb_slave_din", "pn_dev_din", "eip_adpt_din")
 _DIGITAL_OUTPUTS = ("dout", "tio_dout", "ext_dout", "relay_io", "mb_slave_dout", "pn_dev_dout", "eip_adpt_dout")
@@ -16,13 +16,16 @@ _KEYS = {("digital", False): _DIGITAL_INPUTS, ("digital", True): _DIGITAL_OUTPUT
          ("analog", False): _ANALOG_INPUTS, ("analog", True): _ANALOG_OUTPUTS}
 
 RELAYS = 2
-"""Relays that frames show. One more is kept: SDK 2.1.14 counts from 1 also where commands count from 0 here."""
+"""Number of relays in frames.
+
+One more is kept: SDK 2.1.14 counts from 1 also where commands count from 0 here.
+"""
 MAX_ANALOG = 65535.0
 """Largest analog value kept; a 16 bit register of the field bus banks."""
 
 
 class IoBanks:
-    """Values by feed field; each array is a tuple that is replaced when a value changes."""
+    """The values by feed field; each array is a tuple that is replaced when a value changes."""
 
     def __init__(self, firmware: Firmware) -> None:
         sizes: Dict[str, int] = {
@@ -37,16 +40,16 @@ class IoBanks:
         self._values.update((key, (0.0,) * n) for key, n in analog_sizes.items())
 
     def array(self, key: str) -> Vector:
-        """The array of this feed field; the same object until one of its values changes."""
+        """Return the array of this feed field; the same object until one of its values changes."""
         return self._values[key]
 
     @property
     def relays(self) -> Vector:
-        """The relays as frames show them."""
+        """The relays in frames."""
         return self._values["relay_io"][:RELAYS]
 
     def get(self, signal: str, output: bool, bank: int, index: int) -> float:
-        """One terminal; raises InvalidCommand where there is no such terminal.
+        """Return the value of one terminal; raise InvalidCommand where there is no such terminal.
 
         signal: "digital" or "analog". bank: index into ``BANK_NAMES``. index: from 0.
         """

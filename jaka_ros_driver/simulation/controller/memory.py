@@ -1,4 +1,4 @@
-"""What the controller keeps over a restart (docs/controller-protocol.md sections 5.7, 5.9, 6.1)."""
+"""The data that a controller keeps over a restart (docs/controller-protocol.md sections 5.7, 5.9, 6.1)."""
 from dataclasses import dataclass, field
 from typing import Any, Dict, List, Optional, Tuple
 
@@ -6,14 +6,20 @@ from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.state import Vector
 
 FRAME_COUNT = 16
-"""Ids 0 to 15; the maker's manual names 1 to 10, newer firmware has 15 (docs/controller-protocol.md section 5.7)."""
+"""Number of ids, 0 to 15.
+
+The maker's manual names 1 to 10, newer firmware has 15 (docs/controller-protocol.md section 5.7).
+"""
 
 IDENTITY = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @dataclass
-class FrameTable:
-    """Stored tools (in the flange) or user frames (in the base) by id, and the id of the active one. Id 0 stays."""
+class StoredFrames:
+    """The stored tools (in the flange) or user frames (in the base) by id, and the id of the active one.
+
+    Id 0 is fixed.
+    """
 
     frames: List[Pose] = field(default_factory=lambda: [IDENTITY] * FRAME_COUNT)
     active: int = 0
@@ -21,7 +27,7 @@ class FrameTable:
 
 @dataclass
 class Payload:
-    """Mass kg, centre of mass in the flange m (3,)."""
+    """A load: mass kg, centre of mass in the flange m (3,)."""
 
     mass: float = 0.0
     centroid: Vector = (0.0, 0.0, 0.0)
@@ -46,8 +52,8 @@ class Memory:
         settings: Values of the settings of ``commands_settings``, by setter and index.
     """
 
-    tools: FrameTable = field(default_factory=FrameTable)
-    user_frames: FrameTable = field(default_factory=FrameTable)
+    tools: StoredFrames = field(default_factory=StoredFrames)
+    user_frames: StoredFrames = field(default_factory=StoredFrames)
     payload: Payload = field(default_factory=Payload)
     sensor_payload: Payload = field(default_factory=Payload)
     collision_level: int = 3

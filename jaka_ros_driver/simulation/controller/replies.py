@@ -1,9 +1,9 @@
-"""Replies of the command port, and the refusals that handlers raise (docs/controller-protocol.md sections 3.2, 4.3)."""
+"""The replies of the command port, and the refusals of handlers (docs/controller-protocol.md sections 3.2, 4.3)."""
 from typing import Any, Dict
 
 from jaka_ros_driver.protocol.framing import encode_object
 from jaka_ros_driver.protocol.status import encode_frame
-from jaka_ros_driver.simulation.dialect.dialect import Dialect
+from jaka_ros_driver.simulation.dialect.table import Dialect
 
 Reply = Dict[str, Any]
 
@@ -16,8 +16,8 @@ SERVO_ONLY = "%s command can only be excuted in servo move mode"
 """The vendor's words, misspelling included, as captured for ``servoj`` (docs/controller-protocol.md section 4.3)."""
 
 
-class Refused(Exception):
-    """The command is understood but not carried out. It becomes a reply.
+class CommandRefused(Exception):
+    """The refusal of a command that is understood but not carried out. It becomes a reply.
 
     Attributes:
         code: The reply's errorCode.
@@ -31,22 +31,25 @@ class Refused(Exception):
 
 
 class BadParameter(Exception):
-    """A parameter is missing or of the wrong type; the reply is that to an unknown command."""
+    """The error of a missing or mistyped parameter; the reply is that to an unknown command."""
 
 
 def accepted(dialect: Dialect, command: str, fields: Reply) -> bytes:
-    """The reply to an accepted command; its own fields come first."""
+    """Return the reply to an accepted command; its own fields come first."""
     return _encoded(dialect, {**fields, "errorCode": "0", "errorMsg": "", "cmdName": command})
 
 
-def refused(dialect: Dialect, command: str, refusal: Refused) -> bytes:
-    """The reply to a command that was understood and refused."""
+def refused(dialect: Dialect, command: str, refusal: CommandRefused) -> bytes:
+    """Return the reply to a command that was understood and refused."""
     message = refusal.message or "call %s failed" % command
     return _encoded(dialect, {"errorCode": refusal.code, "errorMsg": message, "cmdName": command})
 
 
 def not_understood(dialect: Dialect) -> bytes:
-    """The reply to an unknown command, a wrong parameter type, and what is no JSON; it does not name the command."""
+    """Return the reply to an unknown command, a wrong parameter type, and what is no JSON.
+
+    It does not name the command.
+    """
     return _encoded(dialect, {"errorCode": "1", "errorMsg": "Exception:function call failed"})
 
 

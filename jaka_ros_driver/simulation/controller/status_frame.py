@@ -8,21 +8,24 @@ import json
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 from jaka_ros_driver.protocol.status import with_len
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.replies import UNKNOWN_FIELDS
+from jaka_ros_driver.simulation.controller.state import ControllerState
 from jaka_ros_driver.simulation.controller.wire_units import FEED_DECIMALS, joints_to_wire, pose_to_wire
 from jaka_ros_driver.units import all_m_to_mm, m_to_mm
 
 MAX_POLLED_BYTES = 8990
-"""Longest frame that the maker's SDK takes from the polled port (docs/sdk-client.md section 1, point 3)."""
+"""Longest frame, bytes, that the maker's SDK takes from the polled port (docs/sdk-client.md section 1, point 3)."""
 
 _Field = Tuple[str, Callable[[ControllerState], Any]]
 
 _JOINT_TEMPERATURE = 31.0
 _JOINTS_AT_REST = tuple((0.4, 48.0, _JOINT_TEMPERATURE, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0) for _ in range(6))
 _MONITOR_DATA = (12338, 12593, 36.5, 41.2, 0.86, _JOINTS_AT_REST)
-"""Firmware of the safety board as ASCII, cabinet deg C, W, A, joints (docs/controller-protocol.md section 6.3)."""
+"""The monitoring data: firmware of the safety board as ASCII, cabinet deg C, W, A, joints.
+
+Source: docs/controller-protocol.md section 6.3.
+"""
 _SENSOR_ADDRESS = ("192.168.2.100", 8080)
 _NO_FORCE = (0.0,) * 6
 _HOMED = (1,) * 6 + (0,) * 3
@@ -34,7 +37,7 @@ _PADDING, _PADDING_HEAD = "vendor_block", ', "vendor_block": []'
 
 
 def errcode_text(code: int) -> str:
-    """An event in the feed: lower-case hexadecimal, "0x0" for none (docs/controller-protocol.md section 4.4)."""
+    """Return an event in the feed: lower-case hexadecimal, "0x0" for none (docs/controller-protocol.md section 4.4)."""
     return "0x%x" % code
 
 
@@ -51,15 +54,16 @@ def _torque_sensor(force_rows: int) -> Callable[[ControllerState], Any]:
 
 
 def signal_rows(state: ControllerState) -> List[List[Any]]:
-    """Name, channel, type, address, value and frequency of each; an entry that is no list makes the SDK crash
-    (docs/sdk-client.md section 9).
+    """Return name, channel, type, address, value and frequency of each signal.
+
+    An entry that is no list makes the SDK crash (docs/sdk-client.md section 9).
     """
     return [[name, signal["chnId"], signal["sigType"], signal["sigAddr"], SIGNAL_VALUE, signal["frequency"]]
             for name, signal in state.memory.signals.items()]
 
 
 def _task_mode(state: ControllerState) -> int:
-    """1 manual, 2 automatic, 4 hand guiding (docs/controller-protocol.md section 6.2)."""
+    """Return 1 for manual, 2 for automatic, 4 for hand guiding (docs/controller-protocol.md section 6.2)."""
     if state.plant.is_hand_guided:
         return 4
     return 2 if state.program_state else 1
@@ -82,7 +86,10 @@ _FIELD_BUS: Tuple[_Field, ...] = (("relay_io", lambda state: state.io.relays), *
 
 
 def _feed_fields(modern: bool) -> Tuple[_Field, ...]:
-    """docs/controller-protocol.md section 6.2; its rows without a number are of the modern firmware only."""
+    """Return the fields of docs/controller-protocol.md section 6.2.
+
+    Its rows without a number are of the modern firmware only.
+    """
     def only(*fields: _Field) -> Tuple[_Field, ...]:
         return fields if modern else ()
 
@@ -129,17 +136,20 @@ _POLLED_INSTEAD: Dict[str, Callable[[ControllerState], Any]] = {
     "torqsensor": _torque_sensor(3),
     "extio": lambda state: None,
 }
-"""Fields whose unexpected shape makes the SDK crash; it accepts null (docs/sdk-client.md section 1, point 8)."""
+"""Fields whose unexpected shape makes the SDK crash.
+
+It accepts null (docs/sdk-client.md section 1, point 8).
+"""
 
 
 def all_field_names(firmware: Firmware) -> Tuple[str, ...]:
-    """The names of all fields that can be switched on and off: all but ``len``."""
+    """Return the names of all fields that can be switched on and off: all but ``len``."""
     names = [name for name, _ in _FEED[firmware.is_modern] + _SDK_NEEDS]
     return tuple(dict.fromkeys(names))
 
 
 class StatusFrame:
-    """Builds the frames of one controller.
+    """The builder of the frames of one controller.
 
     Attributes:
         dropped: Fields left out, as a wire fault.
@@ -147,7 +157,10 @@ class StatusFrame:
     """
 
     def __init__(self, state: ControllerState, polled: bool = False) -> None:
-        """The frames of ``state``; ``polled``: those of the polled port."""
+        """Set up the frames of ``state``.
+
+        polled: Those of the polled port.
+        """
         self._state = state
         fields = _FEED[state.firmware.is_modern]
         if polled:
@@ -161,7 +174,7 @@ class StatusFrame:
         self.added: Mapping[str, Any] = {}
 
     def fields(self) -> Dict[str, Any]:
-        """The fields without ``len``, in order."""
+        """Return the fields without ``len``, in order."""
         switches = self._state.memory.field_switches
         dialect = self._state.dialect
         values = {name: value(self._state) for name, value in self._fields
@@ -172,7 +185,10 @@ class StatusFrame:
         return values
 
     def text(self) -> bytes:
-        """The whole frame. From a polled frame, fields are dropped at its end until the SDK can take its length."""
+        """Return the whole frame.
+
+        From a polled frame, fields are dropped at its end until the SDK can take its length.
+        """
         parts = [self._part(name, value) for name, value in self.fields().items()]
         frame = self._frame(parts)
         if self._max_bytes is None and len(frame) < self._state.dialect.frame_bytes:

@@ -1,6 +1,7 @@
-"""The points on which nothing settles what a real controller does, each with its values. Data only: ``arm``,
-``controller`` and ``server`` act on it.
+"""The points on which nothing settles the behaviour of a real controller, each with its values.
 
-dialect    the table of these points, and one choice of them: a controller that could be real
-dimension  one point: its values, how one is checked and drawn
+Data only: ``arm``, ``controller`` and ``server`` act on it.
+
+table      the table of these points, and one choice of them: a controller that could be real
+dimension  one point: its values, their check, and how one is drawn
 """

@@ -1,4 +1,4 @@
-"""One dimension of the controllers that could be real: its values, what it means, the evidence, the defaults."""
+"""One dimension of the controllers that could be real: its values, their meaning, the evidence, the defaults."""
 import abc
 import hashlib
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Dimension(abc.ABC):
 
     Attributes:
         meaning: What is true of a controller, by the value.
-        evidence: What speaks for which value: tags as in docs/controller-protocol.md section 0.1, and sections there.
+        evidence: What supports which value: tags as in docs/controller-protocol.md section 0.1, and sections there.
         defaults: The value for each of ``FIRMWARE_NAMES``; one for all of them.
     """
 
@@ -44,16 +44,16 @@ class Dimension(abc.ABC):
     defaults: Tuple[Any, ...]
 
     def default(self, firmware: str) -> Any:
-        """The value of a firmware, one of ``FIRMWARE_NAMES``."""
+        """Return the value of a firmware, one of ``FIRMWARE_NAMES``."""
         return self.defaults[FIRMWARE_NAMES.index(firmware) if len(self.defaults) > 1 else 0]
 
     @abc.abstractmethod
     def described(self) -> str:
-        """The values, in words."""
+        """Return the values, in words."""
 
     @abc.abstractmethod
     def checked(self, value: Any) -> Any:
-        """The value as a field holds it; raises ValueError where it is none of this dimension."""
+        """Return the value as a field holds it; raise ValueError where it is none of this dimension."""
 
     @abc.abstractmethod
     def draw(self, dice: Dice, firmware: str) -> Any:
@@ -61,7 +61,7 @@ class Dimension(abc.ABC):
 
     @abc.abstractmethod
     def samples(self) -> Sequence[Any]:
-        """Values that show the whole dimension: all of them, or the ends and the middle of a range."""
+        """Return values that show the whole dimension: all of them, or the ends and the middle of a range."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Range(Dimension):
         return value if self.is_whole else float(value)
 
     def draw(self, dice: Dice, firmware: str) -> Any:
-        """The default and the ends often, because edges break more than middles; else any, to the millisecond."""
+        """Return often the default or an end, because edges break more than middles; else any, to the millisecond."""
         kind, share = dice.roll(), dice.roll()
         if kind < _AT_DEFAULT:
             return self.default(firmware)
@@ -138,7 +138,7 @@ class Subset(Dimension):
         return tuple(name for name in self.names if name in value)
 
     def draw(self, dice: Dice, firmware: str) -> Any:
-        """Each name with one chance in six."""
+        """Return each name with one chance in six."""
         return tuple([name for name in self.names if dice.roll() < 1.0 / 6.0])
 
     def samples(self) -> Sequence[Any]:
@@ -146,7 +146,7 @@ class Subset(Dimension):
 
 
 def firmware_name(name: str) -> str:
-    """One of ``FIRMWARE_NAMES``, for what ``--firmware`` takes; raises InvalidCommand for anything else."""
+    """Return the one of ``FIRMWARE_NAMES`` that ``--firmware`` means; raise InvalidCommand for anything else."""
     full = "1.7.2" if name == "1.7" else name
     if full not in FIRMWARE_NAMES:
         raise InvalidCommand("firmware is %r; it must be one of %s, 1.7" % (name, ", ".join(FIRMWARE_NAMES)))

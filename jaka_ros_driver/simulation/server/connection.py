@@ -1,19 +1,19 @@
-"""One client of one port, without socket and clock: its requests not yet answered, and what it is to be sent, when."""
+"""One client of one port, without socket and clock: its unanswered requests, and its scheduled deliveries."""
 from collections import deque
 from typing import Callable, Deque, List, Optional
 
 from jaka_ros_driver.protocol.framing import Item
-from jaka_ros_driver.simulation.controller.controller import ReplyLine
+from jaka_ros_driver.simulation.controller.executor import ReplyLine
 from jaka_ros_driver.simulation.server.faults import Delivery, Effect
 from jaka_ros_driver.simulation.server.request_parser import RequestParser
 
 MAX_UNSENT_BYTES = 1 << 20
-"""A command client with more unsent bytes than this is dropped."""
+"""Most unsent bytes of a command client; one with more is dropped."""
 FRAME_BACKLOG_BYTES = 1 << 16
-"""A status client with more unsent bytes than this gets no new frames until it has read some."""
+"""Most unsent bytes of a status client; one with more receives no new frames until it has read some."""
 
 
-class Connection:
+class ClientConnection:
     """One accepted connection, without its socket.
 
     Attributes:
@@ -47,7 +47,7 @@ class Connection:
 
     @property
     def unsent_bytes(self) -> int:
-        """Bytes that are due or scheduled, and not taken by the network yet."""
+        """The number of bytes that are due or scheduled, and not taken by the network yet."""
         return self._unsent_bytes + sum(len(delivery.data) for delivery in self._waiting)
 
     def post(self, deliveries: List[Delivery]) -> None:
@@ -62,15 +62,18 @@ class Connection:
             self._waiting.append(delivery)
 
     def next_due(self) -> Optional[float]:
-        """When the next delivery is due, s on the caller's clock; None where none is scheduled."""
+        """Return when the next delivery is due, s on the caller's clock; None where none is scheduled."""
         return self._waiting[0].at if self._waiting else None
 
     def has_unsent(self) -> bool:
-        """True while bytes that are due have not been taken by the network."""
+        """Return whether due bytes have not been taken by the network."""
         return bool(self._unsent)
 
     def pump(self, now: float, send: Callable[[bytes], int]) -> None:
-        """Send what is due at ``now``, s; ``send`` takes bytes and returns how many the network took."""
+        """Send what is due at ``now``, s.
+
+        ``send`` takes bytes and returns how many the network took.
+        """
         while self._send(send) and self._waiting and self._waiting[0].at <= now:
             self._make_due(now)
 
@@ -95,7 +98,7 @@ class Connection:
         self.resets = effect is Effect.RESET
 
     def _send(self, send: Callable[[bytes], int]) -> bool:
-        """Send what is unsent; True when nothing of it is left."""
+        """Send what is unsent; return True when nothing of it is left."""
         while self._unsent:
             piece = self._unsent.popleft()
             taken = send(piece)

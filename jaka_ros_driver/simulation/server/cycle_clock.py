@@ -1,4 +1,4 @@
-"""When cycles and status frames are due on the wall clock, and how late they were. The caller tells the time."""
+"""The deadlines of cycles and status frames on the wall clock, and how late they were. It has no clock of its own."""
 import math
 from collections import deque
 from typing import Deque, Dict
@@ -6,16 +6,16 @@ from typing import Deque, Dict
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 
 MIN_TICK_S = 0.002
-"""Shortest time between two wake-ups; with a high time scale, several cycles are run at each."""
+"""Shortest time, s, between two wake-ups; with a high time scale, several cycles are run at each."""
 MIN_FEED_PERIOD_S = 0.004
-"""Shortest wall time between two status frames, whatever the time scale."""
+"""Shortest wall time, s, between two status frames, whatever the time scale."""
 _MAX_LAG_S = 0.25
 _SAMPLES = 7500
 _SAME_MOMENT_S = 1e-6
 
 
 class CycleClock:
-    """Absolute deadlines of cycles and frames: a late cycle does not delay those that follow."""
+    """The absolute deadlines of cycles and frames: a late cycle does not delay those that follow."""
 
     def __init__(self, time_scale: float, now: float) -> None:
         self._scale = time_scale
@@ -34,7 +34,7 @@ class CycleClock:
         self.next_frame = self.next_tick
 
     def due_cycles(self, now: float) -> int:
-        """Number of cycles to run now; 0 before the next tick."""
+        """Return the number of cycles to run now; 0 before the next tick."""
         late = now - self.next_tick
         if late < 0.0:
             return 0
@@ -50,7 +50,10 @@ class CycleClock:
         return cycles
 
     def frame_is_due(self, now: float, period: float) -> bool:
-        """True once in each period of the feed, s of simulated time; ``now``: wall clock, s."""
+        """Return True once in each period of the feed, s of simulated time.
+
+        now: wall clock, s.
+        """
         wall_period = max(period / self._scale, MIN_FEED_PERIOD_S)
         if wall_period != self._feed_period:
             self._feed_period = wall_period
@@ -62,7 +65,10 @@ class CycleClock:
         return True
 
     def lateness(self) -> Dict[str, float]:
-        """How late the cycles of the last minute began, s; ``lags``: restarts after the host stood still."""
+        """Return the lateness of the cycles of the last minute, s.
+
+        ``lags``: restarts after the host stood still.
+        """
         late = sorted(self._late) or [0.0]
         return {"cycles": len(self._late), "median_s": late[len(late) // 2], "p99_s": late[int(0.99 * (len(late) - 1))],
                 "max_s": late[-1], "lags": self._lags}

@@ -1,4 +1,4 @@
-"""A script of wire faults: what is done to the next messages of a port, repeatable with a seed. No socket, no clock.
+"""The script of wire faults: changes of the next messages of a port, repeatable with a seed. No socket, no clock.
 
 A rule changes messages of one port: ``count`` of them (None: all until it is cleared), each with the rule's
 probability, drawn from a generator with a seed; on the command port only replies to ``command`` where one is named.
@@ -18,7 +18,7 @@ _LEN = re.compile(rb'"len": (\d+)')
 
 
 class Effect(enum.Enum):
-    """What happens to the connection after the data was sent."""
+    """The effect on the connection after the data was sent."""
 
     CLOSE = "close"
     RESET = "reset"
@@ -46,7 +46,7 @@ class Delivery(NamedTuple):
 
 @dataclass
 class FaultRule:
-    """One rule of the script; see ``KINDS`` for what each kind does and which parameters it takes."""
+    """One rule of the script; ``KINDS`` has the effect of each kind and its parameters."""
 
     kind: str
     port: str
@@ -57,7 +57,7 @@ class FaultRule:
     release_at: Optional[float] = None
 
     def described(self) -> Dict[str, Any]:
-        """The rule as the panel shows it."""
+        """Return the rule as the operator port shows it."""
         shown: Dict[str, Any] = {"kind": self.kind, "port": self.port, "count": self.count}
         if self.probability < 1.0:
             shown["probability"] = self.probability
@@ -68,15 +68,15 @@ class FaultRule:
 
 
 _Strike = Callable[[FaultRule, random.Random, List[Delivery], float], List[Delivery]]
-"""Changes one message, now; an earlier rule may have cut it into several deliveries."""
+"""A function that changes one message, now; an earlier rule may have cut it into several deliveries."""
 
 
 class _Kind(NamedTuple):
-    """What a kind of rule does.
+    """A kind of rule.
 
     Attributes:
         defaults: Its parameters.
-        strike: What it does to a message.
+        strike: Its effect on a message.
         meaning: In words.
         usual_count: How many messages it changes where no count is given.
     """
@@ -113,12 +113,12 @@ def _reorder(rule: FaultRule, _chance: random.Random, messages: List[Delivery], 
 
 
 def _noise(rule: FaultRule, chance: random.Random) -> bytes:
-    """Random bytes that are neither JSON nor a zlib stream nor UTF-8."""
+    """Return random bytes that are neither JSON nor a zlib stream nor UTF-8."""
     return bytes(chance.randrange(0x80, 0x100) for _ in range(int(rule.params["bytes"])))
 
 
 def _each(change: Callable[[FaultRule, random.Random, Delivery], Delivery]) -> _Strike:
-    """Change each delivery by itself."""
+    """Return a strike that changes each delivery by itself."""
     return lambda rule, chance, messages, now: [change(rule, chance, message) for message in messages]
 
 
@@ -150,7 +150,7 @@ KINDS: Dict[str, _Kind] = {
     "half_open": _Kind({}, _end_by(Effect.HALF_OPEN),
                        "from here on the connection stays open, and nothing is read or sent"),
 }
-"""Every kind of rule: its parameters with their defaults, and what it does to a message."""
+"""Every kind of rule: its parameters with their defaults, and its effect on a message."""
 
 
 class FaultScript:
@@ -201,11 +201,11 @@ class FaultScript:
         self._rules.clear()
 
     def active(self) -> Tuple[FaultRule, ...]:
-        """The rules that can still apply, oldest first."""
+        """Return the rules that can still apply, oldest first."""
         return tuple(self._rules)
 
     def deliveries(self, port: str, data: bytes, command: Optional[str], now: float) -> List[Delivery]:
-        """Apply the rules to one message; returns what is to be sent, when.
+        """Apply the rules to one message; return the deliveries to send.
 
         Args:
             port: "command", "status" or "poll".
@@ -220,7 +220,10 @@ class FaultScript:
         return messages
 
     def frame_text(self, port: str, text: bytes) -> bytes:
-        """The text of a status frame, with ``len`` falsified where a rule says so; before any compression."""
+        """Return the text of a status frame, with ``len`` falsified where a rule requires it.
+
+        This precedes any compression.
+        """
         for rule in list(self._rules):
             if rule.kind == "wrong_len" and self._strikes(rule, port, None):
                 offset = int(rule.params["offset"])

@@ -1,11 +1,11 @@
-"""Cuts requests out of the command port's byte stream, and reports bytes that cannot become one as soon as they come.
+"""The parser of the command port's byte stream, which reports bytes that cannot become a request as soon as they come.
 
 The maker's SDK sends bare ``nan`` for a bad argument and then waits 25 s for an answer (docs/sdk-client.md section 1,
 point 6). So this parser follows JSON's grammar byte by byte: the first byte that cannot belong to a JSON object is an
 error at once, while the rest of an object that may still come is waited for. After an error, bytes are skipped up to
 the end of that document, so that one bad document gives one error. A ``{`` that cannot belong to the bad document
 begins the next request, also within a string that was never closed. How the bytes were split over calls does not change
-the outcome. The caller tells the time.
+the outcome. The parser has no clock.
 
 ``protocol.framing.ObjectStream`` cannot be used here: it reports an error only when the object's last brace has come.
 """
@@ -16,13 +16,13 @@ from jaka_ros_driver.errors import FramingError
 from jaka_ros_driver.protocol.framing import STRICT_DECODER, Item, JsonObject, parse_object
 
 MAX_REQUEST_BYTES = 1 << 16
-"""Longest request accepted; the longest one known is below 400 bytes (docs/sdk-client.md section 8)."""
+"""Longest request accepted, bytes; the longest one known is below 400 bytes (docs/sdk-client.md section 8)."""
 MAX_DEPTH = 32
 """Deepest nesting accepted; the deepest known request has two levels (docs/sdk-client.md section 8)."""
 INCOMPLETE_REQUEST_LIMIT_S = 5.0
-"""How long the rest of a request is waited for after its last byte, s; then it is an error."""
+"""Time, s, for which the rest of a request is waited for after its last byte; then it is an error."""
 SKIP_LIMIT_S = 0.1
-"""After this time without a byte, s, the rest of a bad document is no longer waited for."""
+"""Time, s, without a byte after which the rest of a bad document is no longer waited for."""
 
 _BLANK = frozenset(b" \t\r\n")
 _OPENERS, _CLOSERS = frozenset(b"{["), frozenset(b"}]")
@@ -49,7 +49,10 @@ _TOKEN_STATES = {
     _EXPONENT: {b"0123456789": _EXPONENT},
     **{word[:n]: {word[n:n + 1].encode("ascii"): word[:n + 1] if n + 1 < len(word) else _AFTER_VALUE}
        for word in ("true", "false", "null") for n in range(1, len(word))}}
-"""Within a token, by state: which bytes may come, and the state after them. A literal's state is what has come."""
+"""The bytes that may come within a token, by state, and the state after them.
+
+A literal's state is what has come.
+"""
 _TOKEN_STEPS = {state: {byte: following for group, following in steps.items() for byte in group}
                 for state, steps in _TOKEN_STATES.items()}
 _TOKEN_STARTS = {**_TOKEN_STEPS[_MINUS], ord("-"): _MINUS, ord("t"): "t", ord("f"): "f", ord("n"): "n"}
@@ -58,7 +61,7 @@ _IN_STRING = frozenset((_STRING, _ESCAPE) + _HEX)
 
 
 def _whole_object(data: bytes, text: str, start: int) -> Tuple[Optional[JsonObject], int]:
-    """The object at ``start`` and where it ends; None where it is not all there or must be parsed byte by byte.
+    """Return the object at ``start`` and where it ends; None where it is not all there or must be parsed byte by byte.
 
     Args:
         data: Bytes as received; an object with other than ASCII bytes is parsed byte by byte.
@@ -76,7 +79,10 @@ def _whole_object(data: bytes, text: str, start: int) -> Tuple[Optional[JsonObje
 
 
 class _ObjectGrammar:
-    """Tells byte by byte whether the bytes so far can begin a JSON object; made at its opening brace."""
+    """The grammar of a JSON object, which decides byte by byte whether the bytes so far can begin one.
+
+    It is made at the opening brace.
+    """
 
     def __init__(self) -> None:
         self._nesting = bytearray((_BRACE_OPEN,))
@@ -85,7 +91,7 @@ class _ObjectGrammar:
 
     @property
     def depth(self) -> int:
-        """Braces and brackets that are open; 0 once the object is complete."""
+        """The number of braces and brackets that are open; 0 once the object is complete."""
         return len(self._nesting)
 
     @property
@@ -93,7 +99,7 @@ class _ObjectGrammar:
         return self._state in _IN_STRING
 
     def accepts(self, byte: int) -> bool:
-        """Take the next byte; False when it cannot belong to a JSON object within the depth limit."""
+        """Take the next byte; return False when it cannot belong to a JSON object within the depth limit."""
         state = self._state
         if state is _STRING:
             return self._in_string(byte)
@@ -172,17 +178,17 @@ class RequestParser:
 
     @property
     def pending(self) -> int:
-        """Bytes of a request that has begun and not ended."""
+        """The number of bytes of a request that has begun and not ended."""
         return len(self._text)
 
     def next_deadline(self) -> Optional[float]:
-        """When ``expire`` has something to do, s on the caller's clock; None while no object has begun."""
+        """Return when ``expire`` has something to do, s on the caller's clock; None while no object has begun."""
         if self._skipping:
             return self._last_byte_at + SKIP_LIMIT_S
         return self._last_byte_at + INCOMPLETE_REQUEST_LIMIT_S if self._open else None
 
     def expire(self, now: float) -> List[Item]:
-        """Give up a request that was not finished in time; returns an error for it."""
+        """Give up a request that was not finished in time; return an error for it."""
         deadline = self.next_deadline()
         if deadline is None or now < deadline:
             return []
@@ -264,7 +270,7 @@ class RequestParser:
         self._open = self._skipping = self._is_silent = False
 
     def _pass_over(self, data: bytes, position: int) -> int:
-        """Index of the next byte that matters while a bad document is skipped."""
+        """Return the index of the next byte that matters while a bad document is skipped."""
         if self._skip_escaped or self._may_begin:
             return position
         match = (_MATTERS_IN_STRING if self._skip_in_string else _MATTERS).search(data, position)

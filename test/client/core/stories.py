@@ -2,7 +2,7 @@
 import json
 import math
 
-from jaka_ros_driver.client.core.actions import Answer, Close, Log, Open, Port, Send, Show, Tell
+from jaka_ros_driver.client.core.actions import Answer, Close, Log, NotifyGuard, Open, Port, PublishState, Send
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.kinematics.arm_models import load_model
@@ -66,10 +66,10 @@ class Story:
                 self.answers[action.call] = (self.now, action.result, action.error)
             elif isinstance(action, Send):
                 self._take(action.data)
-            elif isinstance(action, Tell):
+            elif isinstance(action, NotifyGuard):
                 self.told.append(action.is_moving)
                 self.tells.append(action)
-            elif isinstance(action, Show):
+            elif isinstance(action, PublishState):
                 self.shown.append(action)
             elif isinstance(action, Log):
                 self.log.append(action.text)

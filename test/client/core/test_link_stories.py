@@ -7,7 +7,7 @@ from stories import HOME, Story
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.actions import Actions, Close, Open, Port
-from jaka_ros_driver.client.core.link import Link
+from jaka_ros_driver.client.core.link import PortLink
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, StopCause
 from jaka_ros_driver.protocol.framing import ObjectStream
 from jaka_ros_driver.state import IoBank
@@ -351,7 +351,7 @@ def test_a_thousand_replies_that_nobody_asked_for_are_read_on_a_new_connection(c
 
 
 def test_a_connection_that_ends_within_two_seconds_is_made_again_after_longer_and_longer_pauses():
-    link, now, pauses = Link(Port.STATUS, Actions()), 100.0, []
+    link, now, pauses = PortLink(Port.STATUS, Actions()), 100.0, []
     link.start(now)
     for lasted in (1.5, 1.5, 1.5, 2.5):
         link.opened(now)
@@ -363,7 +363,7 @@ def test_a_connection_that_ends_within_two_seconds_is_made_again_after_longer_an
 
 
 def test_a_link_that_was_stopped_can_be_started_again_and_is_kept_up_then():
-    link = Link(Port.STATUS, Actions())
+    link = PortLink(Port.STATUS, Actions())
     link.start(100.0)
     link.opened(100.0)
     link.stop("it is not known whose it is")

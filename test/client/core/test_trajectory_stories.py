@@ -18,11 +18,11 @@ from jaka_ros_driver.errors import (
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.protocol import codec
 from jaka_ros_driver.trajectory.build import build_path
-from jaka_ros_driver.trajectory.points import JointTrajectory, Tolerances, TrajectoryPoint
+from jaka_ros_driver.trajectory.points import JointTrajectory, TrajectoryPoint, TrajectoryTolerances
 
 MODEL = load_model("zu7")
 REST = (0.0,) * 6
-LOOSE = Tolerances((None,) * 6, (0.01,) * 6, 1.0)
+LOOSE = TrajectoryTolerances((None,) * 6, (0.01,) * 6, 1.0)
 
 
 class Following(Story):
@@ -290,7 +290,7 @@ def test_an_arm_that_does_not_follow_is_stopped_by_name():
 
 def test_a_path_tolerance_of_the_goal_holds_for_its_joint():
     story = Following()
-    tolerances = Tolerances((None, 0.005, None, None, None, None), (0.01,) * 6, 1.0)
+    tolerances = TrajectoryTolerances((None, 0.005, None, None, None, None), (0.01,) * 6, 1.0)
     story.follow("goal", (to(2.0, 0.5, 0.5),), tolerances)
     story.run(0.6)
     assert story.error("goal") == "pending"
@@ -301,7 +301,7 @@ def test_a_path_tolerance_of_the_goal_holds_for_its_joint():
 
 def test_an_arm_that_rests_beside_its_goal_violates_the_goal_tolerance():
     story = Following()
-    story.follow("goal", (to(1.0, 0.3),), Tolerances((None,) * 6, (0.01,) * 6, 0.5))
+    story.follow("goal", (to(1.0, 0.3),), TrajectoryTolerances((None,) * 6, (0.01,) * 6, 0.5))
     story.run(0.9)
     story.is_held = True
     story.joints[0] -= 0.015

@@ -145,7 +145,7 @@ def test_two_publishers_brake():
 
 def test_a_hand_that_was_let_go_and_taken_anew_between_two_frames_brakes_all_the_same():
     pad = Pad().jogging()
-    pad.story.core.dead_man.let_go("between two frames")
+    pad.story.core.dead_man.release("between two frames")
     for says in (REST, WISH):
         pad.story.now += 0.001
         pad.say(says)

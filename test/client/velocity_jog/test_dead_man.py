@@ -116,8 +116,8 @@ def test_after_the_clock_was_set_back_rest_begins_anew():
 def test_each_hold_has_a_number_of_its_own():
     dead_man = held()
     first = dead_man.grip
-    dead_man.let_go("a stop")
-    dead_man.let_go("something later")
+    dead_man.release("a stop")
+    dead_man.release("something later")
     assert dead_man.last_end == "a stop"
     dead_man.take(message(BEGIN + 0.01, REST), BEGIN + 0.01)
     assert dead_man.grip == first + 1

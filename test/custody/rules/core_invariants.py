@@ -27,7 +27,7 @@ def _broken(core: Any, is_moving_told: bool, now: float) -> Iterator[str]:
     has_link = channel.is_open
     if custody.must_stop and has_link and not custody._outstanding and custody._retry_at == _NEVER:
         yield "a stop is owed, the link is up, no reply is outstanding, and no retry is due"
-    if custody.is_ending and not custody._is_told and custody.deadline == _NEVER:
+    if custody.is_ending and not custody._is_answered and custody.deadline == _NEVER:
         yield "the callers of a motion that is being ended may never get an answer"
     if channel.is_open and channel.introduction is not None:
         yield "a link is trusted whose controller is still being asked who it is"

@@ -50,8 +50,8 @@ from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.errors import MotionInterrupted, StopCause
 from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
-from jaka_ros_driver.simulation.controller.controller_state import ProgramState
-from jaka_ros_driver.simulation.dialect.dialect import REFUSED
+from jaka_ros_driver.simulation.controller.state import ProgramState
+from jaka_ros_driver.simulation.dialect.table import REFUSED
 from jaka_ros_driver.state import RobotState, Vector
 
 _JOINT_TOLERANCE, _POSITION_TOLERANCE, _ANGLE_TOLERANCE = 0.01, 0.002, 0.02

@@ -16,6 +16,8 @@ START_SLACK = 0.35
 """s, over the window: three frames of the slowest feed (0.1 s), which show that the arm still rests, and the judge's
 own look (0.04 s)."""
 REACTION = 0.05
+_MUST_BEGIN = ("joint_move", "moveL", "movc", "jog")
+"""Requests after whose acceptance the arm itself moves; servo mode waits for targets, a program may wait for I/O."""
 _BEGUN = 1e-5
 _BELIEVED_S = 0.14
 """s; frames that come after a longer pause may count as old news (feed.SILENCE_S, 0.15 s)."""

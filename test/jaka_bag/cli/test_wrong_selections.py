@@ -3,7 +3,7 @@ import os
 import subprocess
 
 import pytest
-from log_samples import JOINTS, MODEL, START_NS, STATES, in_order, read, state_log, states, write
+from log_samples import JOINTS, MODEL, STATES, in_order, read, state_log, states, write
 from program_places import command_of
 
 from jaka_bag import __version__
@@ -85,27 +85,23 @@ def test_times_of_simulated_time_are_given_as_info_prints_them(tmp_path, capsys)
     assert "the log is from 5000.000000000 to 5099.000000000 (99.000 s)" in said(capsys)
 
 
-def test_old_letters_work_as_before_and_say_so(log, tmp_path, capsys):
-    assert main(["filter", str(log), str(tmp_path / "a.bag"), "-s", "0.5", "-u", "1", "-q"]) == 0
-    assert "-u means --until here" in capsys.readouterr().err
-    assert main(["filter", str(log), str(tmp_path / "b.bag"), "-s", "0.5", "-d", "0.5s", "-q"]) == 0
-    assert "-d means --duration here" in capsys.readouterr().err
-    wanted = [s for s in in_order(SAMPLES) if START_NS + 500000000 <= s.time <= START_NS + 1000000000]
-    assert read(tmp_path / "a.bag") == read(tmp_path / "b.bag") == wanted
-    assert main(["filter", "--help"]) == 0
-    help_text = capsys.readouterr().out
-    assert " -u " not in help_text and " -d " not in help_text
+def test_letters_that_mean_something_else_in_other_commands_are_refused(log, tmp_path, capsys):
+    for words in (["filter", str(log), str(tmp_path / "a.bag"), "-u", "1"],
+                  ["filter", str(log), str(tmp_path / "a.bag"), "-d", "0.5s"],
+                  ["compare", str(log), str(log), "-t", "tolerances.yaml"],
+                  ["compare", str(log), str(log), "--json", str(tmp_path / "a.json")]):
+        assert main(words) == 2
+        assert "unrecognized arguments" in capsys.readouterr().err
+    assert not list(tmp_path.glob("a.*"))
 
 
-def test_compare_prints_json_and_still_writes_it_where_it_used_to(log, tmp_path, capsys):
+def test_compare_prints_json_wherever_the_option_stands(log, tmp_path, capsys):
     paths = [str(log), str(log)]
     for words in ([*paths, "--json"], ["--json", *paths]):
         assert main(["compare", *words]) == 0
         assert capsys.readouterr().out.startswith("{")
-    assert main(["compare", *paths, "--json", str(tmp_path / "a.json"), "-q"]) == 0
-    assert "write --report FILE" in capsys.readouterr().err
     assert main(["compare", *paths, "--report", str(tmp_path / "b.json"), "-q"]) == 0
-    assert (tmp_path / "a.json").read_text() == (tmp_path / "b.json").read_text()
+    assert (tmp_path / "b.json").read_text().startswith("{")
 
 
 def test_two_outputs_or_none_are_refused(log, tmp_path, capsys):

@@ -15,14 +15,14 @@ from import_graph import ROOT
 from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros.audit.recorder import NOT_RECORDED, STREAMED, URGENT
-from jaka_ros_driver.ros.services.service_table import SERVICES
+from jaka_ros_driver.ros.services.table import SERVICES
 
 PLANTED = """
 import sys, rospy
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger, TriggerResponse
 from jaka_ros_driver.ros import node
-from jaka_ros_driver.ros.services import service_table
+from jaka_ros_driver.ros.services import table as service_table
 
 begin = node.Driver.start
 

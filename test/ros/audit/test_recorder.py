@@ -15,8 +15,8 @@ from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.audit import callers, plain, recorder, setting_up
 from jaka_ros_driver.ros.convert import RequestDecoder
 from jaka_ros_driver.ros.params import DriverConfig
-from jaka_ros_driver.ros.services.service_handlers import Outcome
-from jaka_ros_driver.ros.services.service_table import SERVICES, Services
+from jaka_ros_driver.ros.services.handlers import ServiceOutcome
+from jaka_ros_driver.ros.services.table import SERVICES, Services
 
 HEADER = {"callerid": "/cell", "md5sum": "*", callers.PEER: "10.0.0.4:50000"}
 
@@ -92,7 +92,7 @@ def test_a_defect_of_the_recorder_is_not_that_of_a_stop(log, one, monkeypatch, c
     services = Services(RequestDecoder(load_model("zu7")), handlers, SimpleNamespace(
         answered=lambda *_: None, failed=lambda *_: None), one)
     stop, = [spec for spec in SERVICES if spec.name == "stop_move"]
-    handle = services._handler(stop._replace(perform=lambda *_: served.append(1) or Outcome("stopped")))
+    handle = services._handler(stop._replace(perform=lambda *_: served.append(1) or ServiceOutcome("stopped")))
     handle(request())
     assert served == [1] and any("lacks a call of ~stop_move" in line.getMessage() for line in caplog.records)
     one.goal("~recover", SimpleNamespace())

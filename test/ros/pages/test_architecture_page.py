@@ -15,10 +15,10 @@ from jaka_ros_driver.client.arm_client import LoopTask
 from jaka_ros_driver.commands import JointMove
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
-from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.ros.params import config_from
-from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
-from jaka_ros_driver.ros.services.service_table import SERVICES, Services
+from jaka_ros_driver.ros.services.handlers import ServiceHandlers
+from jaka_ros_driver.ros.services.table import SERVICES, Services
 
 PACKAGE = import_graph.ROOT / "jaka_ros_driver"
 PAGE = (import_graph.ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
@@ -85,7 +85,7 @@ def trace(tmp_path_factory, ros_node):
     try:
         arm = bench.connect()
         config = config_from({"ip": "127.0.0.1"})
-        handlers = ServiceHandlers(arm, config, FrameTable(arm), None)
+        handlers = ServiceHandlers(arm, config, FrameReader(arm), None)
         services = Services(RequestDecoder(arm.model), handlers, NoCallPublisher(), Recorder(None))
         (spec,) = [row for row in SERVICES if row.name == "joint_move"]
         handle = services._handler(spec)

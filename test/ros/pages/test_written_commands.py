@@ -22,8 +22,8 @@ from program_places import command_of
 from written_commands import Written, concrete, everything, of_head, of_page, parts
 
 from jaka_bag.cli.main import main
-from jaka_ros_driver.ros.services.service_table import SERVICES
-from jaka_ros_driver.simulation.server.panel import ACTIONS
+from jaka_ros_driver.ros.services.table import SERVICES
+from jaka_ros_driver.simulation.server.operator_actions import ACTIONS
 
 FOREIGN = {"jaka_driver": "the maker's package", "jaka_planner": "the maker's package"}
 """Packages on the pages that are not ours, nor Debian's."""

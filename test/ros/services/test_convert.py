@@ -35,7 +35,7 @@ from jaka_ros_driver.kinematics.rotations import (
     rotation_vector_from_rpy,
 )
 from jaka_ros_driver.ros import convert
-from jaka_ros_driver.ros.convert import Payload, RequestDecoder, Terminal
+from jaka_ros_driver.ros.convert import RequestDecoder, Terminal, ToolPayload
 from jaka_ros_driver.state import IoBank, RobotState
 
 MODEL = load_model("zu7")
@@ -142,7 +142,7 @@ def test_frames_are_mm_and_rotation_vectors():
 
 
 def test_payload_is_kg_and_mm():
-    assert DOCUMENTED.payload(SetPayloadRequest(3, 1.5, 10.0, 20.0, 40.0)) == Payload(
+    assert DOCUMENTED.payload(SetPayloadRequest(3, 1.5, 10.0, 20.0, 40.0)) == ToolPayload(
         3, c.SetPayload(1.5, pytest.approx((0.01, 0.02, 0.04))))
 
 

@@ -7,7 +7,7 @@ from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.ros.convert import Terminal
 from jaka_ros_driver.ros.params import DriverConfig
-from jaka_ros_driver.ros.services.service_handlers import ServiceHandlers
+from jaka_ros_driver.ros.services.handlers import ServiceHandlers
 from jaka_ros_driver.state import IoBank, IoState, RobotState
 
 MOVE = c.JointMove((0.0,) * 6, 1.0, 1.0)

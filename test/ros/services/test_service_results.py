@@ -9,8 +9,8 @@ from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import RequestDecoder
-from jaka_ros_driver.ros.services.service_handlers import Outcome
-from jaka_ros_driver.ros.services.service_table import SERVICES, Services
+from jaka_ros_driver.ros.services.handlers import ServiceOutcome
+from jaka_ros_driver.ros.services.table import SERVICES, Services
 
 HOME = [0.0, 1.5, -1.5, 1.5, 1.5, 0.0]
 SPECS = {spec.name: spec for spec in SERVICES}
@@ -20,7 +20,7 @@ POSE = Pose((0.4, 0.0, 0.3), (0.1, 0.2, 0.3))
 
 def response_of(service, value, is_vendor):
     """Return the response, and whether the call counts as a success; it is written as rospy does."""
-    spec = SPECS[service]._replace(perform=lambda operations, command: Outcome("read", value))
+    spec = SPECS[service]._replace(perform=lambda operations, command: ServiceOutcome("read", value))
     services = Services(RequestDecoder(load_model("zu7"), is_vendor), None, None, Recorder(None))
     outcome = services._outcome(spec, REQUESTS[service])
     response = spec.srv_type._response_class()

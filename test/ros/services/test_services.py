@@ -12,7 +12,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from waiting import eventually
 
 from jaka_msgs.srv import Move, MoveRequest, MoveResponse
-from jaka_ros_driver.ros.services.service_table import SERVICES
+from jaka_ros_driver.ros.services.table import SERVICES
 
 FAST = {"mvvelo": 3.0, "mvacc": 12.0}
 LINE = [420.0, 100.0, 370.0, 2.2214, -2.2214, 0.0]

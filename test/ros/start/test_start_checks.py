@@ -16,7 +16,7 @@ from std_msgs.msg import Bool
 from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros import start_checks
-from jaka_ros_driver.ros.services.service_table import SERVICES
+from jaka_ros_driver.ros.services.table import SERVICES
 from jaka_ros_driver.ros.start_checks import wait_for_time
 
 ENDS_WITHIN_S = 12.0

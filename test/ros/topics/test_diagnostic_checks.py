@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 from diagnostic_updater import DiagnosticStatusWrapper
 
-from jaka_ros_driver.audit.chain import Link
+from jaka_ros_driver.audit.chain import ChainLink
 from jaka_ros_driver.audit.log import Health
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.errors import ConnectionLost
@@ -44,7 +44,7 @@ class Bench:
         self.state = STATE
         self.guard = SimpleNamespace(is_alive=True, last_trouble="", replacements=0)
         self.deviation = SimpleNamespace(is_wrong=False, distance=1e-5, angle=1e-4)
-        self.audit = Health("", 0, 0, 7, Link(7, "ab"))
+        self.audit = Health("", 0, 0, 7, ChainLink(7, "ab"))
         self.arm = SimpleNamespace(
             fresh_state=self.fresh_state, state=STATE, is_simulated=False, is_servo_active=False, late_servo_cycles=0,
             motion_owner=None, foreign_motion="", jogged_by="", last_jog_end="", model=load_model("zu7"),

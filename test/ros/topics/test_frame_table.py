@@ -8,7 +8,7 @@ import pytest
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.kinematics.rotations import IDENTITY, transform_from_pose
-from jaka_ros_driver.ros.frame_table import FrameTable
+from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.state import RobotState
 
 TOOLS = tuple(c.Pose((0.0, 0.0, 0.01 * n), (0.0, 0.0, 0.1 * n)) for n in range(4))
@@ -47,7 +47,7 @@ def controller():
 
 @pytest.fixture
 def table(controller):
-    table = FrameTable(controller)
+    table = FrameReader(controller)
     yield table
     controller.may_answer.set()
     table.close()
@@ -121,7 +121,7 @@ def test_frames_that_cannot_be_read_are_unknown_and_the_others_are_not(table, co
 def test_closing_waits_for_the_thread():
     controller = Controller()
     controller.may_answer.clear()
-    table = FrameTable(controller)
+    table = FrameReader(controller)
     table.start()
     assert controller.was_asked.wait(WAIT_S)
     threading.Timer(0.3, controller.may_answer.set).start()

@@ -12,7 +12,7 @@ from jaka_ros_driver.kinematics.rotations import IDENTITY
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.topics import jog_topics
-from jaka_ros_driver.ros.topics.jog_topics import JogTopics, jog_frame, joint_wish
+from jaka_ros_driver.ros.topics.jog_topics import JogSubscribers, jog_frame, joint_wish
 from jaka_ros_driver.ros.topics.state_publishers import FrameNames
 
 PLAIN, LEFT = FrameNames(DriverConfig()), FrameNames(DriverConfig(frame_prefix="left_"))
@@ -53,7 +53,7 @@ def topics(monkeypatch):
     monkeypatch.setattr(rospy.Time, "now", classmethod(lambda cls: rospy.Time.from_sec(NOW)))
     monkeypatch.setattr(jog_topics.time, "monotonic", lambda: 5.0)
     monkeypatch.setattr(rospy, "logwarn_throttle", lambda *_: None)
-    one = JogTopics(Arm(), PLAIN, Frames(), Recorder(None))
+    one = JogSubscribers(Arm(), PLAIN, Frames(), Recorder(None))
     one.start()
 
     def say(name, message, age=0.05, publisher="/pad"):

@@ -14,7 +14,7 @@ from jaka_ros_driver.errors import ConnectionLost, MotionInterrupted, StopCause
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.params import DriverConfig
 from jaka_ros_driver.ros.services import call_publisher
-from jaka_ros_driver.ros.services.service_handlers import Outcome
+from jaka_ros_driver.ros.services.handlers import ServiceOutcome
 from jaka_ros_driver.ros.topics import motion_ends, robot_status, speed
 from jaka_ros_driver.ros.trajectories import topics
 from jaka_ros_driver.state import ProgramState, RobotState
@@ -138,10 +138,10 @@ def test_a_call_is_told_with_what_its_client_was_built_with(ros, md5sum, told):
     publisher = call_publisher.CallPublisher()
     request = Trigger._request_class()
     request._connection_header = {"md5sum": md5sum, "callerid": "/client"}
-    call = call_publisher.Call("stop_move", Trigger, request, rospy.Time(5), 0.0)
+    call = call_publisher.ReceivedCall("stop_move", Trigger, request, rospy.Time(5), 0.0)
     topic = ros.topics["~service_calls"]
-    publisher.answered(call, TriggerResponse(True, "done"), Outcome("done"))
-    publisher.answered(call, TriggerResponse(False, "no"), Outcome("no", is_success=False))
+    publisher.answered(call, TriggerResponse(True, "done"), ServiceOutcome("done"))
+    publisher.answered(call, TriggerResponse(False, "no"), ServiceOutcome("no", is_success=False))
     publisher.failed(call, "broken")
     assert [(one.success, one.error) for one in topic.messages] == [(True, ""), (False, "no"), (False, "broken")]
     assert [bool(one.response) for one in topic.messages] == [True, True, False]

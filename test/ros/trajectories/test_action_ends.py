@@ -9,7 +9,7 @@ import rospy
 from waiting import eventually
 
 from jaka_ros_driver.client.core.motion import MotionOwner
-from jaka_ros_driver.client.core.trajectory import Progress
+from jaka_ros_driver.client.core.trajectory import TrajectoryProgress
 from jaka_ros_driver.errors import (
     ConnectionLost,
     GoalToleranceViolated,
@@ -21,7 +21,7 @@ from jaka_ros_driver.errors import (
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.other_messages import made_type
 from jaka_ros_driver.ros.params import config_from
-from jaka_ros_driver.ros.services.service_server import CallCount
+from jaka_ros_driver.ros.services.server import CallCount
 from jaka_ros_driver.ros.trajectories import action
 from jaka_ros_driver.ros.trajectories.messages import InvalidJoints, TrajectoryDecoder
 from jaka_ros_driver.state import RobotState
@@ -216,9 +216,9 @@ def test_feedback_tells_how_far_the_arm_is_while_its_own_trajectory_is_under_way
     handle = begun(server, arm)
     desired = JointState((0.5,) * 6, (0.1,) * 6, (0.0,) * 6)
     state = RobotState((0.4,) * 6, True, True, True, False, False, 100.0)
-    arm.state, arm.trajectory = state, Progress(object(), 9.0, desired)
+    arm.state, arm.trajectory = state, TrajectoryProgress(object(), 9.0, desired)
     assert not handle.ended.wait(0.2) and not handle.feedback, "another one is running"
-    arm.trajectory = Progress(arm.goals[0], 1.5, desired)
+    arm.trajectory = TrajectoryProgress(arm.goals[0], 1.5, desired)
     assert eventually(lambda: handle.feedback)
     told = handle.feedback[0]
     assert told.desired.positions == (0.5,) * 6 and told.desired.time_from_start == rospy.Duration.from_sec(1.5)
@@ -229,7 +229,7 @@ def test_feedback_tells_how_far_the_arm_is_while_its_own_trajectory_is_under_way
 
 def test_before_the_arm_is_known_there_is_no_feedback_and_the_goal_ends_all_the_same(server, arm):
     handle = begun(server, arm)
-    arm.trajectory = Progress(arm.goals[0], 1.5, JointState((0.5,) * 6, (0.1,) * 6, (0.0,) * 6))
+    arm.trajectory = TrajectoryProgress(arm.goals[0], 1.5, JointState((0.5,) * 6, (0.1,) * 6, (0.0,) * 6))
     assert not handle.ended.wait(0.2) and not handle.feedback
     arm.goals[0].set_result(None)
     assert handle.end()[0] == "succeeded"

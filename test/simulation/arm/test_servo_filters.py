@@ -5,11 +5,11 @@ import pytest
 from plant_watch import ZU7, PlantWatch
 
 from jaka_ros_driver.simulation.arm import servo_filters
-from jaka_ros_driver.simulation.arm.arm_frames import ArmFrames
 from jaka_ros_driver.simulation.arm.events import TargetRejected
+from jaka_ros_driver.simulation.arm.frames import ArmFrames
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S, HOME, Plant
 from jaka_ros_driver.simulation.arm.profiles import RUCKIG
-from jaka_ros_driver.simulation.arm.servo_filters import ServoFilter, Tracker, make_filter
+from jaka_ros_driver.simulation.arm.servo_filters import CoordinateTracker, ServoFilter, make_filter
 
 PARAMETERS = {
     ServoFilter.NONE: {},
@@ -103,7 +103,7 @@ def test_mean_smooths_a_step_over_its_buffer():
 def test_tracker_without_ruckig_keeps_speed_and_acceleration_too(has_ruckig, monkeypatch):
     if not has_ruckig:
         monkeypatch.setattr(servo_filters, "RUCKIG", None)
-    tracker = Tracker((0.0,), (1.0, 4.0, 80.0))
+    tracker = CoordinateTracker((0.0,), (1.0, 4.0, 80.0))
     out = [tracker.step((0.5 if n < 150 else -0.5,), CYCLE_TIME_S)[0] for n in range(500)]
     speeds = differences(out)
     assert max(map(abs, speeds)) <= 1.0 + 1e-6

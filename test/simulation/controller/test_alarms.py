@@ -4,9 +4,9 @@ import pytest
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.arm import events
 from jaka_ros_driver.simulation.controller import alarms
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState, Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.memory import Memory
+from jaka_ros_driver.simulation.controller.state import ControllerState, Options, Start
 
 NOTHING = (0, "")
 

@@ -13,10 +13,10 @@ from import_graph import ROOT, outside_imports
 from jaka_ros_driver.errors import FramingError
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.controller.command_spec import Then
-from jaka_ros_driver.simulation.controller.controller import Controller
-from jaka_ros_driver.simulation.controller.controller_state import Options, Start
+from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
-from jaka_ros_driver.simulation.dialect.dialect import Dialect
+from jaka_ros_driver.simulation.controller.state import Options, Start
+from jaka_ros_driver.simulation.dialect.table import Dialect
 
 OFTEN = ("joint_move", "moveL", "movc", "end_move", "jog", "servo_move", "servo_j", "servo_p", "stop_program",
          "torque_control_enable", "pause_program", "resume_program", "rapid_rate", "clear_error", "enable_robot")
@@ -143,7 +143,7 @@ def test_the_same_session_gives_the_same_bytes_in_any_process():
 
 
 def test_nothing_in_it_can_ask_for_the_time_or_for_chance():
-    assert not outside_imports("jaka_ros_driver.simulation.controller.controller") & {
+    assert not outside_imports("jaka_ros_driver.simulation.controller.executor") & {
         "asyncio", "datetime", "queue", "random", "secrets", "select", "selectors", "signal", "socket", "threading",
         "time", "uuid"}
 

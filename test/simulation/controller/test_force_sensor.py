@@ -5,10 +5,10 @@ import pytest
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.protocol.status import parse_status
-from jaka_ros_driver.simulation.controller.controller import Controller
-from jaka_ros_driver.simulation.controller.controller_state import Options
+from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.force_sensor import BIAS, ZEROING_TIME_S
+from jaka_ros_driver.simulation.controller.state import Options
 
 LOAD = (10.0, -5.0, 2.5, 0.5, 0.25, -0.125)
 NOTHING = (0.0,) * 6

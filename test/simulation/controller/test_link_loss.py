@@ -8,9 +8,9 @@ from waiting import wait_until
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
-from jaka_ros_driver.simulation.controller.controller import Controller
-from jaka_ros_driver.simulation.controller.controller_state import LinkLoss, Options, Start
+from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.controller.state import LinkLoss, Options, Start
 
 FAR = [170.0, 90.0, -90.0, 90.0, 90.0, 0.0]
 PAUSE, ABORT = 1, 2

@@ -6,9 +6,9 @@ import pytest
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.protocol.status import encode_frame, parse_status
-from jaka_ros_driver.simulation.controller.controller import Controller
-from jaka_ros_driver.simulation.controller.controller_state import Options, Start
+from jaka_ros_driver.simulation.controller.executor import Controller
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.controller.state import Options, Start
 from jaka_ros_driver.simulation.controller.status_frame import MAX_POLLED_BYTES, all_field_names
 
 CAPTURED = json.loads((Path(__file__).parents[2] / "data" / "frames" / "zu5s_1.5.14.json").read_text())

@@ -5,9 +5,9 @@ from raw_client import RawClient
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
-from jaka_ros_driver.simulation.controller.controller import Controller, ReplyLine
-from jaka_ros_driver.simulation.controller.controller_state import LinkLoss, Options, Start
+from jaka_ros_driver.simulation.controller.executor import Controller, ReplyLine
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
+from jaka_ros_driver.simulation.controller.state import LinkLoss, Options, Start
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 
 HOME = [0.0, 90.0, -90.0, 90.0, 90.0, 0.0]

@@ -8,10 +8,10 @@ from good_requests import GOOD
 from raw_client import RawFeed
 
 from jaka_ros_driver.errors import InvalidCommand
-from jaka_ros_driver.simulation.controller.controller_state import Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
-from jaka_ros_driver.simulation.dialect.dialect import DIMENSIONS, Dialect
+from jaka_ros_driver.simulation.controller.state import Start
 from jaka_ros_driver.simulation.dialect.dimension import FIRMWARE_NAMES, Range
+from jaka_ros_driver.simulation.dialect.table import DIMENSIONS, Dialect
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 
 

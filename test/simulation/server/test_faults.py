@@ -4,13 +4,13 @@ import pytest
 
 from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.protocol.ports import PORTS
-from jaka_ros_driver.simulation.server.connection import Connection
+from jaka_ros_driver.simulation.server.connection import ClientConnection
 from jaka_ros_driver.simulation.server.faults import KINDS, Delivery, Effect, FaultScript
 
 
 def sent_over(script, port, messages, times):
     """Return what a connection sends, and when: messages posted at time 0, looked at at the given times."""
-    connection = Connection(port, 1, "peer", 0.0)
+    connection = ClientConnection(port, 1, "peer", 0.0)
     for message in messages:
         connection.post(script.deliveries(port, message, None, 0.0))
     sent = []
@@ -83,7 +83,7 @@ def test_what_follows_an_end_is_never_sent():
 
 
 def test_partial_sends_lose_nothing():
-    connection = Connection("status", 1, "peer", 0.0)
+    connection = ClientConnection("status", 1, "peer", 0.0)
     connection.post([Delivery(b"abcdef", 0.0), Delivery(b"gh", 1.0, Effect.CLOSE)])
     sent = bytearray()
 

@@ -9,9 +9,9 @@ from raw_client import RawClient, RawFeed, poll
 from waiting import wait_until
 
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand
+from jaka_ros_driver.simulation.server.event_loop import ask_operator_port
 from jaka_ros_driver.simulation.server.faults import KINDS
-from jaka_ros_driver.simulation.server.panel import ACTIONS
-from jaka_ros_driver.simulation.server.server import ask_panel
+from jaka_ros_driver.simulation.server.operator_actions import ACTIONS
 
 REPLY = (b'{"version": "1.5.14_13_X64", "robot_name": "zu7", "robot_id": "0", "errorCode": "0", "errorMsg": "", '
          b'"cmdName": "get_version"}')
@@ -322,9 +322,9 @@ def test_the_same_seed_gives_the_same_faults(make_arm):
 
 
 def test_panel_over_its_port(arm):
-    assert ask_panel(arm.panel_port, {"action": "state"})["state"]["is_enabled"] is True
-    assert set(ask_panel(arm.panel_port, {"action": "help"})["actions"]) == set(ACTIONS)
-    answer = ask_panel(arm.panel_port, {"action": "dance"})
+    assert ask_operator_port(arm.panel_port, {"action": "state"})["state"]["is_enabled"] is True
+    assert set(ask_operator_port(arm.panel_port, {"action": "help"})["actions"]) == set(ACTIONS)
+    answer = ask_operator_port(arm.panel_port, {"action": "dance"})
     assert answer["ok"] is False and "dance" in answer["error"]
     with RawClient(arm.panel_port) as panel:
         panel.send(b'{"action": "hit", "force": 1}\n{"action": "wire"}')
@@ -350,7 +350,7 @@ def test_panel_that_is_not_there(make_arm):
     arm = make_arm(panel_port=None)
     assert arm.panel_port is None
     with pytest.raises(ConnectionLost):
-        ask_panel(arm.status_port, {"action": "state"}, timeout=5.0)
+        ask_operator_port(arm.status_port, {"action": "state"}, timeout=5.0)
 
 
 @pytest.mark.parametrize("request_", [
@@ -370,7 +370,7 @@ def test_panel_that_is_not_there(make_arm):
     {"action": "slow_feed", "rate": 0}, {"action": "fields", "drop": "inpos"}, {"action": "fields", "add": [1]},
     {"action": "reboot", "down": -1}, {"action": None}, {}], ids=repr)
 def test_bad_requests_to_the_panel_are_told_so(arm, request_):
-    answer = ask_panel(arm.panel_port, request_)
+    answer = ask_operator_port(arm.panel_port, request_)
     assert answer["ok"] is False and answer["error"]
 
 

@@ -14,7 +14,7 @@ from waiting import wait_until
 
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.protocol.ports import PORTS
-from jaka_ros_driver.simulation.server.server import Server, ask_panel
+from jaka_ros_driver.simulation.server.event_loop import ControllerServer, ask_operator_port
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
 REQUESTS_FILE = Path(__file__).parents[2] / "data" / "sdk" / "requests-2.1.11.txt"
@@ -82,7 +82,7 @@ def test_idle_connections_lock_nobody_out(arm, port):
             with RawClient(arm.poll_port) as asking:
                 assert json.loads(poll(asking))["enabled"] is True
         else:
-            assert ask_panel(arm.panel_port, {"action": "state"})["ok"] is True
+            assert ask_operator_port(arm.panel_port, {"action": "state"})["ok"] is True
 
 
 def test_the_feed_that_came_with_the_command_client_outlives_idle_ones(arm):
@@ -235,7 +235,7 @@ def test_port_that_is_taken_is_an_error_and_leaves_nothing_open(arm, make_arm):
 
 
 def test_call_into_a_stopped_server_fails(arm):
-    server = Server(arm.server.controller, LOOPBACK, dict.fromkeys(PORTS, 0))
+    server = ControllerServer(arm.server.controller, LOOPBACK, dict.fromkeys(PORTS, 0))
     server.close()
     with pytest.raises(ConnectionLost):
         server.call(lambda: None)

@@ -17,8 +17,8 @@ from waiting import WAIT, InBackground, eventually
 from wire_verdict import WireVerdict
 
 from jaka_msgs.msg import ServiceCall
-from jaka_ros_driver.ros.services.service_table import SERVICES
-from jaka_ros_driver.simulation.server.server import ask_panel
+from jaka_ros_driver.ros.services.table import SERVICES
+from jaka_ros_driver.simulation.server.event_loop import ask_operator_port
 
 TYPES = {spec.name: spec.srv_type for spec in SERVICES}
 PROGRAM = command_of("jaka_driver")
@@ -39,7 +39,7 @@ class SimulatorProcess:
         self.command_port, self.status_port = self.ports["command_port"], self.ports["status_port"]
 
     def panel(self, action, **parameters):
-        answer = ask_panel(self.ports["panel_port"], dict(parameters, action=action))
+        answer = ask_operator_port(self.ports["panel_port"], dict(parameters, action=action))
         assert answer.pop("ok"), answer
         return answer
 

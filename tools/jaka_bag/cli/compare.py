@@ -15,7 +15,6 @@ from ..errors import UsageError
 from ..output_file import OutputFile, check_output
 from .fleet import comparing
 from .main import printable
-from .options import add_old_spelling
 from .quantities import positive_number
 
 EPILOG = """\
@@ -47,11 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--html", metavar="FILE", help="write a page to look at")
     add("--junit", metavar="FILE", help="write JUnit XML, a test case for each check")
     add("--report", metavar="FILE", help="write the result as JSON")
-    add("--json", nargs="?", const="", metavar="FILE", help="the result as JSON on stdout (with FILE: as --report)")
+    add("--json", action="store_true", help="the result as JSON on stdout")
     add("--time-scale", type=positive_number, default=1.0, metavar="N", help="the candidate ran N times faster")
     add("-f", "--force", action="store_true", help="overwrite the outputs")
-    add_old_spelling(parser, "-t", "tolerances", str,
-                     "-t means --tolerances here, and --topics in other commands: write --tolerances")
     add("-v", "--verbose", action="store_true", help="every check, not only the differences")
     add("-q", "--quiet", action="store_true", help="only the verdict")
     add("--print-tolerances", action="store_true", help="print the tolerances in force as YAML, and end")
@@ -75,23 +72,9 @@ def write_reports(comparison: Comparison, tolerances: Tolerances, html: Optional
                 output.write(text().encode("utf-8", "replace"))
 
 
-def _sort_json(args: argparse.Namespace) -> None:
-    """Tell ``--json FILE``, as it used to be written, from ``--json`` in front of the logs."""
-    if not args.json:
-        return
-    if args.golden is not None and args.candidate is None and not args.json.endswith(".json"):
-        args.golden, args.candidate, args.json = args.json, args.golden, ""
-        return
-    print("jaka_bag: note: --json FILE writes the result to FILE here, --json in other commands prints it: write "
-          "--report FILE", file=sys.stderr)
-    args.report, args.json = args.report or args.json, None
-
-
 def run(args: argparse.Namespace) -> int:
     """Compare; 0 same, 1 different, 2 cannot be compared."""
     try:
-        if args.against is None:
-            _sort_json(args)
         tolerances = load_tolerances(args.tolerances)
         if args.print_tolerances:
             sys.stdout.write(as_yaml(tolerances))
@@ -110,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     except (CannotCompare, ToleranceError) as error:
         raise UsageError(str(error)) from error
     write_reports(comparison, tolerances, args.html, args.junit, args.report, args.force)
-    if args.json is not None:
+    if args.json:
         print(json.dumps(as_data(comparison), indent=1, allow_nan=False))
         return 0 if comparison.same else 1
     print(printable(headline(comparison) if args.quiet else as_text(comparison, args.verbose)))

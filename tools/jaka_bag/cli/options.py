@@ -4,7 +4,7 @@ import json
 import sys
 import time
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterable, Optional, TextIO, Union
+from typing import Any, Dict, Iterable, Optional, TextIO, Union
 
 from ..errors import UsageError
 from ..messages.selection import Selection, TimeSpan
@@ -15,27 +15,6 @@ _PROGRESS_S = 0.1
 _WIDTH = 24
 TIME_HELP = ("2m, 5s, 1:30 after the log's start; with a minus: before its end; absolute from 1e8 s on, and as 'info' "
              "prints it")
-
-
-def add_old_spelling(group: argparse._ActionsContainer, letter: str, dest: str, kind: Callable[[str], Any],
-                     meaning: str) -> None:
-    """Keep an option that has been given up: it works as before, with a notice; help and completion do not name it.
-
-    Args:
-        group: A parser or a group of options of one.
-        letter: The option.
-        dest: The attribute that it sets.
-        kind: What makes the value of the text.
-        meaning: What it means here, and what to write instead.
-    """
-    class OldSpelling(argparse.Action):
-        def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
-                     option_string: Optional[str] = None) -> None:
-            print("jaka_bag: note: %s" % meaning, file=sys.stderr)
-            setattr(namespace, dest, values)
-
-    group.add_argument(letter, action=OldSpelling, dest=dest, type=kind, default=argparse.SUPPRESS,
-                       help=argparse.SUPPRESS)
 
 
 def add_source(parser: argparse.ArgumentParser, output: str, metavar: str = "DST",
@@ -100,10 +79,6 @@ def add_span(group: argparse._ActionsContainer) -> None:
                        help="up to TIME, given likewise")
     group.add_argument("--duration", type=positive_ns, metavar="TIME",
                        help="so long from --start on (2m, 5s, 1:30; not with --until)")
-    add_old_spelling(group, "-u", "end", time_point,
-                     "-u means --until here, and --duration in play as in rosbag play: write --until")
-    add_old_spelling(group, "-d", "duration", positive_ns,
-                     "-d means --duration here, and --delay in play as in rosbag play: write --duration")
 
 
 def selection_of(args: argparse.Namespace) -> Selection:

@@ -5,7 +5,7 @@ controller then stops the arm there.
 """
 from typing import Callable, Sequence
 
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure
+from jaka_ros_driver.client.core.procedures.steps import Ask, Procedure
 from jaka_ros_driver.commands import (
     ArcMove,
     Command,
@@ -17,12 +17,12 @@ from jaka_ros_driver.commands import (
 )
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand
 from jaka_ros_driver.state import RobotState, Vector
-from jaka_ros_driver.trajectory.segments import MAX_SEGMENTS, Place, SegmentPath
+from jaka_ros_driver.trajectory.segments import MAX_SEGMENTS, PathPlace, SegmentPath
 
 
 def audit(commands: Sequence[PathCommand], state: RobotState, audited: Callable[[Command], Command],
           check: Callable[[], None]) -> Procedure:
-    """Find the places between which the segments lead, and see that each can be reached; returns a SegmentPath.
+    """Find the places between which the segments lead, and check that each can be reached; return a SegmentPath.
 
     Args:
         commands: Of the segments.
@@ -40,18 +40,18 @@ def audit(commands: Sequence[PathCommand], state: RobotState, audited: Callable[
         raise InvalidCommand("refused: this controller does not report the pose of the tool")
     for number, command in enumerate(commands):
         _require(audited, command, number)
-    places = [Place(state.joint_position, Pose(state.tcp_position, state.tcp_rpy))]
+    places = [PathPlace(state.joint_position, Pose(state.tcp_position, state.tcp_rpy))]
     for number, command in enumerate(commands):
         check()
         before = places[-1].joints
         if isinstance(command, JointMove):
             pose = yield Ask(ForwardKinematics(command.joint_position))
-            places.append(Place(command.joint_position, pose))
+            places.append(PathPlace(command.joint_position, pose))
             continue
         if isinstance(command, ArcMove):
             before = yield from _joints_at(command.via, before, audited, number, "via")
-        places.append(Place((yield from _joints_at(command.target, before, audited, number, "target")),
-                            command.target))
+        places.append(PathPlace((yield from _joints_at(command.target, before, audited, number, "target")),
+                                command.target))
     return SegmentPath(commands, places)
 
 

@@ -7,7 +7,7 @@ from typing import Any, Callable, NamedTuple, Optional
 
 from jaka_ros_driver.client.core.arrival import NO_DISTANCE, SETTLE_TIME_S, InPosition, has_settled
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner, is_held, rest_time_at
+from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner, is_held, rest_time_at
 from jaka_ros_driver.client.core.move import (
     NOT_SEEN_TO_BEGIN,
     START_WINDOW_S,
@@ -19,15 +19,15 @@ from jaka_ros_driver.client.core.stillness import MOVEMENT
 from jaka_ros_driver.commands import JointMove
 from jaka_ros_driver.errors import JakaError, MotionInterrupted, PathInterrupted, StopCause
 from jaka_ros_driver.state import RobotState
-from jaka_ros_driver.trajectory.segments import SegmentPath, Tracker
+from jaka_ros_driver.trajectory.segments import PathTracker, SegmentPath
 
 
 class PathProgress(NamedTuple):
-    """How far an arm has come on its path.
+    """The progress of an arm on its path.
 
     Attributes:
         call: Of its goal.
-        completed: Segments that have ended; the next one, counted from 0, is under way.
+        completed: Segments that have ended; the next one, counted from 0, is running.
         fraction: Of the whole path, 0 to 1, by the time that its segments take at their programmed speeds.
         is_paused: It is held by a pause.
     """
@@ -38,19 +38,21 @@ class PathProgress(NamedTuple):
     is_paused: bool = False
 
 
-class PathMove(Motion):
-    """Completed when every segment was passed and the arm rests at the last target; stopped by what contradicts that.
+class PathMove(ArmMotion):
+    """A motion that is completed when every segment was passed and the arm rests at the last target.
+
+    It is stopped by what contradicts that.
 
     Attributes:
-        is_paused: Paused by a call; the time in which it is does not count.
+        is_paused: Paused by a call; that time does not count.
     """
 
     owner = MotionOwner.PATH
-    is_told_at_rest = True
+    is_answered_at_rest = True
 
     def __init__(self, custody: Custody, path: SegmentPath, call: Any, on_begun: Callable[[], None],
                  state: RobotState, now: float) -> None:
-        """Prepare.
+        """Set up the motion.
 
         Args:
             custody: Of this motion.
@@ -66,7 +68,7 @@ class PathMove(Motion):
         self._on_begun = on_begun
         self._start = state
         self._frames = state.tool_id, state.user_frame_id
-        self._tracker = Tracker(path, now)
+        self._tracker = PathTracker(path, now)
         self._waiting = [segment.command for segment in path.segments if not segment.is_nowhere]
         self._is_single = len(self._waiting) == 1
         self._target = self._waiting[-1]
@@ -87,7 +89,7 @@ class PathMove(Motion):
 
     @property
     def progress(self) -> PathProgress:
-        """How far it has come."""
+        """The progress on the path."""
         if self._is_done:
             return PathProgress(self._call, len(self._path.segments), 1.0)
         return PathProgress(self._call, self._tracker.completed, self._tracker.fraction, self.is_paused)
@@ -118,7 +120,7 @@ class PathMove(Motion):
             self._look_for_the_end(self._accepted_at, state, now)
 
     def observe_stop(self, state: RobotState) -> None:
-        """Follow it until it rests: what moves the arm after that is not this path."""
+        """Follow the arm until it rests: what moves it after that is not this path."""
         self._has_rested = self._has_rested or self._custody.stillness.duration() >= self.rest_time
         if not self._has_rested:
             self._follow(state)
@@ -170,7 +172,7 @@ class PathMove(Motion):
         self.deadline = now + self._custody.settings.motion_timeout
 
     def _follow(self, state: RobotState) -> None:
-        """Take the arm's place on the path; a pose in another frame than its targets' tells nothing of that."""
+        """Take the arm's place on the path, unless its pose is given in another frame than the targets."""
         if self._begun_at is not None and (state.tool_id, state.user_frame_id) == self._frames:
             self._tracker.observe(state)
 
@@ -179,7 +181,10 @@ class PathMove(Motion):
         self._custody.actions.answer(call, progress, error)
 
     def _look_for_the_end(self, accepted_at: float, state: RobotState, now: float) -> None:
-        """Measured positions decide, as for a single move; and the arm must have come along the path."""
+        """Decide by the measured positions whether the path has ended, as for a single move.
+
+        The arm must also have come along the path.
+        """
         since = max(accepted_at, self._held_at)
         if self._custody.rest_since(since) < self.rest_time:
             return
@@ -199,12 +204,12 @@ class PathMove(Motion):
         self._custody.stop(MotionInterrupted(cause, text % distance_text(self._target, state)), now)
 
     def _has_arrived(self, distance: float, resting: float, state: RobotState) -> bool:
-        """The arm rests within the tolerance of its end; Return whether no segment can still begin, or go on."""
+        """Return whether no segment can still begin, or go on, of an arm that rests within the tolerance of its end."""
         return self._tracker.fraction >= 1.0 and (
             has_settled(distance, resting, self.rest_time, state)
-            or (self._is_single and self._in_position.tells_the_end(state)))
+            or (self._is_single and self._in_position.shows_the_end(state)))
 
     @property
     def _was_followed(self) -> bool:
-        """It has passed every corner."""
+        """True where the arm has passed every corner."""
         return self._tracker.completed >= len(self._path.segments) - 1

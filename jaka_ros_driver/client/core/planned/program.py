@@ -1,33 +1,36 @@
 """A program that is stored in the controller: in custody from before it is played until it is over and the arm rests.
 
-Which motions it makes is not known here. So the status feed's word on the program (``interp_state``,
-docs/controller-protocol.md section 6.2) decides that it is over, together with joints at rest; the word alone does not.
+Its motions are not known here. So the program's state in the status feed (``interp_state``, docs/controller-protocol.md
+section 6.2) decides that it is over, together with joints at rest; the state alone does not.
 """
 from typing import Any, Callable, Optional
 
 from jaka_ros_driver.client.core.custody import Custody
-from jaka_ros_driver.client.core.motion import Motion, MotionOwner
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure
+from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import Command, ResumeMotion
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY, ProgramState, RobotState
 
 SHOWN_WITHIN_S = 2.0
-"""s; what was asked of a program is seen in the status feed within this time, or has failed."""
+"""Longest time, s, until the status feed must show what was asked of a program."""
 _NOT_SEEN_RUNNING = "accepted, but the program was not seen running within %.0f s" % SHOWN_WITHIN_S
 _OVER_TIME_S = 0.3
-"""s; a program is over when the status feed has said so for so long, with the arm at rest."""
+"""Time, s, for which the status feed must show a program as idle, with the arm at rest, until it is over."""
 _NEVER = float("inf")
 
 
-class Program(Motion):
-    """Its caller is answered when the status feed shows it running; custody goes on until it is over."""
+class ProgramMotion(ArmMotion):
+    """A running program, in custody until it is over.
+
+    Its caller is answered when the status feed shows it running.
+    """
 
     owner = MotionOwner.PROGRAM
 
     def __init__(self, custody: Custody, command: Command, call: Any, end: Any) -> None:
-        """Prepare.
+        """Set up the motion.
 
         Args:
             custody: Of this motion.
@@ -73,7 +76,7 @@ class Program(Motion):
         self._custody.actions.answer(self._end, None, outcome)
 
     def resumed(self, require_ready: Callable[[float], RobotState], seen: Callable[..., Procedure]) -> Procedure:
-        """Let it go on, where it is paused; ends when it is seen running.
+        """Resume the program where it is paused; end when it is seen running.
 
         Args:
             require_ready: The arm's state where it can be moved, else an error.
@@ -119,10 +122,10 @@ class Program(Motion):
 
 
 def require_program_state(state: RobotState, *wanted: ProgramState) -> None:
-    """See that the controller's program is in one of these states.
+    """Check that the controller's program is in one of these states.
 
     Raises:
-        InvalidCommand: It is in another one, or the status feed does not tell.
+        InvalidCommand: It is in another one, or the status feed does not show it.
     """
     if state.program_state is None:
         raise InvalidCommand("refused: this controller does not tell whether a program runs (interp_state)")

@@ -1,11 +1,11 @@
-"""Pause and resume what this driver moves, and the speed of all that the controller and this driver run."""
+"""Procedures that pause and resume this driver's motion, and set the speed of all that controller and driver run."""
 from typing import Callable, Union
 
 from jaka_ros_driver.client.core.arm_core import ArmCore
-from jaka_ros_driver.client.core.motion import Motion
+from jaka_ros_driver.client.core.motion import ArmMotion
 from jaka_ros_driver.client.core.move import Move
 from jaka_ros_driver.client.core.planned.path_move import PathMove
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure, Until
+from jaka_ros_driver.client.core.procedures.steps import Ask, Procedure, Until
 from jaka_ros_driver.client.core.trajectory import Trajectory
 from jaka_ros_driver.commands import PauseMotion, ResumeMotion, SetRapidRate
 from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, StopCause
@@ -16,10 +16,10 @@ _NEVER = float("inf")
 
 
 def pause(core: ArmCore) -> Procedure:
-    """Hold the trajectory, the path or the planned moves under way, at rest on their path; returns when the arm rests.
+    """Hold the running trajectory, path or planned moves, at rest on their path; return when the arm rests.
 
     Raises:
-        InvalidCommand: Nothing is under way that can be paused, or it has ended meanwhile.
+        InvalidCommand: Nothing runs that can be paused, or it has ended meanwhile.
         MotionInterrupted: The arm did not come to rest within 2 s; it is still in custody, and a stop ends it.
         JakaError: As ``Ask``.
     """
@@ -41,7 +41,7 @@ def pause(core: ArmCore) -> Procedure:
 
 
 def resume(core: ArmCore) -> Procedure:
-    """Go on with what ``pause`` has paused.
+    """Resume the motion that ``pause`` has paused.
 
     Raises:
         InvalidCommand: Nothing is paused, or it has ended meanwhile.
@@ -76,9 +76,10 @@ def set_speed(core: ArmCore, fraction: float) -> Procedure:
 
 
 def rests_while(core: ArmCore, holds: Callable[[], bool], rest_time: float) -> Callable[[float], bool]:
-    """A condition of ``Until``: this holds, and the arm has been seen at rest for ``rest_time``, s, since it does.
+    """Return a condition of ``Until``: ``holds``, and the arm has been seen at rest for ``rest_time``, s, since it
+    does.
 
-    Rest of before shows nothing: the arm may just have begun to move.
+    Earlier rest proves nothing: the arm may just have begun to move.
     """
     since = _NEVER
 
@@ -99,6 +100,6 @@ def _pausable(core: ArmCore) -> Union[Move, PathMove, Trajectory]:
     return motion
 
 
-def _require_still_under_way(core: ArmCore, motion: Motion, what: str) -> None:
+def _require_still_under_way(core: ArmCore, motion: ArmMotion, what: str) -> None:
     if core.custody.motion is not motion or core.custody.is_ending or motion.is_leaving:
         raise InvalidCommand("refused: %s has ended, it cannot be %s" % (motion.owner.value, what))

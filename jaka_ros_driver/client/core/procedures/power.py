@@ -1,22 +1,25 @@
-"""Power, enabling and alarms: the way to an arm that can move. Nothing here acts without being called."""
+"""Procedures for power, enabling and alarms: the way to an arm that can move.
+
+Nothing here acts without being called.
+"""
 import logging
 from typing import Callable, List
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import event_text
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Tell, Until
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure, SendAhead, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import InvalidCommand, JakaError, MotionInterrupted, StopCause
 from jaka_ros_driver.state import PROGRAM_UNDER_WAY, RobotState
 
 CLEAR_TIMEOUT_S = 3.0
-"""s; how long alarms may take to go, and the arm to come to rest."""
+"""Longest time, s, for alarms to clear, and for the arm to come to rest."""
 _NEVER = float("inf")
 
 
 def missing_for_motion(state: RobotState) -> List[str]:
-    """What must be done before the arm can move, in order; empty when it can."""
+    """Return what must be done before the arm can move, in order; empty when it can."""
     missing = []
     if state.emergency_stop:
         missing.append("release the emergency stop")
@@ -30,11 +33,11 @@ def missing_for_motion(state: RobotState) -> List[str]:
 
 
 def set_power(core: ArmCore, on: bool) -> Procedure:
-    """Energise the drives, or stop, disable and de-energise them; ends when the arm reports it.
+    """Energise the drives, or stop, disable and de-energise them; end when the arm reports it.
 
     Raises:
         InvalidCommand: The emergency stop or a protective stop stands against it.
-        MotionInterrupted: The controller took the command and did not follow in time.
+        MotionInterrupted: The controller accepted the command and did not follow in time.
         JakaError: As ``Ask``; ConnectionLost where the arm's state is not known.
     """
     core.note_disturbance("a call of power")
@@ -48,7 +51,7 @@ def set_power(core: ArmCore, on: bool) -> Procedure:
 
 
 def set_enabled(core: ArmCore, on: bool) -> Procedure:
-    """Release the brakes and hold torque, or the reverse; ends when the arm reports it.
+    """Release the brakes and hold torque, or the reverse; end when the arm reports it.
 
     Raises:
         As ``set_power``; InvalidCommand when the drives have no power.
@@ -111,7 +114,7 @@ def auto_enable(core: ArmCore) -> Procedure:
 
 def clear_alarms(core: ArmCore, is_done: Callable[[RobotState], bool],
                  check: Callable[[], None] = lambda: None) -> Procedure:
-    """Send ``clear_error`` and wait until ``is_done``, 3 s at most; returns whether it came.
+    """Send ``clear_error`` and wait until ``is_done``, 3 s at most; return whether it came.
 
     ``check`` may end it by raising; further errors as ``Ask``.
     """
@@ -121,13 +124,13 @@ def clear_alarms(core: ArmCore, is_done: Callable[[RobotState], bool],
 
 
 def alarm_stands(state: RobotState) -> MotionInterrupted:
-    """The error where clearing was in vain."""
+    """Return the error for an alarm that clearing did not remove."""
     return MotionInterrupted(StopCause.FAULT, "an alarm still stands: 0x%X %s" % (state.error_code,
                                                                                 state.error_message))
 
 
 def switch_power(core: ArmCore, on: bool, check: Callable[[], None] = lambda: None) -> Procedure:
-    """Switch the power of the drives unless it is so already, and wait until the arm reports it; errors as ``Ask``.
+    """Switch the power of the drives unless it is so already, and wait until the arm reports it; raise as ``Ask`` does.
 
     ``check`` may end it by raising, before the command and while the arm is waited for. MotionInterrupted: not in time.
     """
@@ -136,7 +139,7 @@ def switch_power(core: ArmCore, on: bool, check: Callable[[], None] = lambda: No
 
 
 def switch_drives(core: ArmCore, on: bool, check: Callable[[], None] = lambda: None) -> Procedure:
-    """Release or engage the brakes; as ``switch_power``."""
+    """Release or engage the brakes, with arguments and errors as ``switch_power``."""
     return _switch(core, c.SetEnabled(on), on, lambda s: s.is_enabled is on, core.settings.enable_timeout,
                    "enable" if on else "disable", check)
 
@@ -146,9 +149,8 @@ def _switch(core: ArmCore, command: c.Command, on: bool, is_done: Callable[[Robo
     """Send the command unless the state has it already, and wait until it has; ``check`` may raise before each step.
 
     Drives that are off while an earlier call is switching them on are switched off all the same: they would come on.
-
-    The feed tells when it is done, and only it: the reply comes at once or not before that
-    (docs/controller-protocol.md section 5.1).
+    Only the feed shows when it is done: the reply comes at once or not before that (docs/controller-protocol.md section
+    5.1).
     """
     check()
     begun, kind = (yield Now()), type(command)
@@ -159,7 +161,7 @@ def _switch(core: ArmCore, command: c.Command, on: bool, is_done: Callable[[Robo
     core.switched_on_at.pop(kind, None)
     if on:
         core.switched_on_at[kind] = begun
-    yield Tell(command)
+    yield SendAhead(command)
     if (yield from core.seen(is_done, timeout, check)):
         core.switched_on_at.pop(kind, None)
         core.channel.done(command, (yield Now()))
@@ -177,7 +179,10 @@ def _refuse_under_stop(state: RobotState, what: str) -> None:
 
 
 def _come_to_rest(core: ArmCore) -> Procedure:
-    """The controller disables an arm at rest only (docs/controller-protocol.md section 5.1)."""
+    """Stop the arm where it moves, and wait until it rests.
+
+    The controller disables an arm at rest only (docs/controller-protocol.md section 5.1).
+    """
     def rests(_now: float) -> bool:
         return core.custody.is_free and core.custody.stillness.duration() >= REST_TIME_S
     state = yield from _state(core)

@@ -1,10 +1,10 @@
-"""Load, pause, go on with and stop the programs that are stored in the controller; each ends when it is seen done."""
+"""Procedures that load, pause and stop the controller's stored programs; each ends when its effect is seen."""
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.planned.program import SHOWN_WITHIN_S, require_program_state
 from jaka_ros_driver.client.core.procedures.pausing import rests_while
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
 from jaka_ros_driver.client.core.procedures.settings import NOT_VERIFIED, ReadBackMismatch
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.commands import LoadProgram, PauseMotion, Query
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, MotionInterrupted, ProtocolError, StopCause
@@ -12,7 +12,7 @@ from jaka_ros_driver.state import PROGRAM_UNDER_WAY, ProgramState
 
 
 def load(core: ArmCore, name: str) -> Procedure:
-    """Make this program the loaded one; run it exclusively. Returns a sentence.
+    """Load this program; run it exclusively. Return a sentence for the user.
 
     Raises:
         InvalidCommand: A program runs or is paused, or this is no name of a program; nothing was sent.
@@ -34,7 +34,7 @@ def load(core: ArmCore, name: str) -> Procedure:
 
 
 def pause(core: ArmCore) -> Procedure:
-    """Hold the program that runs, also one of the pendant's; returns when the arm rests and the feed shows it paused.
+    """Hold the running program, also one of the pendant's; return when the arm rests and the feed shows it paused.
 
     Raises:
         InvalidCommand: None runs, or it has ended meanwhile.
@@ -59,7 +59,7 @@ def pause(core: ArmCore) -> Procedure:
 
 
 def see_stopped(core: ArmCore) -> Procedure:
-    """After a stop: see that no program is under way and that the arm rests.
+    """Wait after a stop until no program runs and the arm rests.
 
     Raises:
         MotionInterrupted: That was not seen in time.
@@ -83,5 +83,8 @@ def _require_no_other_motion(core: ArmCore) -> None:
 
 
 def _stem(name: str) -> str:
-    """Controllers and clients disagree on the suffix (docs/controller-protocol.md section 5.14)."""
+    """Return a program's name without its suffix.
+
+    Sources disagree on the suffix (docs/controller-protocol.md section 5.14).
+    """
     return name[:-4] if name.endswith((".ngc", ".jks")) else name

@@ -1,4 +1,4 @@
-"""From a fault or a stop to an arm that can move: one act of four steps, none of which moves the arm."""
+"""The procedure that recovers the arm from a fault or a stop: one act of four steps, none of which moves the arm."""
 import enum
 from typing import Callable, List
 
@@ -6,7 +6,7 @@ from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.contradictions import standing_cause
 from jaka_ros_driver.client.core.motion import event_text
 from jaka_ros_driver.client.core.procedures import power
-from jaka_ros_driver.client.core.procedures.procedure import Now, Procedure, Until
+from jaka_ros_driver.client.core.procedures.steps import Now, Procedure, Until
 from jaka_ros_driver.client.core.stillness import REST_TIME_S
 from jaka_ros_driver.errors import (
     CommandRejected,
@@ -19,17 +19,18 @@ from jaka_ros_driver.errors import (
 from jaka_ros_driver.state import RobotState
 
 _REST_TIMEOUT_S = 1.5
-"""s; a recovery waits so long for an arm that is coming to rest."""
+"""Longest time, s, that a recovery waits for an arm that is coming to rest."""
 _FEED_DELAY_S = 0.1
-"""s; the status feed may show so much later than a reply what the reply tells of."""
+"""Longest delay, s, of the status feed behind the reply about the same event."""
 _LEAVES_WITH_THE_JOINT = (0x31, 0x32, 0x35, 0x36)
-"""Events 0x0n0031 and so on: a joint stands on a soft limit, or a jog leads beyond it. They end when the joint is moved
-away, which they do not prevent (docs/controller-protocol.md section 4.4).
+"""Events 0x0n0031 and so on: a joint stands on a soft limit, or a jog leads beyond it.
+
+They end when the joint is moved away, which they do not prevent (docs/controller-protocol.md section 4.4).
 """
 
 
 class RecoveryStep(enum.Enum):
-    """A step; the value is its name for users."""
+    """A step of a recovery; the value is its name for users."""
 
     CLEAR_ERROR = "clear error"
     LEAVE_PROTECTIVE_STOP = "leave protective stop"
@@ -38,30 +39,30 @@ class RecoveryStep(enum.Enum):
 
 
 class RecoveryInterrupted(JakaError):
-    """Something else has ended the recovery: nothing more is sent, the arm is left as it is."""
+    """The error that something else has ended the recovery: nothing more is sent, the arm is left as it is."""
 
 
 class RecoveryCancelled(RecoveryInterrupted):
-    """Its caller has ended the recovery."""
+    """The error that its caller has ended the recovery."""
 
 
 def recover(core: ArmCore, on_step: Callable[[RecoveryStep], None] = lambda step: None,
             is_cancelled: Callable[[], bool] = lambda: False) -> Procedure:
-    """Clear the error, leave the protective stop, power, enable: what of it is needed, each once, each seen to be done.
+    """Clear the error, leave the protective stop, power, enable: each needed step once, each seen to be done.
 
     It is one act: a stop, an emergency stop, a fault, a lost link, hand guiding or another operator's call ends it.
 
     Args:
         core: The arm.
-        on_step: Is told when a step begins; called under the client's lock, it must not block.
-        is_cancelled: Looked at before each step and with every event while the arm is waited for.
+        on_step: Called when a step begins, under the client's lock; it must not block.
+        is_cancelled: Checked before each step and with every event while the arm is waited for.
 
     Returns:
         What was done, in words.
 
     Raises:
         InvalidCommand: Nothing was sent: the emergency stop is pressed, somebody guides the arm by hand, it moves, or
-            another recovery is under way.
+            another recovery is running.
         MotionInterrupted: An alarm still stands after clearing, a step took too long, or the arm was stopped.
         RecoveryInterrupted: Something else, or its caller, has ended it.
         JakaError: As ``Ask``; ConnectionLost where the arm's state is not known.
@@ -95,7 +96,7 @@ class _Recovery:
             try:
                 yield from self._steps()
             except CommandRejected:
-                yield from core.seen(lambda s: False, _FEED_DELAY_S, self._check)  # it may tell why, an emergency stop
+                yield from core.seen(lambda s: False, _FEED_DELAY_S, self._check)  # it may show why: an emergency stop
                 raise
         state = yield from self._state()
         self._check()
@@ -117,7 +118,10 @@ class _Recovery:
             yield from power.switch_drives(self._core, True, self._check)
 
     def _clear(self, state: RobotState) -> Procedure:
-        """The controller has one command for errors and protective stops (docs/controller-protocol.md section 5.10)."""
+        """Clear errors and protective stops.
+
+        The controller has one command for both (docs/controller-protocol.md section 5.10).
+        """
         if not _needs_clearing(state):
             return
         self._begin(RecoveryStep.CLEAR_ERROR)
@@ -131,7 +135,10 @@ class _Recovery:
                     power.CLEAR_TIMEOUT_S, event_text((yield from self._state())) or "no event"))
 
     def _await_rest(self) -> Procedure:
-        """See the arm at rest, and the end of what an earlier call has begun: power_on is not sent a second time."""
+        """Wait until the arm rests and what an earlier call has begun has ended.
+
+        So power_on is not sent a second time.
+        """
         core = self._core
         held_up_at = -_FEED_DELAY_S
 
@@ -164,7 +171,7 @@ class _Recovery:
         return state
 
     def _check(self) -> None:
-        """See that nothing has ended this act; raises what has."""
+        """Raise what has ended this act, if anything has."""
         where = "at the step \"%s\"" % self._done[-1].value if self._done else "before its first step"
         if self._is_cancelled():
             raise RecoveryCancelled("the recovery was cancelled " + where)

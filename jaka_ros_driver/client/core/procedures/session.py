@@ -1,4 +1,4 @@
-"""What is asked of a controller when its command port is connected, and whether it is the one that was meant."""
+"""The questions to a controller whose command port was connected, one of which checks that it is the intended one."""
 import ipaddress
 import logging
 import re
@@ -6,19 +6,22 @@ from dataclasses import dataclass
 from typing import Optional
 
 from jaka_ros_driver.client.core.actions import Actions
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Procedure
+from jaka_ros_driver.client.core.procedures.steps import Ask, Procedure
 from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.commands import Command, Query, SetFeedPeriod
 from jaka_ros_driver.errors import CommandRejected, JakaError, ProtocolError
 
 
 class ForeignController(JakaError):
-    """Not the simulated controller that was launched beside this driver; it is left alone."""
+    """The error that this is not the simulated controller that was launched beside this driver.
+
+    It is left alone.
+    """
 
 
 @dataclass(frozen=True)
 class About:
-    """What the controller told of itself; see ``LinkHealth``."""
+    """The controller's answers about itself; ``LinkHealth`` describes them."""
 
     version: str = ""
     feed_period: Optional[float] = None
@@ -40,7 +43,7 @@ def introduction(settings: ClientSettings, actions: Actions) -> Procedure:
 
 
 def handshake(settings: ClientSettings, actions: Actions) -> Procedure:
-    """Set the period of the feed, and learn version and servo mode; returns an About.
+    """Set the period of the feed, and ask for version and servo mode; return an About.
 
     Raises:
         JakaError: As ``Ask``.
@@ -59,7 +62,8 @@ def handshake(settings: ClientSettings, actions: Actions) -> Procedure:
 
 
 def io_index_base(settings: ClientSettings, version: str) -> int:
-    """Index on the wire of the first input or output: the one that was set, else 1 from version 1.7 on, else 0.
+    """Return the index on the wire of the first input or output: the one that was set, else 1 from version 1.7 on, else
+    0.
 
     No source settles it (docs/controller-protocol.md section 13); every output that is set is looked up in the feed.
     """
@@ -70,7 +74,7 @@ def io_index_base(settings: ClientSettings, version: str) -> int:
 
 
 def is_loopback(host: str) -> bool:
-    """This computer: no real controller listens there."""
+    """Return whether the host is this computer, where no real controller listens."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -78,7 +82,7 @@ def is_loopback(host: str) -> bool:
 
 
 def _ask(command: Command, actions: Actions) -> Procedure:
-    """What the controller answers, None where its firmware does not know the command."""
+    """Return the controller's answer, None where its firmware does not know the command."""
     try:
         return (yield Ask(command))
     except (CommandRejected, ProtocolError) as error:

@@ -1,11 +1,14 @@
-"""Settings that are read back: the controller's "accepted" is not yet "set". Each ends in a sentence for the user."""
+"""Procedures for settings that are read back: the controller's "accepted" is not yet "set".
+
+Each returns a sentence for the user.
+"""
 import math
 from typing import Any, Callable, Dict, Optional, Type, Union
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.arm_core import ArmCore
 from jaka_ros_driver.client.core.contradictions import require_drives
-from jaka_ros_driver.client.core.procedures.procedure import Ask, Now, Procedure, Until
+from jaka_ros_driver.client.core.procedures.steps import Ask, Now, Procedure, Until
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand, JakaError, ProtocolError
 from jaka_ros_driver.kinematics.rotations import matrix_from_rpy, rotation_angle_between
 from jaka_ros_driver.state import IoBank, RobotState, Vector
@@ -16,14 +19,15 @@ _ANGLE_TOLERANCE = 1e-5
 _MASS_TOLERANCE = 1e-4
 _ANALOG_TOLERANCE = 0.01
 _OUTPUT_SETTLES_S = 0.1
-"""An output that had its value before may hide that another was set: so long the others are watched, s."""
+"""Time, s, for which the other outputs are watched where an output had its value before, which may hide a wrong index.
+"""
 _ZERO_FORCE_N, _ZERO_TORQUE_N_M = 2.0, 0.2
-"""What a sensor at rest may still read after it was zeroed; it is noisy, and no source gives a figure."""
+"""Largest reading of a sensor at rest after it was zeroed; it is noisy, and no source gives a figure."""
 NOT_VERIFIED = " (not verified: this controller cannot read it back)"
 
 
 class ReadBackMismatch(JakaError):
-    """The controller accepted a setting and holds another value."""
+    """The error that the controller accepted a setting and holds another value."""
 
 
 def set_tool_frame(core: ArmCore, command: c.SetToolFrame, activate: bool) -> Procedure:
@@ -70,7 +74,7 @@ def set_collision_level(core: ArmCore, level: int) -> Procedure:
 
 
 def set_hand_guiding(core: ArmCore, active: bool) -> Procedure:
-    """Switch hand guiding; ends when the arm reports it.
+    """Switch hand guiding; end when the arm reports it.
 
     Raises:
         InvalidCommand: The arm cannot be guided now.
@@ -90,19 +94,19 @@ def set_hand_guiding(core: ArmCore, active: bool) -> Procedure:
 
 
 def set_digital_output(core: ArmCore, command: c.SetDigitalOutput) -> Procedure:
-    """Switch an output and see it switched, and no other in its place; errors as ``set_tool_frame``."""
+    """Switch an output and check that it is switched, and no other in its place; raise as ``set_tool_frame`` does."""
     told = yield from _set_output(core, command, lambda s: s.io.digital_outputs, c.GetDigitalOutput, 0.0)
     return "digital output %d of %s is %d%s" % (command.index, command.bank.name.lower(), command.value, told)
 
 
 def set_analog_output(core: ArmCore, command: c.SetAnalogOutput) -> Procedure:
-    """Set an output and see it set, and no other in its place; errors as ``set_tool_frame``."""
+    """Set an output and check that it is set, and no other in its place; raise as ``set_tool_frame`` does."""
     told = yield from _set_output(core, command, lambda s: s.io.analog_outputs, c.GetAnalogOutput, _ANALOG_TOLERANCE)
     return "analog output %d of %s is %g%s" % (command.index, command.bank.name.lower(), command.value, told)
 
 
 def zero_force_sensor(core: ArmCore) -> Procedure:
-    """Zero the force sensor and see it read about zero.
+    """Zero the force sensor and check that it reads about zero.
 
     Raises:
         InvalidCommand: The status feed shows no sensor, or the sensor reports an error.
@@ -141,7 +145,7 @@ def _compare(query: c.Query, what: str, difference: Callable[[Any], str]) -> Pro
 
 def _await(core: ArmCore, read: Callable[[RobotState], Any], wanted: Any, what: str,
            query: Optional[c.Query] = None) -> Procedure:
-    """See the feed show the value; where it does not carry it, ask, or say that it could not be verified."""
+    """Wait until the feed shows the value; where it does not carry it, ask, or return that it was not verified."""
     if read(core.fresh_state((yield Now()))) is None:
         return (yield from _ask_instead(query, wanted, what)) if query is not None else NOT_VERIFIED
     yield from _await_feed(core, lambda s: read(s) == wanted, lambda s: "%s is %s, not %s (%s)" % (
@@ -168,7 +172,7 @@ def _await_feed(core: ArmCore, holds: Callable[[RobotState], bool],
 def _set_output(core: ArmCore, command: Union[c.SetDigitalOutput, c.SetAnalogOutput],
                 banks_of: Callable[[RobotState], Dict[IoBank, Vector]],
                 query: Type[Union[c.GetDigitalOutput, c.GetAnalogOutput]], tolerance: float) -> Procedure:
-    """Set it and look at the status feed, or ask where the feed does not carry the output.
+    """Set the output and check it in the status feed, or ask where the feed does not carry the output.
 
     Controllers may count from 0 or from 1: a neighbour that takes the value instead is an error that names both.
     """

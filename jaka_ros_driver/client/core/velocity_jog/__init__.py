@@ -1,6 +1,6 @@
-"""A velocity jog: the arm moves only while fresh messages of one publisher say so.
+"""A velocity jog: the arm moves only while fresh messages of one publisher come.
 
-dead_man      which messages count, and when the hand has let go
-ramp          velocities that are asked for, to one joint position a cycle within all limits
-velocity_jog  the motion
+dead_man  which messages count, and when the dead-man is released
+ramp      wanted velocities to one joint position a cycle within all limits
+motion    the motion
 """

@@ -1,7 +1,7 @@
-"""The dead-man of a velocity jog: which messages count, and when the hand has let go. Pure, it is told the time.
+"""The dead-man of a velocity jog: which messages count, and when it is released. It has no clock.
 
-Silence, an old or repeated stamp, a message that cannot be understood, a second publisher: each lets go, and from then
-on nothing counts until a message of zero velocity has come.
+Silence, an old or repeated stamp, a message that cannot be understood, a second publisher: each releases it, and from
+then on nothing counts until a message of zero velocity has come.
 """
 from typing import Dict, NamedTuple, Optional
 
@@ -9,11 +9,14 @@ from jaka_ros_driver.client.core.velocity_jog.ramp import Wish
 from jaka_ros_driver.errors import InvalidCommand
 
 FRESH_S = 0.2
-"""s; a message counts for so long, from its stamp and from its arrival."""
+"""Longest time, s, for which a message counts, from its stamp and from its arrival."""
 ALONE_S = 0.5
-"""s; a publisher is there until so long after its last message, whatever that said."""
+"""Time, s, after its last message for which a publisher counts as present, whatever that message asked for."""
 AHEAD_S = 0.05
-"""s; a stamp that is farther in the future shows that the clocks of the two computers differ: its age is not known."""
+"""Largest lead, s, of a stamp over this computer's clock.
+
+A larger one shows that the clocks of the two computers differ: the message's age is not known.
+"""
 _NEVER_HELD = "nothing has been held yet"
 
 
@@ -25,7 +28,7 @@ class JogMessage(NamedTuple):
         stamp_ns: Of its header, ns.
         age: By its stamp, when it arrived, s; negative where the stamp is in the future.
         received_at: When it arrived, monotonic, s.
-        wish: What it asks for; None where it cannot be understood.
+        wish: The velocity that it asks for; None where it cannot be understood.
         problem: Why it cannot be understood.
     """
 
@@ -38,13 +41,13 @@ class JogMessage(NamedTuple):
 
 
 class DeadMan:
-    """Decides by each message and by the time.
+    """The dead-man, which decides by each message and by the time.
 
     Attributes:
         is_held: A message of zero velocity has come, and fresh ones since.
-        source: Whose; "" where it is not held.
+        source: Its publisher; "" where it is not held.
         grip: Counts how often it was taken hold of.
-        last_end: Why it was let go, in words.
+        last_end: Why it was released, in words.
     """
 
     def __init__(self) -> None:
@@ -55,20 +58,21 @@ class DeadMan:
         self._wish: Optional[Wish] = None
         self._stamp_ns = 0
         self._counts_until = 0.0
-        self._heard: Dict[str, float] = {}
+        self._received: Dict[str, float] = {}
 
     def take(self, message: JogMessage, now: float) -> Wish:
-        """Take one message into account; returns what it asks for.
+        """Take one message into account; return the velocity that it asks for.
 
         Raises:
-            InvalidCommand: It does not count. Where it cannot be understood, or comes from a second publisher, the hand
-                has let go.
+            InvalidCommand: It does not count. Where it cannot be understood, or comes from a second publisher, the
+                dead-man
+                is released.
         """
         self.wish(now)
-        self._heard = {source: at for source, at in self._heard.items() if now - at <= ALONE_S}
-        self._heard[message.source] = now
-        if len(self._heard) > 1:
-            self._refuse("several publishers at once: %s" % ", ".join(sorted(self._heard)))
+        self._received = {source: at for source, at in self._received.items() if now - at <= ALONE_S}
+        self._received[message.source] = now
+        if len(self._received) > 1:
+            self._refuse("several publishers at once: %s" % ", ".join(sorted(self._received)))
         if message.wish is None:
             self._refuse(message.problem)
         self._require_fresh(message, now)
@@ -83,19 +87,19 @@ class DeadMan:
         return message.wish
 
     def wish(self, now: float) -> Optional[Wish]:
-        """What is asked for at this time; None while nothing is held."""
+        """Return the velocity that is asked for at this time; None while nothing is held."""
         if self.is_held and now > self._counts_until:
-            self.let_go("no fresh message for %g s" % FRESH_S)
+            self.release("no fresh message for %g s" % FRESH_S)
         return self._wish
 
-    def let_go(self, why: str) -> None:
-        """Whatever was held is not any more; ``why`` is told to who asks next."""
+    def release(self, why: str) -> None:
+        """Release the dead-man; ``why`` is the reason for whoever asks next."""
         if self.is_held:
             self.last_end = why
         self.is_held, self.source, self._wish = False, "", None
 
     def _refuse(self, why: str) -> None:
-        self.let_go(why)
+        self.release(why)
         raise InvalidCommand("refused: " + why)
 
     def _require_fresh(self, message: JogMessage, now: float) -> None:

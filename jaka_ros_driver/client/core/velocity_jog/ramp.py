@@ -1,4 +1,4 @@
-"""Velocities that are asked for, to one joint position a cycle: within speed, acceleration and joint limits.
+"""The ramp from wanted velocities to one joint position a cycle: within speed, acceleration and joint limits.
 
 Velocities of the tool go through the Jacobian to the joints, too: so every joint keeps its limits, and the arm passes
 by singularities with the speed that its joints have (a controller is free to stop there when it is sent poses).
@@ -25,17 +25,17 @@ from jaka_ros_driver.kinematics.rotations import IDENTITY, Transform, compose
 from jaka_ros_driver.state import Vector
 
 FASTEST_JOINT = 1.0
-"""rad/s; from here a joint brakes to rest within 0.08 s, which the dead-man's time rests on."""
+"""Highest speed, rad/s, of a joint: it brakes to rest within 0.08 s, on which the dead-man's time depends."""
 _LEVER = 0.3
-"""m; a turn of the tool counts as the way of a point so far from its centre."""
+"""Distance, m, from the tool's centre of the point whose way a turn of the tool counts as."""
 _NEAR_SINGULAR = 0.05
 _DAMPING = 0.025
-"""m/rad; where the smallest singular value of the Jacobian is below the first, it is damped, at most by the second."""
+"""Smallest singular value of the Jacobian, m/rad, below which it is damped, and the largest damping."""
 _NOTHING = (0.0,) * JOINT_COUNT
 _STEP_CHANGE = JOINT_ACCELERATION_CEILING * SERVO_PERIOD_S
-"""rad/s; so much a joint's speed changes in one cycle."""
+"""Largest change, rad/s, of a joint's speed in one cycle."""
 _LONGEST_BRAKE = FASTEST_JOINT / _STEP_CHANGE
-"""Cycles; longer than the joints need nothing brakes, to spare the tool."""
+"""Longest braking, cycles, to spare the tool: the joints never need longer."""
 _ROUNDING = 1e-9
 
 
@@ -54,12 +54,12 @@ class Wish(NamedTuple):
 
     @property
     def is_zero(self) -> bool:
-        """It asks for rest."""
+        """True where it asks for rest."""
         return not any(self.velocity)
 
 
 class JogSpeeds(NamedTuple):
-    """The highest speeds of a jog; what asks for more is slowed down along its way.
+    """The highest speeds of a jog; a faster wish is slowed down along its way.
 
     Attributes:
         joint: Of each joint, rad/s.
@@ -73,10 +73,10 @@ class JogSpeeds(NamedTuple):
 
 
 def require_possible(wish: Wish, model: ArmModel) -> None:
-    """See that the arm has this velocity at all.
+    """Check that the arm has this velocity at all.
 
     Raises:
-        InvalidCommand: It is no finite number, or beyond the model's limits: its unit is another one than is thought.
+        InvalidCommand: It is no finite number, or beyond the model's limits: its unit is probably a wrong one.
     """
     if len(wish.velocity) != JOINT_COUNT or not all(map(math.isfinite, wish.velocity)):
         raise InvalidCommand("the velocity is %s; it must be six finite numbers" % (wish.velocity,))
@@ -94,7 +94,7 @@ def _require(what: str, speed: float, limit: float, unit: str) -> None:
 
 
 class JogRamp:
-    """Takes the velocity of the joints to the one that is asked for, and their position along.
+    """The ramp that takes the velocity of the joints to the wanted one, and their position along.
 
     Attributes:
         position: Of the last step, rad (6,).
@@ -105,8 +105,8 @@ class JogRamp:
         """Begin at rest.
 
         Args:
-            joint_position: Where the arm is, rad (6,).
-            model: Whose limits hold.
+            joint_position: The arm's position, rad (6,).
+            model: The arm model with the limits.
             speeds: The highest; no joint gets more than FASTEST_JOINT.
         """
         self.position = joint_position
@@ -120,11 +120,14 @@ class JogRamp:
 
     @property
     def is_still(self) -> bool:
-        """The last step was none, and the next one is none unless more is asked for."""
+        """True where the last step was none, and the next one is none unless more is asked for."""
         return not any(self.velocity) and not any(self._twist)
 
     def step(self, wish: Optional[Wish], scale: float = 1.0) -> Vector:
-        """The joints of the next cycle, rad (6,); ``wish``: None to brake, ``scale``: part of its speed, 0 to 1."""
+        """Advance one cycle, and return the joints, rad (6,).
+
+        wish: None to brake. scale: Share of its speed, 0 to 1.
+        """
         bounds = [self._bounds(joint) for joint in range(JOINT_COUNT)]
         if wish is None:
             wanted = self._braked()
@@ -144,17 +147,20 @@ class JogRamp:
         return self.position
 
     def _bounds(self, joint: int) -> Tuple[float, float]:
-        """The lowest and the highest speed of the next cycle from which a joint comes to rest within its limits."""
+        """Return the lowest and the highest speed of the next cycle from which a joint stops within its limits."""
         (low, high), position, top = self._model.joint_limits[joint], self.position[joint], self._tops[joint]
         return -min(top, speed_to_stop_within(position - low)), min(top, speed_to_stop_within(high - position))
 
     def _within_limits(self, joint: int, position: float) -> float:
-        """An arm that began beyond a limit is not pushed back; the rest is rounding."""
+        """Clamp a joint to its limits; one that began beyond a limit is not pushed back, the rest is rounding."""
         (low, high), before = self._model.joint_limits[joint], self.position[joint]
         return min(max(position, min(low, before)), max(high, before))
 
     def _braked(self) -> Vector:
-        """All joints slow down alike and come to rest together, whatever lies before them: a singularity, too."""
+        """Return velocities that slow all joints alike, so that they come to rest together.
+
+        Nothing ahead changes that, a singularity included.
+        """
         if self._brake is None:
             cycles = max(map(abs, self.velocity)) / _STEP_CHANGE
             if any(self._twist):
@@ -167,7 +173,7 @@ class JogRamp:
                       for speed, less in zip(self.velocity, self._brake)])
 
     def _of_tool(self, wish: Wish, scale: float, bounds: Sequence[Tuple[float, float]]) -> Vector:
-        """The joint velocities that move the tool as asked, all slowed alike where one joint has less."""
+        """Return the joint velocities that move the tool as asked, all slowed alike where one joint has less."""
         self._flange_t_tool = wish.flange_t_tool
         aim = _shortened(wish.velocity, scale, ((math.hypot(*wish.velocity[:3]), self._speeds.linear),
                                                 (math.hypot(*wish.velocity[3:]), self._speeds.angular)))
@@ -187,7 +193,9 @@ class JogRamp:
 
 
 def speed_to_stop_within(room: float) -> float:
-    """The highest speed of the next cycle, rad/s, from which a joint stops within ``room``, rad, in whole cycles."""
+    """Return the highest speed of the next cycle, rad/s, from which a joint stops within ``room``, rad, in whole
+    cycles.
+    """
     if room <= 0.0:
         return 0.0
     steps = room / (_STEP_CHANGE * SERVO_PERIOD_S)
@@ -197,9 +205,9 @@ def speed_to_stop_within(room: float) -> float:
 
 
 def joint_velocity(matrix: "np.ndarray[Tuple[int, int], np.dtype[np.float64]]", twist: Sequence[float]) -> Vector:
-    """Joint velocities, rad/s (6,), that give the tool this velocity, m/s (3,) and rad/s (3,).
+    """Return the joint velocities, rad/s (6,), that give the tool this velocity, m/s (3,) and rad/s (3,).
 
-    Near a singularity what the joints could do only at great speed is left out of it.
+    Near a singularity the part that the joints could do only at great speed is left out.
     """
     weights = np.array((1.0, 1.0, 1.0, _LEVER, _LEVER, _LEVER))
     left, values, right = np.linalg.svd(matrix * weights[:, None])
@@ -209,13 +217,13 @@ def joint_velocity(matrix: "np.ndarray[Tuple[int, int], np.dtype[np.float64]]", 
 
 
 def _shortened(velocity: Vector, scale: float, bounded: Sequence[Tuple[float, float]]) -> Vector:
-    """The same direction, so slow that no (speed, limit) of ``bounded`` is broken, and then ``scale`` of that."""
+    """Return the velocity slowed until it keeps every (speed, limit) of ``bounded``, times ``scale``."""
     share = min([scale] + [scale * top / abs(speed) for speed, top in bounded if abs(speed) > top])
     return tuple([share * value for value in velocity])
 
 
 def _towards(twist: Vector, aim: Vector) -> Vector:
-    """One cycle nearer to it, on a straight line."""
+    """Return a twist one cycle nearer to the aim, on a straight line."""
     change: List[float] = [a - t for a, t in zip(aim, twist)]
     share = 1.0
     for size, ceiling in ((math.hypot(*change[:3]), TCP_ACCELERATION_CEILING),

@@ -187,7 +187,7 @@ def _write_outputs(args: argparse.Namespace, setup: Setup, folder: Path, history
         if path:
             with OutputFile(path, args.force or is_ours and not args.html) as output:
                 output.write(text.encode("utf-8", "replace"))
-    if args.json is not None:
+    if args.json:
         print(data, end="")
     else:
         print(printable(history.headline if args.quiet else as_text(history, setup, args.verbose)))
@@ -203,7 +203,7 @@ def _code(runs: Sequence[RunOutcome]) -> int:
 
 def run_against(args: argparse.Namespace, tolerances: Tolerances) -> int:
     """Compare many runs; 0 all same, 1 some different or not compared, 2 none compared."""
-    report = Report(argparse.Namespace(json=args.json is not None, quiet=args.quiet))
+    report = Report(argparse.Namespace(json=args.json, quiet=args.quiet))
     setup = Setup(args.golden, file_hash(args.golden), tolerances, args.time_scale)
     folder = results_folder(args, setup.golden_hash)
     with Results(folder, setup) as results:
@@ -241,7 +241,7 @@ def run_sweep(args: argparse.Namespace) -> int:
         if len(args.sweep) == 1 and (args.html or args.junit):
             other = setup._replace(tolerances=tolerances)
             _write_sweep(args, other, folder, history_of(swept, tolerances))
-    if args.json is not None:
+    if args.json:
         print(json.dumps({"format": 1, "golden": setup.golden, "sweeps": rows}, indent=1))
         return code
     for row in rows:
@@ -267,8 +267,6 @@ def run(args: argparse.Namespace, tolerances: Tolerances) -> int:
     Raises:
         UsageError: The options do not go together.
     """
-    if args.golden is None and args.json:
-        args.golden, args.json = args.json, ""
     if args.golden is None or args.candidate is not None:
         raise UsageError("with --against one log is needed, the golden one")
     if args.sweep and args.tolerances:

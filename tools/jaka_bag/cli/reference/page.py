@@ -28,8 +28,6 @@ This page is made from the commands themselves; after a change write it anew, in
   decimals as `info` prints them (`42.000000000`, for logs of simulated time), and those behind an `@`.
 - **A letter means the same everywhere**, and what it means in `rosbag` where that has it: `-s` start, `-u` duration,
   `-d` delay, `-e` regular expressions, `-x` exclude, `-t` topics, `-o` output, `-k` key or keep alive, `-f` force.
-  `-u` and `-d` of `filter`, `convert` and `plot`, `-t` of `compare` and `replay-wire`, and `compare --json FILE` work
-  as they used to, and say what to write instead.
 - **Outputs** are named behind the input or with `-o`, appear only when whole, and overwrite nothing without `--force`.
 - **Nothing by mistake**: a topic, type or time that the log does not have ends with exit code 2, the nearest name or
   the log's true range.

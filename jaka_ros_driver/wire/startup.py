@@ -1,4 +1,4 @@
-"""What the programs that serve a controller's ports have in common: priority, signals, their first line of output."""
+"""The start of the commands that serve a controller's ports: priority, signals, the first line of output."""
 import json
 import os
 import signal
@@ -8,12 +8,13 @@ from typing import Any, Callable, Mapping, Optional
 from jaka_ros_driver.scheduling import ask_for_short_slices, set_real_time
 
 _SWITCH_INTERVAL_S = 0.0005
+"""The longest time, s, that a Python thread keeps the others waiting: the default, 5 ms, is most of a cycle of 8 ms."""
 _PRIORITY = 10
 _NICENESS = -10
 
 
 def raise_priority(realtime: bool) -> None:
-    """Have this process served before others, so that it keeps the controller's times on a busy host.
+    """Raise the priority of this process, so that it keeps the controller's times on a busy host.
 
     realtime: real-time priority (SCHED_FIFO) instead of a niceness of -10; only then a refusal is printed.
     """
@@ -36,5 +37,5 @@ def stop_on_signals(stop: Callable[[], None]) -> None:
 
 
 def print_ports(numbers: Mapping[str, Optional[int]], **facts: Any) -> None:
-    """Print the program's first line, JSON: the facts, then ``NAME_port`` for each port."""
+    """Print the command's first line, JSON: the facts, then ``NAME_port`` for each port."""
     print(json.dumps({**facts, **{"%s_port" % port: number for port, number in numbers.items()}}), flush=True)

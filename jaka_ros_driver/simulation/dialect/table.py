@@ -164,7 +164,7 @@ class Dialect:
 
     @classmethod
     def default(cls, firmware: str) -> "Dialect":
-        """The likeliest controller of this firmware; raises InvalidCommand for an unknown one."""
+        """Return the likeliest controller of this firmware; raise InvalidCommand for an unknown one."""
         name = firmware_name(firmware)
         return cls(**{key: dimension.default(name) for key, dimension in DIMENSIONS.items()})
 
@@ -179,7 +179,8 @@ class Dialect:
     def from_file(cls, path: str, firmware: str) -> "Dialect":
         """Read a YAML or JSON file with some of the dimensions; the others are the firmware's.
 
-        Raises InvalidCommand for a file that cannot be read, an unknown name, a value that is none of its dimension.
+        Raises:
+            InvalidCommand: The file cannot be read, a name is unknown, or a value is none of its dimension.
         """
         import yaml  # imported here, because most users of this module's classes never read a file
         try:
@@ -195,7 +196,11 @@ class Dialect:
             raise InvalidCommand("dialect file %s: %s" % (path, error)) from error
 
     def replaced(self, values: Mapping[Any, Any]) -> "Dialect":
-        """The same with these values; raises InvalidCommand for an unknown name, or a value that is none of its own."""
+        """Return a copy with these values.
+
+        Raises:
+            InvalidCommand: A name is unknown, or a value is none of its dimension.
+        """
         changes: Dict[str, Any] = {}
         for name, value in values.items():
             dimension = DIMENSIONS.get(name)
@@ -209,12 +214,12 @@ class Dialect:
         return dataclasses.replace(self, **changes)
 
     def as_dict(self) -> Dict[str, Any]:
-        """Every dimension with its value, as JSON has it; ``from_file`` reads it."""
+        """Return every dimension with its value, as JSON has it; ``from_file`` reads it."""
         return {name: list(value) if isinstance(value, tuple) else value
                 for name, value in dataclasses.asdict(self).items()}
 
     def knows(self, command: str) -> bool:
-        """True where a command is not one of ``missing_commands``."""
+        """Return whether a command is not one of ``missing_commands``."""
         return command not in self.missing_commands
 
 

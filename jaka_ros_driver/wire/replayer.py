@@ -1,8 +1,8 @@
-"""Plays a wire log to a driver: the recorded controller's status bytes at their times, or faster, and its replies.
+"""The replayer of a recorded session: it serves a driver the recorded status bytes at their times, and the replies.
 
-``python3 -m jaka_ros_driver.wire.player LOG.mcap`` prints a line of JSON with its ports, one when the first
-client has connected, and one when all has been played. A port is open while the recorded one was connected. Time
-stands still where the driver is late with a request that moved the arm, for ``PATIENCE_S`` at most.
+``python3 -m jaka_ros_driver.wire.replayer LOG.mcap`` prints a line of JSON with its ports, one when the first client
+has connected, and one when all has been played. A port is open while the recorded one was connected. Time stands
+still where the driver is late with a request that moved the arm, for ``PATIENCE_S`` at most.
 """
 import argparse
 import json
@@ -20,15 +20,16 @@ from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.wire import sockets
 from jaka_ros_driver.wire.log import clock_offset_ns, read_log
 from jaka_ros_driver.wire.port_server import IDLE_S, PortServer
-from jaka_ros_driver.wire.program import print_ports, raise_priority, stop_on_signals
-from jaka_ros_driver.wire.script import Piece, RecordedConnection, WireScript, wire_script
+from jaka_ros_driver.wire.recorded_session import Piece, RecordedConnection, RecordedSession, recorded_session
 from jaka_ros_driver.wire.sockets import LOOPBACK
+from jaka_ros_driver.wire.startup import print_ports, raise_priority, stop_on_signals
 
 _EARLY_S = 0.05
-"""A port opens this much before its next recorded connection, so that a client that keeps trying finds it in time."""
+"""Lead, s, with which a port opens before its next recorded connection, so that a client that retries finds it in time.
+"""
 _GRACE_S = 2.0
 PATIENCE_S = 5.0
-"""s of wall time for which a request is waited for; then the player assumes that this driver does not make it."""
+"""Longest wait, s of wall time, for a request; then the replayer assumes that this driver does not make it."""
 
 
 class _Client:
@@ -45,27 +46,29 @@ class _Client:
         self.requests = 0
 
     def end_at(self) -> Optional[float]:
-        """When to end the connection, s of the recording; None for never. A client that lacks requests gets longer."""
+        """Return when to end the connection, s of the recording; None for never. A client that lacks requests gets
+        longer.
+        """
         if self.recorded.ended is None:
             return None
         grace = self._grace if self.requests < self.recorded.requests else 0.0
         return self.recorded.ended + self.shift + grace
 
 
-class WirePlayer(PortServer):
-    """Serves the ports of a recorded controller.
+class SessionReplayer(PortServer):
+    """The server of a recorded controller's ports.
 
     Args:
-        script: What is played. It can be played once.
+        script: The recorded session. It can be played once.
         speed: Factor by which it is played faster than recorded.
         ports: TCP port by name, 0 for a free one.
-        notice: Called with "begin" and with "end", and with what there is to tell as keywords.
+        notice: Called with "begin" and with "end", and with the facts of that moment as keywords.
 
     Attributes:
         port_numbers: TCP port by name.
     """
 
-    def __init__(self, script: WireScript, speed: float, ports: Dict[str, int],
+    def __init__(self, script: RecordedSession, speed: float, ports: Dict[str, int],
                  notice: Callable[..., None]) -> None:
         self._script = script
         self._speed = speed
@@ -85,7 +88,10 @@ class WirePlayer(PortServer):
             self._drop(client, "close")
 
     def _now(self) -> float:
-        """Time of the replay, s of the recording; it stands still while a request that moves the arm is missing."""
+        """Return the time of the replay, s of the recording.
+
+        It stands still while a request that moves the arm is missing.
+        """
         if self._begin is None:
             return 0.0
         clock = time.monotonic()
@@ -117,7 +123,9 @@ class WirePlayer(PortServer):
 
     @staticmethod
     def _shift(client: _Client) -> float:
-        """What to add to the times of a client's pieces, s: nothing for replies, timed from the live request."""
+        """Return the offset to the times of a client's pieces, s: none for replies, which are timed from the live
+        request.
+        """
         return 0.0 if client.recorded.port == "command" else client.shift
 
     def _accept(self, link: socket.socket, peer: str, port: str) -> None:
@@ -180,7 +188,7 @@ class WirePlayer(PortServer):
                          unanswered=sorted(set(replies.unanswered)))
 
     def _is_done(self, now: float) -> bool:
-        """True once everything was played. A driver that is slower than the recorded one gets a little longer."""
+        """Return whether everything was played; a driver that is slower than the recorded one gets a little longer."""
         if now < self._script.duration:
             return False
         waits = any(self._coming.values()) or any(client.due or client.requests < client.recorded.requests
@@ -222,13 +230,13 @@ def _arguments(argv: Optional[List[str]]) -> argparse.Namespace:
 
 
 def main(argv: Optional[List[str]] = None) -> int:
-    """Run the program; returns 0 when a signal ended it, 1 failed, 2 wrong usage."""
+    """Run the command; return 0 when a signal ended it, 1 when it failed, 2 for wrong usage."""
     options = _arguments(argv)
     try:
-        script = wire_script(read_log(options.log))
+        script = recorded_session(read_log(options.log))
         offset = clock_offset_ns(options.log)
         numbers: Dict[str, int] = {port: getattr(options, port + "_port") for port in PORTS}
-        player = WirePlayer(script, options.speed, numbers, _print)
+        player = SessionReplayer(script, options.speed, numbers, _print)
         stop_on_signals(player.stop)
         raise_priority(False)
         print_ports(player.port_numbers, duration_s=script.duration, start_ns=script.start_ns,

@@ -1,8 +1,9 @@
-"""A wire log as a script: what each connection was sent and when, and the reply to each request. No sockets.
+"""The recorded session of a wire log: what each connection was sent and when, and the reply to each request. No
+sockets.
 
 Status bytes are sent at their times. On the command port, the n-th request of a name gets the n-th recorded reply of
 that name, byte for byte, after the recorded time. What the arm does after a request that moves it, or changes whether
-it can move, is not shown before that request has come.
+it can move, is not sent before that request has come.
 """
 import bisect
 import itertools
@@ -21,16 +22,16 @@ _ENDS = ("close", "reset", "half open")
 _CAUSES = frozenset((
     "power_on", "power_off", "enable_robot", "disable_robot", "clear_error", "joint_move", "moveL", "movc", "end_move",
     "jog", "servo_move", "stop_program", "torque_control_enable"))
-"""Requests whose effect shows in the status feed."""
+"""The requests whose effect is visible in the status feed."""
 
 
 OF_THE_PRESENT = "get_joint_pos"
-"""A recorded answer to this question is not true of the moment at which a replay asks it: it is refused."""
+"""The question that a replay refuses: a recorded answer is not true of the moment at which it is asked."""
 _OF_STATE = "get_robot_state"
 
 
-class WireScriptError(JakaError):
-    """A wire log that cannot be played."""
+class RecordedSessionError(JakaError):
+    """A wire log that cannot be replayed."""
 
 
 class Piece(NamedTuple):
@@ -60,7 +61,7 @@ class RecordedConnection(NamedTuple):
     requests: int
 
 
-class Reply(NamedTuple):
+class RecordedReply(NamedTuple):
     """A recorded reply: ``after``, s since its request, and its bytes."""
 
     after: float
@@ -104,27 +105,28 @@ class Replies:
     """
 
     def __init__(self) -> None:
-        self._waiting: Dict[str, Deque[Reply]] = {}
-        self._last: Dict[str, Reply] = {}
-        self._states: List[Tuple[float, Reply]] = []
+        self._waiting: Dict[str, Deque[RecordedReply]] = {}
+        self._last: Dict[str, RecordedReply] = {}
+        self._states: List[Tuple[float, RecordedReply]] = []
         self.answered = 0
         self.repeated = 0
         self.unanswered: List[str] = []
 
-    def add(self, name: str, reply: Reply, at: float = 0.0) -> None:
+    def add(self, name: str, reply: RecordedReply, at: float = 0.0) -> None:
         """Add a recorded reply behind those of its name; ``at``: time of its request, s."""
         if name == _OF_STATE:
             self._states.append((at, reply))
         self._waiting.setdefault(name, deque()).append(reply)
 
-    def next(self, name: str, at: float = 0.0) -> Optional[Reply]:
-        """Return the reply to the next request of a name, that comes at this time, s; None where the log has none.
+    def next(self, name: str, at: float = 0.0) -> Optional[RecordedReply]:
+        """Return the reply to a request of this name at this time, s; None where the log has none.
 
-        Where the arm is now only the feed tells, and of the drives' state the reply of that time does.
+        The present joints are known from the feed alone, so that question is refused. For the drives' state the reply
+        recorded nearest before this time is returned.
         """
         if name == OF_THE_PRESENT:
             self.answered += 1
-            return Reply(0.0, encode_object({"errorCode": "1", "errorMsg": "not played", "cmdName": name}))
+            return RecordedReply(0.0, encode_object({"errorCode": "1", "errorMsg": "not played", "cmdName": name}))
         if name == _OF_STATE and self._states:
             self.answered += 1
             place = max(1, bisect.bisect_right([asked for asked, _ in self._states], at))
@@ -148,8 +150,8 @@ class Cause(NamedTuple):
     name: str
 
 
-class WireScript(NamedTuple):
-    """The content of a wire log in the form in which it is played.
+class RecordedSession(NamedTuple):
+    """The content of a wire log, arranged for replay.
 
     Attributes:
         connections: By port, in the order of their acceptance.
@@ -166,19 +168,19 @@ class WireScript(NamedTuple):
     start_ns: int
 
 
-def wire_script(log: Sequence[Union[WireEvent, TrueJoints]]) -> WireScript:
-    """The script of a wire log; raises WireScriptError where the log has no connection."""
+def recorded_session(log: Sequence[Union[WireEvent, TrueJoints]]) -> RecordedSession:
+    """Return the recorded session of a wire log; raise RecordedSessionError where the log has no connection."""
     events = [event for event in log if isinstance(event, WireEvent) and event.port in PORTS]
     opened = [event for event in events if event.what == "open"]
     if not opened:
-        raise WireScriptError("the wire log has no connection")
+        raise RecordedSessionError("the wire log has no connection")
     start_ns = min(event.time_ns for event in opened)
     by_connection: Dict[Tuple[str, int], List[WireEvent]] = {}
     for event in events:
         by_connection.setdefault((event.port, event.connection), []).append(event)
     connections: Dict[str, List[RecordedConnection]] = {port: [] for port in PORTS}
     replies = Replies()
-    found: List[Tuple[float, str, Reply]] = []
+    found: List[Tuple[float, str, RecordedReply]] = []
     for (port, _), some in sorted(by_connection.items(), key=lambda entry: entry[1][0].time_ns):
         pieces = {what: tuple(Piece((event.time_ns - start_ns) / NS_PER_S, event.data) for event in some
                               if event.what == what) for what in ("in", "out")}
@@ -194,17 +196,17 @@ def wire_script(log: Sequence[Union[WireEvent, TrueJoints]]) -> WireScript:
         replies.add(name, reply, at)
     causes = tuple(Cause(at, name) for at, name, _ in found if name in _CAUSES)
     duration = max((event.time_ns - start_ns) / NS_PER_S for event in events)
-    return WireScript(connections, replies, causes, duration, start_ns)
+    return RecordedSession(connections, replies, causes, duration, start_ns)
 
 
 def _name(value: Dict[str, Any]) -> str:
     return str(value.get("cmdName", ""))
 
 
-def _paired(requests: Sequence[Piece], replies: Sequence[Piece]) -> List[Tuple[float, str, Reply]]:
-    """Pair the n-th request of a name with its n-th reply: time of the request, s; its name; the reply.
+def _paired(requests: Sequence[Piece], replies: Sequence[Piece]) -> List[Tuple[float, str, RecordedReply]]:
+    """Pair the n-th request of a name with its n-th reply; return each request's time, s, its name and the reply.
 
-    A reply that tells no name (a request that the controller did not understand) belongs to the oldest open request.
+    A reply without a name (to a request that the controller did not understand) belongs to the oldest open request.
     """
     waiting = [(at, _name(value)) for at, _, value in cut_objects(requests)]
     result = []
@@ -213,5 +215,5 @@ def _paired(requests: Sequence[Piece], replies: Sequence[Piece]) -> List[Tuple[f
         mine = next((asked for asked in waiting if asked[1] == name or not name), None)
         if mine is not None:
             waiting.remove(mine)
-            result.append((mine[0], mine[1], Reply(max(0.0, at - mine[0]), raw)))
+            result.append((mine[0], mine[1], RecordedReply(max(0.0, at - mine[0]), raw)))
     return result

@@ -26,23 +26,23 @@ from jaka_ros_driver.simulation.arm.events import TargetRejected
 from jaka_ros_driver.state import Vector
 
 LIMIT_TOLERANCE = 1e-5
-"""rad; a joint that is no farther than this from its soft limit counts as being on it."""
+"""Distance, rad, from a soft limit within which a joint counts as being on it."""
 
 SAME_ANGLE = 1e-6
-"""rad; a target that differs by less from where the arm will be counts as the same place."""
+"""Difference, rad, from the arm's future position below which a target counts as the same place."""
 
 _FOLLOWED = 0.3  # rad; an iterative solution that is no farther than this from the reference counts as the same branch
 
 
 def finite_six(what: str, values: Sequence[float]) -> Vector:
-    """The values as a tuple; raises TargetRejected unless they are six finite numbers."""
+    """Return the values as a tuple; raise TargetRejected unless they are six finite numbers."""
     if len(values) != 6 or not all(math.isfinite(v) for v in values):
         raise TargetRejected(events.TARGET_OUTSIDE_LIMITS, "%s must be six finite numbers" % what)
     return tuple(values)
 
 
 def checked_transform(pose: Pose) -> Transform:
-    """The pose as a Transform; raises TargetRejected unless it has six finite numbers."""
+    """Return the pose as a Transform; raise TargetRejected unless it has six finite numbers."""
     finite_six("pose", tuple(pose.position) + tuple(pose.rpy))
     return transform_from_pose(pose)
 
@@ -70,19 +70,19 @@ class ArmFrames:
         self.base_t_user, self.user_t_base = base_t_user, invert(base_t_user)
 
     def tool_at(self, joint_position: Sequence[float]) -> Transform:
-        """``base_t_tool`` at these joints."""
+        """Return ``base_t_tool`` at these joints."""
         return compose(forward(self.model, joint_position), self.flange_t_tool)
 
     def pose_at(self, joint_position: Sequence[float]) -> Pose:
-        """Pose of the active tool in the active user frame at these joints."""
+        """Return the pose of the active tool in the active user frame at these joints."""
         return pose_from_transform(compose(self.user_t_base, self.tool_at(joint_position)))
 
     def in_base(self, pose: Pose) -> Transform:
-        """``base_t_tool`` of a pose in the active user frame; raises as ``checked_transform``."""
+        """Return ``base_t_tool`` of a pose in the active user frame; raise as ``checked_transform`` does."""
         return compose(self.base_t_user, checked_transform(pose))
 
     def displaced(self, base_t_tool: Transform, increment: Pose) -> Transform:
-        """The pose, moved along and turned about the axes of the active user frame; raises as ``in_base``.
+        """Return the pose, moved along and turned about the axes of the active user frame; raise as ``in_base`` does.
 
         docs/controller-protocol.md section 5.4.1: increments add along the axes in which the pose is reported.
         """
@@ -94,13 +94,17 @@ class ArmFrames:
         return transform(turned[:9], (x + dx, y + dy, z + dz))
 
     def nearest_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Optional[Vector]:
-        """Joints for a tool pose, rad (6,), nearest to the reference, limits not checked; None where out of reach."""
+        """Return the joints for a tool pose, rad (6,), nearest to the reference; None where it is out of reach.
+
+        Limits are not checked.
+        """
         return nearest_joints(self.model, compose(base_t_tool, self.tool_t_flange), reference)
 
     def reachable_joints(self, base_t_tool: Transform, reference: Sequence[float]) -> Vector:
-        """Joints within their limits, rad (6,), nearest to the reference, that bring the active tool there.
+        """Return the joints within their limits, rad (6,), nearest to the reference, that bring the active tool there.
 
-        Raises TargetRejected where it is out of reach (0x0F0017), or a joint would leave its limits (0x0F0011).
+        Raises:
+            TargetRejected: It is out of reach (0x0F0017), or a joint would leave its limits (0x0F0011).
         """
         try:
             return inverse(self.model, compose(base_t_tool, self.tool_t_flange), reference)
@@ -110,40 +114,45 @@ class ArmFrames:
             raise TargetRejected(events.TARGET_UNREACHABLE, str(error)) from error
 
     def joints_outside(self, joint_position: Sequence[float], margin: float) -> List[Tuple[int, bool]]:
-        """The joints more than ``margin``, rad, outside their limits, each with True where that is the upper one."""
+        """Return the joints more than ``margin``, rad, outside their limits, each with True where that is the upper
+        one.
+        """
         return [(joint, value > high + margin)
                 for joint, (value, (low, high)) in enumerate(zip(joint_position, self.model.joint_limits))
                 if not low - margin <= value <= high + margin]
 
     def joint_outside(self, joint_position: Sequence[float], margin: float = 1e-9) -> Optional[Tuple[int, bool]]:
-        """The first of ``joints_outside``; None if there is none."""
+        """Return the first of ``joints_outside``; None if there is none."""
         return next(iter(self.joints_outside(joint_position, margin)), None)
 
     def joint_on_limit(self, joint_position: Sequence[float]) -> Optional[Tuple[int, bool]]:
-        """The first joint on a soft limit, and True where that is the upper one; None if there is none."""
+        """Return the first joint on a soft limit, and True where that is the upper one; None if there is none."""
         return self.joint_outside(joint_position, -LIMIT_TOLERANCE)
 
 
 def rotated(frame: Transform, vector: Sequence[float]) -> Vector3:
-    """A direction of the frame in the axes of its parent."""
+    """Return a direction of the frame in the axes of its parent."""
     x, y, z = vector
     return (frame[0] * x + frame[1] * y + frame[2] * z, frame[3] * x + frame[4] * y + frame[5] * z,
             frame[6] * x + frame[7] * y + frame[8] * z)
 
 
 def turned(start: Transform, rotation_vector: Sequence[float], position: Sequence[float]) -> Transform:
-    """A Transform at position with the rotation of start, turned about the parent's axes by rotation_vector."""
+    """Return a Transform at position with the rotation of start, turned about the parent's axes by rotation_vector."""
     turn = transform(matrix_from_rotation_vector(rotation_vector), (0.0, 0.0, 0.0))
     return transform(compose(turn, start)[:9], position)
 
 
 def rotation_between(start: Transform, end: Transform) -> Vector3:
-    """The shortest rotation vector, about the axes of the base, that turns start's orientation into end's, rad."""
+    """Return the shortest rotation vector, rad, about the axes of the base, from start's orientation to end's."""
     return rotation_vector_from_matrix(compose(end, invert(start)))
 
 
 def nearest_joints(model: ArmModel, base_t_flange: Transform, reference: Sequence[float]) -> Optional[Vector]:
-    """Joints for a flange pose, rad (6,), nearest to the reference, limits not checked; None where out of reach."""
+    """Return the joints for a flange pose, rad (6,), nearest to the reference; None where it is out of reach.
+
+    Limits are not checked.
+    """
     if not model.has_closed_form:
         followed = refine(model, base_t_flange, reference)
         if followed is not None and all(abs(a - b) < _FOLLOWED for a, b in zip(followed, reference)):
@@ -162,5 +171,5 @@ def nearest_joints(model: ArmModel, base_t_flange: Transform, reference: Sequenc
 
 
 def same_joints(a: Vector, b: Vector) -> bool:
-    """True where two joint positions, rad (6,), differ by less than ``SAME_ANGLE`` in every joint."""
+    """Return whether two joint positions, rad (6,), differ by less than ``SAME_ANGLE`` in every joint."""
     return all(abs(x - y) < SAME_ANGLE for x, y in zip(a, b))

@@ -1,4 +1,4 @@
-"""The controller's state machine: power, drives, stops, servo mode, programs. No sockets; time is told, SI units.
+"""The controller's state machine: power, drives, stops, servo mode, programs. No sockets, no clock; SI units.
 
 Nothing here energises, enables or moves the arm by itself: each needs a command, and a stop ends it.
 """
@@ -18,20 +18,23 @@ from jaka_ros_driver.simulation.controller import alarms
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.force_sensor import ZEROING_TIME_S, ForceSensor
 from jaka_ros_driver.simulation.controller.io_banks import IoBanks
-from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, FrameTable, Memory
-from jaka_ros_driver.simulation.controller.replies import Refused
-from jaka_ros_driver.simulation.dialect.dialect import Dialect
+from jaka_ros_driver.simulation.controller.memory import FRAME_COUNT, Memory, StoredFrames
+from jaka_ros_driver.simulation.controller.replies import CommandRefused
+from jaka_ros_driver.simulation.dialect.table import Dialect
 from jaka_ros_driver.state import ProgramState, Vector
 from jaka_ros_driver.units import ms_to_s
 
 FORCE_PER_LEVEL_N = 25.0
-"""Collision levels 1 to 5 stop at 25 N to 125 N (docs/controller-protocol.md section 5.9)."""
+"""Force, N, of a collision level: levels 1 to 5 stop at 25 N to 125 N (docs/controller-protocol.md section 5.9)."""
 LATE_IN_POSITION_S = 2.0
-"""s; from rest of the arm to ``inpos`` where the dialect says late."""
+"""Delay, s, from rest of the arm to ``inpos`` where the dialect is late."""
 BRIEF_NOTE_S = 1.0
-"""s; life of the note about disabled drives where the dialect says brief."""
+"""Life, s, of the note about disabled drives where the dialect is brief."""
 DISABLE_DELAY_S = 0.3
-"""How long the event code precedes the flags when the drives are disabled (docs/controller-protocol.md section 4.4)."""
+"""Lead, s, of the event code over the flags when the drives are disabled.
+
+Source: docs/controller-protocol.md section 4.4.
+"""
 
 
 class Start(enum.Enum):
@@ -43,7 +46,7 @@ class Start(enum.Enum):
 
 
 class LinkLoss(enum.IntEnum):
-    """What happens to the motion when the command client is lost (docs/sdk-client.md section 2)."""
+    """The reaction of the motion to the loss of the command client (docs/sdk-client.md section 2)."""
 
     KEEP = 0
     PAUSE = 1
@@ -52,13 +55,13 @@ class LinkLoss(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Options:
-    """How the simulated controller is set up.
+    """The set-up of the simulated controller.
 
     Attributes:
-        dialect: What it does on the points that are open; None for its firmware's default.
+        dialect: Choices on the points that are open; None for its firmware's default.
         start: State at the beginning.
         shortest_feed_period: Lower bound of the status feed's period, whatever a client asks for, s of simulated time.
-        identity: What ``get_simulator_identity`` answers; no real controller knows that command.
+        identity: Answer to ``get_simulator_identity``; no real controller knows that command.
         has_force_sensor: True with a force and torque sensor at the flange.
     """
 
@@ -169,16 +172,16 @@ class ControllerState:
     # --- power and drives (docs/controller-protocol.md section 5.1) ---------------------------------------------------
 
     def power_on(self) -> None:
-        """Begin to energise the drives, unless that has begun; raises Refused while the emergency stop is pressed."""
+        """Begin to energise the drives, unless that has begun; raise Refused while the emergency stop is pressed."""
         if self.emergency_stop:
-            raise Refused()
+            raise CommandRefused()
         if not self.is_powered and self._power_at is None:
             self._power_at = self.now + self.dialect.power_delay
 
     def power_off(self) -> None:
-        """Cut the drives; raises Refused while they are enabled (event 0x0F0026)."""
+        """Cut the drives; raise Refused while they are enabled (event 0x0F0026)."""
         if self.is_enabled or self._enable_at is not None:
-            raise Refused()
+            raise CommandRefused()
         self.is_powered = self._was_enabled = False
         self._power_at = None
 
@@ -193,12 +196,12 @@ class ControllerState:
         return self._enable_at is not None
 
     def enable(self) -> bool:
-        """Begin to enable, given power (docs/controller-protocol.md section 5.1); False without power.
+        """Begin to enable, given power (docs/controller-protocol.md section 5.1); return False without power.
 
         Raises Refused during a stop.
         """
         if self.emergency_stop or self.protective_stop:
-            raise Refused()
+            raise CommandRefused()
         if self._disable_at is not None:
             self._disable_at, self.is_enabled = None, False
         if self.is_powered and not self.is_enabled and self._enable_at is None:
@@ -214,7 +217,7 @@ class ControllerState:
         if self.is_enabled:
             self.require_standstill()
         if self.program_state is not ProgramState.IDLE:
-            raise Refused()
+            raise CommandRefused()
         self._enable_at = None
         if self.is_enabled and self._disable_at is None:
             self.plant.leave_servo()
@@ -226,7 +229,7 @@ class ControllerState:
 
     @property
     def task_state(self) -> int:
-        """1 power off, 2 power on, 3 disabled, 4 enabled (docs/controller-protocol.md section 6.2)."""
+        """The task state: 1 power off, 2 power on, 3 disabled, 4 enabled (docs/controller-protocol.md section 6.2)."""
         if not self.is_powered:
             return 1
         if self.is_enabled:
@@ -251,7 +254,9 @@ class ControllerState:
         self.emergency_stop = False
 
     def hit(self, force: float, joint: Optional[int] = None) -> bool:
-        """Hit the arm with ``force``, N; True where it notices and stops. The event names ``joint``, 0..5, or none."""
+        """Hit the arm with ``force``, N; return True where it notices and stops. The event names ``joint``, 0..5, or
+        none.
+        """
         level = self.memory.collision_level
         if not self.is_enabled or level == 0 or force < level * FORCE_PER_LEVEL_N:
             return False
@@ -279,21 +284,21 @@ class ControllerState:
                 (not self.is_enabled or self._disable_at is not None, "-7"), (self.plant.is_hand_guided, "2"),
                 (self.program_state is ProgramState.RUNNING, "-10")):
             if is_reason:
-                raise Refused(sdk_code if self.dialect.unready_code == "sdk" else "2")
+                raise CommandRefused(sdk_code if self.dialect.unready_code == "sdk" else "2")
 
     def require_motion(self, command: str) -> None:
         """Raise Refused as ``require_drives``, and in servo mode (code -1)."""
         self.require_drives()
         if self.plant.is_servo_active:
-            raise Refused("-1", "%s command can not be excuted in servo move mode" % command)
+            raise CommandRefused("-1", "%s command can not be excuted in servo move mode" % command)
 
     def moved(self) -> None:
-        """A queued move was accepted: the line ids in the feed now belong to the present client."""
+        """Take note that a queued move was accepted: the line ids in the feed now belong to the present client."""
         self._lines_are_stale = False
         self.alarms.move_accepted()
 
     def move_refused(self, event: PlantEvent) -> None:
-        """A move was refused for this reason, which the feed may show."""
+        """Record that a move was refused for this reason, which the feed may show."""
         if self.dialect.refused_move_event:
             self.alarms.move_refused(event, self.now)
 
@@ -308,7 +313,7 @@ class ControllerState:
         return says != "late" or self.now - self._moved_at >= LATE_IN_POSITION_S
 
     def executing_lines(self) -> Tuple[int, int]:
-        """``motion_line`` and ``err_add_line`` of the feed.
+        """Return ``motion_line`` and ``err_add_line`` of the feed.
 
         Lines of an earlier client read 0. Ids restart at 2 in every client, and a client that finds its id in the feed
         together with ``inpos`` considers its move done (docs/sdk-client.md section 1, point 7).
@@ -344,7 +349,7 @@ class ControllerState:
             self.program_state = ProgramState.PAUSED
 
     def resume(self) -> None:
-        """Continue the program and the queued motion; raises Refused where the drives are not ready."""
+        """Continue the program and the queued motion; raise Refused where the drives are not ready."""
         if self.program_state is ProgramState.PAUSED or self.plant.queue.is_paused:
             self.require_drives()
         if self.program_state is ProgramState.PAUSED:
@@ -381,7 +386,7 @@ class ControllerState:
             self.plant.start_hand_guiding()
 
     def command_hand_guiding(self, active: bool) -> None:
-        """Switch hand guiding as ``torque_control_enable`` does: after the dialect's delay; raises as above."""
+        """Switch hand guiding as ``torque_control_enable`` does: after the dialect's delay; raise as above."""
         if self.dialect.drag_delay <= 0.0:
             self.set_hand_guiding(active)
             return
@@ -390,37 +395,38 @@ class ControllerState:
             self.plant.check_hand_guiding()
 
         def switch() -> None:
-            with contextlib.suppress(Refused, TargetRejected):  # the arm moves by now, or has no drives
+            with contextlib.suppress(CommandRefused, TargetRejected):  # the arm moves by now, or has no drives
                 self.set_hand_guiding(active)
         self.after(self.dialect.drag_delay, switch)
 
     def push(self, joint: int, velocity: float, duration: float) -> bool:
-        """Push joint 0..5 by hand, rad/s, for ``duration`` s of simulated time; False without hand guiding."""
+        """Push joint 0..5 by hand, rad/s, for ``duration`` s of simulated time; return False without hand guiding."""
         pushed = self.plant.push_joint(joint, velocity)
         if pushed:
             number = self._push_numbers[joint] = self._push_numbers[joint] + 1
 
-            def let_go() -> None:
+            def release() -> None:
                 if self._push_numbers[joint] == number:  # else a later push of this joint lasts on
                     self.plant.push_joint(joint, 0.0)
 
-            self.after(duration, let_go)
+            self.after(duration, release)
         return pushed
 
     def zero_force_sensor(self) -> None:
-        """Take what the sensor reads ``ZEROING_TIME_S`` from now as nothing; without a sensor this has no effect."""
+        """Zero the sensor ``ZEROING_TIME_S`` from now; without a sensor this has no effect."""
         if self.force_sensor is not None:
             self.after(ZEROING_TIME_S, self.force_sensor.zero)
 
     # --- frames and feed --------------------------------------------------------------------------------------------
 
-    def select_frame(self, table: FrameTable, frame_id: int) -> None:
+    def select_frame(self, table: StoredFrames, frame_id: int) -> None:
         """Make a stored tool or user frame active, after the dialect's delay.
 
-        Raises Refused where there is no such id, or the arm moves.
+        Raises:
+            Refused: There is no such id, or the arm moves.
         """
         if not 0 <= frame_id < FRAME_COUNT:
-            raise Refused()
+            raise CommandRefused()
         if frame_id != table.active:
             self.require_standstill()
 
@@ -438,10 +444,13 @@ class ControllerState:
     def require_standstill(self) -> None:
         """Raise Refused unless nothing moves and nothing is queued."""
         if self.plant.is_moving or self.plant.queue.length or self.plant.queue.is_jogging:
-            raise Refused()
+            raise CommandRefused()
 
     def set_feed_period(self, period: float) -> None:
-        """Set the feed's period, s of simulated time; each move shows in it (docs/sdk-client.md section 1, point 7)."""
+        """Set the feed's period, s of simulated time.
+
+        The feed then shows each move (docs/sdk-client.md section 1, point 7).
+        """
         self.asked_feed_period = period
         self.plant.settle_time = self.feed_period
 
@@ -458,26 +467,29 @@ class ControllerState:
 
     @property
     def feed_period(self) -> float:
-        """Period of the status feed, s of simulated time."""
+        """The period of the status feed, s of simulated time."""
         return max(self._forced_feed_period or self.asked_feed_period, self.options.shortest_feed_period,
                    self.dialect.shortest_feed_period)
 
     # --- the command client -----------------------------------------------------------------------------------------
 
     def client_connected(self) -> None:
-        """A new client has the command port; settings of the one before, and the reaction to its loss, end."""
+        """Begin with a new client of the command port.
+
+        Settings of the one before, and the reaction to its loss, end.
+        """
         self._lines_are_stale = True
         self.link_loss, self.link_loss_delay = LinkLoss.KEEP, 0.0
         self._link_loss_at = None
 
     def client_lost(self) -> None:
-        """The connection of the command client, or its network, is lost; further calls have no effect.
+        """Handle the loss of the command client's connection, or of its network; further calls have no effect.
 
-        What follows was set by ``set_network_exception_handle``.
+        The reaction was set by ``set_network_exception_handle``.
         """
         if self._link_loss_at is None and self.link_loss is not LinkLoss.KEEP:
             self._link_loss_at = self.now + self.dialect.link_loss_notice + self.link_loss_delay
 
     def client_back(self) -> None:
-        """The network of the command client works again; what its loss has caused so far stays."""
+        """End the loss of the command client's network; effects of the loss so far stay."""
         self._link_loss_at = None

@@ -1,7 +1,7 @@
-"""Sequences of requests and conditions, written as generators and driven by the core's events.
+"""The steps of procedures: sequences of requests and conditions, written as generators and driven by the core's events.
 
-A procedure yields steps and is resumed with their results; what goes wrong is raised inside it, at the step. Its
-return value is its result::
+A procedure yields steps and is resumed with their results; errors are raised inside it, at the step. Its return value
+is its result::
 
     def set_collision_level(level):
         yield Ask(SetCollisionLevel(level))
@@ -11,7 +11,7 @@ return value is its result::
 from functools import partial
 from typing import Any, Callable, Generator, NamedTuple, Optional, Union
 
-from jaka_ros_driver.client.core.channel import Channel, Requests
+from jaka_ros_driver.client.core.channel import CommandChannel, Requests
 from jaka_ros_driver.commands import Command
 from jaka_ros_driver.errors import JakaError
 from jaka_ros_driver.protocol import codec
@@ -20,19 +20,20 @@ _NEVER = float("inf")
 
 
 class Ask(NamedTuple):
-    """Send the command and wait for the controller's word on it; errors as of ``Channel.request`` and its replies."""
+    """The step that sends a command and waits for its result; errors are those of ``CommandChannel.request``."""
 
     command: Command
 
 
-class Tell(NamedTuple):
-    """Send the command and go on at once; where it fails, before the procedure has ended, that is raised in it."""
+class SendAhead(NamedTuple):
+    """The step that sends a command and continues at once; a failure before the procedure's end is raised in it."""
 
     command: Command
 
 
 class Until(NamedTuple):
-    """Wait until ``holds(now)``, s at most; resumes with True, or with False when the time is over.
+    """The step that waits until ``holds(now)``, at most ``timeout`` s; its result is False when the time is over, else
+    True.
 
     What ``holds`` raises is raised in the procedure.
     """
@@ -42,24 +43,25 @@ class Until(NamedTuple):
 
 
 class Now(NamedTuple):
-    """Resumes at once with the time, s."""
+    """The step whose result is the present time, s."""
 
 
-Step = Union[Ask, Tell, Until, Now]
+Step = Union[Ask, SendAhead, Until, Now]
 Procedure = Generator[Step, Any, Any]
 OnEnd = Callable[[Any, Optional[JakaError], float], None]
 
 
 class Running:
-    """One procedure under way."""
+    """The driver of one running procedure."""
 
-    def __init__(self, procedure: Procedure, channel: Requests, on_end: OnEnd, gate: Optional[Channel] = None) -> None:
-        """Prepare; ``begin`` begins.
+    def __init__(self, procedure: Procedure, channel: Requests, on_end: OnEnd,
+                 gate: Optional[CommandChannel] = None) -> None:
+        """Set up the driver; ``begin`` begins.
 
         Args:
-            procedure: What is to be done.
-            channel: Where its requests go.
-            on_end: Gets result, error and time, once.
+            procedure: The generator to run.
+            channel: Takes its requests.
+            on_end: Called with result, error and time, once.
             gate: The channel whose slow replies it does not wait for: what they would hold up is not sent, and refused
                 as soon as that is known. None: it waits for them.
         """
@@ -75,7 +77,7 @@ class Running:
 
     @property
     def deadline(self) -> float:
-        """When ``tick`` is due at the latest, s."""
+        """The latest time at which ``tick`` is due, s."""
         return self._deadline
 
     def begin(self, now: float) -> None:
@@ -83,7 +85,7 @@ class Running:
         self._resume(lambda: self._procedure.send(None), now)
 
     def tick(self, now: float) -> None:
-        """See whether what it waits for holds, or has taken too long."""
+        """Continue where the awaited condition holds, or has taken too long."""
         until = self._until
         if until is None:
             return
@@ -104,14 +106,14 @@ class Running:
             self._refuse(held, now)
 
     def throw(self, error: JakaError, now: float) -> None:
-        """End it with this error, unless it handles it."""
+        """Raise this error in the procedure, which ends it unless it handles the error."""
         if not self.has_ended:
             self._until, self._deadline, self._held = None, _NEVER, None
             self._asked += 1
             self._resume(lambda: self._procedure.throw(error), now)
 
-    def _hold(self, ask: Ask, gate: Channel, now: float) -> None:
-        """Wait until it is known whether a slow reply holds up the one to this."""
+    def _hold(self, ask: Ask, gate: CommandChannel, now: float) -> None:
+        """Wait until it is known whether a slow reply holds up the one to this step."""
         self._held, self._deadline = ask, gate.held_up_until or now
         self._until = Until(lambda _: gate.held_up_until is None, self._deadline - now)
         self.tick(now)
@@ -136,7 +138,7 @@ class Running:
         else:
             self._resume(lambda: self._procedure.send(result), now)
 
-    def _told(self, _result: Any, error: Optional[JakaError], now: float) -> None:
+    def _answered(self, _result: Any, error: Optional[JakaError], now: float) -> None:
         if error is not None:
             self.throw(error, now)
 
@@ -158,7 +160,7 @@ class Running:
                     if isinstance(wanted, Ask):
                         self._ask(wanted.command, now)
                         return
-                    self._channel.request(wanted.command, now, self._told)
+                    self._channel.request(wanted.command, now, self._answered)
                     step = partial(self._procedure.send, None)
                 except JakaError as error:
                     step = partial(self._procedure.throw, error)
@@ -171,5 +173,5 @@ class Running:
 
 
 def pause(seconds: float) -> Until:
-    """A step that lets time pass, s."""
+    """Return a step that lets time pass, s."""
     return Until(lambda now: False, seconds)

@@ -1,4 +1,4 @@
-"""The sockets of the simulated controller: its ports and the panel, served by one thread that also runs the cycles.
+"""The sockets of the simulated controller: its ports, served by one thread that also runs the cycles.
 
 One loop does everything, so that nothing needs a lock: it wakes up for cycles, status frames, bytes, and calls from
 other threads. It never waits for a client: one that does not read misses frames or is dropped.
@@ -17,10 +17,10 @@ from jaka_ros_driver.errors import ConnectionLost, FramingError
 from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
 from jaka_ros_driver.simulation.controller.command_spec import LINK_LOSS_COMMAND, Then
-from jaka_ros_driver.simulation.controller.controller import Controller, RequestResult
+from jaka_ros_driver.simulation.controller.executor import Controller, RequestResult
 from jaka_ros_driver.simulation.controller.replies import not_understood
-from jaka_ros_driver.simulation.dialect.dialect import COEXISTS, REFUSED
-from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, Connection
+from jaka_ros_driver.simulation.dialect.table import COEXISTS, REFUSED
+from jaka_ros_driver.simulation.server.connection import FRAME_BACKLOG_BYTES, MAX_UNSENT_BYTES, ClientConnection
 from jaka_ros_driver.simulation.server.cycle_clock import CycleClock
 from jaka_ros_driver.simulation.server.faults import Delivery, Effect, FaultScript
 from jaka_ros_driver.wire import sockets
@@ -28,7 +28,8 @@ from jaka_ros_driver.wire.listeners import Listeners
 from jaka_ros_driver.wire.log import WireLog
 from jaka_ros_driver.wire.sockets import LOOPBACK
 
-PANEL = "panel"
+OPERATOR = "panel"
+"""The operator port's name in the first line of output, in options and in logs."""
 _READ_BYTES = 4096
 _REQUESTS_A_TURN = 20
 _MAX_CLIENTS = 32
@@ -36,44 +37,45 @@ _IDLE_S = 1.0
 _COMPRESSION = 1
 _LONGEST_ANSWER = 1 << 18
 
-PanelHandler = Callable[[Dict[str, Any]], Dict[str, Any]]
+OperatorHandler = Callable[[Dict[str, Any]], Dict[str, Any]]
 
 
-class Server:
-    """Serves one controller.
+class ControllerServer:
+    """The server of one controller.
 
     Attributes:
-        controller: What is served.
+        controller: The controller.
         faults: The script of wire faults.
-        is_off: True while the controller is turned off: no port but the panel listens, and simulated time stands still.
+        is_off: True while the controller is turned off: only the operator port listens, and simulated time stands
+            still.
         port_numbers: TCP port number by name of the port.
     """
 
     def __init__(self, controller: Controller, host: str, ports: Mapping[str, int], *, time_scale: float = 1.0,
                  seed: int = 0, log: Optional[WireLog] = None,
-                 panel_handler: Optional[PanelHandler] = None) -> None:
-        """Listen; raises OSError where a port cannot be had.
+                 operator_handler: Optional[OperatorHandler] = None) -> None:
+        """Listen; raise OSError where a port cannot be bound.
 
         Args:
-            controller: What is served.
-            host: Address for the ports; the panel always listens on loopback.
-            ports: TCP port by name, 0 for a free one: those of ``PORTS`` and, where there is to be a panel, ``PANEL``.
+            controller: The controller to serve.
+            host: Address for the ports; the operator port always listens on loopback.
+            ports: TCP port by name, 0 for a free one: those of ``PORTS`` and, for an operator port, ``OPERATOR``.
             time_scale: Simulated seconds a wall second.
             seed: Of the random generator of the wire faults.
-            log: Gets every byte.
-            panel_handler: Answers the panel's requests.
+            log: Receives every byte.
+            operator_handler: Answers the operator port's requests.
         """
         self.controller = controller
         self.faults = FaultScript(seed)
         self.is_off = False
         self._log = log
-        self._panel_handler = panel_handler
+        self._operator_handler = operator_handler
         self._selector = selectors.EpollSelector()
         self._listeners = Listeners(self._selector)
         self.port_numbers = self._listeners.numbers
-        self._sockets: Dict[Connection, socket.socket] = {}
-        self._command_client: Optional[Connection] = None
-        self._loss_matters_of: Optional[Connection] = None
+        self._sockets: Dict[ClientConnection, socket.socket] = {}
+        self._command_client: Optional[ClientConnection] = None
+        self._loss_matters_of: Optional[ClientConnection] = None
         self._count = 0
         self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._wake_receive, self._wake_send = socket.socketpair()
@@ -87,7 +89,7 @@ class Server:
         self._clock = CycleClock(time_scale, time.monotonic())
         try:
             for port, number in ports.items():
-                self._listeners.add(port, LOOPBACK if port == PANEL else host, number)
+                self._listeners.add(port, LOOPBACK if port == OPERATOR else host, number)
         except OSError:
             self.close()
             raise
@@ -113,7 +115,10 @@ class Server:
         self._is_running = False
 
     def call(self, action: Callable[[], Any], timeout: float = 30.0) -> Any:
-        """Call ``action`` in the server's thread; raises what it raises, and ConnectionLost where that does not run."""
+        """Call ``action`` in the server's thread, and return its result.
+
+        It raises what ``action`` raises, and ConnectionLost where the thread does not run.
+        """
         done: Future[Any] = Future()
 
         def act() -> None:
@@ -206,8 +211,8 @@ class Server:
 
     # --- clients ----------------------------------------------------------------------------------------------------
 
-    def _clients(self, port: str) -> List[Connection]:
-        """The connections of a port, without those that are half open."""
+    def _clients(self, port: str) -> List[ClientConnection]:
+        """Return the connections of a port, without those that are half open."""
         return [one for one in self._sockets if one.port == port and not one.is_half_open]
 
     def _accept(self, port: str, listener: Any) -> None:
@@ -224,7 +229,7 @@ class Server:
         self._count += 1
         if self._log:
             sockets.stamp_arrivals(client)
-        connection = Connection(port, self._count, peer, time.monotonic())
+        connection = ClientConnection(port, self._count, peer, time.monotonic())
         self._sockets[connection] = client
         self._selector.register(client, selectors.EVENT_READ, connection)
         self._note(connection, "open")
@@ -236,15 +241,18 @@ class Server:
     def _second_client(self) -> str:
         return self.controller.state.dialect.second_client
 
-    def _take_over(self, connection: Connection) -> None:
-        """From now on this is the command client; another one is dropped (docs/controller-protocol.md section 1)."""
+    def _take_over(self, connection: ClientConnection) -> None:
+        """Make this the command client from now on.
+
+        Another one is dropped (docs/controller-protocol.md section 1).
+        """
         replaced, self._command_client = self._command_client, connection
         self._loss_matters_of = None
         if replaced is not None:
             self._drop(replaced)
         self.controller.state.client_connected()
 
-    def _come_in(self, connection: Connection) -> None:
+    def _come_in(self, connection: ClientConnection) -> None:
         """Make room for the request of another client than the command client, by the dialect.
 
         Where clients coexist, one that comes changes nothing that the others have set, and the command client is the
@@ -255,17 +263,19 @@ class Server:
         elif self._command_client is None:
             self._command_client = connection
 
-    def _least_needed(self, clients: List[Connection]) -> Connection:
-        """Which client of a full port goes: one that reads nothing any more, else the one idle for the longest time.
+    def _least_needed(self, clients: List[ClientConnection]) -> ClientConnection:
+        """Return the client of a full port that goes: one that reads nothing any more, else the one idle for the
+        longest time.
 
-        The command client stays, and so does the client of another port that came together with it: one program's.
+        The command client stays, and so does the client of another port that came together with it: both are one
+        process's.
         """
         owner = self._command_client
         spared = None if owner is None else min(clients, key=lambda one: abs(one.opened_at - owner.opened_at))
         return min((one for one in clients if one is not spared), key=lambda one: (
             not one.is_half_open, not one.unsent_bytes, one.last_request_at))
 
-    def _drop(self, connection: Connection) -> None:
+    def _drop(self, connection: ClientConnection) -> None:
         client = self._sockets.pop(connection, None)
         if client is None:
             return
@@ -275,11 +285,11 @@ class Server:
         self._client_lost(connection)
 
     def _has_client(self) -> bool:
-        """True while a command client is connected; one whose connection is half open does not count."""
+        """Return whether a command client is connected; one whose connection is half open does not count."""
         return self._command_client is not None
 
-    def _client_lost(self, connection: Connection) -> None:
-        """A connection ended or fell silent for good: if it is the command client's, no one is that any more.
+    def _client_lost(self, connection: ClientConnection) -> None:
+        """Handle a connection that ended or fell silent for good: the command client's leaves no one in its place.
 
         What ``set_network_exception_handle`` has set follows the loss of the connection on which it came.
         """
@@ -290,11 +300,11 @@ class Server:
             if not self.is_off:
                 self.controller.state.client_lost()
 
-    def _note(self, connection: Connection, what: str) -> None:
+    def _note(self, connection: ClientConnection, what: str) -> None:
         if self._log:
             self._log.event(time.monotonic_ns(), connection.port, connection.number, what, connection.peer)
 
-    def _read(self, connection: Connection, now: float) -> None:
+    def _read(self, connection: ClientConnection, now: float) -> None:
         if connection.is_half_open or self._is_stalled(connection.port, now):
             return
         data, arrived_ns = sockets.receive_stamped(self._sockets[connection], _READ_BYTES)
@@ -303,14 +313,14 @@ class Server:
         if not data:
             self._drop(connection)
             return
-        if self._log and connection.port != PANEL:
+        if self._log and connection.port != OPERATOR:
             self._log.bytes_in(arrived_ns, connection.port, connection.number, data)
         if connection.port != "status":
             connection.inbox.extend(connection.parser.feed(data, now))
         self._carry_out(connection, now)
         self._flush(connection, now)
 
-    def _serve(self, connection: Connection, now: float) -> None:
+    def _serve(self, connection: ClientConnection, now: float) -> None:
         """Do what is due by time: requests that were not finished, held replies, scheduled deliveries."""
         if connection.is_half_open:
             return
@@ -321,7 +331,7 @@ class Server:
         self._carry_out(connection, now)
         self._flush(connection, now)
 
-    def _carry_out(self, connection: Connection, now: float) -> None:
+    def _carry_out(self, connection: ClientConnection, now: float) -> None:
         self._send_replies(connection, now)
         for _ in range(_REQUESTS_A_TURN):
             if connection.replies.is_blocked or not connection.inbox or connection.is_closing or self.is_off:
@@ -336,8 +346,8 @@ class Server:
             if connection.port == "poll":
                 if isinstance(request, dict) and request.get("cmdName") == "data_request":
                     self._answer_poll(connection, now)
-            elif connection.port == PANEL:
-                self._answer_panel(connection, request, now)
+            elif connection.port == OPERATOR:
+                self._answer_operator(connection, request, now)
             else:
                 result = self.controller.execute(request)
                 if result.command == LINK_LOSS_COMMAND:
@@ -345,31 +355,31 @@ class Server:
                 connection.replies.add(result)
                 self._send_replies(connection, now)
 
-    def _send_replies(self, connection: Connection, now: float) -> None:
+    def _send_replies(self, connection: ClientConnection, now: float) -> None:
         for result in connection.replies.take_due():
             self._reply(connection, result, now)
 
-    def _reply(self, connection: Connection, result: RequestResult, now: float) -> None:
+    def _reply(self, connection: ClientConnection, result: RequestResult, now: float) -> None:
         connection.post(self.faults.deliveries("command", result.due_reply(), result.command, now))
         if result.then is not Then.NOTHING:
             connection.post([Delivery(b"", now, Effect.CLOSE)])
         if result.then is Then.SHUT_DOWN:
-            self._calls.put(lambda: self.shut_down(None) if PANEL in self.port_numbers else self._end())
+            self._calls.put(lambda: self.shut_down(None) if OPERATOR in self.port_numbers else self._end())
             self._wake()
 
-    def _answer_poll(self, connection: Connection, now: float) -> None:
+    def _answer_poll(self, connection: ClientConnection, now: float) -> None:
         text = self.faults.frame_text("poll", self.controller.polled_frame.text())
         connection.post(self.faults.deliveries("poll", zlib.compress(text, _COMPRESSION), None, now))
 
-    def _answer_panel(self, connection: Connection, request: Any, now: float) -> None:
-        if isinstance(request, FramingError) or self._panel_handler is None:
-            answer = {"ok": False, "error": "%s; the panel takes JSON objects only" % request}
+    def _answer_operator(self, connection: ClientConnection, request: Any, now: float) -> None:
+        if isinstance(request, FramingError) or self._operator_handler is None:
+            answer = {"ok": False, "error": "%s; the operator port takes JSON objects only" % request}
             self._refuse(connection, json.dumps(answer).encode("utf-8") + b"\n", now)
         else:
-            connection.post([Delivery(json.dumps(self._panel_handler(request)).encode("utf-8") + b"\n", now)])
+            connection.post([Delivery(json.dumps(self._operator_handler(request)).encode("utf-8") + b"\n", now)])
 
     @staticmethod
-    def _refuse(connection: Connection, text: bytes, now: float) -> None:
+    def _refuse(connection: ClientConnection, text: bytes, now: float) -> None:
         """Answer and close, whatever else has come: a web page can send bytes here, with requests among them."""
         connection.inbox.clear()
         connection.is_closing = True
@@ -384,7 +394,7 @@ class Server:
         for connection in clients:
             connection.post(self.faults.deliveries("status", self.faults.frame_text("status", text), None, now))
 
-    def _flush(self, connection: Connection, now: float) -> None:
+    def _flush(self, connection: ClientConnection, now: float) -> None:
         if connection not in self._sockets:
             return
         try:
@@ -401,7 +411,7 @@ class Server:
         else:
             self._watch(connection)
 
-    def _watch(self, connection: Connection) -> None:
+    def _watch(self, connection: ClientConnection) -> None:
         """Wait for bytes only while no request waits, and for room only while something is unsent."""
         events = 0 if connection.inbox or connection.is_closing else selectors.EVENT_READ
         events |= selectors.EVENT_WRITE if connection.has_unsent() else 0
@@ -410,13 +420,13 @@ class Server:
     def _unwatch(self, client: socket.socket) -> None:
         sockets.watch(self._selector, client, 0)
 
-    def _send(self, connection: Connection, data: bytes) -> int:
+    def _send(self, connection: ClientConnection, data: bytes) -> int:
         begun_ns = time.monotonic_ns()  # before it is sent: an answer to it must not seem to have come first
         try:
             taken = self._sockets[connection].send(data)
         except BlockingIOError:
             return 0
-        if self._log and connection.port != PANEL:
+        if self._log and connection.port != OPERATOR:
             self._log.bytes_out(begun_ns, connection.port, connection.number, data[:taken])
         return taken
 
@@ -426,14 +436,14 @@ class Server:
         return now < self._stalled_until.get(port, now)
 
     def stall(self, ports: Tuple[str, ...], duration: float) -> None:
-        """Neither read nor send on these ports for ``duration`` s; command clients count as lost meanwhile."""
+        """Stop reading and sending on these ports for ``duration`` s; command clients count as lost meanwhile."""
         until = time.monotonic() + duration
         self._stalled_until.update((port, until) for port in ports)
         if "command" in ports and duration > 0.0 and not self.is_off and self._loss_matters_of is not None:
             self.controller.state.client_lost()
 
     def end_connections(self, ports: Tuple[str, ...], effect: Effect) -> int:
-        """Close, reset or half-open every connection of these ports now; returns how many there were."""
+        """Close, reset or half-open every connection of these ports now; return how many there were."""
         now = time.monotonic()
         struck = [connection for port in ports for connection in self._clients(port)]
         for connection in struck:
@@ -449,7 +459,7 @@ class Server:
             self._refusing_until[port] = until
 
     def shut_down(self, down: Optional[float], silent: bool = False) -> None:
-        """Turn the controller off: drive power and connections end, and no port but the panel listens.
+        """Turn the controller off: drive power and connections end, and no port but the operator's listens.
 
         Args:
             down: Time until it starts again by itself, s of wall time; None for never.
@@ -489,7 +499,7 @@ class Server:
             self.boot()
 
     def described(self) -> Dict[str, Any]:
-        """What the panel's action ``wire`` shows: connections, faults, lateness of the cycles."""
+        """Return the connections, faults and lateness of the cycles, for the operator port's action ``wire``."""
         return {
             "connections": [{"port": c.port, "number": c.number, "peer": c.peer, "half_open": c.is_half_open,
                              "unsent_bytes": c.unsent_bytes} for c in self._sockets],
@@ -498,13 +508,17 @@ class Server:
             "cycle_lateness": self._clock.lateness()}
 
 
-def ask_panel(port: int, request: Dict[str, Any], timeout: float = 10.0) -> Dict[str, Any]:
-    """The answer of a simulated controller's panel on this machine; raises ConnectionLost where nobody answers."""
+def ask_operator_port(port: int, request: Dict[str, Any], timeout: float = 10.0) -> Dict[str, Any]:
+    """Send a request to a simulated controller's operator port on this machine, and return the answer.
+
+    Raises:
+        ConnectionLost: Nobody answers.
+    """
     try:
         with socket.create_connection((LOOPBACK, port), timeout) as link:
             link.sendall(json.dumps(request).encode("utf-8") + b"\n")
             with link.makefile("rb") as stream:
                 answer: Dict[str, Any] = json.loads(stream.readline(_LONGEST_ANSWER))
     except (OSError, ValueError) as error:
-        raise ConnectionLost("no panel answers on port %d: %s" % (port, error)) from error
+        raise ConnectionLost("no operator port answers on port %d: %s" % (port, error)) from error
     return answer

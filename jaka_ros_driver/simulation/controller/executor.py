@@ -1,4 +1,7 @@
-"""The controller without sockets, threads and clock: takes a request, returns the reply; ``step`` tells the time."""
+"""The controller without sockets, threads and clock: it takes a request and returns the reply.
+
+The argument of ``step`` is the time that passes.
+"""
 import dataclasses
 import sys
 import traceback
@@ -12,16 +15,22 @@ from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.command_spec import Held, Then
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
-from jaka_ros_driver.simulation.controller.controller_state import ControllerState, Options, Start
 from jaka_ros_driver.simulation.controller.firmware import Firmware
 from jaka_ros_driver.simulation.controller.memory import Memory
-from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused, accepted, not_understood, refused
+from jaka_ros_driver.simulation.controller.replies import (
+    BadParameter,
+    CommandRefused,
+    accepted,
+    not_understood,
+    refused,
+)
+from jaka_ros_driver.simulation.controller.state import ControllerState, Options, Start
 from jaka_ros_driver.simulation.controller.status_frame import StatusFrame
 from jaka_ros_driver.state import Vector
 
 
 class RequestResult(NamedTuple):
-    """What a request leads to.
+    """The result of a request.
 
     Attributes:
         command: The command it named; None where it named none.
@@ -38,11 +47,11 @@ class RequestResult(NamedTuple):
     then: Then = Then.NOTHING
 
     def is_due(self) -> bool:
-        """True where the reply is to be sent now."""
+        """Return whether the reply is to be sent now."""
         return self.held is None or self.held.until()
 
     def due_reply(self) -> bytes:
-        """The reply as it is when it is due."""
+        """Return the reply as it is when it is due."""
         return self.reply_if_refused if self.held is not None and self.held.refused() else self.reply
 
 
@@ -58,7 +67,7 @@ class ReplyLine:
         return any(result.held is not None and result.held.blocks for result in self._waiting)
 
     def add(self, result: RequestResult) -> None:
-        """Append what a request has led to."""
+        """Append the result of a request."""
         self._waiting.append(result)
 
     def take_due(self) -> List[RequestResult]:
@@ -76,10 +85,10 @@ class Controller:
     """A simulated controller without its sockets.
 
     Attributes:
-        state: What commands change.
+        state: The state that commands change.
         feed_frame: Builds the frames of the status feed.
         polled_frame: Builds the frames of the polled port.
-        failures: Requests whose handling ended in a bug of this program.
+        failures: Requests whose handling ended in a bug of the simulation.
     """
 
     def __init__(self, model: ArmModel, firmware: Firmware, options: Options, joint_position: Vector = HOME) -> None:
@@ -100,7 +109,7 @@ class Controller:
             frame.added, frame.dropped = dict(added), tuple(dropped)
 
     def restart(self) -> None:
-        """Start again as after a power cut: no drive power, the arm where it stands, the stored settings."""
+        """Restart as after a power cut: no drive power, the arm where it stands, the stored settings."""
         old = self.state
         options = dataclasses.replace(self._options, start=Start.OFF)
         self.state = ControllerState(old.model, self._firmware, options, old.memory, old.plant.joint_position)
@@ -128,8 +137,8 @@ class Controller:
             fields = spec.handler(self.state, Arguments(request))  # type: ignore[arg-type]
         except BadParameter:
             return RequestResult(spec.name, not_understood(dialect))
-        except (Refused, TargetRejected, InvalidCommand) as error:
-            refusal = error if isinstance(error, Refused) else Refused()
+        except (CommandRefused, TargetRejected, InvalidCommand) as error:
+            refusal = error if isinstance(error, CommandRefused) else CommandRefused()
             return RequestResult(spec.name, refused(dialect, spec.name, refusal))
         except Exception:
             self.failures += 1
@@ -137,5 +146,5 @@ class Controller:
             return RequestResult(spec.name, not_understood(dialect))
         if isinstance(fields, Held):
             return RequestResult(spec.name, accepted(dialect, spec.name, {}), fields,
-                                 refused(dialect, spec.name, Refused()))
+                                 refused(dialect, spec.name, CommandRefused()))
         return RequestResult(spec.name, accepted(dialect, spec.name, fields or {}), then=spec.then)

@@ -1,4 +1,4 @@
-"""A velocity jog: streamed as joint frames while the dead-man is held; braked, and servo mode left, when it is not."""
+"""The motion of a velocity jog: streamed as joint frames while the dead-man is held; braked when it is not."""
 import logging
 from typing import Optional
 
@@ -13,24 +13,24 @@ from jaka_ros_driver.kinematics.arm_models import ArmModel
 from jaka_ros_driver.state import RobotState, Vector
 
 _IDLE_S = 1.0
-"""s; servo mode is left when nothing but rest has been asked for so long: then others can have the arm."""
+"""Time, s, of wanted rest after which servo mode is left, so that others can have the arm."""
 
 
 class VelocityJog(Streaming):
-    """Follows what the dead-man holds, and brakes when it lets go. It never begins again by itself."""
+    """A motion that follows the held dead-man, and brakes when it is released. It never begins again by itself."""
 
     owner = MotionOwner.VELOCITY_JOG
 
     def __init__(self, custody: Custody, model: ArmModel, dead_man: DeadMan, state: RobotState,
                  on_mode: OnMode) -> None:
-        """Prepare.
+        """Set up the motion.
 
         Args:
             custody: Of this motion.
-            model: Whose limits hold.
+            model: The arm model with the limits.
             dead_man: Is held now.
             state: Before the motion.
-            on_mode: Told whether servo mode is on and, when it has ended, why.
+            on_mode: Called with whether servo mode is on and, when it has ended, why.
         """
         super().__init__(custody, state, on_mode)
         self._model = model
@@ -42,13 +42,13 @@ class VelocityJog(Streaming):
     # ---- life ----
 
     def halt(self) -> Optional[JogStop]:
-        self._dead_man.let_go("the jog was stopped")
+        self._dead_man.release("the jog was stopped")
         return super().halt()
 
     def ended(self, outcome: Optional[MotionInterrupted]) -> None:
         reason = self._leave_reason or "" if outcome is None else str(outcome)
         if outcome is not None:
-            self._dead_man.let_go(reason)
+            self._dead_man.release(reason)
         self._on_mode(False, reason)
 
     def _entered(self, now: float) -> None:
@@ -57,14 +57,14 @@ class VelocityJog(Streaming):
             settings.jog_max_joint_speed, settings.jog_max_linear_speed, settings.jog_max_angular_speed))
 
     def _not_entered(self, error: JakaError) -> None:
-        self._dead_man.let_go(str(error))
+        self._dead_man.release(str(error))
         self._custody.actions.log(logging.WARNING, "velocity jog: %s" % error)
 
     def _frame(self, now: float) -> ServoJoint:
         assert self._ramp is not None
         wish = self._dead_man.wish(now)
         if self._leave_reason is not None or wish is None or self._dead_man.grip != self._grip:
-            self._let_go()
+            self._release()
             return ServoJoint(self._ramp.step(None))
         if not (wish.is_zero and self._ramp.is_still):
             self._idle_since = None
@@ -99,7 +99,7 @@ class VelocityJog(Streaming):
         self._leave_reason = reason
         self.is_leaving = True
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         if self._leave_reason is None:
             self._leave(self._dead_man.last_end)
             self._custody.actions.log(logging.INFO, "velocity jog: %s; the arm brakes" % self._leave_reason)

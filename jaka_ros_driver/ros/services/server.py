@@ -1,7 +1,7 @@
-"""A rospy service for clients that were built with different definitions of its type; it counts the calls under way.
+"""A rospy service for clients that were built with different definitions of its type; it counts the running calls.
 
 rospy compares the md5 of the definition with which a client was built. A connection of a client that was built with
-another known definition gets that definition's request class.
+another known definition is served with that definition's request class.
 """
 import contextlib
 import logging
@@ -19,7 +19,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class CallCount:
-    """Counts the calls under way."""
+    """The number of running calls."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -27,7 +27,7 @@ class CallCount:
 
     @contextlib.contextmanager
     def one(self) -> Iterator[None]:
-        """A context that lasts from a call's request to its reply."""
+        """Count a call from its request to its reply."""
         with self._changed:
             self._count += 1
         try:
@@ -38,7 +38,7 @@ class CallCount:
                 self._changed.notify_all()
 
     def wait_for_none(self, timeout: float) -> bool:
-        """Wait until none is under way, at most ``timeout`` s; False when there are still some."""
+        """Wait until no call runs, at most ``timeout`` s; return False when there are still some."""
         with self._changed:
             return self._changed.wait_for(lambda: self._count == 0, timeout)
 
@@ -48,7 +48,7 @@ class ServiceServer(rospy.Service):
 
     def __init__(self, name: str, srv_type: Any, handler: Callable[[Any], Any], calls: CallCount,
                  other_types: Tuple[Any, ...] = ()) -> None:
-        """Register it.
+        """Register the service.
 
         Args:
             name: As rospy takes it.
@@ -62,7 +62,9 @@ class ServiceServer(rospy.Service):
         super().__init__(name, srv_type, handler)
 
     def accept(self, sock: Any, header: Dict[str, str]) -> bool:
-        """Take a connection of a client that was built with one of the other definitions; False where it was not."""
+        """Accept a connection of a client that was built with one of the other definitions; return False where it was
+        not.
+        """
         other = self._other.get(header.get("md5sum", ""))
         if other is None:
             return False
@@ -98,7 +100,7 @@ class ServiceServer(rospy.Service):
 
 
 def take_connection(sock: Any, client_addr: Any, header: Dict[str, str]) -> Optional[str]:
-    """Take a service client's connection, before rospy compares its md5; returns why it is refused, or None."""
+    """Accept a service client's connection, before rospy compares its md5; return why it is refused, or None."""
     service = registration.get_service_manager().get_service(header.get("service", ""))
     if isinstance(service, ServiceServer) and "callerid" in header and service.accept(sock, header):
         return None

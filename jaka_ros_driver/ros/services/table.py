@@ -1,7 +1,7 @@
 """The table of all services, and the way from a call to its response and its record.
 
-A refusal or failure is told in the response. Only where a type has no field for it (stop_move) does the call fail with
-a ROS service error.
+A refusal or failure is in the response. Only where a type has no field for it (stop_move) does the call fail with a ROS
+service error.
 """
 import logging
 import time
@@ -29,9 +29,9 @@ from jaka_ros_driver.commands import Pose
 from jaka_ros_driver.errors import JakaError, ProtocolError
 from jaka_ros_driver.ros.audit.recorder import Recorder
 from jaka_ros_driver.ros.convert import VENDOR_IO_FAILURE, VENDOR_KINEMATICS_FAILURE, RequestDecoder, wire_pose
-from jaka_ros_driver.ros.services.call_publisher import Call, CallPublisher
-from jaka_ros_driver.ros.services.service_handlers import Outcome, ServiceHandlers
-from jaka_ros_driver.ros.services.service_server import CallCount, ServiceServer
+from jaka_ros_driver.ros.services.call_publisher import CallPublisher, ReceivedCall
+from jaka_ros_driver.ros.services.handlers import ServiceHandlers, ServiceOutcome
+from jaka_ros_driver.ros.services.server import CallCount, ServiceServer
 from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed
 
 _LOG = logging.getLogger(__name__)
@@ -39,37 +39,37 @@ _LOG = logging.getLogger(__name__)
 FLOAT32_MAX = 3.4028234663852886e38
 
 
-def as_ret(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+def as_ret(response: Any, outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set ``ret``, 1 or 0, and ``message`` (docs/interface.md section 4.1)."""
     response.ret = int(outcome.is_success)
     response.message = outcome.message
 
 
-def as_success(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+def as_success(response: Any, outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set the fields of std_srvs/SetBool and Trigger."""
     response.success = outcome.is_success
     response.message = outcome.message
 
 
-def as_exception(response: Any, outcome: Outcome, is_vendor: bool) -> None:
-    """Raise rospy.ServiceException on failure: std_srvs/Empty has no field to tell it."""
+def as_exception(response: Any, outcome: ServiceOutcome, is_vendor: bool) -> None:
+    """Raise rospy.ServiceException on failure: std_srvs/Empty has no field for it."""
     if not outcome.is_success:
         raise rospy.ServiceException(outcome.message)
 
 
-def as_value(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+def as_value(response: Any, outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set the fields of get_io, without ``ret``: failure is NaN and ``error:`` (docs/interface.md section 4.1)."""
     response.message = outcome.message if outcome.is_success else "error: " + outcome.message
     response.value = outcome.value if outcome.is_success else VENDOR_IO_FAILURE if is_vendor else float("nan")
 
 
-def as_pose(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+def as_pose(response: Any, outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set the fields of get_fk; the pose is empty on failure."""
     response.message = outcome.message
     response.cartesian_pose = wire_pose(outcome.value) if outcome.is_success else _no_numbers(is_vendor)
 
 
-def as_joints(response: Any, outcome: Outcome, is_vendor: bool) -> None:
+def as_joints(response: Any, outcome: ServiceOutcome, is_vendor: bool) -> None:
     """Set the fields of get_ik; the joints are empty on failure."""
     response.message = outcome.message
     response.joint = outcome.value if outcome.is_success else _no_numbers(is_vendor)
@@ -87,7 +87,7 @@ def _no_numbers(is_vendor: bool) -> Tuple[float, ...]:
 
 
 class ServiceSpec(NamedTuple):
-    """One service: its name, its type, how its request is decoded, what it does, and how its outcome is reported.
+    """One service: its name, type, decoder, handler, and the way in which its outcome is reported.
 
     Attributes:
         name: Its name in the node's private namespace.
@@ -101,8 +101,8 @@ class ServiceSpec(NamedTuple):
     name: str
     srv_type: Any
     to_command: Callable[[RequestDecoder, Any], Any]
-    perform: Callable[[ServiceHandlers, Any], Outcome]
-    report: Callable[[Any, Outcome, bool], None] = as_ret
+    perform: Callable[[ServiceHandlers, Any], ServiceOutcome]
+    report: Callable[[Any, ServiceOutcome, bool], None] = as_ret
 
 
 SERVICES: Tuple[ServiceSpec, ...] = (
@@ -142,7 +142,7 @@ if hasattr(types, "LoadProgram"):
     SERVICES += (ServiceSpec("program/load", types.LoadProgram, RequestDecoder.program_name,
                              ServiceHandlers.load_program, as_success),)
 OTHER_DEFINITIONS: Dict[Any, Tuple[Any, ...]] = {ServoMove: (ServoMoveWithSpeed,)}
-"""For a type of jaka_msgs: other definitions with which clients may have been built."""
+"""Other definitions of a type of jaka_msgs, with which clients may have been built."""
 
 
 class Services:
@@ -165,7 +165,7 @@ class Services:
                 OTHER_DEFINITIONS.get(spec.srv_type, ())))
 
     def finish_calls(self, timeout: float) -> None:
-        """Wait until every call under way is answered, at most ``timeout`` s."""
+        """Wait until every running call is answered, at most ``timeout`` s."""
         if not self._calls.wait_for_none(timeout):
             _LOG.warning("some service calls were not answered before the driver shut down")
 
@@ -173,7 +173,7 @@ class Services:
         name = rospy.resolve_name("~" + spec.name)
 
         def handle(request: Any) -> Any:
-            call = Call(name, spec.srv_type, request, rospy.Time.now(), time.monotonic())
+            call = ReceivedCall(name, spec.srv_type, request, rospy.Time.now(), time.monotonic())
             entry = self._recorder.call("~" + spec.name, request)
             try:
                 outcome = self._outcome(spec, request)
@@ -193,7 +193,7 @@ class Services:
 
         return handle
 
-    def _outcome(self, spec: ServiceSpec, request: Any) -> Outcome:
+    def _outcome(self, spec: ServiceSpec, request: Any) -> ServiceOutcome:
         try:
             outcome = spec.perform(self._handlers, spec.to_command(self._decoder, request))
             if outcome.value is not None:
@@ -201,4 +201,4 @@ class Services:
             return outcome
         except JakaError as error:
             _LOG.info("%s: %s", spec.name, error)
-            return Outcome(str(error), is_success=False)
+            return ServiceOutcome(str(error), is_success=False)

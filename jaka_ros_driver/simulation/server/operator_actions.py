@@ -1,7 +1,7 @@
-"""The operator's panel: what a person at the arm can do, and the wire faults, as JSON requests.
+"""The actions of the operator port: what a person at the arm can do, and the wire faults, as JSON requests.
 
-One request is ``{"action": NAME, ...}``; the answer ``{"ok": true, ...}`` or ``{"ok": false, "error": TEXT}``.
-Angles are deg and lengths mm here, as on the wire of the controller. ``ACTIONS`` is the whole protocol.
+One request is ``{"action": NAME, ...}``; the answer ``{"ok": true, ...}`` or ``{"ok": false, "error": TEXT}``. Angles
+are deg and lengths mm here, as on the wire of the controller. ``ACTIONS`` is the whole protocol.
 """
 import sys
 import traceback
@@ -11,11 +11,11 @@ from jaka_ros_driver.errors import InvalidCommand
 from jaka_ros_driver.protocol.ports import PORTS
 from jaka_ros_driver.simulation.controller.arguments import Arguments
 from jaka_ros_driver.simulation.controller.io_banks import BANK_NAMES
-from jaka_ros_driver.simulation.controller.replies import BadParameter, Refused
+from jaka_ros_driver.simulation.controller.replies import BadParameter, CommandRefused
 from jaka_ros_driver.simulation.controller.status_frame import errcode_text
 from jaka_ros_driver.simulation.controller.wire_units import QUERY_DECIMALS, joints_to_wire, pose_to_wire
+from jaka_ros_driver.simulation.server.event_loop import ControllerServer
 from jaka_ros_driver.simulation.server.faults import Effect
-from jaka_ros_driver.simulation.server.server import Server
 from jaka_ros_driver.units import deg_to_rad, m_to_mm, ms_to_s
 
 Answer = Dict[str, Any]
@@ -23,7 +23,7 @@ _FAULT_KEYS = ("kind", "port", "count", "probability", "command")
 
 
 class Action(NamedTuple):
-    """One action of the panel.
+    """One action of the operator port.
 
     Attributes:
         act: Carries it out.
@@ -31,13 +31,13 @@ class Action(NamedTuple):
         meaning: In words.
     """
 
-    act: Callable[[Server, Dict[str, Any]], Optional[Answer]]
+    act: Callable[[ControllerServer, Dict[str, Any]], Optional[Answer]]
     parameters: str
     meaning: str
 
 
-def handle(server: Server, request: Dict[str, Any]) -> Answer:
-    """Carry out one request of the panel. What is wrong with a request is told in the answer; nothing is raised."""
+def handle(server: ControllerServer, request: Dict[str, Any]) -> Answer:
+    """Carry out one request of the operator port. An error is in the answer; nothing is raised."""
     name = request.get("action")
     action = ACTIONS.get(name) if isinstance(name, str) else None
     if action is None:
@@ -46,7 +46,7 @@ def handle(server: Server, request: Dict[str, Any]) -> Answer:
         answer = action.act(server, {key: value for key, value in request.items() if key != "action"})
     except (InvalidCommand, BadParameter) as error:
         return {"ok": False, "error": str(error)}
-    except Refused:
+    except CommandRefused:
         return {"ok": False, "error": "a parameter has the wrong length or is out of range"}
     except Exception as error:  # a bug of this program must not take the controller down with a motion under way
         server.controller.failures += 1
@@ -62,20 +62,20 @@ def _joint(arguments: Arguments) -> int:
     return joint - 1
 
 
-def _hit(server: Server, request: Dict[str, Any]) -> Answer:
+def _hit(server: ControllerServer, request: Dict[str, Any]) -> Answer:
     arguments = Arguments(request)
     joint = _joint(arguments) if arguments.has("joint") else None
     return {"noticed": server.controller.state.hit(arguments.number("force", 150.0), joint)}
 
 
-def _push(server: Server, request: Dict[str, Any]) -> Answer:
+def _push(server: ControllerServer, request: Dict[str, Any]) -> Answer:
     arguments = Arguments(request)
     pushed = server.controller.state.push(
         _joint(arguments), deg_to_rad(arguments.number("velocity")), arguments.number("duration", 1.0))
     return {"pushed": pushed}
 
 
-def _set_input(server: Server, request: Dict[str, Any]) -> None:
+def _set_input(server: ControllerServer, request: Dict[str, Any]) -> None:
     arguments = Arguments(request)
     bank, signal = arguments.text("bank", "cabinet"), arguments.text("signal", "digital")
     if bank not in BANK_NAMES or signal not in ("digital", "analog"):
@@ -84,7 +84,7 @@ def _set_input(server: Server, request: Dict[str, Any]) -> None:
                                      arguments.number("value"))
 
 
-def _load_force_sensor(server: Server, request: Dict[str, Any]) -> None:
+def _load_force_sensor(server: ControllerServer, request: Dict[str, Any]) -> None:
     sensor = server.controller.state.force_sensor
     if sensor is None:
         raise InvalidCommand("there is no force sensor: start with --force-sensor")
@@ -92,7 +92,7 @@ def _load_force_sensor(server: Server, request: Dict[str, Any]) -> None:
     sensor.load(tuple(arguments.number(axis, 0.0) for axis in ("fx", "fy", "fz", "mx", "my", "mz")))
 
 
-def _fault(server: Server, request: Dict[str, Any]) -> Answer:
+def _fault(server: ControllerServer, request: Dict[str, Any]) -> Answer:
     known = {key: request[key] for key in _FAULT_KEYS if key in request}
     params = {key: value for key, value in request.items() if key not in known}
     if "kind" not in known or "port" not in known:
@@ -100,7 +100,7 @@ def _fault(server: Server, request: Dict[str, Any]) -> Answer:
     return {"fault": server.faults.add(**known, **params).described()}
 
 
-def _clear_faults(server: Server, _request: Dict[str, Any]) -> None:
+def _clear_faults(server: ControllerServer, _request: Dict[str, Any]) -> None:
     server.faults.clear()
     server.controller.change_fields({}, ())
     server.controller.state.slow_feed(None)
@@ -113,15 +113,16 @@ def _ports(request: Dict[str, Any]) -> Tuple[str, ...]:
     return PORTS if port == "all" else (str(port),)
 
 
-def _end(effect: Effect) -> Callable[[Server, Dict[str, Any]], Answer]:
+def _end(effect: Effect) -> Callable[[ControllerServer, Dict[str, Any]], Answer]:
     return lambda server, request: {"connections": server.end_connections(_ports(request), effect)}
 
 
-def _for_a_while(act: Callable[[Server, Tuple[str, ...], float], None]) -> Callable[[Server, Dict[str, Any]], None]:
+def _for_a_while(act: Callable[[ControllerServer, Tuple[str, ...], float], None]
+                 ) -> Callable[[ControllerServer, Dict[str, Any]], None]:
     return lambda server, request: act(server, _ports(request), ms_to_s(_not_negative(request, "duration_ms", 1000.0)))
 
 
-def _reboot(server: Server, request: Dict[str, Any]) -> None:
+def _reboot(server: ControllerServer, request: Dict[str, Any]) -> None:
     server.shut_down(_not_negative(request, "down", 10.0), Arguments(request).flag("silent", False))
 
 
@@ -132,21 +133,21 @@ def _not_negative(request: Dict[str, Any], key: str, default: float) -> float:
     return value
 
 
-def _slow_feed(server: Server, request: Dict[str, Any]) -> None:
+def _slow_feed(server: ControllerServer, request: Dict[str, Any]) -> None:
     rate = Arguments(request).number("rate")
     if not 0.0 < rate <= 1000.0:
         raise InvalidCommand("rate is %g Hz; it must be within 0..1000" % rate)
     server.controller.state.slow_feed(1.0 / rate)
 
 
-def _fields(server: Server, request: Dict[str, Any]) -> None:
+def _fields(server: ControllerServer, request: Dict[str, Any]) -> None:
     added, dropped = request.get("add", {}), request.get("drop", [])
     if not isinstance(added, dict) or not isinstance(dropped, list) or not all(isinstance(d, str) for d in dropped):
         raise InvalidCommand("add is an object of fields, drop a list of names")
     server.controller.change_fields(added, tuple(dropped))
 
 
-def _state(server: Server, _request: Dict[str, Any]) -> Answer:
+def _state(server: ControllerServer, _request: Dict[str, Any]) -> Answer:
     state = server.controller.state
     code, text = state.alarms.shown()
     return {"state": {
@@ -187,8 +188,8 @@ ACTIONS: Dict[str, Action] = {
     "close": Action(_end(Effect.CLOSE), _PORT, "close the connections"),
     "reset": Action(_end(Effect.RESET), _PORT, "reset the connections (RST)"),
     "half_open": Action(_end(Effect.HALF_OPEN), _PORT, "leave the connections open, and read and send nothing more"),
-    "stall": Action(_for_a_while(Server.stall), _FOR_A_WHILE, "neither read nor send for a while"),
-    "refuse": Action(_for_a_while(Server.refuse), _FOR_A_WHILE, "refuse new connections for a while"),
+    "stall": Action(_for_a_while(ControllerServer.stall), _FOR_A_WHILE, "neither read nor send for a while"),
+    "refuse": Action(_for_a_while(ControllerServer.refuse), _FOR_A_WHILE, "refuse new connections for a while"),
     "reboot": Action(_reboot, "down wall s (10), silent 0 or 1 (0)",
                      "turn the cabinet off for a while; silent: without closing connections, as in a power failure"),
     "boot": Action(lambda server, request: server.boot(), "",
@@ -206,4 +207,4 @@ ACTIONS: Dict[str, Action] = {
     "help": Action(lambda server, request: {"actions": {
         name: [action.parameters, action.meaning] for name, action in ACTIONS.items()}}, "", "this table"),
 }
-"""Every action: its parameters with defaults, and what it does."""
+"""Every action: its parameters with defaults, and its effect."""

@@ -1,0 +1,249 @@
+"""The form of docstrings, by room, and class names with one meaning each.
+
+As a command (``python3 test/test_words.py ROOM...``) it prints the counts by room, and each finding in the rooms that
+are named.
+"""
+import ast
+import re
+import sys
+from collections import Counter
+from functools import lru_cache
+from pathlib import Path
+from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDERS = ("jaka_ros_driver", "tools", "test", "docs", "cmake")
+TO_COME = ("tools/jaka_bag", "tools/jaka_panel", "tools/jaka_regression", "tools/debian", "test")
+"""Rooms whose docstrings are still to be put into this form; a room that has none wrong must leave this list."""
+BANNED = frozenset(
+    "As At By How It Of That What When Where Whether Which Who Whose Why With "
+    "After Before Behind Between For From If In On So To Within Without Its Their They This These Those "
+    "Another Both Neither Not Same Also".split())
+"""First words that lean on the name above the docstring."""
+VERBS = frozenset(
+    "accept account acknowledge acquire act add adopt advance align allow announce answer append apply ask assert "
+    "assign attach audit await begin believe bind block bound brake bring build bundle call cancel carry cause "
+    "change check choose clamp classify clear close collect combine command compare compile complete compress "
+    "compute configure confirm connect consume continue convert copy correct count create cut deal decide decode "
+    "decompress decrease defer define delay delete deliver deny derive describe detach detect determine disable "
+    "discard disconnect display dispute divide do download drain draw drive drop duplicate emit empty enable "
+    "encode end energise enforce engage enlarge ensure enter escape estimate evaluate exchange execute exit "
+    "expand expect export extend extract fail fetch fill filter find finish fit flush fold follow forbid force "
+    "forget format forward free freeze gather generate get give go grant group guard guide hand handle have hit "
+    "hold identify ignore import include increase index infer inject insert inspect install integrate interpolate "
+    "interrupt invert iterate jog join jump keep kill label launch learn leave let limit link list listen load "
+    "locate lock log look lose lower make map mark match measure merge mirror move multiply name narrow normalise "
+    "note notice notify observe offer omit open operate order pair parse pass pause perform permit pick place "
+    "plan play plot point poll pop post power predict prefix prepare press prevent print probe process produce "
+    "project protect prove provide publish pull push put query queue quote raise rank reach read rebuild receive "
+    "recognise reconnect record recover reduce refer refine refuse register reject release remember remove rename "
+    "render repeat replace replay reply report represent request require reset resolve respond restart restore "
+    "resume retry return reverse revert rewrite ring rotate round run sample save scale scan schedule search see "
+    "select send separate serve set shed shift shorten show shut sign simulate skip sleep slow smooth solve sort "
+    "spawn split stamp start state stay step stop store stream strip submit subscribe subtract suggest sum "
+    "summarise supply suppress swap switch synchronise take tear terminate test tighten tilt time touch trace "
+    "track train transform translate travel treat trim truncate try turn undo unload unlock unpack unregister "
+    "update use validate verify visit wait wake walk warn watch wire withdraw wrap write yield zero zip".split())
+"""Words with which a function's docstring may begin; one that is missing here, and is a verb, is added."""
+PLURALS = frozenset(
+    "answers calls changes checks commands counts fields filters frames jogs joints limits links logs moves names "
+    "offers orders paths places plans points ranks reads records replies reports requests samples "
+    "scans searches shifts signals signs starts states stamps steps stops stores streams tests times traces turns "
+    "waits writes".split())
+"""Third persons of verbs that are plural nouns as well, so a class may begin with them."""
+_OBJECT = re.compile(r"\s+(the|a|an|all|each|every|it|its|them|these|this)\b")
+"""Words behind which a word that is verb and noun was the verb."""
+
+
+TWO_MEANINGS: Dict[str, str] = {
+    "ConnectionLost": "the errors of the driver and of the log tools, which import nothing of each other",
+    "ProtocolError": "the same",
+    "MotionState": "the enumeration of RobotMsg, which the log tools have for themselves, for the same reason",
+}
+"""Public class names of the driver that the tools use, too, each with the reason; at most four."""
+NAMES_TO_COME = frozenset(
+    "Arm Call Change Command Event History Lateness Limits Outcome Parsed Request Rows Session Source Stream "
+    "Trigger".split())
+"""Names that stand for several things in the tools, and are still to be changed; one that does not leaves this list."""
+
+
+class Finding(NamedTuple):
+    """A docstring in the wrong form: its room, the place in its file, the reason."""
+
+    room: str
+    place: str
+    reason: str
+
+
+class Docstring(NamedTuple):
+    """One docstring of a file; ``kind`` is module, class, function, property or constant."""
+
+    kind: str
+    name: str
+    line: int
+    text: str
+
+
+def third_persons() -> Iterator[str]:
+    """Return the third person singular of each verb."""
+    for verb in VERBS:
+        if verb.endswith("y") and verb[-2] not in "aeou":
+            yield verb[:-1] + "ies"
+        elif re.search(r"(s|x|z|ch|sh|o)$", verb):
+            yield verb + "es"
+        else:
+            yield verb + "s"
+
+
+THIRD_PERSONS = frozenset(third_persons()) | {"has", "is", "are", "does"}
+
+
+def is_property(node: ast.AST) -> bool:
+    """Return whether a function is a property, by its decorators."""
+    names = [item.attr if isinstance(item, ast.Attribute) else getattr(item, "id", "")
+             for item in getattr(node, "decorator_list", [])]
+    return any(name in ("property", "cached_property") for name in names)
+
+
+def text_of(node: ast.AST) -> Optional[str]:
+    """Return the text of a statement that is nothing but a string."""
+    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+        return node.value.value
+    return None
+
+
+def docstrings(tree: ast.Module) -> Iterator[Docstring]:
+    """Return every docstring of a file, with those below constants and attributes."""
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
+            text = ast.get_docstring(node)
+            if text is not None:
+                kind = "module" if isinstance(node, ast.Module) else "class" if isinstance(
+                    node, ast.ClassDef) else "property" if is_property(node) else "function"
+                yield Docstring(kind, getattr(node, "name", "module"), node.body[0].lineno, text)
+            for before, after in zip(node.body, node.body[1:]):
+                text = text_of(after)
+                if text is not None and isinstance(before, (ast.Assign, ast.AnnAssign)):
+                    yield Docstring("constant", ast.dump(before), after.lineno, text)
+
+
+def fault(docstring: Docstring) -> str:
+    """Return the reason why a docstring is in the wrong form; empty for a right one."""
+    first, _, _ = docstring.text.strip().partition("\n\n")
+    word = (re.match(r"[\w'-]*", first) or [""])[0]
+    if not first:
+        return "is empty"
+    if word in BANNED:
+        return "begins with %s" % word
+    if not re.match(r"[A-Z0-9`\"'~]", first):
+        return "begins with a small letter or a unit"
+    if not first.rstrip("\"`'").endswith((".", ":", "?")):
+        return "does not end with a period"
+    if docstring.kind == "function":
+        return "" if word.lower() in VERBS else "does not begin with a verb in the imperative: %s" % word
+    if word.lower() in THIRD_PERSONS - PLURALS or (
+            word.lower() in VERBS | THIRD_PERSONS and _OBJECT.match(first, len(word))):
+        return "begins with a verb: %s" % word
+    return ""
+
+
+def room_of(path: Path) -> str:
+    """Return the folder by which a file is counted: two levels of the driver and of tools/, one elsewhere."""
+    parts = path.relative_to(ROOT).parts[:-1]
+    return "/".join(parts[:2] if parts[0] in ("jaka_ros_driver", "tools") else parts[:1])
+
+
+@lru_cache(maxsize=None)
+def findings() -> Tuple[Finding, ...]:
+    """Return each docstring of the repository in the wrong form."""
+    found = []
+    for folder in FOLDERS:
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            for docstring in docstrings(ast.parse(path.read_text(encoding="utf-8"))):
+                reason = fault(docstring)
+                if reason:
+                    found.append(Finding(room_of(path), "%s:%d" % (path.relative_to(ROOT), docstring.line), reason))
+    return tuple(found)
+
+
+def class_names() -> Dict[str, List[str]]:
+    """Return the places in which each public class name is defined, in the driver and the tools."""
+    places: Dict[str, List[str]] = {}
+    for folder in ("jaka_ros_driver", "tools"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                    places.setdefault(node.name, []).append("%s:%d" % (path.relative_to(ROOT), node.lineno))
+    return places
+
+
+def test_docstrings_have_their_form():
+    wrong = ["%s %s" % (finding.place, finding.reason) for finding in findings() if finding.room not in TO_COME]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_room_to_come_is_done():
+    done = set(TO_COME) - {finding.room for finding in findings()}
+    assert not done, "these rooms have no wrong docstring any more: take them out of TO_COME: %s" % sorted(done)
+
+
+def test_wrong_docstrings_are_seen():
+    tree = ast.parse('''"""With one page."""
+PERIOD_S = 0.5
+"""s; how often."""
+
+
+class Reader:
+    """Reads the port."""
+
+    limit: int
+    """Of the port."""
+
+    @property
+    def scheme(self):
+        """Of its address."""
+
+    def name(self):
+        """The name."""
+
+    def run(self):
+        """Runs until the end."""
+
+    def stop(self):
+        """Stop at once"""
+
+    def right(self):
+        """Return the name."""
+''')
+    assert {each.text: fault(each) for each in docstrings(tree)} == {
+        "With one page.": "begins with With", "s; how often.": "begins with a small letter or a unit",
+        "Reads the port.": "begins with a verb: Reads", "Of the port.": "begins with Of",
+        "Of its address.": "begins with Of",
+        "The name.": "does not begin with a verb in the imperative: The",
+        "Runs until the end.": "does not begin with a verb in the imperative: Runs",
+        "Stop at once": "does not end with a period", "Return the name.": ""}
+
+
+def test_a_class_name_stands_for_one_thing():
+    shared = {name: places for name, places in class_names().items() if len(places) > 1}
+    new = ["%s: %s" % (name, ", ".join(places)) for name, places in sorted(shared.items())
+           if name not in TWO_MEANINGS and name not in NAMES_TO_COME]
+    assert not new, "\n".join(new)
+    stale = (set(TWO_MEANINGS) | NAMES_TO_COME) - set(shared)
+    assert not stale, "these names have one meaning now, take them out of the list: %s" % ", ".join(sorted(stale))
+    assert len(TWO_MEANINGS) <= 4
+
+
+def main(rooms: List[str]) -> None:
+    """Print the counts by room, and the findings in ``rooms``."""
+    found = list(findings())
+    for finding in found:
+        if finding.room in rooms:
+            print("%s %s" % (finding.place, finding.reason))
+    counts: Dict[str, int] = Counter(finding.room for finding in found)
+    for room, count in sorted(counts.items()):
+        print("%5d %s" % (count, room))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
