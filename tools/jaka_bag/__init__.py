@@ -11,11 +11,8 @@ messages             many messages in few numpy arrays: definitions, layouts, co
 containers           the formats: one contract for readers and writers, .bag, .mcap, rosbag2 folders
 operations           convert, merge, split, recover, export, plot, timing
 live                 the ROS graph without ROS: subscribe, publish, record, play
-black_box            a recorder's memory, and a file around each accident
-foxglove             servers for Foxglove and Lichtblick: the graph, logs
 compare              does the arm still do what it did? a log against a golden one, and the reports
-incident             what happened around an accident, as a page
-fleet                many logs: tasks on Dask, a data set of Parquet tables
+engines              one task a log: here, in processes, on Dask
 cli                  the program ``jaka_bag``, one module a subcommand
 __main__             the same as a module that Python can run
 

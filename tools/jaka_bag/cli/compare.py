@@ -5,6 +5,8 @@ import sys
 from pathlib import Path
 from typing import Callable, List, Optional, Tuple
 
+from jaka_fleet.cli import comparing
+
 from ..compare.comparison import CannotCompare, compare_logs
 from ..compare.report.html import as_html
 from ..compare.report.junit import as_junit
@@ -13,7 +15,6 @@ from ..compare.tolerances import ToleranceError, Tolerances, as_yaml, load_toler
 from ..compare.verdict import Comparison
 from ..errors import UsageError
 from ..output_file import OutputFile, check_output
-from .fleet import comparing
 from .main import printable
 from .options import add_old_spelling
 from .quantities import positive_number

@@ -11,6 +11,8 @@ import time
 from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, Optional
 
+from jaka_blackbox.cli import record as black_box
+
 from ..errors import JakaBagError, UsageError
 from ..live.graph import RemoteNode, master_uri
 from ..live.names import NodeNames, anonymous_name, node_names, split_remappings
@@ -23,7 +25,6 @@ from ..live.writer_thread import MessageFiles, WriterThread
 from ..messages.selection import compile_patterns
 from ..operations.signature import load_private_key, sign
 from . import quantities
-from .evidence import black_box
 from .notices import Notices, write_account
 
 EPILOG = """\
