@@ -21,7 +21,7 @@ def rooms(package: str, allowed: Dict[str, Set[str]]) -> Dict[str, Set[str]]:
 GROUND = {"background_log", "errors", "scheduling", "units"}
 DOMAIN = GROUND | {"state", "commands"}
 SIMULATION = {"simulation.arm", "simulation.dialect", "simulation.controller", "simulation.server"}
-FLOOR = {"errors", "units", "driver_interface", "paths", "output_file", "pipeline"}
+FLOOR = {"errors", "units", "driver_interface", "log_records", "paths", "output_file", "pipeline"}
 CONTAINERS = {"containers", "containers.registry"}
 TOOLS = FLOOR | CONTAINERS | {
     "messages", "operations", "live", "compare.tolerances", "compare.runs", "compare.matching", "compare.verdict",
@@ -58,6 +58,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
         "errors": set(),
         "units": set(),
         "driver_interface": set(),
+        "log_records": set(),
         "paths": set(),
         "output_file": {"errors", "paths"},
         "pipeline": set(),
@@ -81,7 +82,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
                             "compare.checks"},
         "compare.report": FLOOR | {"messages", "operations", "compare.tolerances", "compare.runs", "compare.matching",
                                    "compare.verdict", "compare.checks"},
-        "cli": TOOLS | {"cli.main", "containers.rosbag2_folder", "jaka_blackbox.cli", "jaka_fleet.cli"},
+        "cli": TOOLS | {"cli.main", "containers.rosbag2_folder"},
         "cli.main": {"", "cli", "jaka_blackbox.cli", "jaka_foxglove.cli", "jaka_fleet.cli", "jaka_regression"} | FLOOR,
         "__main__": {"cli.main"},
     }),
@@ -96,7 +97,7 @@ ROOMS: Dict[str, Set[str]] = {  # what each room may import besides itself; a mo
     }),
     **rooms("jaka_fleet", {
         "": set(),
-        "dataset": {"jaka_blackbox"} | ALL_OF_JAKA_BAG,
+        "dataset": ALL_OF_JAKA_BAG,
         "comparing": {"dataset"} | ALL_OF_JAKA_BAG,
         "replay": {"jaka_regression", "jaka_regression.programs"} | ALL_OF_JAKA_BAG,
         "cli": {"dataset", "comparing", "replay", "jaka_regression"} | ALL_OF_JAKA_BAG,

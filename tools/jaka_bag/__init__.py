@@ -4,7 +4,8 @@ Needs no ROS, not even to record from a running ROS 1 system or to play into it.
 imports only from those above it in this list:
 
 errors, units        what can go wrong; ns, ms and mm
-driver_interface     the numbers in the topics of JAKA drivers, and what they ask of no joint
+driver_interface     types and numbers in the topics of JAKA drivers, and what they ask of no joint
+log_records          names of the metadata records that recorders leave in a log
 paths, output_file   names of files; outputs that appear only when whole
 pipeline             work on several threads, results in order
 messages             many messages in few numpy arrays: definitions, layouts, columns, CDR, selection

@@ -1,4 +1,4 @@
-"""A recorder that keeps the newest messages in memory and writes a file around each accident; the page about one.
+"""Recorders that keep the newest messages in memory: a file around each accident, with a page about it; snapshots.
 
 On top of ``jaka_bag``; the rooms, from the ground up:
 
@@ -8,6 +8,7 @@ files        the files in their folder: names, how many are kept
 recorder     the memory, and the files that triggers make of it
 evidence     what a file needs besides its messages: parameters, the arm, versions, the clock
 service      ``~trigger``, a service to set it off
+snapshots    a file of what is in memory at each signal
 incident     what happened around an accident, as a page
-cli          the command lines: ``jaka_bag record --black-box``, ``jaka_bag report``
+cli          the command lines: ``jaka_bag record``, ``jaka_bag report``
 """

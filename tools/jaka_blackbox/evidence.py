@@ -23,8 +23,6 @@ _FIRST_PERIOD_S, _PERIOD_S = 1.0, 10.0
 _STA_UNSYNC = 0x40
 _TIME_ERROR = 5
 _US = 1e-6
-FACTS_RECORD = "jaka_bag.accident"
-"""Metadata record with host, clock and versions."""
 _PACKAGES = ("numpy", "lz4", "zstandard", "cryptography")
 _VERSION_KEYS = {"driver": "driver_version", "controller": "controller_version", "model": "model",
                  "interface": "interface"}

@@ -12,6 +12,7 @@ from typing import Any, Callable, Deque, Dict, List, NamedTuple, Optional, Seque
 from jaka_bag.errors import BagError
 from jaka_bag.live.rolling_files import RollingFiles
 from jaka_bag.live.stream_account import Stream, TopicDrops, drops_by_topic
+from jaka_bag.log_records import TRIGGER
 from jaka_bag.units import NS_PER_S
 
 from .files import Keep, new_stem, remove_old
@@ -29,8 +30,6 @@ _LARGEST_FILE = 1 << 30
 """A file that triggers keep extending ends at this size, byte; the next one goes on without a gap."""
 _MOST_RECORDS = 1000
 """Triggers that one file tells of; more only keep it open."""
-TRIGGER_RECORD = "jaka_bag.trigger"
-"""Metadata record of each trigger."""
 
 _Lost = Tuple[int, int, int, int]
 
@@ -215,7 +214,7 @@ class BlackBox:
                  "time_ns": str(time_ns), "time": moment.isoformat()}
         if self._count == 1:
             facts["remembered_s"] = "%.3f" % self._remembered_s
-        self._guarded(lambda: files.add_metadata(TRIGGER_RECORD, facts))
+        self._guarded(lambda: files.add_metadata(TRIGGER, facts))
         if self._count == 1:
             self._guarded(files.force)
 

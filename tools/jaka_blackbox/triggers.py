@@ -5,16 +5,13 @@ after a fault still gets what is left of it.
 """
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
-from jaka_bag.driver_interface import MotionState
+from jaka_bag.driver_interface import CALL_TYPE, DIAGNOSTICS_TYPE, STATE_TYPE, MotionState
 from jaka_bag.errors import DefinitionError
 from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.values import ValueReader
 
 from .expression import Expression, NoValue
 
-STATE_TYPE = "jaka_msgs/RobotMsg"
-CALL_TYPE = "jaka_msgs/ServiceCall"
-DIAGNOSTICS_TYPE = "diagnostic_msgs/DiagnosticArray"
 _ERROR_LEVEL = 2
 LEVELS = ("OK", "WARN", "ERROR", "STALE")
 """Names of the levels of ``diagnostic_msgs/DiagnosticStatus``."""

@@ -45,7 +45,7 @@ class MissingCommand(Exception):
 
 
 COMMANDS: Dict[str, Command] = {
-    "record": Command("jaka_bag.cli.record", "record topics (as rosbag record)"),
+    "record": Command("jaka_blackbox.cli.record", "record topics (as rosbag record)"),
     "play": Command("jaka_bag.cli.play", "publish the messages of logs (as rosbag play)"),
     "info": Command("jaka_bag.cli.info", "what is in a log (as rosbag info); --freq: rate, jitter, gaps, drops"),
     "serve": Command("jaka_foxglove.cli.serve", "show logs to Foxglove and Lichtblick: play, pause, seek, speed"),
@@ -61,8 +61,8 @@ COMMANDS: Dict[str, Command] = {
     "extract": Command("jaka_bag.cli.extract", "the files and facts in an .mcap (as mcap list, mcap get)"),
     "plot": Command("jaka_bag.cli.plot", "joints, TCP path and states over time as SVG or PNG"),
     "export": Command("jaka_bag.cli.export", "fields of messages as CSV, NPZ or Parquet"),
-    "compare": Command("jaka_bag.cli.compare", "does a log show what a golden one shows? with tolerances, HTML, JUnit",
-                       failed=2),
+    "compare": Command("jaka_fleet.cli.compare",
+                       "does a log show what a golden one shows? with tolerances, HTML, JUnit", failed=2),
     "report": Command("jaka_blackbox.cli.report", "what happened around an accident, second by second, as a page"),
     "verify": Command("jaka_bag.cli.verify", "was a signed log changed, or a driver's audit log?"),
     "dataset add": Command("jaka_fleet.cli.add", "many logs into a data set of Parquet tables, here or on Dask"),

@@ -1,5 +1,5 @@
 """The command lines of the black box.
 
-record   the options of ``jaka_bag record`` for a black box, and its parts put together
+record   ``jaka_bag record`` with its three modes; the parts of a black box put together
 report   what happened around an accident, as a page
 """

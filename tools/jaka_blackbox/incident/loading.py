@@ -11,7 +11,9 @@ import numpy as np
 from jaka_bag.containers.contract import LogReader, Message
 from jaka_bag.containers.registry import open_log
 from jaka_bag.containers.time_order import messages_of
+from jaka_bag.driver_interface import CALL_TYPE, DIAGNOSTICS_TYPE, STATE_TYPE
 from jaka_bag.errors import DefinitionError, UsageError
+from jaka_bag.log_records import ACCIDENT, DROPS, RECORDING, TRIGGER
 from jaka_bag.messages.batch import Array
 from jaka_bag.messages.columns import Columns
 from jaka_bag.messages.connection import Connection
@@ -21,9 +23,7 @@ from jaka_bag.operations.columns import ColumnReader
 from jaka_bag.paths import PathLike
 from jaka_bag.units import NS_PER_S
 
-from ..evidence import FACTS_RECORD
-from ..recorder import TRIGGER_RECORD
-from ..triggers import CALL_TYPE, DIAGNOSTICS_TYPE, STATE_TYPE, TriggerWatch, level_name
+from ..triggers import TriggerWatch, level_name
 
 JOINT_TYPE = "sensor_msgs/JointState"
 POSE_TYPE = "geometry_msgs/TwistStamped"
@@ -165,10 +165,10 @@ class _Loader:
         if index.start_time is None or index.end_time is None:
             raise UsageError("%s has no messages" % log.path)
         facts: Dict[str, str] = {}
-        for name in ("jaka_bag.recording", FACTS_RECORD, FACTS_RECORD + ".end"):
+        for name in (RECORDING, ACCIDENT, ACCIDENT + ".end"):
             for values in _metadata(log, name):
                 facts.update(values)
-        found = [(_whole(values.get("time_ns")), values) for values in _metadata(log, TRIGGER_RECORD)]
+        found = [(_whole(values.get("time_ns")), values) for values in _metadata(log, TRIGGER)]
         triggers = [(at_ns, values.get("kind", ""), values.get("detail", ""), values.get("topic", ""))
                     for at_ns, values in found]
         if at is not None:
@@ -195,7 +195,7 @@ class _Loader:
     def load(self) -> Incident:
         log, incident = self._log, self._incident
         incident.attachments += [(entry.name, entry.data_size) for entry in log.index.attachments]
-        for values in _metadata(log, "jaka_bag.drops"):
+        for values in _metadata(log, DROPS):
             for topic, text in values.items():
                 try:
                     account = json.loads(text)

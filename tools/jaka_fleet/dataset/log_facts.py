@@ -7,18 +7,16 @@ from typing import Any, Dict, Iterator, NamedTuple, Tuple
 
 from jaka_bag.containers.contract import LogReader
 from jaka_bag.containers.time_order import messages_of
+from jaka_bag.driver_interface import DIAGNOSTICS_TYPE
 from jaka_bag.errors import DefinitionError
+from jaka_bag.log_records import ACCIDENT, DROPS, TRIGGER
 from jaka_bag.messages.selection import Selection
 from jaka_bag.messages.values import ValueReader
-from jaka_blackbox.evidence import FACTS_RECORD
-from jaka_blackbox.recorder import TRIGGER_RECORD
-from jaka_blackbox.triggers import DIAGNOSTICS_TYPE
 
 from .runs import TriggerEvent
 
 CELL_KEY = "cell"
 """Of a metadata record of any name; ``jaka_bag attach --metadata`` writes such."""
-_DROPS_RECORD = "jaka_bag.drops"
 _LOST_COUNTS = ("undelivered", "overflowed", "unwritten")
 _VERSION_KEYS = {"driver": "driver_version", "controller": "controller_version", "model": "model"}
 _LOOKED_AT = 100
@@ -52,13 +50,13 @@ def read_facts(reader: LogReader) -> LogFacts:
     triggers = []
     lost: Dict[str, int] = {}
     for name, values in records:
-        if name == TRIGGER_RECORD:
+        if name == TRIGGER:
             triggers.append(TriggerEvent(_whole(values.get("time_ns")), values.get("kind", ""),
                                          values.get("detail", "")))
-        elif name == _DROPS_RECORD:
+        elif name == DROPS:
             for topic, text in values.items():
                 lost[topic] = lost.get(topic, 0) + _lost(text)
-        elif name.startswith(FACTS_RECORD):
+        elif name.startswith(ACCIDENT):
             facts.update(values)
     if not all(facts.get(key) for key in _VERSION_KEYS.values()):
         facts = {**_versions(reader), **{key: value for key, value in facts.items() if value}}

@@ -12,6 +12,7 @@ import numpy as np
 from ...containers.contract import LogReader
 from ...containers.index import ChunkRef
 from ...containers.registry import open_log
+from ...driver_interface import CALL_TYPE, STATE_TYPE
 from ...errors import BagError
 from ...messages.batch import Array, distinct
 from ...messages.columns import Columns, Part, columns_of
@@ -26,8 +27,7 @@ from .track_facts import FactsBuilder, StateChanges
 from .windows import LogWindows, Rows, TrackKey, samples_of
 
 JOINT_STATE = "sensor_msgs/JointState"
-STATE_TYPES = ("jaka_msgs/RobotMsg", "industrial_msgs/RobotStatus")
-CALL_TYPE = "jaka_msgs/ServiceCall"
+STATE_TYPES = (STATE_TYPE, "industrial_msgs/RobotStatus")
 _HEADER_FIELDS = ("header.stamp", "header.seq")
 _SCANS = 4
 _POSE_PARTS = {TWIST_TYPE: ("twist.linear", "twist.angular"), POSE_TYPE: ("position", "rotation vector")}

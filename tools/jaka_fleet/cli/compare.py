@@ -1,4 +1,4 @@
-"""``jaka_bag compare GOLDEN --against DATASET|FOLDER``: many runs against one golden log."""
+"""``jaka_bag compare``: one run against a golden log, or many of a data set or folder."""
 import argparse
 import json
 import os
@@ -6,9 +6,11 @@ import re
 from pathlib import Path
 from typing import Dict, List, NamedTuple, Sequence, Tuple
 
+from jaka_bag.cli import compare
 from jaka_bag.cli.main import printable
 from jaka_bag.cli.options import Report
-from jaka_bag.compare.tolerances import Tolerances, load_tolerances
+from jaka_bag.compare.comparison import CannotCompare
+from jaka_bag.compare.tolerances import ToleranceError, Tolerances, load_tolerances
 from jaka_bag.engines.tasks import FAILED, LogResult, LogTask, Serial, run_tasks
 from jaka_bag.errors import BagError, UsageError
 from jaka_bag.output_file import OutputFile
@@ -26,6 +28,25 @@ from ..dataset.runs import UNREADABLE, check_version, is_dataset, read_runs
 from ..dataset.store import open_store
 from .add import pattern
 from .engine import add_engine, engine_of, for_workers, work_through
+
+EPILOG = """\
+Does the arm still do what it did? The checks, in this order: types; counts, rates, jitter, gaps, lost messages and
+stamps; alignment by the logs' own events, then by all joints together; timing and pace of each motion; joints,
+positions and orientations; sequences of states; service calls. A late start is no difference, a slow motion is.
+
+Tolerances: jaka_bag compare --print-tolerances > cell.yaml writes the defaults with a comment at each.
+
+With --against, each log of a data set or a folder is compared with GOLDEN: verdicts and the margin of every check as
+Parquet tables, and a page with the runs over time, what drifts since when, and trends; docs/fleet_regression.md.
+
+Exit code: 0 same, 1 different, 2 cannot be compared (or usage).
+
+examples:
+  jaka_bag compare golden.mcap today.bag
+  jaka_bag compare golden.mcap today.mcap --tolerances cell.yaml --html report.html --junit report.xml
+  jaka_bag compare golden.mcap --against logs --jobs 4
+  jaka_bag compare golden.mcap --against logs --sweep wide.yaml --sweep tight.yaml
+"""
 
 FOLDER = "compare"
 """Of a data set: where results are."""
@@ -49,7 +70,8 @@ class Candidate(NamedTuple):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options for many runs."""
+    """Declare the options of ``jaka_bag compare``."""
+    compare.add_arguments(parser)
     group = parser.add_argument_group("many runs")
     group.add_argument("--against", metavar="PATH",
                        help="compare each log of this data set (jaka_bag dataset) or folder with GOLDEN")
@@ -262,12 +284,19 @@ def _write_sweep(args: argparse.Namespace, setup: Setup, folder: Path, history: 
                 output.write(text.encode("utf-8", "replace"))
 
 
-def run(args: argparse.Namespace, tolerances: Tolerances) -> int:
-    """What ``compare`` does with ``--against``.
+def run(args: argparse.Namespace) -> int:
+    """Compare; 0 same, 1 different, 2 cannot be compared."""
+    if args.against is None or args.print_tolerances:
+        if (args.sweep or args.results) and not args.print_tolerances:
+            raise UsageError("--sweep and --results are for many runs: say where they are with --against")
+        return compare.run(args)
+    try:
+        return _run_many(args, load_tolerances(args.tolerances))
+    except (CannotCompare, ToleranceError) as error:
+        raise UsageError(str(error)) from error
 
-    Raises:
-        UsageError: The options do not go together.
-    """
+
+def _run_many(args: argparse.Namespace, tolerances: Tolerances) -> int:
     if args.golden is None and args.json:
         args.golden, args.json = args.json, ""
     if args.golden is None or args.candidate is not None:
