@@ -42,6 +42,21 @@ def test_everything_else_is_refused_with_a_reason(text):
         Expression(text)
 
 
+@pytest.mark.parametrize("text, reason", [
+    ("/a.data > 3)", "a ')' is too much"), ("(/a.data > 3", "a ')' is missing"), ("/a.data >", "it ends too early"),
+    ("/a.data > 3 4", "'4' stands"), ("/a.name == 'x' 'y'", "\"'y'\" stands"), ("/a.data > > 3", "'>' stands"),
+    ("1 < /a.data < 3", "two sides"), ("/a.data > {}", "nothing begins with '{}'"), ("/a > 3", "'/a' names no field"),
+    ("-" * 900 + "/a.data > 3", "nested too deeply")])
+def test_the_reason_says_where(text, reason):
+    with pytest.raises(UsageError) as refused:
+        Expression(text)
+    assert reason in str(refused.value)
+
+
+def test_a_number_beyond_all_others_is_compared():
+    assert Expression("/a.data < 1e400").holds(VALUES)
+
+
 def test_topics_are_resolved_and_listed_once():
     expression = Expression("x.data > 1 and ~y.data > x.data", lambda name: {"x": "/arm/x", "~y": "/node/y"}[name])
     assert expression.topics == ("/arm/x", "/node/y")

@@ -1,12 +1,13 @@
-"""Conditions on fields of messages, such as ``/force.wrench.force.z > 30 and not /io.data``: parsed and computed here.
+"""Conditions on fields of messages, such as ``/force.wrench.force.z > 30 and not /io.data``, in Python's own grammar.
 
 The language has numbers, ``'texts'``, ``true`` and ``false``; fields as ``TOPIC.field.field[index]``; ``+ - *``;
-comparisons; ``and``, ``or``, ``not``; ``abs``, ``min`` and ``max``, which take whole arrays, too. Nothing else can be
-said in it, and nothing of it is given to Python to execute.
+comparisons; ``and``, ``or``, ``not``; ``abs``, ``min`` and ``max``, which take whole arrays, too. Python parses it with
+a name in place of each field, number and text; nothing of it is given to Python to execute.
 """
+import ast
 import operator
 import re
-from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Tuple
 
 from jaka_bag.errors import UsageError
 
@@ -18,15 +19,17 @@ _TOKEN = re.compile(r"""\s*(?:
 )""", re.VERBOSE)
 _LONGEST = 1000
 _DEEPEST = 40
-_COMPARISONS: Dict[str, Callable[[Any, Any], Any]] = {
-    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne}
-_SUMS: Dict[str, Callable[[Any, Any], Any]] = {"+": operator.add, "-": operator.sub}
+_HIGHEST = 250
+"""Levels of a tree; each term of a sum is one."""
 _CONSTANTS = {"true": True, "false": False}
+_OPERATORS: Dict[type, Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Lt: operator.lt, ast.LtE: operator.le,
+    ast.Gt: operator.gt, ast.GtE: operator.ge, ast.Eq: operator.eq, ast.NotEq: operator.ne}
+_GRAMMAR = (ast.BoolOp, ast.And, ast.Or, ast.UnaryOp, ast.Not, ast.USub, ast.BinOp, ast.Compare, ast.Call, ast.Name,
+            ast.Load, *_OPERATORS)
 
 Values = Mapping[str, Mapping[str, Any]]
 """The newest message of each topic, as ``ValueReader`` gives it."""
-
-_Node = Callable[[Values], Any]
 
 
 class FieldName(NamedTuple):
@@ -39,6 +42,20 @@ class FieldName(NamedTuple):
     def names(self) -> Tuple[str, ...]:
         """The path without positions."""
         return tuple(step for step in self.path if isinstance(step, str))
+
+    def value(self, values: Values) -> Any:
+        """Return what the newest messages have there.
+
+        Raises:
+            NoValue: They have nothing there: no message has come yet, or an array is too short.
+        """
+        value: Any = values.get(self.topic)
+        try:
+            for step in self.path:
+                value = value[step]
+        except (TypeError, KeyError, IndexError):
+            raise NoValue("%s has no value yet at %s" % (self.topic, list(self.path))) from None
+        return value
 
 
 class NoValue(Exception):
@@ -94,12 +111,9 @@ class Expression:
         self.text = text
         self.fields: List[FieldName] = []
         self._resolve = resolve
-        self._tokens = self._cut()
-        self._at = 0
-        self._depth = 0
-        self._node = self._either()
-        if self._at < len(self._tokens):
-            raise self._error("%r is too much" % self._tokens[self._at][1])
+        self._leaves: List[Any] = []
+        self._tree = self._parse()
+        self._check(self._tree)
         if not self.fields:
             raise UsageError("the trigger %r looks at no field: write TOPIC.FIELD > NUMBER" % text)
 
@@ -109,155 +123,106 @@ class Expression:
         return tuple(dict.fromkeys(field.topic for field in self.fields))
 
     def holds(self, values: Values) -> bool:
-        """Whether the condition is met.
+        """Return whether the condition is met.
 
         Raises:
             NoValue: That cannot be told.
         """
         try:
-            return bool(self._node(values))
+            return bool(self._value(self._tree, values))
         except OverflowError as error:
             raise NoValue(str(error)) from error
 
     def _error(self, reason: str) -> UsageError:
         return UsageError("the trigger %r is not understood: %s" % (self.text, reason))
 
-    def _cut(self) -> List[Tuple[str, str]]:
+    def _parse(self) -> ast.expr:
+        """Return the tree of the condition; the name ``_N`` stands for leaf N, a field, a number or a text."""
         if len(self.text) > _LONGEST:
             raise UsageError("a trigger has at most %d characters" % _LONGEST)
-        tokens, at, end = [], 0, len(self.text.rstrip())
+        written, words, depth = "", [(0, "")], 0
+        at, end = 0, len(self.text.rstrip())
         while at < end:
             match = _TOKEN.match(self.text, at)
             if match is None:
                 raise self._error("nothing begins with %.20r" % self.text[at:].strip())
-            tokens.append((str(match.lastgroup), match.group(str(match.lastgroup))))
-            at = match.end()
-        return tokens
-
-    def _next(self, *wanted: str) -> Optional[str]:
-        """Take the next word where it is one of these."""
-        if self._at < len(self._tokens) and self._tokens[self._at][0] != "text" \
-                and self._tokens[self._at][1] in wanted:
-            self._at += 1
-            return self._tokens[self._at - 1][1]
-        return None
-
-    def _either(self) -> _Node:
-        self._depth += 1
-        if self._depth > _DEEPEST:
-            raise self._error("it is nested too deeply")
-        node = self._both()
-        while self._next("or"):
-            node = self._joined(node, self._both(), lambda one, other, values: one(values) or other(values))
-        self._depth -= 1
-        return node
-
-    def _both(self) -> _Node:
-        node = self._negated()
-        while self._next("and"):
-            node = self._joined(node, self._negated(), lambda one, other, values: one(values) and other(values))
-        return node
-
-    @staticmethod
-    def _joined(one: _Node, other: _Node, join: Callable[[_Node, _Node, Values], Any]) -> _Node:
-        return lambda values: join(one, other, values)
-
-    def _negated(self) -> _Node:
-        turns = 0
-        while self._next("not"):
-            turns += 1
-        node = self._comparison()
-        return node if not turns else lambda values: bool(node(values)) ^ bool(turns % 2)
-
-    def _comparison(self) -> _Node:
-        left = self._sum()
-        sign = self._next(*_COMPARISONS)
-        if sign is None:
-            return left
-        right, compare = self._sum(), _COMPARISONS[sign]
-
-        def compared(values: Values) -> Any:
-            try:
-                return compare(left(values), right(values))
-            except TypeError as error:
-                raise NoValue(str(error)) from error
-        return compared
-
-    def _sum(self) -> _Node:
-        node = self._product()
-        while True:
-            sign = self._next(*_SUMS)
-            if sign is None:
-                return node
-            node = self._calculated(node, self._product(), _SUMS[sign])
-
-    def _product(self) -> _Node:
-        node = self._signed()
-        while self._next("*"):
-            node = self._calculated(node, self._signed(), operator.mul)
-        return node
-
-    @staticmethod
-    def _calculated(one: _Node, other: _Node, calculate: Callable[[Any, Any], Any]) -> _Node:
-        return lambda values: calculate(_number(one(values)), _number(other(values)))
-
-    def _signed(self) -> _Node:
-        turns = 0
-        while self._next("-"):
-            turns += 1
-        node = self._value()
-        return node if not turns else lambda values: _number(node(values)) * (-1) ** turns
-
-    def _value(self) -> _Node:
-        if self._next("("):
-            node = self._either()
-            self._close()
-            return node
-        if self._at >= len(self._tokens):
-            raise self._error("it ends too early")
-        kind, word = self._tokens[self._at]
-        self._at += 1
-        if kind == "number":
-            number = float(word)
-            return lambda values: number
-        if kind == "text":
-            return lambda values: word[1:-1]
-        if word in _CONSTANTS:
-            return lambda values: _CONSTANTS[word]
-        if word in _FUNCTIONS and self._next("("):
-            return self._call(word)
-        if kind != "name":
-            raise self._error("%r stands where a value is expected" % word)
-        return self._field(word)
-
-    def _close(self) -> None:
-        if not self._next(")"):
+            at, kind = match.end(), str(match.lastgroup)
+            word = match.group(kind)
+            depth += {"(": 1, ")": -1}.get(word, 0)
+            if not 0 <= depth <= _DEEPEST:
+                raise self._error("a ')' is too much" if depth < 0 else "it is nested too deeply")
+            words.append((len(written), word))
+            written += self._in_python(kind, word, self.text[at:].lstrip().startswith("(")) + " "
+        if depth:
             raise self._error("a ')' is missing")
+        try:
+            return ast.parse(written, mode="eval").body
+        except SyntaxError as error:
+            if not 0 < (error.offset or 0) < len(written):  # at the end, which Pythons count otherwise
+                raise self._error("it ends too early") from None
+            found = [word for begin, word in words if begin < (error.offset or 0)][-1]
+            raise self._error("%r stands where something else is expected" % found) from None
 
-    def _call(self, name: str) -> _Node:
-        arguments = [self._either()]
-        while self._next(","):
-            arguments.append(self._either())
-        self._close()
-        if name == "abs" and len(arguments) > 1:
-            raise self._error("abs takes one value")
-        function = _FUNCTIONS[name]
-        return lambda values: function([argument(values) for argument in arguments])
+    def _in_python(self, kind: str, word: str, is_called: bool) -> str:
+        """Return a word of the condition as it stands for Python; note what is a leaf."""
+        if kind == "sign" or word in ("and", "or", "not") or word in _FUNCTIONS and is_called:
+            return word
+        leaf: Any = self._field(word) if kind == "name" and word not in _CONSTANTS else _CONSTANTS.get(word)
+        if kind == "number":
+            leaf = float(word)
+        elif kind == "text":
+            leaf = word[1:-1]
+        self._leaves.append(leaf)
+        return "_%d" % (len(self._leaves) - 1)
 
-    def _field(self, word: str) -> _Node:
+    def _field(self, word: str) -> FieldName:
         topic, *steps = re.findall(r"[~/A-Za-z][\w/]*|\.\w+|\[[0-9]+\]", word)
         if not steps or not steps[0].startswith("."):
             raise self._error("%r names no field: write TOPIC.FIELD" % word)
         path = tuple(step[1:] if step.startswith(".") else int(step[1:-1]) for step in steps)
-        field = FieldName(self._resolve(topic), path)
-        self.fields.append(field)
+        self.fields.append(FieldName(self._resolve(topic), path))
+        return self.fields[-1]
 
-        def value_of(values: Values) -> Any:
-            value: Any = values.get(field.topic)
-            try:
-                for step in field.path:
-                    value = value[step]
-            except (TypeError, KeyError, IndexError):
-                raise NoValue("%s has no value yet" % word) from None
+    def _check(self, tree: ast.expr) -> None:
+        """Refuse what Python's grammar has beside this language."""
+        level: List[ast.AST] = [tree]
+        for _ in range(_HIGHEST):
+            level = [child for node in level for child in ast.iter_child_nodes(node)]
+        if level:
+            raise self._error("it is nested too deeply")
+        for node in ast.walk(tree):
+            if not isinstance(node, _GRAMMAR):
+                raise self._error("it is no condition")
+            if isinstance(node, ast.Compare) and len(node.ops) > 1:
+                raise self._error("a comparison has two sides")
+            if isinstance(node, ast.Call):
+                if not isinstance(node.func, ast.Name) or node.func.id not in _FUNCTIONS or not node.args:
+                    raise self._error("it is no condition")
+                if node.func.id == "abs" and len(node.args) > 1:
+                    raise self._error("abs takes one value")
+
+    def _value(self, node: ast.AST, values: Values) -> Any:
+        """Return what a part of the tree amounts to."""
+        if isinstance(node, ast.Name):
+            leaf = self._leaves[int(node.id[1:])]
+            return leaf.value(values) if isinstance(leaf, FieldName) else leaf
+        if isinstance(node, ast.BoolOp):
+            for part in node.values:
+                value = self._value(part, values)
+                if bool(value) is not isinstance(node.op, ast.And):
+                    break
             return value
-        return value_of
+        if isinstance(node, ast.UnaryOp):
+            value = self._value(node.operand, values)
+            return not value if isinstance(node.op, ast.Not) else -_number(value)
+        if isinstance(node, ast.BinOp):
+            left, right = self._value(node.left, values), self._value(node.right, values)
+            return _OPERATORS[type(node.op)](_number(left), _number(right))
+        if isinstance(node, ast.Compare):
+            left, right = self._value(node.left, values), self._value(node.comparators[0], values)
+            try:
+                return _OPERATORS[type(node.ops[0])](left, right)
+            except TypeError as error:
+                raise NoValue(str(error)) from error
+        assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)  # _check refuses all else
+        return _FUNCTIONS[node.func.id]([self._value(part, values) for part in node.args])
