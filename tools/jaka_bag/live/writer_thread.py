@@ -66,6 +66,8 @@ class WriterThread:
         untimed: Messages that came before the first ``/clock`` and got its time.
     """
 
+    _files: MessageFiles
+
     def __init__(self, open_files: Callable[[], MessageFiles], buffer_bytes: int, notice: Callable[[str], None],
                  on_stop: Callable[[str], None], is_simulated_time: bool = False, limit: int = 0,
                  item_bytes: int = 0) -> None:
@@ -83,7 +85,6 @@ class WriterThread:
         self._taken_bytes = 0
         self._passed_bytes = 0
         self._topic_counts: Dict[str, int] = {}
-        self._files: Optional[MessageFiles] = None
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="log-writer")
         self.failure: Optional[Exception] = None
@@ -191,17 +192,16 @@ class WriterThread:
             while not is_last:
                 is_last = self._ending.wait(_TICK_S)
                 self._write_queue()
-                if self._files is not None:
-                    self._files.tick()
-                    if self._files.is_large_enough:
-                        self._on_stop("the file has the size asked for")
+                self._files.tick()
+                if self._files.is_large_enough:
+                    self._on_stop("the file has the size asked for")
         except Exception as error:  # kept for finish(), which raises it: a recording must not end unnoticed
             self._fail(error)
         self._close_files()
 
     def _fail(self, error: Exception) -> None:
         self.failure = error
-        if isinstance(error, WriteFailed) and self._files is not None:
+        if isinstance(error, WriteFailed):
             self._files.lose_chunk()
         self._on_stop(str(error))
         self._ending.wait()
@@ -209,8 +209,6 @@ class WriterThread:
             self._queue.popleft()[0].unwritten += 1
 
     def _close_files(self) -> None:
-        if self._files is None:
-            return
         try:
             self._files.close()
         except BagError as error:
@@ -220,7 +218,6 @@ class WriterThread:
 
     def _write_queue(self) -> None:
         queue, files, limit = self._queue, self._files, self._limit
-        assert files is not None
         for _ in range(len(queue)):
             stream, stamp, published, data = queue.popleft()
             self._passed_bytes += len(data) + self._item_bytes
