@@ -1,15 +1,13 @@
 """All replays of a driver as a page, as JUnit XML, as text and as plain data."""
-import re
 from html import escape
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence
-from xml.etree import ElementTree
 
 from jaka_bag.compare.report.html import definitions, page
+from jaka_bag.compare.report.junit import Case, junit
 
 from .replay_task import ReplayOutcome
 
 _SUITE = "jaka_bag.replay"
-_NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 class Replayed(NamedTuple):
@@ -62,23 +60,17 @@ def as_data(replays: Sequence[Replayed], driver: str) -> Dict[str, Any]:
 
 
 def as_junit(replays: Sequence[Replayed], driver: str) -> str:
-    """JUnit XML, UTF-8 when encoded: a test case for each log."""
-    root = ElementTree.Element("testsuites", {"name": _SUITE})
-    suite = ElementTree.SubElement(root, "testsuite", {
-        "name": _SUITE, "tests": str(len(replays)), "skipped": "0",
-        "failures": str(sum(one.verdict == "different" for one in replays)),
-        "errors": str(sum(one.outcome is None for one in replays)), "time": "%.3f" % sum(o.seconds for o in replays)})
+    """Return JUnit XML, with a test case for each log."""
+    cases = []
     for one in replays:
-        case = ElementTree.SubElement(suite, "testcase", {"classname": _SUITE, "name": one.name,
-                                                          "time": "%.3f" % one.seconds})
+        case = Case("", one.name, time="%.3f" % one.seconds)
         if one.outcome is None:
-            ElementTree.SubElement(case, "error", {"message": one.reason, "type": "not replayed"})
+            case = case._replace(outcome="error", message=one.reason, kind="not replayed")
         elif not one.outcome.same:
-            failure = ElementTree.SubElement(case, "failure", {"message": one.outcome.headline, "type": "different"})
-            failure.text = one.outcome.summary
-    ElementTree.SubElement(suite, "system-out").text = headline(replays, driver)
-    text = ElementTree.tostring(root, encoding="unicode")
-    return '<?xml version="1.0" encoding="UTF-8"?>\n%s\n' % _NOT_XML.sub("?", text)
+            case = case._replace(outcome="failure", message=one.outcome.headline, kind="different",
+                                 text=one.outcome.summary)
+        cases.append(case)
+    return junit(_SUITE, cases, headline(replays, driver), "%.3f" % sum(one.seconds for one in replays))
 
 
 def _row(one: Replayed) -> str:
