@@ -1,4 +1,4 @@
-"""Writes ``docs/jaka_bag.md`` from the parsers:
+"""The page ``docs/jaka_bag.md``, made from the parsers:
 
     build/venv/bin/python3 tools/docs/jaka_bag_page.py > docs/jaka_bag.md
 
@@ -109,4 +109,5 @@ def page() -> str:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(description="Print docs/jaka_bag.md, made from the parsers.").parse_args()
     sys.stdout.write(page())

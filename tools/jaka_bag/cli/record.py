@@ -12,7 +12,7 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterator, List, Optional
+from typing import Any, Callable, Dict, Iterator, List, Optional, Protocol
 
 from ..errors import JakaBagError, UsageError
 from ..live.graph import RemoteNode, master_uri
@@ -136,10 +136,20 @@ def _take_zstd_level(args: argparse.Namespace) -> None:
         args.zstd = ""
 
 
+class Companion(Protocol):
+    """What runs beside a recording."""
+
+    def start(self, node_uri: str) -> None:
+        """Begin; the node is there, at this URI."""
+
+    def close(self) -> None:
+        """End what has begun."""
+
+
 class Recorder:
     """One recording that a command line asks for: who the node is, what it records, and how it ends.
 
-    A mode gives it the place where messages go (``prepare``), has it run, and makes up the account.
+    Each mode sets where messages go (``prepare``), runs it, and prints its account.
 
     Args:
         args: The command line.
@@ -183,7 +193,7 @@ class Recorder:
 
     def prepare(self, open_files: Callable[[], MessageFiles], selection: Optional[TopicSelection] = None,
                 buffer_bytes: Optional[int] = None, item_bytes: int = 0) -> None:
-        """Say where messages go.
+        """Set where messages go.
 
         Args:
             open_files: Makes the place; called when the recording begins.
@@ -204,13 +214,13 @@ class Recorder:
                             self.console.say)
 
     def run(self, where: str, on_usr1: Optional[Callable[[], None]] = None,
-            on_connect: Optional[Callable[[str], None]] = None) -> bool:
+            companion: Optional[Companion] = None) -> bool:
         """Record until SIGINT, SIGTERM, SIGHUP or a limit; what ended it before its time is ``failure``.
 
         Args:
             where: What the user is told about where messages go.
             on_usr1: Called at SIGUSR1.
-            on_connect: Called with the node's URI when it is there.
+            companion: Runs while the node is there.
 
         Returns:
             False where it was ended before a master came.
@@ -225,16 +235,19 @@ class Recorder:
             self.attachments.append(Attachment("rosparam.yaml", parameter_dump(master), "application/yaml"))
             master.close()
             try:
-                self._session.run(functools.partial(self._connect, where, on_connect), self.writer.is_simulated_time)
+                self._session.run(functools.partial(self._connect, where, companion), self.writer.is_simulated_time)
             except JakaBagError as error:
                 self.failure = error
+            finally:
+                if companion is not None:
+                    companion.close()
         return True
 
-    def _connect(self, where: str, on_connect: Optional[Callable[[str], None]]) -> Subscriber:
+    def _connect(self, where: str, companion: Optional[Companion]) -> Subscriber:
         subscriber = Subscriber(self.names, self.writer.take, self._session.open_stream, self.console.always,
                                 self._end, self.args.tcpnodelay, self.args.stamp == "kernel")
-        if on_connect is not None:
-            on_connect(subscriber.uri)
+        if companion is not None:
+            companion.start(subscriber.uri)
         self.console.say("recording to %s, node %s" % (where, self.names.node))
         return subscriber
 
@@ -253,7 +266,7 @@ class Recorder:
             self.console.say("signed: %s" % sign(path, self.key))
 
     def account(self) -> int:
-        """Tell files, counts and all that was lost, as ``--report`` too; the exit code."""
+        """Print files, counts and all that was lost, write them to the file of ``--report``; return the exit code."""
         drops = drops_by_topic(self.writer.streams())
         self._tell(drops)
         if self.args.report:
@@ -297,7 +310,7 @@ def _signals(handler: Callable[[int, Any], None], with_usr1: bool) -> Iterator[N
 
 
 def record(recorder: Recorder) -> int:
-    """Record into one file, or one after the other; the exit code."""
+    """Record into one file, or one after the other; return the exit code."""
     recorder.prepare(recorder.open_log)
     if not recorder.run(str(recorder.settings.path(0))):
         return 1

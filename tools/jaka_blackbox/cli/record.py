@@ -60,8 +60,6 @@ examples:
 Exit code: 0 done, 1 failed or cut short, 2 usage.
 """
 
-
-
 NODE = "jaka_black_box"
 """Name of the node; with a fixed name, so that its service has one."""
 _DRIVER = "jaka_driver"
@@ -125,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def record_snapshots(recorder: Recorder) -> int:
-    """Keep the newest messages in memory and write a file at each SIGUSR1; the exit code."""
+    """Keep the newest messages in memory and write a file at each SIGUSR1; return the exit code."""
     newest_s = recorder.args.snapshot
     snapshots = Snapshots(recorder, newest_s)
     recorder.prepare(snapshots.begin)
@@ -136,14 +134,11 @@ def record_snapshots(recorder: Recorder) -> int:
 
 
 def record_black_box(recorder: Recorder) -> int:
-    """Keep the newest messages in memory and write a file around each accident; the exit code."""
+    """Keep the newest messages in memory and write a file around each accident; return the exit code."""
     box = Assembly(recorder)
     recorder.prepare(box.open, box.selection(), box.memory_bytes, ITEM_BYTES)
-    try:
-        if not recorder.run("memory, the newest %g s" % recorder.args.before, box.on_signal, box.start):
-            return 1
-    finally:
-        box.close()
+    if not recorder.run("memory, the newest %g s" % recorder.args.before, box.on_signal, box):
+        return 1
     return max(recorder.account(), 1 if box.failures else 0)
 
 
