@@ -1,10 +1,10 @@
-"""The Python packages of jaka_ros_driver, for catkin_python_setup(); tools/pyproject.toml is for jaka_bag alone."""
+"""The Python packages of jaka_ros_driver, for catkin_python_setup(); tools/pyproject.toml is for the log tools."""
 import os
 
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import find_packages, setup
 
-TOOLS = ("jaka_bag", "jaka_panel", "jaka_regression")
+TOOLS = ("jaka_bag", "jaka_blackbox", "jaka_fleet", "jaka_foxglove", "jaka_panel", "jaka_regression")
 WEB = os.path.join("tools", "jaka_panel", "web")
 packages = find_packages(include=["jaka_ros_driver", "jaka_ros_driver.*"])
 for name in TOOLS:

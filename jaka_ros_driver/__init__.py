@@ -15,9 +15,9 @@ audit               the audit log: who did what, as chained lines in files
 simulation          the simulated controller
 ros                 the node: parameters, services, topics, diagnostics
 
-Beside it, in tools/: ``jaka_bag``, the log tools, which import nothing of this package; ``jaka_panel``, an operator's
-page, a client of its topics and services; and ``jaka_regression``, on top of the driver and the log tools, which makes
-recorded runs happen again.
+Beside it, in tools/: the log tools ``jaka_bag``, ``jaka_blackbox``, ``jaka_foxglove`` and ``jaka_fleet``, which import
+nothing of this package; ``jaka_panel``, an operator's page, a client of its topics and services; and
+``jaka_regression``, on top of the driver and the log tools, which makes recorded runs happen again.
 """
 
 __version__ = "0.2.0"

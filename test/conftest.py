@@ -22,7 +22,8 @@ ROS_PACKAGES = (
     "rosparam", "rospkg", "rosservice", "rostest", "rostopic", "rospy", "sensor_msgs", "std_msgs", "std_srvs",
     "tf2_msgs", "trajectory_msgs")
 MISSING = frozenset(name for name in ROS_PACKAGES if importlib.util.find_spec(name) is None)
-NEED_ROS = tuple(import_graph.ROOT / "test" / name for name in ("ros", "packaging", "jaka_regression/ros"))
+NEED_ROS = tuple(import_graph.ROOT / "test" / name
+                 for name in ("ros", "packaging", "jaka_fleet/ros", "jaka_regression/ros"))
 LONG = ("test/custody/", "test/packaging/", "test/mutation/", "test/ros/")
 left_out: List[str] = []
 

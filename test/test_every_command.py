@@ -41,7 +41,7 @@ def need(program, words):
 
 
 def brought_by_ros(words):
-    return not COMMANDS[" ".join(words)].module.startswith("jaka_bag.")
+    return bool(COMMANDS[" ".join(words)].needs)
 
 
 # ---- help ----

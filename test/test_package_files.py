@@ -4,7 +4,7 @@ import json
 import subprocess
 
 import pytest
-from import_graph import PACKAGES, ROOT
+from import_graph import LOG_TOOLS, PACKAGES, ROOT
 from program_places import LOG_PROGRAMS, command_of, place
 
 HASHES = """
@@ -18,7 +18,7 @@ print(json.dumps([found, [os.path.realpath(importlib.import_module(name).__path_
 """
 USES = {
     "the table of arms": "from jaka_ros_driver.kinematics.arm_models import load_model; assert load_model('zu7').dh",
-    "the black box's copy of it": "from jaka_bag.black_box.evidence import Evidence\n"
+    "the black box's copy of it": "from jaka_blackbox.evidence import Evidence\n"
                                   "names = [one.name for one in Evidence('', '', '', dict).attachments()]\n"
                                   "assert 'arm_models.yaml' in names, names",
     "the panel's page": "from jaka_panel.pages.files import page_file\n"
@@ -29,7 +29,7 @@ USES = {
 
 
 def packages():
-    return [name for name in PACKAGES if place().name != "wheel" or name == "jaka_bag"]
+    return [name for name in PACKAGES if place().name != "wheel" or name in LOG_TOOLS]
 
 
 def in_the_place(code, *words):

@@ -42,7 +42,7 @@ def test_nothing_starts_a_program_as_a_module():
     ('[sys.executable, "-m", "jaka_bag", *words]', "jaka_bag"), ("python3 -m jaka_bag info", "jaka_bag"),
     ("(\"-m\",\n 'jaka_bag.__main__')", "jaka_bag.__main__"), ('"-m", "jaka_panel.program"]', "jaka_panel.program"),
     ("`python3 -m jaka_ros_driver.simulation`", "jaka_ros_driver.simulation"),
-    ("python3 -m jaka_ros_driver.wire.replayer", None), ("python3 -m jaka_bag.cli.reference.page", None)])
+    ("python3 -m jaka_ros_driver.wire.replayer", None), ("python3 -m jaka_fleet.replay.stage_program", None)])
 def test_a_start_that_is_planted_is_seen(planted, module):
     assert starts(planted) == ([module] if module else [])
 

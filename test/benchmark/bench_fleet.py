@@ -31,12 +31,12 @@ from fleet_logs import DAY_S, Run, write_run  # noqa: E402
 from fleet_tasks import measured_add  # noqa: E402
 from page_commands import blocks  # noqa: E402
 
-from jaka_bag.fleet.adding import AddSettings, find_logs  # noqa: E402
-from jaka_bag.fleet.dask_engine import Dask  # noqa: E402
-from jaka_bag.fleet.query import DataSet  # noqa: E402
-from jaka_bag.fleet.runs import check_version, compact  # noqa: E402
-from jaka_bag.fleet.store import open_store  # noqa: E402
-from jaka_bag.fleet.tasks import DONE, LogResult, LogTask, Serial, run_tasks  # noqa: E402
+from jaka_bag.engines.dask_engine import Dask  # noqa: E402
+from jaka_bag.engines.tasks import DONE, LogResult, LogTask, Serial, run_tasks  # noqa: E402
+from jaka_fleet.dataset.adding import AddSettings, find_logs  # noqa: E402
+from jaka_fleet.dataset.query import DataSet  # noqa: E402
+from jaka_fleet.dataset.runs import check_version, compact  # noqa: E402
+from jaka_fleet.dataset.store import open_store  # noqa: E402
 
 CELLS = 30
 LOGS_A_DAY = 3

@@ -5,7 +5,7 @@ import time
 import pytest
 from waiting import eventually
 
-from jaka_bag.compare.run import Call
+from jaka_bag.compare.runs.run import Call
 from jaka_regression.command_player import CommandPlayer, ReplayStopped, Reply
 from jaka_regression.command_schedule import plan
 

@@ -1,7 +1,7 @@
 """The times at which calls are made again: recorded times, causes, overlaps."""
 import pytest
 
-from jaka_bag.compare.run import Call
+from jaka_bag.compare.runs.run import Call
 from jaka_regression.command_schedule import as_text, due, plan
 
 

@@ -113,7 +113,7 @@ def test_rosrun_gives_the_logs_to_several_workers(space, shell, tmp_path, words,
 
 
 def test_the_black_box_finds_the_table_of_arms(space, shell):
-    program = ("from jaka_bag.black_box.evidence import Evidence; evidence = Evidence('', '', '', dict); "
+    program = ("from jaka_blackbox.evidence import Evidence; evidence = Evidence('', '', '', dict); "
                "print([item.name for item in evidence.attachments()], evidence.facts()['missing'])")
     said = shell("/usr/bin/python3 -c \"%s\"" % program, space).stdout
     assert "arm_models.yaml" in said and "DH parameters" not in said

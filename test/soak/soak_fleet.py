@@ -20,11 +20,11 @@ from program_places import command_of
 from waiting import wait_until
 
 from jaka_bag.cli.main import main
+from jaka_bag.engines.dask_engine import Dask
+from jaka_bag.engines.tasks import DONE, LogTask, Tally, run_tasks
 from jaka_bag.errors import BagError
-from jaka_bag.fleet.dask_engine import Dask
-from jaka_bag.fleet.runs import read_runs
-from jaka_bag.fleet.store import open_store
-from jaka_bag.fleet.tasks import DONE, LogTask, Tally, run_tasks
+from jaka_fleet.dataset.runs import read_runs
+from jaka_fleet.dataset.store import open_store
 
 GOLDEN = ROOT / "test" / "data" / "golden"
 PATIENCE_S = 300.0
@@ -120,7 +120,7 @@ def stages():
             parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
         except (OSError, ValueError):
             continue
-        if b"jaka_regression.many.stage_program" in words:
+        if b"jaka_fleet.replay.stage_program" in words:
             found[int(entry.name)] = parent
     return found
 

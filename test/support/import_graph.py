@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Dict, FrozenSet, Iterator, Set
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-PACKAGES = {"jaka_ros_driver": ROOT / "jaka_ros_driver", "jaka_bag": ROOT / "tools" / "jaka_bag",
-            "jaka_panel": ROOT / "tools" / "jaka_panel", "jaka_regression": ROOT / "tools" / "jaka_regression"}
+LOG_TOOLS = ("jaka_bag", "jaka_blackbox", "jaka_fleet", "jaka_foxglove")
+"""The packages of the distribution jaka-bag."""
+PACKAGES = {"jaka_ros_driver": ROOT / "jaka_ros_driver",
+            **{name: ROOT / "tools" / name for name in (*LOG_TOOLS, "jaka_panel", "jaka_regression")}}
 """The packages of this project, each with its folder."""
 _MODULE_NAME = re.compile(r"((?:%s)(?:\.\w+)+)(?::\w+)?" % "|".join(PACKAGES))
 

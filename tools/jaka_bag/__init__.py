@@ -4,18 +4,16 @@ Needs no ROS, not even to record from a running ROS 1 system or to play into it.
 imports only from those above it in this list:
 
 errors, units        what can go wrong; ns, ms and mm
-driver_interface     the numbers in the topics of JAKA drivers, and what they ask of no joint
+driver_interface     types and numbers in the topics of JAKA drivers, and what they ask of no joint
+log_records          names of the metadata records that recorders leave in a log
 paths, output_file   names of files; outputs that appear only when whole
 pipeline             work on several threads, results in order
 messages             many messages in few numpy arrays: definitions, layouts, columns, CDR, selection
 containers           the formats: one contract for readers and writers, .bag, .mcap, rosbag2 folders
 operations           convert, merge, split, recover, export, plot, timing
 live                 the ROS graph without ROS: subscribe, publish, record, play
-black_box            a recorder's memory, and a file around each accident
-foxglove             servers for Foxglove and Lichtblick: the graph, logs
 compare              does the arm still do what it did? a log against a golden one, and the reports
-incident             what happened around an accident, as a page
-fleet                many logs: tasks on Dask, a data set of Parquet tables
+engines              one task a log: here, in processes, on Dask
 cli                  the program ``jaka_bag``, one module a subcommand
 __main__             the same as a module that Python can run
 

@@ -1,6 +1,10 @@
-"""What the log tools know of JAKA drivers: the numbers in their topics, and what they ask of no joint."""
+"""What the log tools know of JAKA drivers: types and numbers in their topics, and what they ask of no joint."""
 import enum
 import math
+
+STATE_TYPE = "jaka_msgs/RobotMsg"
+CALL_TYPE = "jaka_msgs/ServiceCall"
+DIAGNOSTICS_TYPE = "diagnostic_msgs/DiagnosticArray"
 
 
 class MotionState(enum.IntEnum):

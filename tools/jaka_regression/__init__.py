@@ -17,7 +17,6 @@ replay_wire        the subcommand ``jaka_bag replay-wire``
 motion             what an arm did in a log, as a trajectory: path, limits, times
 trajectory_client  the driver's action FollowJointTrajectory through actionlib
 replay_motion      the subcommand ``jaka_bag replay-motion``
-many               golden logs replayed side by side, on workers
 pytest_plugin      golden logs as tests of pytest
 rostest_program    a golden log as a rostest
 """

@@ -3,7 +3,7 @@ import threading
 import time
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence
 
-from jaka_bag.compare.run import Call
+from jaka_bag.compare.runs.run import Call
 
 from .attended import ReplayStopped, attended
 from .command_schedule import Planned, due

@@ -1,7 +1,7 @@
 """When each recorded service call is made again: at its recorded time, never before what it followed has ended."""
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
-from jaka_bag.compare.run import Call
+from jaka_bag.compare.runs.run import Call
 
 _SETTLE_S = 0.1
 """The pause between the end of a call and the next one is kept up to this length, even when the first takes longer."""

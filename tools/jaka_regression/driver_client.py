@@ -9,7 +9,7 @@ from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Tupl
 import roslib.message as untyped_roslib
 import rospy as untyped_rospy
 
-from jaka_bag.compare.run import Call
+from jaka_bag.compare.runs.run import Call
 from jaka_bag.errors import BagError
 
 from .attended import ReplayStopped, attended

@@ -15,7 +15,6 @@ SIMULATION = _calling_main_of("jaka_ros_driver.simulation.__main__")
 DRIVER = _calling_main_of("jaka_ros_driver.ros.node")
 WIRE_PLAYER = ("-m", "jaka_ros_driver.wire.replayer")
 PANEL_SESSION = ("-m", "jaka_ros_driver.simulation.server.operator_session")
-STAGE = ("-m", "jaka_regression.many.stage_program")
 
 MASTER = ("-c", "from rosmaster.master import Master\nimport signal\nimport time\n"
                 "signal.signal(signal.SIGINT, signal.SIG_DFL)\nmaster = Master(0)\nmaster.start()\n"

@@ -5,9 +5,9 @@ from typing import Any, Dict, Optional, Sequence, Tuple
 
 from jaka_bag.cli.compare import write_reports
 from jaka_bag.compare.comparison import compare_runs
-from jaka_bag.compare.loading import load_run
 from jaka_bag.compare.report.text import as_text, headline
-from jaka_bag.compare.run import Call, Run
+from jaka_bag.compare.runs.loading import load_run
+from jaka_bag.compare.runs.run import Call, Run
 from jaka_bag.compare.tolerances import Tolerances
 from jaka_bag.compare.verdict import Comparison
 from jaka_bag.errors import BagError

@@ -10,8 +10,8 @@ import time
 from typing import Any, List, Optional
 
 from jaka_bag.cli.quantities import duration, positive_number
-from jaka_bag.compare.loading import load_run
-from jaka_bag.compare.run import Run
+from jaka_bag.compare.runs.loading import load_run
+from jaka_bag.compare.runs.run import Run
 from jaka_bag.errors import BagError, JakaBagError, UsageError
 
 from .attended import ReplayStopped

@@ -11,7 +11,7 @@ import numpy as np
 
 from jaka_bag.cli.options import Report, add_report, add_span, span_of
 from jaka_bag.cli.quantities import duration, positive_number
-from jaka_bag.compare.loading import load_run
+from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.errors import BagError, JakaBagError
 from jaka_bag.live.graph import RemoteNode, master_uri
 from jaka_bag.live.session import read_parameter

@@ -4,7 +4,7 @@ import tempfile
 from pathlib import Path
 
 from jaka_bag.cli.quantities import positive_number
-from jaka_bag.compare.loading import load_run
+from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.compare.tolerances import load_tolerances
 from jaka_bag.errors import BagError
 from jaka_bag.output_file import check_output

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
-from jaka_bag.compare.run import Call, Run
+from jaka_bag.compare.runs.run import Call, Run
 from jaka_bag.units import NS_PER_S
 
 from . import programs

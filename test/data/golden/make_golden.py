@@ -23,8 +23,8 @@ from roslib.message import get_message_class, get_service_class
 FOLDER = Path(__file__).resolve().parent
 sys.path[:0] = [str(FOLDER.parents[2]), str(FOLDER.parents[2] / "tools")]
 
-from jaka_bag.compare.loading import load_run  # noqa: E402 - the checkout, wherever it is started from
-from jaka_bag.compare.run import Call  # noqa: E402
+from jaka_bag.compare.runs.loading import load_run  # noqa: E402 - the checkout, wherever it is started from
+from jaka_bag.compare.runs.run import Call  # noqa: E402
 from jaka_bag.containers.mcap.writer import McapWriter  # noqa: E402
 from jaka_bag.messages.connection import Connection  # noqa: E402
 from jaka_regression.replay import Script, record_script  # noqa: E402

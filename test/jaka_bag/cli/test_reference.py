@@ -6,19 +6,19 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from jaka_bag_page import page, shown_options
+from peers import COMMANDS as PEER_COMMANDS
+from peers import OPTIONS, WITHOUT
 
 from jaka_bag.cli.completion import options_by_command
 from jaka_bag.cli.main import COMMANDS, _with_files_first, is_installed, load_command, parser_of
-from jaka_bag.cli.reference.page import page, shown_options
-from jaka_bag.cli.reference.peers import COMMANDS as PEER_COMMANDS
-from jaka_bag.cli.reference.peers import OPTIONS, WITHOUT
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "jaka_bag.md"
 PARSERS = {name: parser_of(name, load_command(name), 98) for name in COMMANDS if is_installed(name)}
 
 
 def test_the_page_is_that_of_the_parsers():
-    assert PAGE.read_text() == page(), "build/venv/bin/python3 -m jaka_bag.cli.reference.page > docs/jaka_bag.md"
+    assert PAGE.read_text() == page(), "build/venv/bin/python3 tools/docs/jaka_bag_page.py > docs/jaka_bag.md"
 
 
 def test_every_counterpart_is_of_an_option_that_there_is():

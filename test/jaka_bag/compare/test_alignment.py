@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 from synthetic_session import Conditions, Step, moves, simulate, write_log
 
-from jaka_bag.compare.alignment import Alignment, Episode, align, arms_of, event_lag
 from jaka_bag.compare.comparison import compare_logs
-from jaka_bag.compare.loading import load_run
+from jaka_bag.compare.matching.alignment import Alignment, Episode, align, arms_of, event_lag
+from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.compare.verdict import Aspect
 
 

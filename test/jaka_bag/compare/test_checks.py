@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 from synthetic_session import Conditions, Step, moves, simulate, write_log
 
+from jaka_bag.compare.checks.state_checks import StateRun, without_brief
 from jaka_bag.compare.comparison import CannotCompare, compare_logs
-from jaka_bag.compare.state_checks import StateRun, without_brief
 from jaka_bag.compare.tolerances import Tolerances, parse_tolerances
 from jaka_bag.compare.verdict import Aspect, Outcome
 

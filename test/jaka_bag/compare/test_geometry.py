@@ -4,8 +4,8 @@ import math
 import numpy as np
 import pytest
 
-from jaka_bag.compare.curve_distance import distances, interpolated, lateness, lengths
-from jaka_bag.compare.rotation_angles import continuous, quaternions
+from jaka_bag.compare.checks.rotation_angles import continuous, quaternions
+from jaka_bag.compare.matching.curve_distance import distances, interpolated, lateness, lengths
 from jaka_bag.operations.tool_poses import rotation_vectors
 from jaka_ros_driver.kinematics.rotations import matrix_from_rotation_vector, rotation_angle_between
 

@@ -1,8 +1,8 @@
 """Pairs of like entries: the fewest left alone, and of several the nearest in time."""
 import pytest
 
-from jaka_bag.compare import sequences
-from jaka_bag.compare.sequences import Entry, Pair, pair
+from jaka_bag.compare.matching import sequences
+from jaka_bag.compare.matching.sequences import Entry, Pair, pair
 
 
 def entries(text, start=0.0, step=1.0):

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from synthetic_session import Conditions, simulate, write_log, write_long_log
 
-from jaka_bag.compare import alignment, windows
 from jaka_bag.compare.comparison import compare_runs
-from jaka_bag.compare.loading import load_run
+from jaka_bag.compare.matching import alignment
 from jaka_bag.compare.report.html import as_html
 from jaka_bag.compare.report.pictures import Pictures
 from jaka_bag.compare.report.text import as_data
+from jaka_bag.compare.runs import windows
+from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.compare.tolerances import Tolerances, parse_tolerances
 from jaka_bag.compare.verdict import Aspect
 from jaka_bag.operations import columns, quantiles

@@ -1,7 +1,6 @@
-"""The way from messages to files without a network: buffer, limit, simulated time, snapshots, failures."""
+"""The way from messages to files without a network: buffer, limit, simulated time, failures."""
 import struct
 import threading
-import time
 from collections import namedtuple
 from pathlib import Path
 
@@ -112,19 +111,6 @@ def test_a_limit_takes_so_many_of_each_topic(tmp_path):
     bench.recorder.finish()
     assert sorted(entry[0] for entry in bench.log()) == ["/a", "/a", "/b", "/b"]
     assert bench.recorder.full_topics == {"/a", "/b"}
-
-
-def test_a_snapshot_holds_the_newest_time_and_starts_anew(tmp_path):
-    now = time.time_ns()
-    bench = Bench(tmp_path, snapshot_s=100.0)
-    bench.recorder.start()
-    stream = bench.recorder.open_stream(string_connection("/b"), "http://n/")
-    for age, payload in ((500, b"old"), (50, b"new"), (0, b"newest")):
-        bench.recorder.take(stream, now - age * S, payload)
-    bench.recorder.trigger_snapshot()
-    waiting.wait_until(lambda: bench.said, "it is written")
-    assert [entry[4] for entry in bench.log()] == [b"new", b"newest"]
-    bench.recorder.finish()
 
 
 def test_conflicting_types_are_said(tmp_path):

@@ -31,10 +31,10 @@ from jaka_bag.cli.main import main
 from jaka_bag.containers.bag.writer import BagWriter
 from jaka_bag.containers.mcap.writer import McapWriter
 from jaka_bag.containers.registry import open_log
+from jaka_bag.engines.conversion import task_of
+from jaka_bag.engines.processes import Processes
+from jaka_bag.engines.tasks import run_tasks
 from jaka_bag.errors import BagError, BagFormatError, DefinitionError, OutputExists
-from jaka_bag.fleet.conversion import task_of
-from jaka_bag.fleet.processes import Processes
-from jaka_bag.fleet.tasks import run_tasks
 from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.ros2_types import Ros2Type
 from jaka_bag.messages.selection import Selection, TimePoint, TimeSpan

@@ -4,7 +4,7 @@ import pytest
 from log_samples import START_NS, joints, model, write
 from motion_logs import JOINTS, led, log_of, recording_of, session
 
-from jaka_bag.compare.loading import load_run
+from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.errors import BagError, UsageError
 from jaka_regression.motion.recorded import recorded_joints
 

@@ -5,7 +5,7 @@ import pytest
 from import_graph import ROOT
 
 from jaka_bag.cli.main import main
-from jaka_bag.compare.loading import load_run
+from jaka_bag.compare.runs.loading import load_run
 from jaka_regression.replay import record_script
 from jaka_regression.scenario import scenario_of
 from jaka_regression.stage import script_of

@@ -16,7 +16,7 @@ import program_places
 import pytest
 import roslib.message
 import yaml
-from import_graph import ROOT, modules
+from import_graph import LOG_TOOLS, PACKAGES, ROOT, modules
 from program_parsers import Wrong
 from program_places import command_of
 from written_commands import Written, concrete, everything, of_head, of_page, parts
@@ -29,8 +29,9 @@ FOREIGN = {"jaka_driver": "the maker's package", "jaka_planner": "the maker's pa
 """Packages on the pages that are not ours, nor Debian's."""
 SHELL_WORDS = {"cd", "diff", "ln", "mkdir", "mv", "rm", "sed", "touch", "true", "catkin_make"}
 """Shell commands that the page's own test runs, in its order."""
-NAMES_IN_THE_NODE = "\n".join(path.read_text(encoding="utf-8") for folder in ("jaka_ros_driver/ros", "tools/jaka_bag")
-                              for path in (ROOT / folder).rglob("*.py"))
+NAMES_IN_THE_NODE = "\n".join(path.read_text(encoding="utf-8")
+                              for folder in (ROOT / "jaka_ros_driver" / "ros", *map(PACKAGES.get, LOG_TOOLS))
+                              for path in folder.rglob("*.py"))
 OF_ACTIONS = ("/goal", "/cancel", "/feedback", "/command")
 FOUND = everything()
 
@@ -144,7 +145,7 @@ def run_by_python(before, python, words, target):
         shell("%s test/support/parse_only.py %s" % (start, " ".join(map(quoted, words))))
         return "understood"
     module = words[1]
-    if module.split(".")[0] in ("jaka_bag", "jaka_panel", "jaka_regression", "jaka_ros_driver"):
+    if module.split(".")[0] in PACKAGES:
         if not target:
             source = modules().get(module)
             if source is None:

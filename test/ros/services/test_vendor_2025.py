@@ -10,7 +10,7 @@ from program_places import command_of
 from waiting import eventually
 
 from jaka_bag.cli.main import main
-from jaka_bag.compare.loading import load_run
+from jaka_bag.compare.runs.loading import load_run
 from jaka_regression.scenario import scenario_of
 from jaka_ros_driver.kinematics.rotations import matrix_from_rotation_vector, matrix_from_rpy, rotation_angle_between
 

@@ -4,9 +4,9 @@ import signal
 import time
 from pathlib import Path
 
+from jaka_bag.engines.tasks import LogResult, LogTask
 from jaka_bag.errors import BagError
-from jaka_bag.fleet.adding import add_log
-from jaka_bag.fleet.tasks import LogResult, LogTask
+from jaka_fleet.dataset.adding import add_log
 
 
 def describe(task: LogTask) -> LogResult:

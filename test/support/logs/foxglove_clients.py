@@ -19,7 +19,7 @@ from import_graph import ROOT
 from program_places import command_of
 
 PATIENCE_S = 60.0
-_JS = ROOT / "test" / "jaka_bag" / "foxglove" / "js"
+_JS = ROOT / "test" / "jaka_foxglove" / "js"
 SDK, OLD = "foxglove.sdk.v1", "foxglove.websocket.v1"
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from synthetic_session import REST, SAMPLE_S, Conditions, Session, write_log
 
-from jaka_bag.compare.loading import load_run
+from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.containers.registry import create_log, open_log
 from jaka_bag.containers.time_order import messages_of
 from jaka_regression.motion.limits import limits_from_urdf

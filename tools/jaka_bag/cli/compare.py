@@ -1,4 +1,7 @@
-"""``jaka_bag compare``: the command line that compares a log with a golden one."""
+"""``jaka_bag compare``: comparing one log with a golden one.
+
+The subcommand, which compares many as well, is in ``jaka_fleet``.
+"""
 import argparse
 import json
 import sys
@@ -13,32 +16,12 @@ from ..compare.tolerances import ToleranceError, Tolerances, as_yaml, load_toler
 from ..compare.verdict import Comparison
 from ..errors import UsageError
 from ..output_file import OutputFile, check_output
-from .fleet import comparing
 from .main import printable
 from .quantities import positive_number
 
-EPILOG = """\
-Does the arm still do what it did? The checks, in this order: types; counts, rates, jitter, gaps, lost messages and
-stamps; alignment by the logs' own events, then by all joints together; timing and pace of each motion; joints,
-positions and orientations; sequences of states; service calls. A late start is no difference, a slow motion is.
-
-Tolerances: jaka_bag compare --print-tolerances > cell.yaml writes the defaults with a comment at each.
-
-With --against, each log of a data set or a folder is compared with GOLDEN: verdicts and the margin of every check as
-Parquet tables, and a page with the runs over time, what drifts since when, and trends; docs/fleet_regression.md.
-
-Exit code: 0 same, 1 different, 2 cannot be compared (or usage).
-
-examples:
-  jaka_bag compare golden.mcap today.bag
-  jaka_bag compare golden.mcap today.mcap --tolerances cell.yaml --html report.html --junit report.xml
-  jaka_bag compare golden.mcap --against logs --jobs 4
-  jaka_bag compare golden.mcap --against logs --sweep wide.yaml --sweep tight.yaml
-"""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag compare``."""
+    """Declare the options for one log; those for many may stand beside them."""
     add = parser.add_argument
     add("golden", nargs="?", metavar="GOLDEN", help="log of what ought to happen, .bag or .mcap")
     add("candidate", nargs="?", metavar="CANDIDATE", help="log of what happened")
@@ -52,7 +35,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("-v", "--verbose", action="store_true", help="every check, not only the differences")
     add("-q", "--quiet", action="store_true", help="only the verdict")
     add("--print-tolerances", action="store_true", help="print the tolerances in force as YAML, and end")
-    comparing.add_arguments(parser)
 
 
 def write_reports(comparison: Comparison, tolerances: Tolerances, html: Optional[str] = None,
@@ -73,16 +55,12 @@ def write_reports(comparison: Comparison, tolerances: Tolerances, html: Optional
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compare; 0 same, 1 different, 2 cannot be compared."""
+    """Compare two logs; 0 same, 1 different, 2 cannot be compared."""
     try:
         tolerances = load_tolerances(args.tolerances)
         if args.print_tolerances:
             sys.stdout.write(as_yaml(tolerances))
             return 0
-        if args.against is not None:
-            return comparing.run(args, tolerances)
-        if args.sweep or args.results:
-            raise UsageError("--sweep and --results are for many runs: say where they are with --against")
         if not (args.golden and args.candidate):
             raise UsageError("GOLDEN and CANDIDATE are needed")
         for name in [name for name in (args.html, args.junit, args.report) if name]:

@@ -101,8 +101,8 @@ def _run_folder(args: argparse.Namespace, folder: Path, output: Optional[str], r
     targets = {job.source: job.target for job in jobs}
     results: List[WriteResult] = []
 
-    from ..fleet.conversion import convert_task, task_of
-    from ..fleet.tasks import Engine, LogResult, run_tasks
+    from ..engines.conversion import convert_task, task_of
+    from ..engines.tasks import Engine, LogResult, run_tasks
 
     def take(outcome: LogResult) -> None:
         result: WriteResult = outcome.value or WriteResult(
@@ -116,10 +116,10 @@ def _run_folder(args: argparse.Namespace, folder: Path, output: Optional[str], r
 
     engine: Engine
     if args.dask:
-        from ..fleet.dask_engine import Dask
+        from ..engines.dask_engine import Dask
         engine = Dask(args.dask)
     else:
-        from ..fleet.processes import Processes
+        from ..engines.processes import Processes
         engine = Processes(max(args.jobs, 1))
     run_tasks(convert_task, map(task_of, jobs), engine, take)
     failed = sum(1 for result in results if result.error)

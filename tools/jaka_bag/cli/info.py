@@ -6,15 +6,12 @@ from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence,
 from ..containers.index import LogIndex
 from ..containers.registry import read_codecs, read_index
 from ..errors import BagFormatError, UsageError
+from ..log_records import ACCIDENT, DROPS, TRIGGER
 from .main import for_each_file, human_bytes, printable
 
 if TYPE_CHECKING:
     import argparse
 
-_DROPS = "jaka_bag.drops"
-"""Metadata record in which the recorder leaves its account, topic to JSON."""
-_TRIGGER, _FACTS = "jaka_bag.trigger", "jaka_bag.accident"
-"""Metadata records of a black box."""
 _LOSSES = (("missing", "missing by header.seq"), ("undelivered", "sent but not received"),
            ("overflowed", "thrown away at a full buffer"), ("unwritten", "not written"))
 
@@ -144,7 +141,7 @@ def _add_recorder_account(index: LogIndex, document: Dict[str, Any]) -> None:
 
     try:
         for entry in index.metadata:
-            if entry.name == _DROPS:
+            if entry.name == DROPS:
                 accounts = read_metadata(index, entry)
                 for topic in document["topics"]:
                     if topic["topic"] in accounts:
@@ -162,9 +159,9 @@ def _add_accident(index: LogIndex, document: Dict[str, Any]) -> None:
     from ..containers.registry import read_metadata
 
     for entry in index.metadata:
-        if entry.name == _TRIGGER:
+        if entry.name == TRIGGER:
             document.setdefault("triggers", []).append(read_metadata(index, entry))
-        elif entry.name.startswith(_FACTS):  # written at the beginning, and anew at the end
+        elif entry.name.startswith(ACCIDENT):  # written at the beginning, and anew at the end
             document.setdefault("black_box", {}).update(read_metadata(index, entry))
 
 
@@ -198,9 +195,9 @@ def _document(path: str, freq: bool, seq: bool) -> Dict[str, Any]:
     document = document_of(index)
     if index.format == "bag" and not index.codecs:
         document["compression"] = _codecs(read_codecs(index))
-    if _DROPS in (entry.name for entry in index.metadata):
+    if DROPS in (entry.name for entry in index.metadata):
         _add_recorder_account(index, document)
-    if _TRIGGER in (entry.name for entry in index.metadata):
+    if TRIGGER in (entry.name for entry in index.metadata):
         _add_accident(index, document)
     if freq or seq:
         from ..operations.timing import add_sequence_gaps, add_timing

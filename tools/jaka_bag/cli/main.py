@@ -31,11 +31,13 @@ class Command(NamedTuple):
             starts faster: argparse is not imported.
         summary: One line for ``--help``.
         failed: Exit code where it could not be done.
+        needs: The package that has to be installed for it, of those in ``BROUGHT_BY``.
     """
 
     module: str
     summary: str
     failed: int = 1
+    needs: str = ""
 
 
 class MissingCommand(Exception):
@@ -43,37 +45,39 @@ class MissingCommand(Exception):
 
 
 COMMANDS: Dict[str, Command] = {
-    "record": Command("jaka_bag.cli.record", "record topics (as rosbag record)"),
+    "record": Command("jaka_blackbox.cli.record", "record topics (as rosbag record)"),
     "play": Command("jaka_bag.cli.play", "publish the messages of logs (as rosbag play)"),
     "info": Command("jaka_bag.cli.info", "what is in a log (as rosbag info); --freq: rate, jitter, gaps, drops"),
-    "serve": Command("jaka_bag.cli.serve", "show logs to Foxglove and Lichtblick: play, pause, seek, speed"),
+    "serve": Command("jaka_foxglove.cli.serve", "show logs to Foxglove and Lichtblick: play, pause, seek, speed"),
     "convert": Command("jaka_bag.cli.convert", "between .bag, .mcap and rosbag2 folders, one or many; compress"),
     "filter": Command("jaka_bag.cli.filter", "a part of a log: topics, types, times (as rosbag filter)"),
     "merge": Command("jaka_bag.cli.merge", "several logs into one, in the order of time"),
     "split": Command("jaka_bag.cli.split", "one log into several, by size, duration or count"),
     "recover": Command("jaka_bag.cli.recover", "all that can be read of a cut-off or damaged log (as rosbag reindex)"),
-    "cat": Command("jaka_bag.cli.contents.cat", "messages as lines of JSON (as mcap cat)"),
-    "du": Command("jaka_bag.cli.contents.du", "bytes of each topic (as mcap du)"),
-    "doctor": Command("jaka_bag.cli.contents.doctor", "is a log whole, and if not, why not (as mcap doctor)"),
-    "attach": Command("jaka_bag.cli.contents.attach", "add files and facts to an .mcap (as mcap add)"),
-    "extract": Command("jaka_bag.cli.contents.extract", "the files and facts in an .mcap (as mcap list, mcap get)"),
+    "cat": Command("jaka_bag.cli.cat", "messages as lines of JSON (as mcap cat)"),
+    "du": Command("jaka_bag.cli.du", "bytes of each topic (as mcap du)"),
+    "doctor": Command("jaka_bag.cli.doctor", "is a log whole, and if not, why not (as mcap doctor)"),
+    "attach": Command("jaka_bag.cli.attach", "add files and facts to an .mcap (as mcap add)"),
+    "extract": Command("jaka_bag.cli.extract", "the files and facts in an .mcap (as mcap list, mcap get)"),
     "plot": Command("jaka_bag.cli.plot", "joints, TCP path and states over time as SVG or PNG"),
     "export": Command("jaka_bag.cli.export", "fields of messages as CSV, NPZ or Parquet"),
-    "compare": Command("jaka_bag.cli.compare", "does a log show what a golden one shows? with tolerances, HTML, JUnit",
-                       failed=2),
-    "report": Command("jaka_bag.cli.evidence.report", "what happened around an accident, second by second, as a page"),
-    "verify": Command("jaka_bag.cli.evidence.verify", "was a signed log changed, or a driver's audit log?"),
-    "dataset add": Command("jaka_bag.cli.fleet.add", "many logs into a data set of Parquet tables, here or on Dask"),
-    "dataset query": Command("jaka_bag.cli.fleet.query", "ask a data set in SQL (DuckDB)"),
-    "dataset compact": Command("jaka_bag.cli.fleet.compact", "put a data set's table of logs into one file"),
-    "replay": Command("jaka_regression.many.replay_goldens",
-                      "make golden logs happen again, side by side, against a driver, and compare"),
+    "compare": Command("jaka_fleet.cli.compare",
+                       "does a log show what a golden one shows? with tolerances, HTML, JUnit", failed=2),
+    "report": Command("jaka_blackbox.cli.report", "what happened around an accident, second by second, as a page"),
+    "verify": Command("jaka_bag.cli.verify", "was a signed log changed, or a driver's audit log?"),
+    "dataset add": Command("jaka_fleet.cli.add", "many logs into a data set of Parquet tables, here or on Dask"),
+    "dataset query": Command("jaka_fleet.cli.query", "ask a data set in SQL (DuckDB)"),
+    "dataset compact": Command("jaka_fleet.cli.compact", "put a data set's table of logs into one file"),
+    "replay": Command("jaka_fleet.cli.replay",
+                      "make golden logs happen again, side by side, against a driver, and compare",
+                      needs="jaka_regression"),
     "replay-commands": Command("jaka_regression.replay_commands",
-                               "make the service calls of a log again, against a live driver"),
+                               "make the service calls of a log again, against a live driver", needs="jaka_regression"),
     "replay-wire": Command("jaka_regression.replay_wire",
-                           "play a recorded controller's bytes to the driver, and compare"),
+                           "play a recorded controller's bytes to the driver, and compare", needs="jaka_regression"),
     "replay-motion": Command("jaka_regression.replay_motion",
-                             "do again what the arm did in a log, hand guiding included, as a trajectory"),
+                             "do again what the arm did in a log, hand guiding included, as a trajectory",
+                             needs="jaka_regression"),
     "completion": Command("jaka_bag.cli.completion", "completion for bash or zsh"),
 }
 
@@ -97,7 +101,7 @@ ELSEWHERE = {
 """Commands of other tools, and what does the same here."""
 
 LIVE_PROGRAM = "jaka_foxglove"
-LIVE = Command("jaka_bag.cli.foxglove", "show the topics of a running ROS 1 system to Foxglove and Lichtblick")
+LIVE = Command("jaka_foxglove.cli.live", "show the topics of a running ROS 1 system to Foxglove and Lichtblick")
 
 BROUGHT_BY = {"jaka_regression": "the ROS package jaka_ros_driver: build it in a catkin workspace (or with its "
                                  "tools/dev setup), source the setup.bash there, and call jaka_bag in that shell"}
@@ -107,7 +111,8 @@ BROUGHT_BY = {"jaka_regression": "the ROS package jaka_ros_driver: build it in a
 def is_installed(name: str) -> bool:
     """Whether the package that brings a subcommand is there."""
     from importlib.util import find_spec
-    return find_spec(COMMANDS[name].module.split(".")[0]) is not None
+    needed = COMMANDS[name].needs
+    return not needed or find_spec(needed) is not None
 
 
 def load_command(name: str) -> ModuleType:
@@ -116,15 +121,14 @@ def load_command(name: str) -> ModuleType:
     Raises:
         MissingCommand: The package that brings it is not installed.
     """
-    module = COMMANDS[name].module
-    package = module.split(".")[0]
+    needed = COMMANDS[name].needs
     try:
-        return importlib.import_module(module)
+        return importlib.import_module(COMMANDS[name].module)
     except ModuleNotFoundError as error:
-        if error.name != package:
+        if not needed or error.name != needed:
             raise
         raise MissingCommand("%s needs the Python package %s, which comes with %s"
-                             % (name, package, BROUGHT_BY[package])) from None
+                             % (name, needed, BROUGHT_BY[needed])) from None
 
 
 _CONTROLS = {code: "\\x%02x" % code for code in [*range(32), *range(127, 160)] if chr(code) not in "\n\t"}

@@ -1,7 +1,10 @@
-"""``jaka_bag record``: the command line of the recorder."""
+"""``jaka_bag record``: recording into files, and what the modes that keep messages in memory share with it.
+
+Those modes, and with them the subcommand, are in ``jaka_blackbox``.
+"""
 import argparse
 import contextlib
-import dataclasses
+import functools
 import json
 import os
 import platform
@@ -9,11 +12,11 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterator, List, Optional
+from typing import Any, Callable, Dict, Iterator, List, Optional, Protocol
 
 from ..errors import JakaBagError, UsageError
 from ..live.graph import RemoteNode, master_uri
-from ..live.names import NodeNames, anonymous_name, node_names, split_remappings
+from ..live.names import NodeNames, node_names, split_remappings
 from ..live.rolling_files import Attachment, FileSettings, RollingFiles
 from ..live.session import Session, parameter_dump, read_parameter, wait_for_master
 from ..live.stream_account import TopicDrops, drops_by_topic
@@ -23,42 +26,11 @@ from ..live.writer_thread import MessageFiles, WriterThread
 from ..messages.selection import compile_patterns
 from ..operations.signature import load_private_key, sign
 from . import quantities
-from .evidence import black_box
 from .notices import Notices, write_account
-
-EPILOG = """\
-Messages are stored as they come over the wire, whatever their type. While it is written the file is called
-NAME.mcap.active; SIGINT or SIGTERM finish it and give it its name. After a power cut or kill -9 it can be read as it
-is, or made whole with 'jaka_bag recover'; at most the newest second is missing.
-
-Log times are the kernel's times of receipt (--stamp). Where the parameter /use_sim_time is true they are the times of
-/clock, as with rosbag record; messages that come before the first /clock get its time.
-
---state-log records exactly one driver: jaka_driver/tool_position, joint_position, robot_states and service_calls,
-and joint_states, tf, tf_static and diagnostics, all of the namespace (__ns:=/left or ROS_NAMESPACE). Of the global
-topics /tf, /tf_static and /diagnostics it takes the messages of the namespace's nodes, and no others.
-
-What was lost is always said at the end, by topic: skipped header.seq numbers, the publishers' own bus statistics, and
-what the recorder itself had to throw away; an .mcap holds the same account in its metadata, and the ROS parameters
-at the start as an attachment.
-
---snapshot keeps the newest messages in memory and writes them to a file of their own at each SIGUSR1.
-
---black-box DIR keeps the newest messages in memory and writes a file that is complete in itself around each accident:
-docs/state_logs.md tells what sets it off. jaka_bag report FILE shows what happened.
-NAME:=VALUE words remap topics; __name:=, __ns:= are known.
-
-examples:
-  jaka_bag record --state-log -O run.mcap
-  jaka_bag record -a -x '/camera/.*' --split --size 1G --max-splits 10 -o cell
-  jaka_bag record --state-log --black-box /var/log/arm --before 60s --after 20s
-
-Exit code: 0 done, 1 failed or cut short, 2 usage.
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``jaka_bag record``."""
+    """Declare the options that all modes have."""
     add = parser.add_argument
     add("topics", nargs="*", metavar="TOPIC", help="topics to record; with -e regular expressions")
     what = parser.add_argument_group("what to record")
@@ -97,8 +69,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                      help="a chunk is written when its first message is this old (default 1s)")
     how.add_argument("--fsync", type=quantities.duration, default=1.0, metavar="TIME",
                      help="force to the disk this often (default 1s; 0: never)")
-    how.add_argument("--snapshot", type=quantities.duration, metavar="TIME",
-                     help="write the newest TIME of messages at each SIGUSR1, and only then")
     how.add_argument("--repeat-latched", action="store_true",
                      help="begin each further file with the newest message of each latched publisher")
     how.add_argument("--tcpnodelay", action="store_true", help="ask publishers to send each message at once")
@@ -107,7 +77,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--report", metavar="FILE", help="write the account of the recording as JSON")
     how.add_argument("-q", "--quiet", action="store_true", help="say only what went wrong or was lost")
     how.add_argument("--sign", metavar="KEY", help="write NAME.sig for each finished file: Ed25519, KEY in PEM")
-    black_box.add_options(parser)
 
 
 def _selection(args: argparse.Namespace, names: NodeNames) -> TopicSelection:
@@ -167,132 +136,183 @@ def _take_zstd_level(args: argparse.Namespace) -> None:
         args.zstd = ""
 
 
+class Companion(Protocol):
+    """What runs beside a recording."""
+
+    def start(self, node_uri: str) -> None:
+        """Begin; the node is there, at this URI."""
+
+    def close(self) -> None:
+        """End what has begun."""
+
+
+class Recorder:
+    """One recording that a command line asks for: who the node is, what it records, and how it ends.
+
+    Each mode sets where messages go (``prepare``), runs it, and prints its account.
+
+    Args:
+        args: The command line.
+        node: Name of the node where the command line gives none.
+        console: Where notices go.
+
+    Attributes:
+        names: Who the node is.
+        selection: The topics to record.
+        settings: How files are stored.
+        facts: Facts of the recording, stored in each file.
+        attachments: Files stored in each file.
+        key: Private key that finished files are signed with; None: they are not.
+        console: Where notices go.
+        writer: Takes the messages; from ``prepare`` on.
+        failure: What ended the recording before its time.
+
+    Raises:
+        UsageError: Options contradict each other.
+        BagError: The key cannot be read.
+    """
+
+    writer: WriterThread
+    _session: Session
+
+    def __init__(self, args: argparse.Namespace, node: str, console: Notices) -> None:
+        _take_zstd_level(args)
+        args.topics, remappings = split_remappings(args.topics)
+        self.args = args
+        self.names = node_names(node, remappings, os.environ)
+        self.selection = _selection(args, self.names)
+        self.settings = _settings(args)
+        self.key = load_private_key(args.sign) if args.sign else None
+        self.facts = {"program": "jaka_bag record", "host": platform.node(), "node": self.names.node,
+                      "master": master_uri(), "arguments": json.dumps(sys.argv[1:]),
+                      "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
+        self.attachments: List[Attachment] = []
+        self.console = console
+        self.failure: Optional[Exception] = None
+        self._on_usr1: Optional[Callable[[], None]] = None
+
+    def prepare(self, open_files: Callable[[], MessageFiles], selection: Optional[TopicSelection] = None,
+                buffer_bytes: Optional[int] = None, item_bytes: int = 0) -> None:
+        """Set where messages go.
+
+        Args:
+            open_files: Makes the place; called when the recording begins.
+            selection: The topics, where they are others than the command line's.
+            buffer_bytes: Messages that may wait, where it is not what the command line says.
+            item_bytes: What a waiting message counts beside its payload, byte.
+        """
+        args = self.args
+        self.writer = WriterThread(open_files, args.buffsize if buffer_bytes is None else buffer_bytes,
+                                   self.console.always, self._end, False, args.limit, item_bytes)
+        self._session = Session(self.writer, selection or self.selection,
+                                is_of_namespace(self.names.namespace) if args.state_log else accept_all,
+                                self.console.always, None if args.split else args.duration)
+
+    def open_log(self, settings: Optional[FileSettings] = None) -> RollingFiles:
+        """Begin the files of the recording, or those of other settings."""
+        return RollingFiles(settings or self.settings, self.facts, self.attachments, self.writer.streams,
+                            self.console.say)
+
+    def run(self, where: str, on_usr1: Optional[Callable[[], None]] = None,
+            companion: Optional[Companion] = None) -> bool:
+        """Record until SIGINT, SIGTERM, SIGHUP or a limit; what ended it before its time is ``failure``.
+
+        Args:
+            where: What the user is told about where messages go.
+            on_usr1: Called at SIGUSR1.
+            companion: Runs while the node is there.
+
+        Returns:
+            False where it was ended before a master came.
+        """
+        self._on_usr1 = on_usr1
+        with _signals(self._on_signal, on_usr1 is not None):
+            master = RemoteNode(master_uri(), self.names.node)
+            if not wait_for_master(master, self._session.stop, self.console.always):
+                return False
+            self.writer.is_simulated_time = bool(read_parameter(master, "/use_sim_time"))
+            self.facts["log_time"] = "/clock" if self.writer.is_simulated_time else self.args.stamp
+            self.attachments.append(Attachment("rosparam.yaml", parameter_dump(master), "application/yaml"))
+            master.close()
+            try:
+                self._session.run(functools.partial(self._connect, where, companion), self.writer.is_simulated_time)
+            except JakaBagError as error:
+                self.failure = error
+            finally:
+                if companion is not None:
+                    companion.close()
+        return True
+
+    def _connect(self, where: str, companion: Optional[Companion]) -> Subscriber:
+        subscriber = Subscriber(self.names, self.writer.take, self._session.open_stream, self.console.always,
+                                self._end, self.args.tcpnodelay, self.args.stamp == "kernel")
+        if companion is not None:
+            companion.start(subscriber.uri)
+        self.console.say("recording to %s, node %s" % (where, self.names.node))
+        return subscriber
+
+    def _end(self, reason: str) -> None:
+        self._session.end(reason)
+
+    def _on_signal(self, number: int, frame: Any) -> None:
+        if number == signal.SIGUSR1 and self._on_usr1 is not None:
+            self._on_usr1()
+        else:
+            self._session.end(signal.Signals(number).name)
+
+    def sign(self) -> None:
+        """Sign the finished files where that is asked for."""
+        for path in self.writer.finished_paths if self.key is not None else ():
+            self.console.say("signed: %s" % sign(path, self.key))
+
+    def account(self) -> int:
+        """Print files, counts and all that was lost, write them to the file of ``--report``; return the exit code."""
+        drops = drops_by_topic(self.writer.streams())
+        self._tell(drops)
+        if self.args.report:
+            write_account(self.args.report, {
+                "files": self.writer.finished_paths, "messages": self.writer.messages,
+                "end": self._session.end_reason, "error": None if self.failure is None else str(self.failure),
+                "untimed": self.writer.untimed,
+                "topics": {topic: dict(one._asdict(), lossy=one.is_lossy) for topic, one in drops.items()}})
+        if self.failure is not None:
+            self.console.always("error: %s" % self.failure)
+        return 0 if self.failure is None else 1
+
+    def _tell(self, drops: Dict[str, TopicDrops]) -> None:
+        console = self.console
+        if self._session.end_reason:
+            console.say("ended: %s" % self._session.end_reason)
+        for path in self.writer.finished_paths:
+            console.say("wrote %s" % path)
+        if self.writer.untimed:
+            console.always("%d messages came before the first /clock" % self.writer.untimed)
+        for topic, account in drops.items():
+            line = "%s: %d messages, %s" % (topic, account.received, account.describe())
+            if account.is_lossy:
+                console.always("LOST on " + line)
+            else:
+                console.say(line)
+            if len(account.types) > 1:
+                console.always("%s has publishers of different types: %s" % (
+                    topic, ", ".join("%s (md5 %s)" % kind for kind in account.types)))
+
+
 @contextlib.contextmanager
-def _signals(session: Session, on_usr1: Optional[Callable[[], None]]) -> Iterator[None]:
-    def on_end(number: int, frame: Any) -> None:
-        session.end(signal.Signals(number).name)
-
-    def on_trigger(number: int, frame: Any) -> None:
-        assert on_usr1 is not None
-        on_usr1()
-
-    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    handlers: Dict[int, Callable[[int, Any], None]] = dict.fromkeys(ends, on_end)
-    if on_usr1 is not None:
-        handlers[signal.SIGUSR1] = on_trigger
-    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+def _signals(handler: Callable[[int, Any], None], with_usr1: bool) -> Iterator[None]:
+    numbers = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, *([signal.SIGUSR1] if with_usr1 else [])]
+    before = {number: signal.signal(number, handler) for number in numbers}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, old in before.items():
+            signal.signal(number, old)
 
 
-def _write_report(path: str, recorder: WriterThread, session: Session, drops: Dict[str, TopicDrops],
-                  failure: Optional[Exception]) -> None:
-    report = {"files": recorder.finished_paths, "messages": recorder.messages, "end": session.end_reason,
-              "error": None if failure is None else str(failure), "untimed": recorder.untimed,
-              "topics": {topic: dict(account._asdict(), lossy=account.is_lossy) for topic, account in drops.items()}}
-    write_account(path, report)
-
-
-def _report(console: Notices, recorder: WriterThread, session: Session, drops: Dict[str, TopicDrops]) -> None:
-    """Files, counts, and all that was lost."""
-    if session.end_reason:
-        console.say("ended: %s" % session.end_reason)
-    for path in recorder.finished_paths:
-        console.say("wrote %s" % path)
-    if recorder.untimed:
-        console.always("%d messages came before the first /clock" % recorder.untimed)
-    for topic, account in drops.items():
-        line = "%s: %d messages, %s" % (topic, account.received, account.describe())
-        if account.is_lossy:
-            console.always("LOST on " + line)
-        else:
-            console.say(line)
-        if len(account.types) > 1:
-            console.always("%s has publishers of different types: %s" % (
-                topic, ", ".join("%s (md5 %s)" % kind for kind in account.types)))
-
-
-def run(args: argparse.Namespace) -> int:
-    """Record until SIGINT, SIGTERM or a limit; 0 when all went well."""
-    _take_zstd_level(args)
-    args.topics, remappings = split_remappings(args.topics)
-    names = node_names(black_box.NODE if args.black_box else anonymous_name("jaka_bag_record"), remappings, os.environ)
-    black_box.check(args)
-    selection = _selection(args, names)
-    settings = _settings(args)
-    key = load_private_key(args.sign) if args.sign else None
-    with Notices("jaka_bag record", args.quiet) as console:
-        return _record(args, names, selection, settings, console, key)
-
-
-def _record(args: argparse.Namespace, names: NodeNames, selection: TopicSelection, settings: FileSettings,
-            console: Notices, key: Any) -> int:
-    facts = {"program": "jaka_bag record", "host": platform.node(), "node": names.node, "master": master_uri(),
-             "arguments": json.dumps(sys.argv[1:]),
-             "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
-    attachments: List[Attachment] = []
-    box = black_box.Assembly(args, names, settings, facts, console, key) if args.black_box else None
-
-    def open_files() -> MessageFiles:
-        if box is not None:
-            return box.open(recorder)
-        chosen = settings
-        if args.snapshot is not None:
-            chosen = dataclasses.replace(settings, stem=_snapshot_stem(settings))
-        return RollingFiles(chosen, facts, attachments, lambda: recorder.streams(), console.say)
-
-    def connect() -> Subscriber:
-        transport = Subscriber(names, recorder.take, session.open_stream, console.always, session.end,
-                               args.tcpnodelay, args.stamp == "kernel")
-        if box is not None:
-            box.start(transport.uri)
-        console.say("recording to %s, node %s" % (
-            settings.path(0) if not in_memory else "memory, the newest %g s" % in_memory, names.node))
-        return transport
-
-    in_memory = args.before if box is not None else args.snapshot
-    recorder = WriterThread(open_files, args.buffsize if box is None else box.memory_bytes, console.always,
-                            lambda reason: session.end(reason), False, args.limit, args.snapshot,
-                            0 if box is None else box.item_bytes)
-    session = Session(recorder, selection if box is None else box.selection(selection),
-                      is_of_namespace(names.namespace) if args.state_log else accept_all,
-                      console.always, None if args.split else args.duration)
-    failure: Optional[Exception] = None
-    on_usr1 = box.on_signal if box is not None else recorder.trigger_snapshot if args.snapshot is not None else None
-    with _signals(session, on_usr1):
-        master = RemoteNode(master_uri(), names.node)
-        if not wait_for_master(master, session.stop, console.always):
-            return 1
-        recorder.is_simulated_time = bool(read_parameter(master, "/use_sim_time"))
-        facts["log_time"] = "/clock" if recorder.is_simulated_time else args.stamp
-        attachments.append(Attachment("rosparam.yaml", parameter_dump(master), "application/yaml"))
-        master.close()
-        try:
-            session.run(connect, recorder.is_simulated_time)
-        except JakaBagError as error:
-            failure = error
-        finally:
-            if box is not None:
-                box.close()
-    for path in recorder.finished_paths if key is not None and box is None else ():
-        console.say("signed: %s" % sign(path, key))
-    drops = drops_by_topic(recorder.streams())
-    _report(console, recorder, session, drops)
-    if args.report:
-        _write_report(args.report, recorder, session, drops, failure)
-    if failure is not None:
-        console.always("error: %s" % failure)
-    return 0 if failure is None and not (box is not None and box.failures) else 1
-
-
-def _snapshot_stem(settings: FileSettings) -> Path:
-    date = time.strftime("%Y-%m-%d-%H-%M-%S")
-    stem = settings.stem.with_name("%s_snapshot_%s" % (settings.stem.name, date))
-    number = 1
-    while dataclasses.replace(settings, stem=stem).path(0).exists():
-        number += 1
-        stem = settings.stem.with_name("%s_snapshot_%s_%d" % (settings.stem.name, date, number))
-    return stem
+def record(recorder: Recorder) -> int:
+    """Record into one file, or one after the other; return the exit code."""
+    recorder.prepare(recorder.open_log)
+    if not recorder.run(str(recorder.settings.path(0))):
+        return 1
+    recorder.sign()
+    return recorder.account()

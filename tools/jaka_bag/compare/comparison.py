@@ -6,16 +6,16 @@ from typing import Any, Dict, Iterator, List, Optional, Tuple
 from ..errors import BagError
 from ..paths import PathLike
 from ..pipeline import in_order
-from .alignment import Aligner, arms_of
-from .call_checks import call_checks
-from .course import Course
-from .cut_motions import Cut, cut_motions, fit_ends
-from .loading import load_run
-from .motion_checks import RESOLUTION, Frame, motion_watches
-from .run import Run, Window
-from .state_checks import state_checks
-from .stream_checks import common_time, stream_checks, stream_watches, type_checks
-from .timing_checks import coverage_check, timing_checks
+from .checks.call_checks import call_checks
+from .checks.motion_checks import RESOLUTION, Frame, motion_watches
+from .checks.state_checks import state_checks
+from .checks.stream_checks import common_time, stream_checks, stream_watches, type_checks
+from .checks.timing_checks import coverage_check, timing_checks
+from .matching.alignment import Aligner, arms_of
+from .matching.course import Course
+from .matching.cut_motions import Cut, cut_motions, fit_ends
+from .runs.loading import load_run
+from .runs.run import Run, Window
 from .tolerances import Tolerances
 from .verdict import Comparison, Residual, ResidualKey
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
 from ..messages.batch import Array
-from .alignment import Alignment
-from .course import Course
-from .run import Run
+from .matching.alignment import Alignment
+from .matching.course import Course
+from .runs.run import Run
 
 
 class Outcome(enum.Enum):

@@ -10,6 +10,7 @@ from typing import Callable, Dict, List, NamedTuple, Optional
 from ..containers.contract import LogWriter
 from ..containers.registry import create_log
 from ..errors import BagError, WriteFailed
+from ..log_records import DROPS, RECORDING
 from ..units import NS_PER_S
 from .stream_account import Stream, TopicDrops, drops_as_metadata, drops_by_topic
 
@@ -127,7 +128,7 @@ class RollingFiles:
         self._synced_position = 0
         try:
             self._check_space(writer)
-            self.add_metadata("jaka_bag.recording", self._facts)
+            self.add_metadata(RECORDING, self._facts)
             for item in self._attachments:
                 self.add_attachment(item)
         except BagError:
@@ -310,7 +311,7 @@ class RollingFiles:
         except WriteFailed as error:
             self.lose_chunk()
             self._notice(str(error))
-        self.add_metadata("jaka_bag.drops", drops_as_metadata(self._drops()))
+        self.add_metadata(DROPS, drops_as_metadata(self._drops()))
         if self.settings.fsync_s:
             self._sync(writer)
         writer.close()

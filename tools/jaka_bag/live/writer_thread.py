@@ -2,7 +2,6 @@
 import collections
 import struct
 import threading
-import time
 from pathlib import Path
 from typing import Callable, Deque, Dict, List, Optional, Protocol, Set, Tuple
 
@@ -49,12 +48,11 @@ class WriterThread:
     """Takes messages in the receiving thread, writes them in another.
 
     Args:
-        open_files: Creates the log files; called in ``start`` and, for snapshots, at each trigger.
+        open_files: Makes the place where messages go; called in ``start``.
         buffer_bytes: Payload bytes that may wait for the writer; what is beyond is thrown away and counted; 0 for no
             limit.
         is_simulated_time: Log times are those of ``/clock``, not the host's.
         limit: Messages to record of each topic; 0 for all.
-        snapshot_s: Keep this many seconds in memory and write them only when triggered; None records at once.
         item_bytes: What a waiting message counts beside its payload, byte.
         notice: Takes a line for the user.
         on_stop: Called from the writing thread, with the reason, when recording cannot or need not go on.
@@ -68,15 +66,16 @@ class WriterThread:
         untimed: Messages that came before the first ``/clock`` and got its time.
     """
 
+    _files: MessageFiles
+
     def __init__(self, open_files: Callable[[], MessageFiles], buffer_bytes: int, notice: Callable[[str], None],
                  on_stop: Callable[[str], None], is_simulated_time: bool = False, limit: int = 0,
-                 snapshot_s: Optional[float] = None, item_bytes: int = 0) -> None:
+                 item_bytes: int = 0) -> None:
         self._open_files = open_files
         self._buffer_bytes = buffer_bytes
         self._notice = notice
         self._on_stop = on_stop
         self._limit = limit
-        self._snapshot_s = snapshot_s
         self._item_bytes = item_bytes
         self.is_simulated_time = is_simulated_time
         self.clock: Optional[int] = None
@@ -86,10 +85,6 @@ class WriterThread:
         self._taken_bytes = 0
         self._passed_bytes = 0
         self._topic_counts: Dict[str, int] = {}
-        self._files: Optional[MessageFiles] = None
-        self._ring: Deque[_Item] = collections.deque()
-        self._ring_bytes = 0
-        self._trigger = threading.Event()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="log-writer")
         self.failure: Optional[Exception] = None
@@ -104,8 +99,7 @@ class WriterThread:
         Raises:
             BagError: The file cannot be created, or there is no room for it.
         """
-        if self._snapshot_s is None:
-            self._files = self._open_files()
+        self._files = self._open_files()
         self._thread.start()
 
     def streams(self) -> List[Stream]:
@@ -178,10 +172,6 @@ class WriterThread:
                                for stream, _, published, data in self._waiting_for_clock)
             self._waiting_for_clock.clear()
 
-    def trigger_snapshot(self) -> None:
-        """Write what is in memory to a file."""
-        self._trigger.set()
-
     def finish(self) -> None:
         """Write everything taken so far and finish the file; no message may be taken any more.
 
@@ -202,21 +192,16 @@ class WriterThread:
             while not is_last:
                 is_last = self._ending.wait(_TICK_S)
                 self._write_queue()
-                if self._files is not None:
-                    self._files.tick()
-                    if self._files.is_large_enough:
-                        self._on_stop("the file has the size asked for")
-                if self._trigger.is_set():
-                    self._trigger.clear()
-                    self._write_queue()  # all that was taken before the trigger
-                    self._write_snapshot()
+                self._files.tick()
+                if self._files.is_large_enough:
+                    self._on_stop("the file has the size asked for")
         except Exception as error:  # kept for finish(), which raises it: a recording must not end unnoticed
             self._fail(error)
         self._close_files()
 
     def _fail(self, error: Exception) -> None:
         self.failure = error
-        if isinstance(error, WriteFailed) and self._files is not None:
+        if isinstance(error, WriteFailed):
             self._files.lose_chunk()
         self._on_stop(str(error))
         self._ending.wait()
@@ -224,17 +209,12 @@ class WriterThread:
             self._queue.popleft()[0].unwritten += 1
 
     def _close_files(self) -> None:
-        if self._files is None:
-            return
         try:
             self._files.close()
         except BagError as error:
             self.failure = self.failure or error
-        self._note_files(self._files)
-
-    def _note_files(self, files: MessageFiles) -> None:
-        self.messages += files.messages
-        self.finished_paths.extend(str(path) for path in files.finished)
+        self.messages = self._files.messages
+        self.finished_paths = [str(path) for path in self._files.finished]
 
     def _write_queue(self) -> None:
         queue, files, limit = self._queue, self._files, self._limit
@@ -243,37 +223,10 @@ class WriterThread:
             self._passed_bytes += len(data) + self._item_bytes
             if limit and not self._is_within_limit(stream.connection.topic):
                 continue
-            if files is not None:
-                files.add(stream, stamp, published, data)
-            else:
-                self._ring.append((stream, stamp, published, data))
-                self._ring_bytes += len(data)
-        if files is None:
-            self._trim_ring()
+            files.add(stream, stamp, published, data)
 
     def _is_within_limit(self, topic: str) -> bool:
         count = self._topic_counts[topic] = self._topic_counts.get(topic, 0) + 1
         if count >= self._limit and topic not in self.full_topics:
             self.full_topics.add(topic)
         return count <= self._limit
-
-    def _trim_ring(self) -> None:
-        if not self._ring or self._snapshot_s is None:
-            return
-        newest = self._ring[-1][1] if self.is_simulated_time else time.time_ns()
-        oldest = newest - int(self._snapshot_s * NS_PER_S)
-        while self._ring and (self._ring[0][1] < oldest
-                              or (self._buffer_bytes and self._ring_bytes > self._buffer_bytes)):
-            self._ring_bytes -= len(self._ring.popleft()[3])
-
-    def _write_snapshot(self) -> None:
-        files = self._open_files()
-        self._files = files  # so that a failure accounts for its chunk
-        for stream, stamp, published, data in self._ring:
-            files.add(stream, stamp, published, data)
-        files.close()
-        self._ring.clear()
-        self._ring_bytes = 0
-        self._files = None
-        self._note_files(files)
-        self._notice("snapshot of %d messages in %s" % (files.messages, files.finished[-1]))

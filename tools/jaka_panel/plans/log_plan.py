@@ -8,7 +8,7 @@ import os
 import sys
 from typing import List
 
-from jaka_bag.compare.loading import load_run
+from jaka_bag.compare.runs.loading import load_run
 from jaka_bag.errors import BagError, JakaBagError
 from jaka_regression.motion.limits import LogParameters, limits_from_urdf, same_model
 from jaka_regression.motion.plan import plan_motion

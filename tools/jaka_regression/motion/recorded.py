@@ -3,7 +3,7 @@ from typing import List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from jaka_bag.compare.run import LongTrack, Run
+from jaka_bag.compare.runs.run import LongTrack, Run
 from jaka_bag.driver_interface import JOINT_SPEED_CEILING, JOINTS
 from jaka_bag.errors import BagError, UsageError
 from jaka_bag.messages.batch import Array

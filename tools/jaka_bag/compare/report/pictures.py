@@ -6,10 +6,10 @@ import numpy as np
 from ...messages.batch import Array
 from ...operations.thinning import EveryNth, MinMax
 from ...units import mm_to_m, s_to_ms
-from ..alignment import Episode
-from ..curve_distance import interpolated
-from ..run import Call, LongTrack, Track, arm_of
-from ..state_checks import state_name, state_runs
+from ..checks.state_checks import state_name, state_runs
+from ..matching.alignment import Episode
+from ..matching.curve_distance import interpolated
+from ..runs.run import Call, LongTrack, Track, arm_of
 from ..tolerances import Tolerances
 from ..verdict import Aspect, Check, Comparison, ResidualKey
 from .svg import Bar, Line, Row, chart, plane, time_line

@@ -4,7 +4,7 @@ from typing import Optional, Tuple
 import numpy as np
 
 from ...messages.batch import Array
-from ..run import LongTrack
+from ..runs.run import LongTrack
 
 _SAMPLES = 500
 _BAND = 40

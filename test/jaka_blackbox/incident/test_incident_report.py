@@ -1,0 +1,152 @@
+"""``jaka_bag report``: its page's account of an accident, and that a browser draws it."""
+import html.parser
+import math
+import os
+import re
+import shutil
+import subprocess
+
+import pytest
+from accident_samples import CALLS, DIAGNOSTICS, STATES, call, diagnostics, states
+from log_samples import JOINTS, START_NS, Sample, joints, tool, write
+
+from jaka_bag.cli.main import main
+from jaka_bag.containers.registry import create_log
+from jaka_blackbox.incident.loading import load_incident
+from jaka_blackbox.incident.page import incident_page
+from jaka_blackbox.incident.seconds import events_of, seconds_of
+
+CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium") or shutil.which("google-chrome")
+STOP_S = 6.3
+"""s after the log's start, the moment of the emergency stop; the arm moves from 4 s on."""
+
+
+def accident(error="out of reach", caller="/cell"):
+    """Return messages of ten seconds: rest, a call, a motion, an emergency stop, a failed call; a silence of the
+    poses."""
+    samples = []
+    for number in range(1250):
+        at = number * 0.008
+        moving = max(0.0, min(at, STOP_S) - 4.0)
+        time = START_NS + int(at * 1e9)
+        samples.append(joints(number, time, [0.4 * moving, 1.5, -1.5, 1.5, 1.5, 0.0]))
+        place = [0.5 * math.cos(0.4 * moving), 0.5 * math.sin(0.4 * moving), 0.3]
+        if not 8.0 < at < 8.6:
+            samples.append(tool(number, time + 10, [*place, 0.0, 0.0, 0.0]))
+        samples.append(Sample(STATES, time + 20, states(2 if at > STOP_S else 3 if at >= 4.0 else 0, 1, 0, 0)))
+    for at, success, text in ((3.9, True, ""), (7.2, False, error)):
+        time = START_NS + int(at * 1e9)
+        samples.append(Sample(CALLS, time + 250_000_000, call(
+            "/jaka_driver/joint_move", success, text, caller, time_ns=time)))
+    for second in range(10):
+        time = START_NS + second * 10**9 + 5_000_000
+        samples.append(Sample(DIAGNOSTICS, time, diagnostics(
+            {"jaka_driver: emergency stop": 2 if second >= 7 else 0, "jaka_driver: guard": 1}, second, time_ns=time)))
+    return sorted(samples, key=lambda sample: sample.time)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """Write a log as a black box does."""
+    path = tmp_path_factory.mktemp("log") / "blackbox.mcap"
+    with create_log(path) as writer:
+        writer.add_metadata("jaka_bag.trigger", {
+            "number": "1", "kind": "emergency_stop", "detail": "motion_state is 2, emergency stop",
+            "topic": STATES.topic, "time_ns": str(START_NS + int((STOP_S + 0.004) * 1e9))})
+        writer.add_metadata("jaka_bag.accident", {"host": "cell-7", "clock": "not synchronised", "before_s": "60"})
+        writer.add_metadata("jaka_bag.drops", {"/jaka_driver/tool_position": '{"missing": 74}', STATES.topic: '{}'})
+        writer.add_attachment("robot_description.urdf", b"<robot/>", "application/xml")
+        channels = {}
+        for sample in accident():
+            if sample.connection not in channels:
+                channels[sample.connection] = writer.add_channel(sample.connection)
+            writer.add_message(channels[sample.connection], sample.time, sample.data)
+    return path
+
+
+def test_each_second_tells_what_happened_in_it(log):
+    incident = load_incident(log)
+    seconds = {second.start: second for second in seconds_of(incident)}
+    at_stop = " ".join(event.words for event in seconds[0].events)
+    assert "TRIGGER emergency_stop" in at_stop and "motion_state: running -> emergency stop" in at_stop
+    before = seconds[-3].events
+    assert any("joint_move called by /cell" in event.words and event.sort == "call" for event in before)
+    assert [event.sort for event in seconds[1].events if "FAILED" in event.words] == ["failed"] or [
+        event.sort for event in seconds[0].events if "FAILED" in event.words] == ["failed"]
+    assert seconds[-1].joint[0] == "joint_1" and seconds[-1].joint[1] == pytest.approx(0.4, rel=0.1)
+    assert seconds[-1].tool == pytest.approx(0.2, rel=0.1)
+    assert [event.sort for event in seconds[-7].events] == ["diagnostics"]  # the guard's warning is first seen there
+    assert seconds[-6].is_quiet and seconds[-6].end == -3
+    assert any(event.sort == "silence" and "tool_position" in event.words for event in events_of(incident))
+    assert incident.facts["host"] == "cell-7" and incident.counts["/jaka_driver/joint_position"] == 1250
+
+
+class Outline(html.parser.HTMLParser):
+    """The tags of a page in balance, names used once, and links that lead somewhere."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.names, self.links, self.tags = [], [], [], set()
+        self.feed(text)
+        self.close()
+        assert not self.open, self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.names += [value for name, value in attrs if name == "id"]
+        self.links += [value for name, value in attrs if name in ("href", "src")]
+        if tag != "meta":
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.add(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open and self.open.pop() == tag
+
+
+def test_the_page_is_whole_and_needs_nothing(log):
+    text = incident_page(load_incident(log))
+    outline = Outline(text)
+    assert len(set(outline.names)) == len(outline.names)
+    assert outline.links and all(link[1:] in outline.names for link in outline.links)
+    assert not {"script", "img", "iframe", "link"} & outline.tags
+    assert not re.search(r"https?:|@import|url\(", text)
+    assert "nan" not in "".join(re.findall(r' d="[^"]*"', text)).lower()
+    for words in ("74 missing by header.seq", "robot_description.urdf", "not synchronised", "out of reach", "/cell"):
+        assert words in text, words
+
+
+def test_what_logs_say_cannot_break_the_page(tmp_path):
+    evil = "</td><script>alert('x')</script>&\x00"
+    path = write(tmp_path / "a<b>&.mcap", accident(evil, evil))
+    text = incident_page(load_incident(path))
+    Outline(text)
+    assert "<script" not in text
+
+
+def test_without_a_black_box_the_first_fault_or_a_moment_is_looked_at(tmp_path, capsys):
+    path = write(tmp_path / "run.bag", accident())
+    assert main(["report", str(path)]) == 0
+    assert "emergency_stop, motion_state is 2" in capsys.readouterr().out
+    assert main(["report", str(path)]) == 1 and "exists" in capsys.readouterr().err
+    page = tmp_path / "part.html"
+    assert main(["report", str(path), "--at", "2", "--before", "1s", "--after", "1s", "-o", str(page)]) == 0
+    assert "from -1.0 s to +1.0 s" in page.read_text(encoding="utf-8")
+    rest = write(tmp_path / "rest.bag", [sample for sample in accident() if sample.connection is JOINTS])
+    assert main(["report", str(rest)]) == 2
+    assert "say with --at" in capsys.readouterr().err
+
+
+def test_a_browser_draws_the_page_without_complaint(log, tmp_path):
+    assert CHROMIUM, "chromium is missing; tools/dev setup installs it"
+    page = tmp_path / "report.html"
+    page.write_text(incident_page(load_incident(log)), encoding="utf-8")
+    picture = tmp_path / "report.png"
+    done = subprocess.run(
+        [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+         "--disable-component-update", "--disable-sync", "--hide-scrollbars", "--enable-logging=stderr",
+         "--user-data-dir=%s" % (tmp_path / "profile"), "--window-size=1100,2600", "--screenshot=%s" % picture,
+         page.as_uri()], capture_output=True, timeout=240, check=True, env=dict(os.environ, HOME=str(tmp_path)))
+    assert b"CONSOLE" not in done.stderr, done.stderr
+    assert picture.stat().st_size > 40000

@@ -1,0 +1,79 @@
+"""Snapshots without a network: what they hold, a system that refuses to write one."""
+import time
+from types import SimpleNamespace
+
+import live_samples
+import pytest
+from live_samples import string_connection
+
+from jaka_bag.containers.registry import open_log
+from jaka_bag.containers.time_order import messages_of
+from jaka_bag.errors import WriteFailed
+from jaka_bag.live.rolling_files import FileSettings, RollingFiles
+from jaka_bag.live.writer_thread import WriterThread
+from jaka_blackbox.snapshots import Snapshots
+
+S = 10**9
+
+
+class Bench:
+    """A recording without a network, whose snapshots go to a folder."""
+
+    def __init__(self, folder, newest_s, buffer_bytes=0):
+        self.folder = folder
+        self.settings = FileSettings(folder / "log", compression="none", fsync_s=0.0)
+        self.args = SimpleNamespace(buffsize=buffer_bytes)
+        self.said, self.stopped = [], []
+        self.console = SimpleNamespace(always=self.said.append)
+        self.snapshots = Snapshots(self, newest_s)
+        self.writer = WriterThread(self.snapshots.begin, buffer_bytes, self.said.append, self.stopped.append)
+        self.writer.start()
+        self.stream = self.writer.open_stream(string_connection("/b"), "http://n/")
+
+    def open_log(self, settings):
+        return RollingFiles(settings, {}, [], self.writer.streams, self.said.append)
+
+    def logs(self):
+        found = []
+        for path in sorted(self.folder.glob("log_snapshot_*.mcap")):
+            with open_log(path) as reader:
+                found.append([message.data for message in messages_of(reader)])
+        return found
+
+
+def test_a_snapshot_holds_the_newest_time_and_starts_anew(tmp_path):
+    bench, now = Bench(tmp_path, 100.0), time.time_ns()
+    for age, payload in ((500, b"old"), (50, b"new"), (0, b"newest")):
+        bench.writer.take(bench.stream, now - age * S, payload)
+    bench.snapshots.trigger()
+    live_samples.wait_until(lambda: bench.said, "it is written")
+    assert bench.logs() == [[b"new", b"newest"]]
+    bench.writer.take(bench.stream, now, b"more")
+    bench.snapshots.trigger()
+    bench.writer.finish()
+    assert sorted(bench.logs()) == [[b"more"], [b"new", b"newest"]]
+    assert bench.writer.messages == 3 and len(bench.writer.finished_paths) == 2
+
+
+def test_memory_is_that_of_the_buffer(tmp_path):
+    bench = Bench(tmp_path, 100.0, buffer_bytes=30)
+    for number in range(9):
+        bench.writer.take(bench.stream, time.time_ns(), b"%010d" % number)
+        live_samples.wait_until(lambda: not bench.writer._queue, "it is taken over")
+    bench.snapshots.trigger()
+    bench.writer.finish()
+    assert bench.logs() == [[b"%010d" % number for number in (6, 7, 8)]]
+
+
+def test_a_refused_write_ends_the_recording_and_is_raised(tmp_path, monkeypatch):
+    bench = Bench(tmp_path, 100.0)
+
+    def refuse(*arguments):
+        raise WriteFailed("log", OSError(5, "Input/output error"))
+    bench.writer.take(bench.stream, time.time_ns(), b"before")
+    monkeypatch.setattr(RollingFiles, "add", refuse)
+    bench.snapshots.trigger()
+    live_samples.wait_until(lambda: bench.stopped, "it stops")
+    with pytest.raises(WriteFailed):
+        bench.writer.finish()
+    assert bench.said == []

@@ -1,0 +1,45 @@
+"""``jaka_bag doctor``: is a log whole, and if not, why not."""
+import argparse
+from typing import Any, Dict, List
+
+from ..operations.diagnosis import DAMAGED, ODD, diagnose
+from .main import for_each_file
+from .options import Report, add_report
+
+EPILOG = """\
+Reads all of the file: records, checksums, index against content, attachments; definitions, their md5, and whether the
+first messages of each topic are what they say. An error means that something is lost or cannot be trusted, a warning
+that some program will stumble over the log.
+
+examples:
+  jaka_bag doctor run.bag
+  jaka_bag doctor logs/*.mcap --json
+
+Exit code: 0 whole (warnings or not), 1 damaged, 2 usage.
+"""
+_VERDICTS = {DAMAGED: "damaged: jaka_bag recover keeps the %d messages that can be read",
+             ODD: "whole, with warnings: %d messages", "whole": "whole: %d messages"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``jaka_bag doctor``."""
+    parser.add_argument("files", nargs="+", metavar="FILE", help=".bag, .mcap or .mcap.active")
+    add_report(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Examine; the exit code."""
+    report = Report(args)
+    documents: List[Dict[str, Any]] = []
+
+    def show(path: str) -> None:
+        with report.progress(path) as progress:
+            diagnosis = diagnose(path, progress)
+        documents.append(diagnosis.document())
+        for finding in diagnosis.findings:
+            report.done("%s: %s: %s" % (path, finding.level, finding.text))
+        report.done("%s: %s" % (path, _VERDICTS[diagnosis.verdict] % diagnosis.messages))
+
+    code = for_each_file(args.files, show)
+    report.finish({"files": documents})
+    return max(code, int(any(document["verdict"] == DAMAGED for document in documents)))

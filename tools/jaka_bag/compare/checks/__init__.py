@@ -1,0 +1,9 @@
+"""What is checked, one module a subject.
+
+rotation_angles   angles between orientations
+stream_checks     types, counts, rates, jitter, gaps, stamps
+timing_checks     timing and pace of each motion, and whether the candidate holds all of them
+motion_checks     joints, positions, orientations, other fields
+state_checks      sequences of states
+call_checks       sequences of service calls
+"""

@@ -1,0 +1,201 @@
+"""Service calls: the same ones with the same requests and success, in time; their responses; their durations."""
+import math
+import re
+from dataclasses import replace
+from typing import Dict, List, NamedTuple, Sequence, Tuple
+
+import numpy as np
+
+from ...messages.batch import Array
+from ..matching.alignment import Alignment
+from ..matching.course import Decision
+from ..matching.sequences import Entry, pair
+from ..runs.run import Call, Run
+from ..tolerances import CallTolerance, Tolerances
+from ..verdict import Aspect, Check, equal, judged
+
+
+class CallPair(NamedTuple):
+    """The same call in both logs."""
+
+    golden: Call
+    candidate: Call
+
+
+def call_checks(golden: Run, candidate: Run, alignment: Alignment, tolerances: Tolerances,
+                common: Tuple[float, float], outer: Decision) -> List[Check]:
+    """All services; none where neither log has calls.
+
+    Args:
+        golden: The golden log.
+        candidate: The candidate.
+        alignment: Of both.
+        tolerances: What is allowed.
+        common: Golden times between which both logs have messages, s; calls outside of it are not compared.
+        outer: Whether a call so far, s, outside of ``common`` is compared nevertheless.
+    """
+    limits = tolerances.calls
+    lag = alignment.lag
+    ours = _inside(golden.calls, 0.0, common, outer)
+    theirs = _inside(candidate.calls, lag, common, outer)
+    checks: List[Check] = []
+    pairs: List[CallPair] = []
+    for service in sorted({call.service for call in ours + theirs}):
+        some = [call for call in ours if call.service == service]
+        others = [call for call in theirs if call.service == service]
+        found, differences = _pair_service(some, others, lag, limits)
+        pairs += found
+        first = min(differences, key=lambda check: check.at or 0.0,
+                    default=equal(Aspect.CALLS, service, "", True, "%d calls" % len(some)))
+        if len(differences) > 1:
+            first = replace(first, detail="%s; %d differences in all" % (first.detail, len(differences)))
+        checks.append(first)
+    if pairs:
+        checks += _order_and_timing(pairs, lag, limits)
+        checks += _response_checks(pairs, limits)
+        checks.append(_duration_check(pairs, limits))
+    return checks
+
+
+def _inside(calls: Sequence[Call], lag: float, common: Tuple[float, float], outer: Decision) -> List[Call]:
+    starts = np.array([call.start for call in calls]) - lag
+    outside: Array = np.maximum(common[0] - starts, starts - common[1])
+    is_inside = outside <= 0
+    is_inside[~is_inside] = outer.within(outside[~is_inside])
+    return [call for call, wanted in zip(calls, is_inside.tolist()) if wanted]
+
+
+def _entries(calls: Sequence[Call], limits: CallTolerance) -> List[Entry]:
+    return [Entry((call.md5sum, call.request if limits.request == "exact" else b""), call.start) for call in calls]
+
+
+def _outcome(call: Call) -> str:
+    return "succeeded" if call.success else "failed: %s" % (call.error or "no reason given")
+
+
+def _pair_service(ours: Sequence[Call], theirs: Sequence[Call], lag: float,
+                  limits: CallTolerance) -> Tuple[List[CallPair], List[Check]]:
+    """Pairs of the calls of one service, and what differs."""
+    found: List[CallPair] = []
+    differences: List[Check] = []
+
+    def differs(call: Call, at: float, words: str, *values: str) -> None:
+        differences.append(equal(Aspect.CALLS, call.service, "", False, "%s at %.2f s %s" % (call.words, at, words),
+                                 at, *values))
+
+    for i, j in pair(_entries(ours, limits), _entries(theirs, limits), lag):
+        if i is not None and j is not None:
+            one, other = ours[i], theirs[j]
+            found.append(CallPair(one, other))
+            if one.success != other.success:
+                differs(one, one.start, _outcome(other), _outcome(one), _outcome(other))
+        elif i is not None:
+            differs(ours[i], ours[i].start, "is missing", ours[i].words, "no such call")
+        elif j is not None:
+            differs(theirs[j], theirs[j].start - lag, "is new", "no such call", theirs[j].words)
+    return found, differences
+
+
+def _order_and_timing(pairs: Sequence[CallPair], lag: float, limits: CallTolerance) -> List[Check]:
+    late = max(pairs, key=lambda both: abs(both.candidate.start - lag - both.golden.start))
+    off = late.candidate.start - lag - late.golden.start
+    checks = [judged(Aspect.CALLS, "", "timing", abs(off), limits.timing_s, "s", "%s arrives %.3f s %s"
+                     % (late.golden.words, abs(off), "later" if off > 0 else "sooner"), late.golden.start)]
+    # A call that began after another had ended must do so again.
+    latest = -math.inf
+    swapped = None
+    for both in sorted(pairs, key=lambda both: both.candidate.start):
+        if latest > both.golden.end and swapped is None:
+            swapped = both
+        latest = max(latest, both.golden.start)
+    checks.append(equal(Aspect.CALLS, "", "order", swapped is None, "calls come in the same order" if swapped is None
+                        else "%s comes after a call that it came before" % swapped.golden.words,
+                        None if swapped is None else swapped.golden.start))
+    return checks
+
+
+def _values(text: str) -> Dict[str, str]:
+    """The top-level fields of a response as text, but for ``message``."""
+    values: Dict[str, str] = {}
+    name = ""
+    for line in text.splitlines():
+        if line[:1].strip() and not line.startswith("-") and ":" in line:
+            name, _, rest = line.partition(":")
+            values[name] = rest.strip()
+        elif name:
+            values[name] += "\n" + line.strip()
+    values.pop("message", None)
+    return values
+
+
+def _off(ours: str, theirs: str) -> float:
+    """How far a number in a response is from the golden one; infinite where they are no numbers and differ."""
+    if ours == theirs:
+        return 0.0
+    try:
+        golden, candidate = float(ours), float(theirs)
+    except ValueError:
+        return math.inf
+    off = 0.0 if golden == candidate else abs(golden - candidate)
+    return off if off == off else math.inf
+
+
+def _value_off(ours: str, theirs: str) -> float:
+    words_g, words_c = (re.sub(r"[][,]", " ", text).split() for text in (ours, theirs))
+    return max(map(_off, words_g, words_c), default=0.0) if len(words_g) == len(words_c) else math.inf
+
+
+def _response_off(ours: Call, theirs: Call, limits: CallTolerance) -> float:
+    """How far the numbers of a response are off; infinite where something else differs."""
+    if limits.response == "exact":
+        return 0.0 if ours.response == theirs.response else math.inf
+    values_g, values_c = _values(ours.response_text), _values(theirs.response_text)
+    if bool(ours.response) != bool(theirs.response) or set(values_g) != set(values_c):
+        return math.inf
+    return max((_value_off(values_g[name], values_c[name]) for name in values_g), default=0.0)
+
+
+def _response_checks(pairs: Sequence[CallPair], limits: CallTolerance) -> List[Check]:
+    if limits.response == "ignore":
+        return []
+    offs = [_response_off(both.golden, both.candidate, limits) if both.golden.success == both.candidate.success else 0.0
+            for both in pairs]
+    worst = max(offs)
+    wrong = [both for both, off in zip(pairs, offs) if off > limits.value_absolute]
+    if not wrong:
+        return [judged(Aspect.RESPONSES, "", "", worst, limits.value_absolute, "", "%d responses" % len(pairs))]
+    first = min(wrong, key=lambda both: both.golden.start)
+    words = "%s at %.2f s is answered differently, %d in all" % (first.golden.words, first.golden.start, len(wrong))
+    golden, candidate = (" ".join(call.response_text.split()) or "no response" for call in first)
+    if math.isinf(worst):
+        return [equal(Aspect.RESPONSES, first.golden.service, "", False, words, first.golden.start, golden,
+                      candidate)]
+    return [judged(Aspect.RESPONSES, first.golden.service, "", worst, limits.value_absolute, "", words,
+                   first.golden.start, golden, candidate)]
+
+
+def _worst_durations(pairs: Sequence[CallPair]) -> Tuple[Tuple[float, float], ...]:
+    """(s off, s of the golden call) of the calls that no shorter one outdoes."""
+    worst: List[Tuple[float, float]] = []
+    for length, off in sorted((both.golden.duration, -abs(both.candidate.duration - both.golden.duration))
+                              for both in pairs):
+        if not worst or -off > worst[-1][0]:
+            worst.append((-off, length))
+    return tuple(worst)
+
+
+def allowed_duration(golden_s: float, limits: CallTolerance) -> float:
+    """How far the duration of a call that takes ``golden_s`` may be off, s."""
+    return limits.duration_s + 0.01 * limits.duration_percent * golden_s
+
+
+def _duration_check(pairs: Sequence[CallPair], limits: CallTolerance) -> Check:
+    def excess(both: CallPair) -> float:
+        return abs(both.candidate.duration - both.golden.duration) / max(
+            allowed_duration(both.golden.duration, limits), 1e-9)
+
+    worst = max(pairs, key=excess)
+    return judged(Aspect.DURATIONS, worst.golden.service, "", abs(worst.candidate.duration - worst.golden.duration),
+                  allowed_duration(worst.golden.duration, limits), "s", "%s takes %.3f s, %.3f s in the golden log"
+                  % (worst.golden.words, worst.candidate.duration, worst.golden.duration), worst.golden.start,
+                  "%.3f s" % worst.golden.duration, "%.3f s" % worst.candidate.duration, _worst_durations(pairs))

@@ -1,0 +1,397 @@
+"""Joints, positions, orientations and further fields, sample by sample, a window of both logs at a time."""
+from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from ...messages.batch import Array
+from ...operations.thinning import MinMax
+from ...units import m_to_mm, mm_to_m, ms_to_s
+from ..matching.alignment import Alignment
+from ..matching.curve_distance import Lateness, distances, interpolated, lengths
+from ..matching.cut_motions import Allowances, Cut
+from ..runs.run import LongTrack, Run, Track, arm_of
+from ..tolerances import FieldTolerance, Tolerances
+from ..verdict import Aspect, Check, Outcome, Residual, ResidualKey, equal, judged
+from .rotation_angles import continuous, quaternions
+
+RESOLUTION = 0.3
+"""A sample farther off than this share of its limit is looked for within the jitter of its stamp."""
+_SHARES_AT = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
+"""Of these multiples of a limit it is counted how many samples are outside."""
+_BEHIND_S = 10.0
+"""So much of the golden curve stays at hand, behind what any sample was looked for in."""
+_CLOSE_UP_S = 1.0
+_POINTS = 1100
+
+
+class Frame(NamedTuple):
+    """What the checks of one comparison have in common."""
+
+    alignment: Alignment
+    tolerances: Tolerances
+    arms: List[str]
+    cuts: Dict[str, List[Cut]]
+    resolution: float = RESOLUTION
+
+    @property
+    def jitter_s(self) -> float:
+        """How far any stamp may be off, s."""
+        return ms_to_s(self.tolerances.timing.jitter_ms)
+
+
+class _Samples(NamedTuple):
+    """Samples of the candidate at golden times, but for those where the golden log has none, or that are no numbers.
+
+    ``jitter`` is how far the stamp of each may be off, s; ``allowed`` how far each value may be, because of stops.
+    """
+
+    time: Array
+    value: Array
+    jitter: Array
+    allowed: Array
+    golden_time: Array
+    golden_value: Array
+    golden_here: Array
+
+    def columns(self, some: slice) -> "_Samples":
+        """The same samples with some of their columns."""
+        return self._replace(value=self.value[:, some], allowed=self.allowed[:, some],
+                             golden_value=self.golden_value[:, some], golden_here=self.golden_here[:, some])
+
+    def distances(self, enough: float) -> Array:
+        """Of each sample to the golden curve, Euclidean over the columns; exact where beyond ``enough``."""
+        return distances(self.golden_time, self.golden_value, self.time, self.value,
+                         lengths(self.value - self.golden_here), self.jitter, enough)
+
+
+Convert = Callable[[Array, Optional[Array]], Array]
+"""Values as they are compared, from those in the log and the last row that was converted (None: there was none)."""
+
+
+def _as_they_are(value: Array, _before: Optional[Array]) -> Array:
+    return value
+
+
+def _with_quaternions(value: Array, before: Optional[Array]) -> Array:
+    """Positions, and orientations as quaternions that interpolate: shape (n, 6) to (n, 7)."""
+    orientation = quaternions(value[:, 3:])
+    if before is not None:
+        orientation = continuous(np.concatenate([before[3:][None], orientation]))[1:]
+    else:
+        orientation = continuous(orientation)
+    return np.hstack([value[:, :3], orientation])
+
+
+class _GoldenCurve:
+    """The part of a golden track that samples are compared with; it moves on with them."""
+
+    def __init__(self, track: LongTrack, longest_s: float, convert: Convert) -> None:
+        self._blocks: Iterator[Track] = track.blocks()
+        self._lateness = Lateness(track.facts.rhythm if track.facts.finite_count > 2 else 0.0, longest_s)
+        self._convert = convert
+        self._is_at_end = False
+        self._last: Optional[Array] = None
+        self.time, self.late = np.zeros(0), np.zeros(0)
+        self.value = np.zeros((0, 0))
+
+    def cover(self, until: float) -> None:
+        """Have two samples more than there are up to a golden time, s, where there are so many."""
+        while not self._is_at_end and (len(self.time) < 2 or self.time[-2] <= until):
+            block = next(self._blocks, None)
+            if block is None:
+                self._is_at_end = True
+                return
+            block = block.finite()
+            if not len(block.time):
+                continue
+            value = self._convert(block.value, self._last)
+            self._last = value[-1].copy()
+            late = self._lateness.of(block.time)
+            whole = len(self.time) > 0
+            self.time = np.concatenate([self.time, block.time])
+            self.late = np.concatenate([self.late, late])
+            self.value = np.concatenate([self.value, value]) if whole else value
+
+    def drop(self, before: float) -> None:
+        """Give up what lies before a golden time, s, but for two samples."""
+        first = max(int(np.searchsorted(self.time, before)) - 2, 0)
+        self.time, self.late, self.value = self.time[first:], self.late[first:], self.value[first:]
+
+
+class _Aligned:
+    """Gives the samples of a candidate's track at golden times, window by window."""
+
+    def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame, convert: Convert = _as_they_are) -> None:
+        self._theirs, self._frame, self._convert = theirs, frame, convert
+        self._gap_s = frame.tolerances.streams.gap_s
+        self._arm = arm_of(ours.topic, frame.arms)
+        self._facts = ours.facts
+        self._golden = _GoldenCurve(ours, self._gap_s, convert)
+        rhythm = theirs.facts.rhythm if theirs.facts.finite_count > 2 else 0.0
+        self._lateness = Lateness(rhythm, self._gap_s)
+        self._last: Optional[Array] = None
+        self._allowances = Allowances(frame.cuts.get(self._arm, []), ours, ms_to_s(frame.tolerances.timing.cut_ms),
+                                      lambda value: convert(value, None))
+        self.can_be_compared = ours.facts.finite_count >= 2 and theirs.facts.finite_count > 0
+
+    def samples(self, block: Track) -> Optional[_Samples]:
+        """Of a window of the candidate, which follows the one before; None where there are none."""
+        block = block.finite()
+        if not len(block.time) or not self.can_be_compared:
+            return None
+        value = self._convert(block.value, self._last)
+        self._last = value[-1].copy()
+        jitter = self._frame.jitter_s + self._lateness.of(block.time)
+        at = self._frame.alignment.golden_time(self._arm, block.time)
+        inside = (at >= self._facts.first) & (at <= self._facts.last)
+        if not inside.any():
+            return None
+        golden = self._golden
+        golden.cover(float(at[inside][-1]))
+        for i in np.flatnonzero(np.diff(golden.time) > self._gap_s).tolist():
+            inside &= (at < golden.time[i] + self._frame.jitter_s) | (at > golden.time[i + 1] - self._frame.jitter_s)
+        if not inside.any():
+            return None
+        at, value = at[inside], value[inside]
+        jitter = jitter[inside] + np.interp(at, golden.time, golden.late)
+        golden.cover(float(at[-1] + jitter.max()))
+        found = _Samples(at, value, jitter, self._allowances.at(at, value.shape[1]), golden.time, golden.value,
+                         interpolated(golden.time, golden.value, at))
+        golden.drop(float(at[-1] - jitter.max()) - _BEHIND_S)
+        return found
+
+
+class _Judge:
+    """Judges distances, in ``unit`` / ``factor``, that may be larger than the limit by what stops allow."""
+
+    def __init__(self, aspect: Aspect, topic: str, field: str, limit: float, unit: str, outside_percent: float,
+                 names: Sequence[str], floor: float, factor: float = 1.0) -> None:
+        self._aspect, self._topic, self._field, self._names = aspect, topic, field, names
+        self._limit, self._unit, self._factor, self._outside_percent = limit, unit, factor, outside_percent
+        self._floor = floor
+        self._curve = MinMax(_POINTS)
+        self._count = self._outside = 0
+        self._rungs = np.array([share * limit for share in _SHARES_AT if share * limit >= floor])
+        self._beyond = np.zeros(len(self._rungs), np.int64)
+        self._worst = -1.0
+        self._worst_at = self._worst_allowed = 0.0
+        self._shown: Tuple[Array, Array] = (np.zeros(0), np.zeros(0))
+        self._tail = np.zeros((0, 2))
+        self._close_up = np.zeros((0, 2))
+
+    def take(self, off: Array, allowed: Array, samples: _Samples) -> None:
+        """Further samples."""
+        beyond = np.maximum(off - allowed, 0.0)
+        self._count += len(off)
+        self._outside += int((beyond > self._limit).sum())
+        if beyond.max() > self._floor:
+            self._beyond += (beyond[:, None] > self._rungs).sum(axis=0)
+        self._curve.add(samples.time, beyond * self._factor)
+        rows = np.stack([samples.time, beyond * self._factor], axis=1)
+        worst = int(np.argmax(beyond))
+        if beyond[worst] > self._worst:
+            self._worst, self._worst_at = float(beyond[worst]), float(samples.time[worst])
+            self._worst_allowed = float(allowed[worst])
+            self._shown = (samples.golden_here[worst].copy(), samples.value[worst].copy())
+            self._close_up = np.concatenate([self._tail, rows])
+        else:
+            self._close_up = np.concatenate([self._close_up, rows])
+        self._close_up = self._close_up[np.abs(self._close_up[:, 0] - self._worst_at) <= _CLOSE_UP_S]
+        self._tail = rows[rows[:, 0] >= rows[-1, 0] - _CLOSE_UP_S]
+
+    def check(self, residuals: Dict[ResidualKey, Residual]) -> Check:
+        """The outcome, when all samples were taken; how far off they were goes into ``residuals``."""
+        topic, field, unit, factor = self._topic, self._field, self._unit, self._factor
+        if not self._count:
+            return _nothing_common(self._aspect, topic)
+        residuals[self._aspect, topic, field] = Residual(
+            *self._curve.points(), self._limit * factor, unit, self._close_up[:, 0], self._close_up[:, 1])
+        outside = 100.0 * self._outside / self._count
+        golden, candidate = (", ".join("%s %.6g" % (name, value) for name, value in zip(self._names, row))
+                             for row in self._shown)
+        detail = "at most %.4g %s off, at %.3f s" % (self._worst * factor, unit, self._worst_at)
+        if self._worst_allowed > 0:
+            detail += ", beyond %.4g %s that a stop may have moved" % (self._worst_allowed * factor, unit)
+        if outside:
+            detail += "; %.3g %% of %d samples outside" % (outside, self._count)
+        shares = zip((self._rungs * factor).tolist(), (100.0 * self._beyond / self._count).tolist())
+        evidence = ((self._worst * factor, self._floor * factor), *[rung for rung in shares if rung[1] > 0])
+        check = judged(self._aspect, topic, field, self._worst * factor, self._limit * factor, unit, detail,
+                       self._worst_at, golden, candidate, evidence)
+        if check.outcome is Outcome.DIFFERENT and outside <= self._outside_percent:
+            return judged(self._aspect, topic, field, outside, self._outside_percent, "% of the samples outside",
+                          detail, self._worst_at, golden, candidate, evidence)
+        return check
+
+
+class MotionWatch:
+    """Takes in one track of the candidate, a window at a time, and compares it with the golden one."""
+
+    def __init__(self, aspect: Aspect, ours: LongTrack, theirs: LongTrack, frame: Frame,
+                 convert: Convert = _as_they_are) -> None:
+        self._aspect, self._ours, self._theirs, self._frame = aspect, ours, theirs, frame
+        self._aligned = _Aligned(ours, theirs, frame, convert)
+        self._bad: List[Array] = []
+        self.before: List[Check] = []
+
+    def take(self, begin: float, end: float) -> None:
+        """Read a window of the candidate, which follows the one before."""
+        block = self._theirs.between(begin, end)
+        good = np.isfinite(block.value).all(axis=1)
+        if not good.all():
+            self._bad.append(block.time[~good])
+        samples = self._aligned.samples(block)
+        if samples is not None:
+            self._judge(samples)
+
+    def _judge(self, samples: _Samples) -> None:
+        raise NotImplementedError
+
+    def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
+        raise NotImplementedError
+
+    def checks(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
+        """The outcomes, when all windows were taken."""
+        return self.before + self._nan_checks() + _one_if_nothing_common(self._outcomes(residuals))
+
+    def _nan_checks(self) -> List[Check]:
+        """The policy for values that are not finite."""
+        ours, theirs, frame = self._ours, self._theirs, self._frame
+        policy = frame.tolerances.nan
+        if policy == "ignore" or (ours.facts.count == ours.facts.finite_count
+                                  and theirs.facts.count == theirs.facts.finite_count):
+            return []
+        blocks = ours.blocks() if ours.facts.count != ours.facts.finite_count else ()
+        bad_g = np.concatenate([np.zeros(0)] + [block.time[~np.isfinite(block.value).all(axis=1)] for block in blocks])
+        bad_c = np.concatenate([np.zeros(0), *self._bad])
+        at = frame.alignment.golden_time(arm_of(ours.topic, frame.arms), bad_c)
+        if policy == "fail":
+            wrong, words = at, "%d samples are not numbers"
+        else:
+            reach = frame.jitter_s + 0.01
+            wrong = np.concatenate([at[~_near(at, bad_g, reach)], bad_g[~_near(bad_g, at, reach)]])
+            words = "%d samples are not numbers in one of the logs only"
+        return [equal(self._aspect, ours.topic, "NaN", not len(wrong), words % len(wrong),
+                      float(wrong.min()) if len(wrong) else None, str(len(bad_g)), str(len(bad_c)))]
+
+
+def _one_if_nothing_common(checks: List[Check]) -> List[Check]:
+    """Of several fields that have no sample in common one says so."""
+    return checks[:1] if all(check.measured is None for check in checks) else checks
+
+
+def _near(times: Array, others: Array, reach: float) -> Array:
+    """Whether one of ``others``, ascending, is within ``reach`` of each time."""
+    near: Array = np.searchsorted(others, times - reach) < np.searchsorted(others, times + reach, "right")
+    return near
+
+
+class _JointWatch(MotionWatch):
+    def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame) -> None:
+        super().__init__(Aspect.JOINTS, ours, theirs, frame)
+        limits = frame.tolerances.joints
+        self._limits = [limits.per_joint.get(name, limits.position_rad) for name in ours.names]
+        self._judges = [_Judge(Aspect.JOINTS, ours.topic, name, limit, "rad", limits.outside_percent, [name],
+                              frame.resolution * limit)
+                        for name, limit in zip(ours.names, self._limits)]
+
+    def _judge(self, samples: _Samples) -> None:
+        for column, (judge, limit) in enumerate(zip(self._judges, self._limits)):
+            part = samples.columns(slice(column, column + 1))
+            judge.take(part.distances(self._frame.resolution * limit), part.allowed[:, 0], part)
+
+    def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
+        return [judge.check(residuals) for judge in self._judges]
+
+
+def _angles(chords: Array) -> Array:
+    """Angles between orientations whose unit quaternions are so far apart as points: 2 sin(angle/4)."""
+    angles: Array = 4.0 * np.arcsin(np.minimum(0.5 * chords, np.sin(np.pi / 4.0)))
+    return angles
+
+
+class _PoseWatch(MotionWatch):
+    def __init__(self, ours: LongTrack, theirs: LongTrack, frame: Frame) -> None:
+        super().__init__(Aspect.POSITION, ours, theirs, frame, _with_quaternions)
+        limits = frame.tolerances.tcp
+        self._limits = mm_to_m(limits.position_mm), limits.orientation_rad
+        self._enough_chord = 0.5 * frame.resolution * self._limits[1]
+        self._placed = _Judge(Aspect.POSITION, ours.topic, "position", self._limits[0], "mm", limits.outside_percent,
+                              ("x", "y", "z"), frame.resolution * self._limits[0], m_to_mm(1.0))
+        self._turned = _Judge(Aspect.ORIENTATION, ours.topic, "orientation", self._limits[1], "rad",
+                              limits.outside_percent, ("qw", "qx", "qy", "qz"),
+                              float(_angles(np.array(self._enough_chord))))
+        if ours.frames or theirs.frames:
+            self.before.append(equal(Aspect.POSITION, ours.topic, "frame_id", ours.frames == theirs.frames,
+                                     "frame %s" % ", ".join(theirs.frames), None, ", ".join(ours.frames),
+                                     ", ".join(theirs.frames)))
+
+    def _judge(self, samples: _Samples) -> None:
+        placed, turned = samples.columns(slice(0, 3)), samples.columns(slice(3, 7))
+        self._placed.take(placed.distances(self._frame.resolution * self._limits[0]), lengths(placed.allowed), placed)
+        opposite = np.einsum("ij,ij->i", turned.golden_here, turned.value) < 0
+        turned = turned._replace(value=np.where(opposite[:, None], -turned.value, turned.value))
+        chord = turned.distances(self._enough_chord)
+        self._turned.take(_angles(chord), 2.0 * lengths(turned.allowed), turned)
+
+    def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
+        return [self._placed.check(residuals), self._turned.check(residuals)]
+
+
+class _FieldWatch(MotionWatch):
+    def __init__(self, ours: LongTrack, theirs: LongTrack, name: str, rule: FieldTolerance, frame: Frame) -> None:
+        super().__init__(Aspect.FIELDS, ours, theirs, frame)
+        self._rule = rule
+        self._only = _Judge(Aspect.FIELDS, ours.topic, name, rule.absolute, "", 0.0, ours.names,
+                            frame.resolution * rule.absolute)
+
+    def _judge(self, samples: _Samples) -> None:
+        near, rule = samples.golden_here, self._rule
+        unwound = samples
+        if rule.wraps:
+            unwound = samples._replace(value=near + np.mod(samples.value - near + np.pi, 2.0 * np.pi) - np.pi)
+        off = np.zeros(len(near))
+        for column in range(near.shape[1]):
+            distance = unwound.columns(slice(column, column + 1)).distances(
+                self._frame.resolution * rule.absolute)
+            off = np.maximum(off, distance - rule.relative * np.abs(near[:, column]))
+        self._only.take(off, np.zeros(len(off)), samples)
+
+    def _outcomes(self, residuals: Dict[ResidualKey, Residual]) -> List[Check]:
+        return [self._only.check(residuals)]
+
+
+def motion_watches(golden: Run, candidate: Run, frame: Frame) -> Tuple[List[Check], List[MotionWatch]]:
+    """What compares joints, tool poses and further fields; and the checks of those that cannot be compared.
+
+    Both runs hold only topics that the other has with the same types.
+    """
+    checks: List[Check] = []
+    watches: List[MotionWatch] = []
+    for topic, ours in golden.joints.items():
+        theirs = candidate.joints.get(topic)
+        if theirs is None:
+            checks.append(_nothing_common(Aspect.JOINTS, topic))
+        elif ours.names != theirs.names:
+            checks.append(equal(Aspect.JOINTS, topic, "names", False, "the joints are not the same", None,
+                                " ".join(ours.names), " ".join(theirs.names)))
+        else:
+            watches.append(_JointWatch(ours, theirs, frame))
+    for topic, ours in golden.poses.items():
+        theirs = candidate.poses.get(topic)
+        if theirs is None:
+            checks.append(_nothing_common(Aspect.POSITION, topic))
+        else:
+            watches.append(_PoseWatch(ours, theirs, frame))
+    for topic, fields in golden.fields.items():
+        for name, ours in fields.items():
+            theirs = candidate.fields[topic][name]
+            if len(ours.names) != len(theirs.names):
+                checks.append(equal(Aspect.FIELDS, topic, name, False, "the candidate has another number of values"))
+            else:
+                watches.append(_FieldWatch(ours, theirs, name, frame.tolerances.fields[topic][name], frame))
+    return checks, watches
+
+
+def _nothing_common(aspect: Aspect, topic: str) -> Check:
+    return equal(aspect, topic, "", False, "no samples in common: the candidate has none while the golden log has")

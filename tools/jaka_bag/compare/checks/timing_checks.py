@@ -1,0 +1,101 @@
+"""Timing and pace of each motion, and whether the candidate's recording holds all of them."""
+from typing import Dict, List, Sequence, Tuple
+
+from ...units import ms_to_s
+from ..matching.alignment import Alignment, Episode
+from ..matching.cut_motions import Cut
+from ..runs.run import Run
+from ..tolerances import TimingTolerance, Tolerances
+from ..verdict import Aspect, Check, equal, judged, not_compared
+
+_POOLED_S = 2.0
+"""All motions of an arm together must last so long before their pace is judged as one."""
+
+
+def timing_checks(alignment: Alignment, cuts: Dict[str, List[Cut]], tolerances: Tolerances) -> List[Check]:
+    """Does each motion begin when it should, and last as long as it should?"""
+    limits = tolerances.timing
+    checks: List[Check] = []
+    for arm, episodes in alignment.episodes.items():
+        alike = [episode for episode in episodes if episode.is_alike]
+        if not alike:
+            why = "nothing moves" if not episodes else "no motion is alike: see the joints"
+            checks.append(not_compared(Aspect.TIMING, arm, "motions", why))
+            continue
+        late = max(alike, key=lambda episode: abs(episode.lag - alignment.lag))
+        off = late.lag - alignment.lag
+        checks.append(judged(Aspect.TIMING, arm, "motions", abs(off), limits.event_s, "s",
+                             "%d motions; the one at %.2f s comes %.3f s %s than the others"
+                             % (len(alike), late.start, abs(off), "later" if off > 0 else "sooner"), late.start))
+        checks += _pace_checks(arm, alike, cuts.get(arm, []), tolerances)
+    return checks
+
+
+def allowed_pace(span: float, limits: TimingTolerance) -> float:
+    """How far the duration of motions that last ``span``, s, may be off, %."""
+    return max(100.0 * ms_to_s(limits.pace_floor_ms) / span, limits.pace_percent)
+
+
+def _worst_paces(paces: Sequence[Tuple[float, float]]) -> Tuple[Tuple[float, float], ...]:
+    """Of (% off, s of the motion) those that no other outdoes in both the share and the time that it is off."""
+    worst: List[Tuple[float, float]] = []
+    longest = -1.0
+    for percent, span in sorted(paces, key=lambda pace: (-pace[0], -pace[1])):
+        if percent * span > longest:
+            worst.append((percent, span))
+            longest = percent * span
+    return tuple(worst)
+
+
+def _pace_checks(arm: str, episodes: Sequence[Episode], cuts: Sequence[Cut], tolerances: Tolerances) -> List[Check]:
+    limits = tolerances.timing
+    displaced = [(cut.at, cut.until) for cut in cuts]
+    fitted = [(episode, episode.pace) for episode in episodes if episode.pace is not None
+              and not any(begin < episode.start <= until for begin, until in displaced)]
+    if not fitted:
+        return [not_compared(Aspect.PACE, arm, "motions",
+                             "no motion is long enough, or all begin where a stop left the arm")]
+    floor = ms_to_s(limits.pace_floor_ms)
+
+    def excess(entry: Tuple[Episode, float]) -> float:
+        episode, pace = entry
+        return abs(pace - 1.0) * episode.span / max(0.01 * limits.pace_percent * episode.span, floor, 1e-9)
+
+    episode, pace = max(fitted, key=excess)
+    allowed = allowed_pace(episode.span, limits)
+    checks = [judged(Aspect.PACE, arm, "one motion", 100.0 * abs(pace - 1.0), allowed, "%",
+                     "the motion at %.2f s lasts %+.2f %% of its golden %.2f s"
+                     % (episode.start, 100.0 * (pace - 1.0), episode.span), episode.start,
+                     "%.3f s" % episode.span, "%.3f s" % (episode.span * pace),
+                     _worst_paces([(100.0 * abs(pace - 1.0), episode.span) for episode, pace in fitted]))]
+    total = sum(episode.span for episode, _ in fitted)
+    if total >= _POOLED_S:
+        pooled = sum((pace - 1.0) * episode.span for episode, pace in fitted) / total
+        allowed = allowed_pace(total, limits)
+        checks.append(judged(Aspect.PACE, arm, "all motions", 100.0 * abs(pooled), allowed, "%",
+                             "all motions together last %+.2f %% of their golden %.1f s" % (100.0 * pooled, total),
+                             episode.start, "%.3f s" % total, "%.3f s" % (total * (1.0 + pooled)),
+                             ((100.0 * abs(pooled), total),)))
+    return checks
+
+
+def coverage_check(golden: Run, candidate: Run, has_arms: bool, alignment: Alignment,
+                   tolerances: Tolerances) -> Check:
+    """Does the candidate's recording hold everything that happens in the golden log?"""
+    times = [call.start for call in golden.calls] + [call.end for call in golden.calls]
+    for episodes in alignment.episodes.values():
+        times += [time for episode in episodes for time in (episode.start, episode.end)]
+    words = "lag %.3f s, found by %s" % (alignment.lag, alignment.method)
+    if golden.joints and not has_arms:
+        return equal(Aspect.ALIGNMENT, "", "", False, "the joints of the logs cannot be aligned; " + words)
+    if times:
+        slack = tolerances.timing.event_s
+        before, behind = -min(times) - alignment.lag, max(times) + alignment.lag - candidate.duration
+        missing, at = max(before, behind, 0.0), None
+        if before > slack:
+            words, at = "the candidate begins %.2f s after the first event; %s" % (before, words), min(times)
+        elif behind > slack:
+            words = "the candidate ends %.2f s before the last event; %s" % (behind, words)
+            at = candidate.duration - alignment.lag
+        return judged(Aspect.ALIGNMENT, "", "", missing, slack, "s", words, at)
+    return equal(Aspect.ALIGNMENT, "", "", True, words)

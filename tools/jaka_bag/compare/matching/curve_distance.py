@@ -1,0 +1,105 @@
+"""How far samples of the candidate are from the golden curve, where each stamp may be off by a little."""
+from typing import Optional
+
+import numpy as np
+
+from ...messages.batch import Array
+
+_MOST_SEGMENTS = 2000
+_SLOWEST_RHYTHM = 1.1
+"""A rhythm this much slower than the usual one is still steady."""
+
+
+def interpolated(time: Array, value: Array, at: Array) -> Array:
+    """The curve at some times, shape (len(at), columns); held at its ends."""
+    right = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
+    part = (at - time[right - 1]) / np.maximum(time[right] - time[right - 1], 1e-9)
+    part = np.minimum(np.maximum(part, 0.0), 1.0)[:, None]
+    result: Array = value[right - 1] + part * (value[right] - value[right - 1])
+    return result
+
+
+def lengths(vectors: Array) -> Array:
+    """Euclidean length of each row."""
+    result: Array = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    return result
+
+
+class Lateness:
+    """How late the stamp of each sample may be because its reader had no time.
+
+    A reader that was held up finds what came meanwhile all at once: after a silence stamps lie close together until
+    it has caught up. So much as they lie behind a steady rhythm they may be late.
+
+    Args:
+        rhythm: The usual time from stamp to stamp, s; 0 where it is not known: nothing is late.
+        longest_s: A longer silence is one of the sender.
+    """
+
+    def __init__(self, rhythm: float, longest_s: float) -> None:
+        self._period = _SLOWEST_RHYTHM * rhythm
+        self._longest_s = longest_s
+        self._last: Optional[float] = None
+        self._late = 0.0
+
+    def of(self, time: Array) -> Array:
+        """For further stamps, s, shape (n,), ascending from call to call: how late each may be, s, shape (n,)."""
+        if not len(time) or self._period <= 0:
+            return np.zeros(len(time))
+        steps = np.diff(time, prepend=time[0] if self._last is None else self._last)
+        behind = np.where(steps > self._longest_s, self._period, steps) - self._period
+        if self._last is None:
+            behind[0] = 0.0
+        behind[0] += self._late
+        behind = np.cumsum(behind)
+        late: Array = behind - np.minimum(np.minimum.accumulate(behind), 0.0)
+        self._last, self._late = float(time[-1]), float(late[-1])
+        return late
+
+
+def lateness(time: Array, longest_s: float) -> Array:
+    """``Lateness`` of all stamps of a short log, s, shape (n,)."""
+    if len(time) < 3:
+        return np.zeros(len(time))
+    return Lateness(float(np.median(np.diff(time))), longest_s).of(time)
+
+
+def distances(time: Array, value: Array, at: Array, seen: Array, direct: Array, jitter_s: Array,
+              enough: float) -> Array:
+    """Distance of each sample to the piece of the golden curve that is within the jitter of its stamp.
+
+    Args:
+        time: Golden times, s, shape (n,), ascending; at least two.
+        value: Golden values, shape (n, columns): the distance is Euclidean over the columns.
+        at: Golden times of the samples, s, shape (m,).
+        seen: The samples, shape (m, columns).
+        direct: Distance of each sample to the golden curve at its own time, shape (m,).
+        jitter_s: How far the stamp of each sample may be off, s, shape (m,).
+        enough: A sample whose distance at its own time is within this is not looked at further.
+    """
+    result: Array = direct.copy()
+    which = np.flatnonzero(direct > enough)
+    if not len(which) or not jitter_s.any():
+        return result
+    first = np.clip(np.searchsorted(time, at[which] - jitter_s[which], "right") - 1, 0, len(time) - 2)
+    last = np.clip(np.searchsorted(time, at[which] + jitter_s[which]) - 1, 0, len(time) - 2)
+    middle = np.clip(np.searchsorted(time, at[which]) - 1, 0, len(time) - 2)
+    reach = min(int(np.maximum(middle - first, last - middle).max()), _MOST_SEGMENTS)
+    point = seen[which]
+    best = direct[which]
+    active = np.arange(len(which))
+    # from the middle outwards: most stamps are off by little, and are done after a few steps
+    for offset in sorted(range(-reach, reach + 1), key=abs):
+        active = active[best[active] > enough]
+        if not len(active):
+            break
+        segment = middle[active] + offset
+        inside = (segment >= first[active]) & (segment <= last[active])
+        some, segment = (active, segment) if inside.all() else (active[inside], segment[inside])
+        start, along = value[segment], value[segment + 1] - value[segment]
+        off = point[some] - start
+        length = np.einsum("ij,ij->i", along, along)
+        part = np.einsum("ij,ij->i", off, along) / np.maximum(length, 1e-300)
+        best[some] = np.minimum(best[some], lengths(off - np.minimum(np.maximum(part, 0.0), 1.0)[:, None] * along))
+    result[which] = best
+    return result

@@ -1,0 +1,7 @@
+"""A log as the comparison sees it.
+
+run           one log as streams, joints, poses, states and calls, times in s
+track_facts   what is learnt from samples as they pass once: steps, motions, changes of state
+windows       a log in windows of time, of which the last ones are kept
+loading       a log read into a run
+"""

@@ -1,0 +1,408 @@
+"""Reads a log into a ``Run``: the topics of the driver's interface by type, of all others the times.
+
+A log is read once from begin to end. What is found out on the way (which topics are stamped, how many values an array
+usually has, how close samples lie) is needed from the first message on: it is taken from the first part of the log,
+and the log is read again where the rest of it says otherwise. Rows are given in windows later on.
+"""
+import weakref
+from typing import Callable, Container, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
+
+import numpy as np
+
+from ...containers.contract import LogReader
+from ...containers.index import ChunkRef
+from ...containers.registry import open_log
+from ...driver_interface import CALL_TYPE, STATE_TYPE
+from ...errors import BagError
+from ...messages.batch import Array, distinct
+from ...messages.columns import Columns, Part, columns_of
+from ...messages.selection import Selection
+from ...operations.columns import ColumnReader, chunk_groups
+from ...operations.tool_poses import POSE_FIELDS, POSE_NAME, POSE_TYPE, TWIST_TYPE, tool_poses
+from ...paths import PathLike
+from ...units import NS_PER_S
+from ..tolerances import Tolerances
+from .run import Arrivals, Call, LongTrack, Run, Stream, Track
+from .track_facts import FactsBuilder, StateChanges
+from .windows import LogWindows, Rows, TrackKey, samples_of
+
+JOINT_STATE = "sensor_msgs/JointState"
+STATE_TYPES = (STATE_TYPE, "industrial_msgs/RobotStatus")
+_HEADER_FIELDS = ("header.stamp", "header.seq")
+_SCANS = 4
+_POSE_PARTS = {TWIST_TYPE: ("twist.linear", "twist.angular"), POSE_TYPE: ("position", "rotation vector")}
+
+
+def _stamps(columns: Columns) -> Optional[Array]:
+    stamps = columns.fields.get("header.stamp")
+    return None if stamps is None or stamps.dtype == object or stamps.ndim != 1 else stamps
+
+
+def _matrix(column: Array, width: Optional[int]) -> Tuple[Array, Optional[Array], Dict[int, int]]:
+    """An array field as (n, width), the rows that have this length (None: all), and how many rows have which length.
+
+    Where ``width`` is None, it is the length that most rows have.
+    """
+    if column.dtype != object and width in (None, column.shape[1]):
+        return column.astype(float), None, {column.shape[1]: len(column)}
+    lengths = np.array([len(row) for row in column], np.int64)
+    counts = np.bincount(lengths)
+    usual = int(counts.argmax()) if width is None else width
+    value = np.full((len(column), usual), np.nan)
+    rows = np.flatnonzero(lengths == usual)
+    if len(rows):
+        value[rows] = np.stack([column[i] for i in rows.tolist()])
+    return value, rows, {length: count for length, count in enumerate(counts.tolist()) if count}
+
+
+def _joint_names(columns: Columns, count: int) -> Sequence[str]:
+    names = columns.fields["name"]
+    texts = [_text(name) for name in (names[0] if len(names) else ())]
+    return texts if len(texts) == count else ["joint_%d" % (i + 1) for i in range(count)]
+
+
+def _text(value: bytes) -> str:
+    return bytes(value).decode("utf-8", "replace")
+
+
+def _texts(column: Array) -> Tuple[str, ...]:
+    """The different ones, sorted."""
+    if len(column) and (column == column[0]).all():
+        return (_text(column[0]),)
+    return tuple(sorted({_text(value) for value in np.unique(column)}))
+
+
+def _raw(value: Array) -> bytes:
+    return np.asarray(value, np.uint8).tobytes()
+
+
+class _Assumed(NamedTuple):
+    """What the reading of a log takes for granted: by topic, by track; what is not named is taken from the first part.
+
+    ``lengths`` is of arrays, ``reach`` how many samples to either side speeds are taken over.
+    """
+
+    is_stamped: Dict[str, bool]
+    lengths: Dict[TrackKey, int]
+    reach: Dict[TrackKey, int]
+
+
+class _Scan:
+    """What one reading of a log from begin to end finds."""
+
+    def __init__(self) -> None:
+        self.counts: Dict[str, int] = {}
+        self.stamped: Set[str] = set()
+        self.has_stamps: Set[str] = set()
+        self.lengths: Dict[TrackKey, Dict[int, int]] = {}
+        self.frames: Dict[str, Set[str]] = {}
+        self.calls: List[Call] = []
+        self.facts: Dict[TrackKey, FactsBuilder] = {}
+        self.states: Dict[str, StateChanges] = {}
+        self.last: Dict[TrackKey, float] = {}
+        self.unordered: Set[TrackKey] = set()
+
+
+class _Loader:
+    def __init__(self, reader: LogReader, tolerances: Tolerances, time_scale: float,
+                 kept_bytes: Optional[int]) -> None:
+        index = reader.index
+        if index.start_time is None or index.end_time is None:
+            raise BagError("%s has no messages" % reader.path)
+        self._reader = reader
+        self._tolerances = tolerances
+        self._time_scale = time_scale
+        self._start_ns = index.start_time
+        self._duration = (index.end_time - index.start_time) * time_scale / NS_PER_S
+        self._types: Dict[str, Set[Tuple[str, str]]] = {}
+        for number, connection in enumerate(reader.connections):
+            if index.counts[number] and not tolerances.ignores(connection.topic):
+                self._types.setdefault(connection.topic, set()).add((connection.datatype, connection.md5sum))
+        decoded = [topic for topic in self._types if self._is_decoded(topic)]
+        self._columns = ColumnReader(reader, Selection(topics=decoded)) if decoded else None
+        self._decoded = {number for number, c in enumerate(reader.connections) if c.topic in decoded}
+        self._timed = {number: c.topic for number, c in enumerate(reader.connections)
+                       if c.topic in self._types and c.topic not in decoded}
+        self._fields: Dict[str, Container[str]] = {}
+        for topic in decoded:
+            self._restrict(topic)
+        self._names: Dict[str, Tuple[str, ...]] = {}
+        self._assumed = _Assumed({}, {}, {})
+        self._scan: Optional[_Scan] = None
+        self._parts = chunk_groups([chunk for chunk in reader.chunks if self._is_wanted(chunk)])
+        spans = [(min(chunk.start_time for chunk in part), max(chunk.end_time for chunk in part))
+                 for part in self._parts]
+        self._windows = LogWindows(self._decode, [tuple(self._seconds(np.array(span)).tolist()) for span in spans],
+                                   kept_bytes)
+
+    def _is_wanted(self, chunk: ChunkRef) -> bool:
+        return not chunk.counts or any(number in self._decoded or number in self._timed for number in chunk.counts)
+
+    def _is_decoded(self, topic: str) -> bool:
+        return topic in self._tolerances.fields and len(self._types[topic]) == 1 or self._kind(topic) is not None
+
+    def _kind(self, topic: str) -> Optional[str]:
+        """The type of a topic of which it is known what it is for."""
+        if len(self._types[topic]) > 1:
+            return None
+        datatype = next(iter(self._types[topic]))[0]
+        is_known = datatype in (JOINT_STATE, CALL_TYPE, *STATE_TYPES) or (
+            datatype in _POSE_PARTS and topic.endswith("/" + POSE_NAME))
+        return datatype if is_known else None
+
+    def _restrict(self, topic: str) -> None:
+        """Decode no more of a topic than is needed, where that is known."""
+        kind = self._kind(topic) or ""
+        some = ("position", "name") if kind == JOINT_STATE else POSE_FIELDS.get(kind)
+        if some is not None:
+            self._fields[topic] = {*_HEADER_FIELDS, "header.frame_id", *some, *self._tolerances.fields.get(topic, ())}
+
+    def _seconds(self, time_ns: Array) -> Array:
+        """Times since the log's first message, s, as if it had run at speed 1."""
+        seconds: Array = (np.asarray(time_ns, np.int64) - self._start_ns) * (self._time_scale / NS_PER_S)
+        return seconds
+
+    # --- parts -------------------------------------------------------------------------------------------------------
+
+    def _decode(self, number: int) -> Dict[str, Rows]:
+        """The rows of a part of the log, by topic."""
+        found: Dict[str, List[Part]] = {}
+        times: Dict[str, List[Array]] = {}
+        for decoded, timed in map(self._work, self._parts[number]):  # two logs are read at the same time: no threads
+            for topic, some in decoded.items():
+                found.setdefault(topic, []).append(some)
+            for topic, log_times in timed.items():
+                times.setdefault(topic, []).append(log_times)
+        rows: Dict[str, Rows] = {}
+        for topic, taken in found.items():
+            assert self._columns is not None
+            rows[topic] = self._rows(topic, columns_of(self._columns.connections[topic], taken))
+        for topic, log_time in times.items():
+            seconds = self._seconds(np.sort(np.concatenate(log_time)))
+            rows[topic] = Rows(Arrivals(seconds), seconds, {})
+        return rows
+
+    def _work(self, chunk: ChunkRef) -> Tuple[Dict[str, Part], Dict[str, Array]]:
+        decoded: Dict[str, Part] = {}
+        timed: Dict[str, List[Array]] = {}
+        numbers = chunk.counts or range(len(self._reader.connections))
+        if self._columns is not None and any(number in self._decoded for number in numbers):
+            decoded = self._columns.parts(chunk, self._fields)
+        if any(number in self._timed for number in numbers):
+            connection, log_time = self._reader.load_times(chunk)
+            for number in distinct(connection).tolist():
+                if number in self._timed:
+                    timed.setdefault(self._timed[number], []).append(log_time[connection == number])
+        return decoded, {topic: np.concatenate(some) for topic, some in timed.items()}
+
+    def _rows(self, topic: str, columns: Columns) -> Rows:
+        """The rows of one topic out of a part; tells the scan what it saw."""
+        fields, scan = columns.fields, self._scan
+        stamps = _stamps(columns)
+        if scan is not None:
+            scan.counts[topic] = scan.counts.get(topic, 0) + len(columns.log_time)
+            if stamps is not None:
+                scan.has_stamps.add(topic)
+                if stamps.any():
+                    scan.stamped.add(topic)
+        if stamps is not None and not self._assumed.is_stamped.setdefault(topic, bool(stamps.any())):
+            stamps = None
+        sequence = fields.get("header.seq")
+        log_time = self._seconds(columns.log_time)
+        stamp = None if stamps is None else self._seconds(stamps)
+        arrivals = Arrivals(log_time, stamp, None if sequence is None or sequence.dtype == object
+                            else sequence.astype(np.int64))
+        values: Dict[str, Tuple[Array, Optional[Array]]] = {}
+        for name in self._tolerances.fields.get(topic, ()):
+            values[name] = self._further_field(topic, columns, name)
+        kind = self._kind(topic)
+        if kind == JOINT_STATE:
+            values[""] = self._array((topic, ""), fields["position"])
+            if topic not in self._names:
+                self._names[topic] = tuple(_joint_names(columns, values[""][0].shape[1]))
+                self._fields[topic] = {*_HEADER_FIELDS, "position", *self._tolerances.fields.get(topic, ())}
+        elif kind in _POSE_PARTS:
+            poses = tool_poses(columns)
+            if poses is not None:
+                values[""] = (np.hstack(poses), None)
+            self._names[topic] = tuple("%s.%s" % (part, axis) for part in _POSE_PARTS[kind] for axis in "xyz")
+            if scan is not None:
+                scan.frames.setdefault(topic, set()).update(_texts(fields["header.frame_id"]))
+        elif kind in STATE_TYPES:
+            names = [name for name, column in fields.items()
+                     if column.ndim == 1 and column.dtype.kind in "iub" and not name.startswith("header.")]
+            values[""] = (np.stack([fields[name].astype(np.int64) for name in names], axis=1), None)
+            self._names[topic] = tuple(names)
+        elif kind == CALL_TYPE and scan is not None:
+            scan.calls += self._calls(topic, columns, log_time if stamp is None else stamp)
+        return Rows(arrivals, log_time if stamp is None else stamp, values)
+
+    def _array(self, key: TrackKey, column: Array) -> Tuple[Array, Optional[Array]]:
+        value, rows, lengths = _matrix(column, self._assumed.lengths.get(key))
+        self._assumed.lengths.setdefault(key, value.shape[1])
+        if self._scan is not None:
+            known = self._scan.lengths.setdefault(key, {})
+            for length, count in lengths.items():
+                known[length] = known.get(length, 0) + count
+        return value, rows
+
+    def _further_field(self, topic: str, columns: Columns, name: str) -> Tuple[Array, Optional[Array]]:
+        column = columns.fields.get(name)
+        if column is None or column.dtype.kind not in "biufO":
+            raise BagError("%s: %s has no numeric field %s" % (self._reader.path, topic, name))
+        value, rows = self._array((topic, name),
+                                  column if column.ndim == 2 or column.dtype == object else column[:, None])
+        return value, rows
+
+    def _calls(self, topic: str, columns: Columns, starts: Array) -> List[Call]:
+        fields = columns.fields
+        return [
+            Call(topic, start, float(fields["duration"][i]) * self._time_scale, _text(fields["service"][i]),
+                 _text(fields["service_type"][i]), _text(fields["md5sum"][i]), _raw(fields["request"][i]),
+                 _raw(fields["response"][i]), bool(fields["success"][i]), _text(fields["error"][i]),
+                 _text(fields["request_text"][i]), _text(fields["response_text"][i]))
+            for i, start in enumerate(starts.tolist())]
+
+    # --- the whole ---------------------------------------------------------------------------------------------------
+
+    def load(self) -> Run:
+        """Read the log."""
+        for _ in range(_SCANS):
+            scan = self._read_once()
+            if self._is_as_assumed(scan):
+                break
+        self._scan = None
+        for topic in self._fields:
+            kind = self._kind(topic)
+            if kind in POSE_FIELDS:
+                self._fields[topic] = {*_HEADER_FIELDS, *POSE_FIELDS[kind], *self._tolerances.fields.get(topic, ())}
+        windows = self._windows.windows()
+        run = Run(self._reader.path, self._start_ns, self._duration, windows=windows,
+                  calls=tuple(sorted(scan.calls, key=lambda call: call.start)))
+        for topic, types in self._types.items():
+            run.streams[topic] = Stream(topic, tuple(sorted(types)), scan.counts.get(topic, 0),
+                                        self._assumed.is_stamped.get(topic, False), self._arrivals_of(topic))
+        for topic in self._types:
+            kind = self._kind(topic)
+            if kind in STATE_TYPES:
+                time, value = self._states(scan, topic)
+                run.states[topic] = Track(topic, self._names[topic], time, value)
+            elif kind in _POSE_PARTS and (topic, "") in {*scan.facts, *scan.unordered}:
+                run.poses[topic] = self._long_track(scan, (topic, ""), tuple(sorted(scan.frames[topic])))
+            elif kind == JOINT_STATE and self._assumed.lengths[topic, ""]:
+                run.joints[topic] = self._long_track(scan, (topic, ""))
+            further = self._tolerances.fields.get(topic)
+            if further and self._is_decoded(topic):
+                run.fields[topic] = {name: self._long_track(scan, (topic, name)) for name in further}
+        return run
+
+    @property
+    def needs_file(self) -> bool:
+        """Whether windows will be read from the file."""
+        return not self._windows.is_all_kept
+
+    def _arrivals_of(self, topic: str) -> Callable[[float, float], Arrivals]:
+        windows = self._windows
+        return lambda begin, end: windows.arrivals(topic, begin, end)
+
+    def _read_once(self) -> _Scan:
+        scan = self._scan = _Scan()
+        self._windows.forget()
+        for number in range(self._windows.part_count):
+            rows = self._windows.part(number)
+            self._windows.note(number, rows)
+            for topic, some in rows.items():
+                if topic in self._timed.values():
+                    scan.counts[topic] = scan.counts.get(topic, 0) + len(some.time)
+                for field in some.values:
+                    self._take(scan, (topic, field), some)
+        return scan
+
+    def _take(self, scan: _Scan, key: TrackKey, rows: Rows) -> None:
+        if key in scan.unordered:
+            return
+        time, value = samples_of(rows, key[1])
+        if not len(time):
+            return
+        if float(time[0]) <= scan.last.get(key, -np.inf):
+            scan.unordered.add(key)
+            return
+        scan.last[key] = float(time[-1])
+        if self._kind(key[0]) in STATE_TYPES and not key[1]:
+            scan.states.setdefault(key[0], StateChanges()).add(time, value)
+        else:
+            self._facts_builder(scan, key).add(time, value)
+
+    def _facts_builder(self, scan: _Scan, key: TrackKey) -> FactsBuilder:
+        if key not in scan.facts:
+            is_arm = not key[1] and self._kind(key[0]) == JOINT_STATE
+            scan.facts[key] = FactsBuilder(is_arm, self._assumed.reach.get(key))
+        return scan.facts[key]
+
+    def _is_as_assumed(self, scan: _Scan) -> bool:
+        """Whether the log is what was assumed of it; corrects what was assumed."""
+        is_right = True
+        for topic in scan.has_stamps:
+            is_stamped = topic in scan.stamped
+            is_right &= self._assumed.is_stamped[topic] == is_stamped
+            self._assumed.is_stamped[topic] = is_stamped
+        for key, counts in scan.lengths.items():
+            usual = min(counts, key=lambda length: (-counts[length], length))
+            is_right &= self._assumed.lengths[key] == usual
+            if self._assumed.lengths[key] != usual:
+                self._names.pop(key[0], None)
+                self._restrict(key[0])
+            self._assumed.lengths[key] = usual
+        return is_right
+
+    def _long_track(self, scan: _Scan, key: TrackKey, frames: Tuple[str, ...] = ()) -> LongTrack:
+        names = (key[1],) * self._assumed.lengths[key] if key[1] else self._names[key[0]]
+        windows = self._windows.windows()
+        between = self._windows.reader(key, names, frames)
+        builder = self._facts_builder(scan, key)
+        facts = builder.facts() if key not in scan.unordered else None
+        while facts is None or (builder.used_reach or facts.reach) != facts.reach:
+            builder = FactsBuilder(not key[1] and key[0] in self._names and self._kind(key[0]) == JOINT_STATE,
+                                   None if facts is None else facts.reach)
+            for begin, end in windows:
+                block = between(begin, end)
+                builder.add(block.time, block.value)
+            facts = builder.facts()
+        return LongTrack(key[0], names, facts, windows, between, frames)
+
+    def _states(self, scan: _Scan, topic: str) -> Tuple[Array, Array]:
+        changes = scan.states.get(topic)
+        if changes is None or (topic, "") in scan.unordered:
+            changes = StateChanges()
+            for begin, end in self._windows.windows():
+                changes.add(*self._windows.samples((topic, ""), begin, end))
+        return changes.samples()
+
+
+def load_run(path: PathLike, tolerances: Optional[Tolerances] = None, time_scale: float = 1.0,
+             kept_bytes: Optional[int] = None) -> Run:
+    """Read a log; the file stays open, until the run is forgotten, where the log is too long to be kept in memory.
+
+    Args:
+        path: A .bag or .mcap of ROS 1 messages.
+        tolerances: Which topics are left out, and which further fields are wanted.
+        time_scale: The log ran this many times faster than the one it is compared with.
+        kept_bytes: Decoded messages are kept up to this size; None for 64 MB.
+
+    Raises:
+        BagError: It cannot be read, has no messages, or lacks a field that the tolerances name.
+        BagFormatError: It is damaged, or has no index because the recording was cut off.
+        DefinitionError: A definition is not understood.
+    """
+    reader = open_log(path)
+    try:
+        loader = _Loader(reader, tolerances or Tolerances(), time_scale, kept_bytes)
+        run = loader.load()
+    except BaseException:
+        reader.close()
+        raise
+    if loader.needs_file:
+        weakref.finalize(loader, reader.close)
+    else:
+        reader.close()
+    return run

@@ -1,0 +1,10 @@
+"""Names of the metadata records that recorders leave in a log."""
+
+RECORDING = "jaka_bag.recording"
+"""Who recorded where and when."""
+DROPS = "jaka_bag.drops"
+"""The account of what was lost: topic to JSON."""
+TRIGGER = "jaka_bag.trigger"
+"""One trigger of a black box; a log has one for each."""
+ACCIDENT = "jaka_bag.accident"
+"""Host, clock and versions at a black box's trigger; with ``.end`` behind it, those at the end of the file."""

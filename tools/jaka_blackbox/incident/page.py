@@ -1,0 +1,209 @@
+"""What happened around an accident as one HTML page that needs no network and no scripts."""
+import os
+import time
+from html import escape
+from typing import Iterable, List, Sequence, Tuple
+
+import numpy as np
+
+from jaka_bag.compare.checks.state_checks import state_name
+from jaka_bag.compare.report.html import body_of, contents_of, definitions, figures_of, page
+from jaka_bag.compare.report.pictures import Figure
+from jaka_bag.compare.report.svg import Bar, Line, Row, chart, plane, time_line
+from jaka_bag.messages.batch import Array
+from jaka_bag.operations.plot import thin
+from jaka_bag.units import NS_PER_S
+
+from .loading import Incident, Motion
+from .seconds import Second, seconds_of
+
+_POINTS = 1100
+_PATH_POINTS = 3000
+_MOST_ROWS = 2000
+_MOST_BARS = 400
+_LOSSES = (("missing", "missing by header.seq"), ("undelivered", "sent but not received"),
+           ("overflowed", "thrown away, the recorder's memory was full"), ("unwritten", "not written"))
+_MORE_STYLE = """
+.at{white-space:nowrap;text-align:right;font-variant-numeric:tabular-nums}
+tr.trigger td,tr.trigger th{background:var(--bad-soft)}
+.event{margin:0}.event.trigger,.event.failed,.event.fault{color:var(--bad);font-weight:600}
+.event time{display:inline-block;min-width:5.2em;color:var(--faint);font-weight:400;font-variant-numeric:tabular-nums}
+tr.quiet td{color:var(--faint)}
+"""
+
+
+def _moment(at_ns: int) -> str:
+    seconds, rest = divmod(at_ns, NS_PER_S)
+    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds)) + ".%03d" % (rest // 10**6) + time.strftime(
+        " %z", time.localtime(seconds))
+
+
+def _curve(time_s: Array, value: Array) -> Line:
+    good = np.isfinite(value)
+    return Line("candidate", *thin(time_s[good], value[good], _POINTS))
+
+
+def _motion_figures(incident: Incident) -> List[Figure]:
+    """Position and speed of each joint."""
+    figures = []
+    for topic, motion in incident.joints.items():
+        for column, name in enumerate(motion.names):
+            for what, unit, values in (("position", "rad", motion.value), ("speed", "rad/s", motion.velocity)):
+                figures.append(Figure("%s, %s of %s" % (name, what, topic), chart(
+                    "%s %s" % (name, what), "Over time; the trigger is marked.",
+                    [_curve(motion.time, values[:, column])], incident.span, unit, 110, 0.0, least=0.02)))
+    return figures
+
+
+def _plane_line(pose: Motion, one: int, other: int) -> Line:
+    points = pose.value[::max(1, len(pose.time) // _PATH_POINTS)]
+    return Line("candidate", points[:, one], points[:, other])
+
+
+def _path_figures(incident: Incident) -> List[Figure]:
+    """The path of each tool point, its coordinates and its speed; the place at the trigger is marked."""
+    figures = []
+    for topic, pose in incident.poses.items():
+        if not len(pose.time):
+            continue
+        here = pose.value[max(int(np.searchsorted(pose.time, 0.0)) - 1, 0)]
+        planes = "".join(plane("Path in the plane of %s and %s" % ("xyz"[one], "xyz"[other]),
+                               "Path of the tool centre point; a circle marks where it was at the trigger.",
+                               [_plane_line(pose, one, other)], ("xyz"[one] + ", m", "xyz"[other] + ", m"),
+                               (float(here[one]), float(here[other]))) for one, other in ((0, 1), (0, 2), (1, 2)))
+        figures.append(Figure("Path of %s" % topic, '<div class="planes">%s</div>' % planes))
+        figures.append(Figure("Speed of %s" % topic, chart(
+            "Tool speed", "Over time; the trigger is marked.", [_curve(pose.time, pose.speed)], incident.span, "m/s",
+            130, 0.0, least=0.01)))
+        figures += [Figure("%s of %s" % (name, topic), chart(
+            name, "Over time; the trigger is marked.", [_curve(pose.time, pose.value[:, column])], incident.span, "m",
+            110, 0.0, least=0.005)) for column, name in enumerate(pose.names)]
+    return figures
+
+
+def _state_row(name: str, field: str, time_s: Array, value: Array, until: float) -> Row:
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(value)) + 1]) if len(value) else np.zeros(0, np.int64)
+    starts = time_s[begins].tolist()
+    bars = []
+    for number, start, end in zip(begins.tolist(), starts, starts[1:] + [until]):
+        words = state_name(field, int(value[number]))
+        bars.append(Bar(start, end, "state state%d" % (int(value[number]) % 6), words,
+                        "%s %s from %.3f s to %.3f s" % (field, words, start, end)))
+    return Row(name, bars[:_MOST_BARS])
+
+
+def _time_lines(incident: Incident) -> List[Figure]:
+    """States, calls and diagnostics in rows."""
+    rows, until = [], incident.span[1]
+    for topic, fields in incident.states.items():
+        arm = topic.rsplit("/", 2)[0].strip("/")
+        rows += [_state_row("%s %s" % (arm, name) if arm else name, name, *values, until)
+                 for name, values in fields.items()]
+    for service in sorted({call.service for call in incident.calls}):
+        rows.append(Row(service.strip("/").replace("jaka_driver/", ""), [
+            Bar(call.at, call.at + call.duration, "call" if call.success else "call failed", "",
+                "%s called by %s at %.3f s, %.3f s, %s" % (call.service, call.caller, call.at, call.duration,
+                                                          "succeeded" if call.success else "failed: " + call.error))
+            for call in incident.calls if call.service == service][:_MOST_BARS]))
+    for name in sorted({change.name for change in incident.changes if change.level != "OK"}):
+        changes = [change for change in incident.changes if change.name == name]
+        ends = [change.at for change in changes[1:]] + [until]
+        rows.append(Row(name.split(": ", 1)[-1], [
+            Bar(change.at, end, "state state2" if change.level == "ERROR" else "state state5", change.level,
+                "%s: %s, %s" % (name, change.level, change.message))
+            for change, end in zip(changes, ends) if change.level != "OK"][:_MOST_BARS]))
+    if not rows:
+        return []
+    return [Figure("The trigger is marked", time_line(
+        "States, calls and diagnostics", "A row for each state, service and status that was not OK.", rows,
+        incident.span, 0.0))]
+
+
+def _table(heads: Sequence[str], rows: Iterable[str]) -> str:
+    return ('<div class="scroll"><table><thead><tr>%s</tr></thead><tbody>%s</tbody></table></div>'
+            % ("".join('<th scope="col">%s</th>' % head for head in heads), "".join(rows)))
+
+
+def _second_row(second: Second) -> str:
+    words = "".join('<p class="event %s"><time>%+.3f s</time> %s</p>' % (event.sort, event.at, escape(event.words))
+                    for event in second.events) or ("nothing happened" if second.is_quiet else "in motion")
+    kind = "trigger" if any(event.sort == "trigger" for event in second.events) else "quiet" if second.is_quiet else ""
+    joint = "" if second.joint is None else "%s %.3f" % (second.joint[0], second.joint[1])
+    tool = "" if second.tool is None else "%.3f" % second.tool
+    return ('<tr class="%s"><th scope="row" class="at">%+d&#8239;&#8230;&#8239;%+d</th><td>%s</td>'
+            '<td class="number">%s</td><td class="number">%s</td></tr>'
+            % (kind, second.start, second.end, words, escape(joint), tool))
+
+
+def _seconds(incident: Incident) -> str:
+    seconds = seconds_of(incident)
+    rest = len(seconds) - _MOST_ROWS
+    table = _table(("s from the trigger", "what happened", "fastest joint, rad/s", "tool, m/s"),
+                   map(_second_row, seconds[:_MOST_ROWS]))
+    return table + ("<p>%d more seconds are left out.</p>" % rest if rest > 0 else "")
+
+
+def _calls(incident: Incident) -> str:
+    if not incident.calls:
+        return ""
+    return _table(("s", "service", "caller", "request", "outcome", "duration, s"), (
+        '<tr><td class="at">%+.3f</td><td>%s</td><td>%s</td><td>%s</td><td class="outcome %s">%s</td>'
+        '<td class="number">%.3f</td></tr>'
+        % (call.at, escape(call.service), escape(call.caller), escape(" ".join(call.request.split())),
+           "same" if call.success else "different", "succeeded" if call.success else escape("failed: " + call.error),
+           call.duration) for call in incident.calls[:_MOST_ROWS]))
+
+
+def _changes(incident: Incident) -> str:
+    if not incident.changes:
+        return ""
+    return _table(("s", "status", "from", "to", "message"), (
+        '<tr><td class="at">%+.3f</td><td>%s</td><td>%s</td><td class="outcome %s">%s</td><td>%s</td></tr>'
+        % (change.at, escape(change.name), escape(change.before or "first seen"),
+           "same" if change.level == "OK" else "different", escape(change.level), escape(change.message))
+        for change in incident.changes[:_MOST_ROWS]))
+
+
+def _losses(incident: Incident) -> str:
+    rows = []
+    for topic, count in incident.counts.items():
+        account = incident.drops.get(topic)
+        lost = ["%s %s" % (account[key], words) for key, words in _LOSSES if account.get(key)] if account else []
+        words = ", ".join(lost) if lost else "nothing" if account is not None else "the recorder left no account"
+        rows.append('<tr><th scope="row">%s</th><td class="number">%d</td><td class="outcome %s">%s</td></tr>'
+                    % (escape(topic), count, "different" if lost else "same", escape(words)))
+    silences = "".join("<p>Nothing came on %s from %+.3f s to %+.3f s.</p>" % (escape(one.topic), one.start, one.end)
+                       for one in incident.silences)
+    return _table(("topic", "messages", "lost"), rows) + silences
+
+
+def incident_page(incident: Incident) -> str:
+    """The page, to be written as UTF-8."""
+    first = incident.triggers[0] if incident.triggers else None
+    name = os.path.basename(incident.path)
+    headline = "%s: %s" % (first.kind.replace("_", " "), first.detail) if first is not None else "what happened"
+    where = [("trigger", "%s (%s)" % (headline, first.topic or "no topic") if first is not None else "none"),
+             ("time", "%s, %d.%09d s since the epoch" % (
+                 _moment(incident.at_ns), *divmod(incident.at_ns, NS_PER_S))),
+             ("log", "%s, from %+.1f s to %+.1f s" % (incident.path, *incident.span))]
+    where += [("further trigger", "%+.3f s, %s: %s" % (one.at, one.kind, one.detail))
+              for one in incident.triggers[1:20]]
+    facts = definitions(sorted(incident.facts.items()))
+    attachments = definitions([(item, "%d byte" % size) for item, size in incident.attachments])
+    sections: List[Tuple[str, str, str]] = [
+        (key, heading, '<div class="card">%s</div>' % text) for key, heading, text in (
+        ("seconds", "Second by second", _seconds(incident)),
+        ("timeline", "States, calls and diagnostics", figures_of(_time_lines(incident))),
+        ("path", "Tool centre point", figures_of(_path_figures(incident))),
+        ("joints", "Joints", figures_of(_motion_figures(incident))),
+        ("calls", "Service calls", _calls(incident)),
+        ("diagnostics", "Changes of diagnostics", _changes(incident)),
+        ("losses", "What was lost", _losses(incident)),
+        ("recording", "The recording", facts),
+        ("attachments", "Attached to the log", attachments)) if text and text != "<dl></dl>"]
+    return page("%s: %s" % (name, headline), (
+        '<a class="skip" href="#seconds">To the seconds</a>'
+        '<main><header class="verdict different"><h1>%s</h1><p>%s</p></header>'
+        '%s<div class="card">%s</div>%s</main>'
+        % (escape(headline), escape(_moment(incident.at_ns)), contents_of(sections), definitions(where),
+           body_of(sections))), _MORE_STYLE)

@@ -1,0 +1,119 @@
+"""What happened in each second around an accident, in words and figures."""
+import math
+from typing import Dict, List, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from jaka_bag.compare.checks.state_checks import state_name
+
+from .loading import Incident, Motion
+
+_LONGEST = 240
+
+
+class Event(NamedTuple):
+    """Something that happened: when, s; of which sort (``trigger``, ``state``, ``call``, ``failed``, ``fault``,
+    ``diagnostics``, ``silence``); in words.
+    """
+
+    at: float
+    sort: str
+    words: str
+
+
+class Second(NamedTuple):
+    """A second, or several in which nothing happened.
+
+    Attributes:
+        start: Its first moment, s from the trigger.
+        end: Its last moment, s.
+        events: By time.
+        joint: The fastest joint and its speed, rad/s; None without samples.
+        tool: Largest speed of a tool point, m/s; None without samples.
+    """
+
+    start: int
+    end: int
+    events: Tuple[Event, ...]
+    joint: Optional[Tuple[str, float]]
+    tool: Optional[float]
+
+    @property
+    def is_quiet(self) -> bool:
+        """True where nothing happened and nothing moved."""
+        return not self.events and (self.joint is None or self.joint[1] < 0.01)
+
+
+def _short(text: str) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= _LONGEST else line[:_LONGEST - 3] + "..."
+
+
+def events_of(incident: Incident) -> List[Event]:
+    """Everything that happened, by time."""
+    events = [Event(one.at, "trigger", "TRIGGER %s: %s%s" % (
+        one.kind, one.detail, " on %s" % one.topic if one.topic else "")) for one in incident.triggers]
+    for topic, fields in incident.states.items():
+        for name, (time, value) in fields.items():
+            for number in (np.flatnonzero(np.diff(value)) + 1).tolist():
+                events.append(Event(float(time[number]), "state", "%s %s: %s -> %s" % (
+                    topic, name, state_name(name, int(value[number - 1])), state_name(name, int(value[number])))))
+    for call in incident.calls:
+        words = "%s called by %s: %s" % (call.service, call.caller, _short(call.request))
+        if call.success:
+            events.append(Event(call.at, "call", "%s; succeeded after %.3f s" % (words, call.duration)))
+        else:
+            events.append(Event(call.at, "failed", "%s; FAILED after %.3f s: %s" % (words, call.duration, call.error)))
+    for change in incident.changes:
+        if change.before or change.level != "OK":
+            events.append(Event(change.at, "fault" if change.level == "ERROR" else "diagnostics", "%s: %s%s, %s" % (
+                change.name, "%s -> " % change.before if change.before else "", change.level, _short(change.message))))
+    for silence in incident.silences:
+        events.append(Event(silence.start, "silence", "nothing came on %s for %.3f s" % (
+            silence.topic, silence.end - silence.start)))
+    return sorted(event for event in events if incident.span[0] <= event.at <= incident.span[1])
+
+
+def _largest(motion: Motion, start: int) -> Optional[Tuple[int, float]]:
+    """The column with the largest absolute velocity in a second, and that velocity."""
+    first, last = np.searchsorted(motion.time, (start, start + 1))
+    part = np.abs(motion.velocity[int(first):int(last)])
+    part = part[np.isfinite(part).all(axis=1)]
+    if not len(part):
+        return None
+    column = int(part.max(axis=0).argmax())
+    return column, float(part[:, column].max())
+
+
+def _fastest_joint(incident: Incident, start: int) -> Optional[Tuple[str, float]]:
+    found = []
+    for motion in incident.joints.values():
+        largest = _largest(motion, start)
+        if largest is not None:
+            found.append((largest[1], motion.names[largest[0]]))
+    return (max(found)[1], max(found)[0]) if found else None
+
+
+def _tool_speed(incident: Incident, start: int) -> Optional[float]:
+    found = []
+    for pose in incident.poses.values():
+        first, last = np.searchsorted(pose.time, (start, start + 1))
+        speed = pose.speed[int(first):int(last)]
+        found += [float(speed[np.isfinite(speed)].max())] if np.isfinite(speed).any() else []
+    return max(found) if found else None
+
+
+def seconds_of(incident: Incident) -> List[Second]:
+    """Each second with an event or a motion, and the quiet ones between, joined."""
+    by_second: Dict[int, List[Event]] = {}
+    for event in events_of(incident):
+        by_second.setdefault(math.floor(event.at), []).append(event)
+    result: List[Second] = []
+    for start in range(math.floor(incident.span[0]), math.floor(incident.span[1]) + 1):
+        second = Second(start, start + 1, tuple(by_second.get(start, ())), _fastest_joint(incident, start),
+                        _tool_speed(incident, start))
+        if result and result[-1].is_quiet and second.is_quiet:
+            result[-1] = result[-1]._replace(end=second.end)
+        else:
+            result.append(second)
+    return result

@@ -1,0 +1,154 @@
+"""Questions to a data set in SQL, by DuckDB: the table ``runs``, and a view for each topic.
+
+Times are UTC, with microseconds: DuckDB has few functions for nanoseconds.
+
+A question sees the runs that are in the table when it begins, and of the topics the rows of those runs alone: logs that
+are added meanwhile show whole in the next one.
+"""
+import importlib
+import re
+from types import TracebackType
+from typing import Any, Dict, Iterator, List, Optional, Set, Tuple, Type
+
+from jaka_bag.errors import MissingDependency, UsageError
+
+from .runs import check_version, folder_of, read_table, with_plain_times
+from .store import open_store
+
+_BATCH_ROWS = 100000
+
+
+def load_duckdb() -> Any:
+    """The module ``duckdb``.
+
+    Raises:
+        MissingDependency: It is not installed.
+    """
+    try:
+        return importlib.import_module("duckdb")
+    except ImportError:
+        raise MissingDependency("dataset query needs the Python package duckdb") from None
+
+
+def view_names(topics: List[str]) -> Dict[str, str]:
+    """The views of topics: name to topic. ``/jaka_driver/robot_states`` is ``jaka_driver_robot_states``.
+
+    It is ``robot_states``, too, where no other topic ends so; of two topics with one name the first one has it.
+    """
+    names: Dict[str, str] = {}
+    for topic in sorted(topics):
+        names.setdefault(_view_name(topic.strip("/")), topic)
+    last: Dict[str, List[str]] = {}
+    for topic in topics:
+        last.setdefault(_view_name(topic.rsplit("/", 1)[-1]), []).append(topic)
+    for name, ones in last.items():
+        if len(ones) == 1:
+            names.setdefault(name, ones[0])
+    return names
+
+
+def _view_name(name: str) -> str:
+    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return plain + "_" if plain == "runs" else plain
+
+
+class DataSet:
+    """A data set that is open for questions; leave its block to close it.
+
+    Args:
+        location: A folder, or a URL that fsspec knows.
+        threads: For DuckDB; None for all processors.
+
+    Attributes:
+        views: Name of each view, and its topic.
+
+    Raises:
+        BagError: It is no data set, or of another version.
+        MissingDependency: duckdb or pyarrow is not installed.
+    """
+
+    def __init__(self, location: str, threads: Optional[int] = None) -> None:
+        duckdb = load_duckdb()
+        self._duckdb = duckdb
+        self._store = open_store(location)
+        check_version(self._store)
+        with self._store.shared():
+            self._runs = with_plain_times(read_table(self._store))
+        self._types: Dict[str, Set[str]] = {}
+        for topics in self._runs["topics"].to_pylist():
+            for topic in topics:
+                self._types.setdefault(topic["topic"], set()).add(topic["md5sum"])
+        there = set(self._store.names(""))
+        self.views = view_names([topic for topic in self._types if folder_of(topic) in there])
+        self._connection = duckdb.connect(":memory:", config={} if threads is None else {"threads": threads})
+        self._connection.execute("SET TimeZone = 'UTC'")
+        self._store.registered(self._connection)
+        self._connection.register("runs", self._runs)
+        self._made: Set[str] = set()
+
+    def _make_views(self, question: str) -> None:
+        """Make the views that a question may mean: to look at all files of all topics would take longer than it."""
+        for name in sorted(set(re.findall(r"\w+", question)) & set(self.views) - self._made):
+            topic = self.views[name]
+            files = self._store.address("%s/*/*.parquet" % folder_of(topic)).replace("'", "''")
+            source = "read_parquet('%s', hive_partitioning = true, union_by_name = %s)" % (
+                files, "true" if len(self._types[topic]) > 1 else "false")
+            columns = ", ".join(self._column(*column[:2]) for column in self._connection.execute(
+                "DESCRIBE SELECT * EXCLUDE (topic) FROM " + source).fetchall())
+            self._connection.execute('CREATE VIEW "%s" AS SELECT %s FROM %s WHERE run IN (SELECT run FROM runs)'
+                                     % (name, columns, source))
+            self._made.add(name)
+
+    @staticmethod
+    def _column(name: str, kind: str) -> str:
+        """A column as a view gives it: times as TIMESTAMP in UTC, which all functions of DuckDB take."""
+        quoted = '"%s"' % name.replace('"', '""')
+        if not kind.startswith("TIMESTAMP"):
+            return quoted
+        # in two steps: DuckDB 2 has no cast from nanoseconds with a time zone
+        if kind.endswith("[]"):
+            return "%s::TIMESTAMPTZ[]::TIMESTAMP[] AS %s" % (quoted, quoted)
+        # a cast that takes the time zone off asks a calendar for each row: half the time of a question that groups rows
+        return "make_timestamp(epoch_us(%s::TIMESTAMPTZ)) AS %s" % (quoted, quoted)
+
+    def ask(self, question: str) -> Tuple[Any, Iterator[Any]]:
+        """The answer: its ``pyarrow.Schema``, and record batches.
+
+        Raises:
+            UsageError: DuckDB does not understand the question, or cannot answer it.
+        """
+        try:
+            self._make_views(question)
+            answer = self._connection.sql(question)
+            if answer is None:
+                raise UsageError("this is no question: it has no answer")
+            # DuckDB 2 gave it another name
+            read = answer.to_arrow_reader if hasattr(answer, "to_arrow_reader") else answer.fetch_arrow_reader
+            reader = read(_BATCH_ROWS)
+        except self._duckdb.Error as error:
+            raise UsageError(self._told(error)) from error
+        return reader.schema, self._batches(reader)
+
+    def _batches(self, reader: Any) -> Iterator[Any]:
+        try:
+            yield from reader
+        except (self._duckdb.Error, OSError) as error:  # pyarrow wraps what DuckDB raises in the middle of an answer
+            raise UsageError(self._told(error)) from error
+
+    def _told(self, error: Exception) -> str:
+        """DuckDB's first line, and the tables that there are where it missed one."""
+        lines = str(error).strip().splitlines() or [type(error).__name__]
+        if lines[0].startswith("Catalog Error: Table with name"):
+            return "%s; the tables are runs, %s" % (lines[0], ", ".join(sorted(self.views)) or "and no other")
+        return lines[0]
+
+    def close(self) -> None:
+        """Close it."""
+        self._connection.close()
+
+    def __enter__(self) -> "DataSet":
+        return self
+
+    def __exit__(self, kind: Optional[Type[BaseException]], error: Optional[BaseException],
+                 trace: Optional[TracebackType]) -> None:
+        self.close()

@@ -1,0 +1,283 @@
+"""Where a data set lies: a folder, or what fsspec reaches by a URL, as ``s3://``.
+
+Files appear whole: they are made in a folder of their own beside the data set (``Staging``), then given their names. In
+a folder, those who publish hold a shared lock for these few renames, and who tidies up or compacts holds it alone, so
+none of them sees the other's work half done. An object store has no such lock: one program at a time may compact there.
+"""
+import contextlib
+import fcntl
+import importlib
+import json
+import os
+import shutil
+import tempfile
+import uuid
+from pathlib import Path
+from typing import Any, BinaryIO, Callable, Iterator, List, Sequence, Tuple
+
+from jaka_bag.errors import BagError, MissingDependency
+from jaka_bag.output_file import is_being_written
+
+_STAGING = ".staging"
+_LOCK = ".lock"
+_PLAN = "plan.json"
+_ALIVE = "alive"
+
+
+class Staging:
+    """A folder for files that are to be published together.
+
+    Attributes:
+        folder: Where to make them.
+        is_unfinished: Some may have their names, and the last has not: the folder is kept, so that it tells which.
+    """
+
+    def __init__(self, store: "Store", folder: Path) -> None:
+        self._store = store
+        self.folder = folder
+        self.is_unfinished = False
+
+    def publish(self, files: Sequence[Tuple[Path, str]]) -> None:
+        """Give files their names in the data set, in this order: what the last one tells of is there when it appears.
+
+        Args:
+            files: Path here, and name in the data set.
+
+        Raises:
+            OSError: The system refused; nothing, or all but the last, may have its name. ``tidy_up`` takes back those.
+        """
+        for path, _ in files:
+            _flush(path)
+        (self.folder / _PLAN).write_text(json.dumps([name for _, name in files]), encoding="utf-8")
+        with self._store.shared():
+            self.is_unfinished = True
+            for path, name in files:
+                self._store.place(path, name)
+            self.is_unfinished = False
+
+    def place(self, path: Path, name: str) -> None:
+        """Give one file its name, for whoever is alone."""
+        _flush(path)
+        self._store.place(path, name)
+
+
+def _flush(path: Path) -> None:
+    """What is renamed must be on the disk: after a power cut the new name would else lead to an empty file."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+class Store:
+    """A data set's files; their names are relative, with ``/``.
+
+    Attributes:
+        location: As the user gave it.
+    """
+
+    def __init__(self, location: str) -> None:
+        self.location = location
+
+    def address(self, name: str) -> str:
+        """Path or URL of a file, for other programs."""
+        return "%s/%s" % (self.location.rstrip("/"), name)
+
+    def exists(self, name: str) -> bool:
+        """Whether there is a file or folder of that name."""
+        raise NotImplementedError
+
+    def names(self, folder: str) -> List[str]:
+        """Names of what is in a folder, without the folder's, sorted; none where it is not there."""
+        raise NotImplementedError
+
+    def open(self, name: str) -> BinaryIO:
+        """Open a file for reading, seekable.
+
+        Raises:
+            OSError: It is not there.
+        """
+        raise NotImplementedError
+
+    def place(self, path: Path, name: str) -> None:
+        """Give a local file that is whole a name here, in place of what has it; the local one may be gone then."""
+        raise NotImplementedError
+
+    def remove(self, name: str) -> None:
+        """Remove a file, where it is there."""
+        raise NotImplementedError
+
+    @contextlib.contextmanager
+    def staging(self) -> Iterator[Staging]:
+        """A folder of one's own; it is removed at the end."""
+        raise NotImplementedError
+        yield
+
+    @contextlib.contextmanager
+    def shared(self) -> Iterator[None]:
+        """Others may publish at the same time, but not tidy up or compact."""
+        yield
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """Nobody else publishes."""
+        yield
+
+    def tidy_up(self, is_in: Callable[[str], bool]) -> List[str]:
+        """Remove what killed programs left: half work, and published files whose last one never came; their names.
+
+        Args:
+            is_in: Whether what a last file of that name tells is in the data set, from whomever.
+        """
+        return []
+
+    def registered(self, connection: Any) -> None:
+        """Make ``address`` readable for a DuckDB connection."""
+
+
+class FolderStore(Store):
+    """A folder of this computer, or of a network file system with ``flock``."""
+
+    def __init__(self, location: str) -> None:
+        super().__init__(location)
+        self._root = Path(location)
+
+    def exists(self, name: str) -> bool:
+        return (self._root / name).exists()
+
+    def names(self, folder: str) -> List[str]:
+        try:
+            return sorted(os.listdir(str(self._root / folder)))
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+
+    def open(self, name: str) -> BinaryIO:
+        return (self._root / name).open("rb")
+
+    def place(self, path: Path, name: str) -> None:
+        target = self._root / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(str(path), str(target))
+
+    def remove(self, name: str) -> None:
+        with contextlib.suppress(FileNotFoundError):
+            (self._root / name).unlink()
+
+    @contextlib.contextmanager
+    def staging(self) -> Iterator[Staging]:
+        staging = Staging(self, self._root / _STAGING / uuid.uuid4().hex)
+        try:
+            staging.folder.mkdir(parents=True)
+            # who tidies up takes the folder for a living program's until the file is there, and while it is locked
+            unlocked = staging.folder / (_ALIVE + ".new")
+            with unlocked.open("wb") as alive:
+                fcntl.flock(alive, fcntl.LOCK_EX)
+                unlocked.rename(staging.folder / _ALIVE)
+                yield staging
+        finally:
+            if not staging.is_unfinished:
+                shutil.rmtree(str(staging.folder), ignore_errors=True)
+
+    @contextlib.contextmanager
+    def _locked(self, kind: int) -> Iterator[None]:
+        self._root.mkdir(parents=True, exist_ok=True)
+        with (self._root / _LOCK).open("ab") as file:
+            fcntl.flock(file, kind)
+            yield
+
+    @contextlib.contextmanager
+    def shared(self) -> Iterator[None]:
+        with self._locked(fcntl.LOCK_SH):
+            yield
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        with self._locked(fcntl.LOCK_EX):
+            yield
+
+    def tidy_up(self, is_in: Callable[[str], bool]) -> List[str]:
+        removed: List[str] = []
+        folders = [self._root / _STAGING / name for name in self.names(_STAGING)]
+        dead = [folder for folder in folders if not is_being_written(folder / _ALIVE)]
+        if not dead:
+            return []
+        with self.alone():
+            for folder in dead:
+                names = self._published_by(folder)
+                for name in names if names and not is_in(names[-1]) else ():
+                    if self.exists(name):
+                        self.remove(name)
+                        removed.append(name)
+                shutil.rmtree(str(folder), ignore_errors=True)
+        return removed
+
+    @staticmethod
+    def _published_by(folder: Path) -> List[str]:
+        """The names that a killed program had begun to give, the last at the end."""
+        try:
+            names: List[str] = json.loads((folder / _PLAN).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return []
+        return names
+
+
+class ObjectStore(Store):
+    """What fsspec reaches: ``s3://``, ``gs://``, ``file://``, ``memory://`` and others."""
+
+    def __init__(self, location: str) -> None:
+        super().__init__(location)
+        try:
+            fsspec = importlib.import_module("fsspec")
+        except ImportError:
+            raise MissingDependency("%s needs the Python package fsspec" % location) from None
+        try:
+            self._fs, self._root = fsspec.core.url_to_fs(location)
+        except (ImportError, ValueError) as error:
+            raise MissingDependency("%s: %s" % (location, error)) from error
+        self._root = self._root.rstrip("/")
+
+    def _path(self, name: str) -> str:
+        return "%s/%s" % (self._root, name)
+
+    def exists(self, name: str) -> bool:
+        return bool(self._fs.exists(self._path(name)))
+
+    def names(self, folder: str) -> List[str]:
+        try:
+            found = self._fs.ls(self._path(folder), detail=False, refresh=True)
+        except FileNotFoundError:
+            return []
+        return sorted(path.rstrip("/").rsplit("/", 1)[-1] for path in found)
+
+    def open(self, name: str) -> BinaryIO:
+        file: BinaryIO = self._fs.open(self._path(name), "rb")
+        return file
+
+    def place(self, path: Path, name: str) -> None:
+        target = self._path(name)
+        self._fs.makedirs(target.rsplit("/", 1)[0], exist_ok=True)
+        self._fs.put_file(str(path), target)
+
+    def remove(self, name: str) -> None:
+        with contextlib.suppress(FileNotFoundError):
+            self._fs.rm_file(self._path(name))
+
+    @contextlib.contextmanager
+    def staging(self) -> Iterator[Staging]:
+        with tempfile.TemporaryDirectory(prefix="jaka_bag_") as folder:
+            yield Staging(self, Path(folder))
+
+    def registered(self, connection: Any) -> None:
+        connection.register_filesystem(self._fs)
+
+
+def open_store(location: str) -> Store:
+    """The store of a location: a folder, which need not be there yet, or a URL.
+
+    Raises:
+        BagError: It is a file.
+        MissingDependency: fsspec, or what it needs for this URL, is not installed.
+    """
+    if "://" in location:
+        return ObjectStore(location)
+    if os.path.exists(location) and not os.path.isdir(location):
+        raise BagError("%s is a file, no data set" % location)
+    return FolderStore(location)
