@@ -7,6 +7,7 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import program_places
@@ -155,7 +156,9 @@ def test_every_option_that_spreads_work_is_known():
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
-    python = place().prefix / "bin" / "python" if place().name == "wheel" else None
+    python = None
+    if place().name in ("wheel", "deb"):
+        python = place().prefix / "bin" / "python" if place().name == "wheel" else Path(sys.executable)
     with DaskCluster(tmp_path_factory.mktemp("cluster"), python=python) as cluster:
         yield cluster.address
 
