@@ -8,7 +8,8 @@ checkout    files like those that the build makes, for the interpreter   no buil
 devel       ``PREFIX/lib/jaka_ros_driver``, relays to the checkout       by default what the shell has sourced
 install     the same, with packages of its own                           by default built
 wheel       the console scripts in ``PREFIX/bin``; log tools only        by default built
-deb         ``/usr/bin``, of packages that dpkg has installed            no prefix
+deb         ``/usr/bin``; ``/usr/lib/jaka_ros_driver`` what only        no prefix
+            rostest starts. dpkg must have installed them
 ==========  ===========================================================  ==============================================
 
 Without ``JAKA_TEST_PLACE`` it is the devel space that the shell has sourced, if that is one of this checkout, else the
@@ -109,6 +110,8 @@ def command_of(program: str) -> List[str]:
     path = where.folder / program
     if where.name == "wheel" and program not in LOG_PROGRAMS:
         raise unittest.SkipTest("the wheel has the log tools only, and not %s" % program)
+    if where.name == "deb" and not path.exists():
+        path = where.prefix / "lib" / PACKAGE / program
     if not os.access(str(path), os.X_OK):
         raise RuntimeError("no program %s" % path)
     if where.name == "deb":
@@ -126,8 +129,6 @@ def enter() -> None:
 
     The packages of the wheel are in a venv of their own, which scripts for this interpreter do not see.
     """
-    if place().name == "deb":
-        _import_what_is_installed()
     if place().name in ("checkout", "install"):
         for name, value in place().environment.items():
             if value is None:
@@ -155,8 +156,13 @@ def _dpkg(*words: str) -> str:
     return subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True).stdout
 
 
-def _import_what_is_installed() -> None:
-    """Have this process, as well, import the modules of the Debian packages, and none of the checkout."""
+def import_what_is_under_test() -> None:
+    """Have this process, as well, import the modules of the Debian packages, and none of the checkout, in that place.
+
+    Raises RuntimeError where that is not possible. Call it before anything of them is imported.
+    """
+    if place().name != "deb":
+        return
     sys.path[:] = [folder for folder in sys.path if Path(folder).resolve() not in (ROOT, ROOT / "tools")]
     for name in PACKAGES:
         found = importlib.util.find_spec(name)
