@@ -40,7 +40,7 @@ _ALONE = ("output_name", "output_prefix", "split", "size", "duration", "snapshot
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the black box."""
     group = parser.add_argument_group("black box")
-    group.add_argument("--black-box", metavar="DIR",
+    group.add_argument("--black-box", type=quantities.given, metavar="DIR",
                        help="keep the newest messages in memory; write a file to DIR around each accident")
     add = group.add_argument
     add("--before", type=quantities.duration, metavar="TIME", help="from so long before it (default 60s)")
