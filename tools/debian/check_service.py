@@ -134,20 +134,20 @@ def restarted() -> str:
         told = rests("restart")
         answer = caller.communicate(timeout=PATIENCE_S)[0]
         assert "driver shut down" in answer, answer
-    require(lambda: shown("ActiveState") == "active" and shown("MainPID") not in ("0", old), "another driver runs")
+    require(lambda: shown("ActiveState") == "active" and shown("MainPID") not in ("0", old), "another one runs")
     took = time.monotonic() - asked
     moved()
     return "%s, another driver %.1f s after" % (told, took)
 
 
 def killed() -> str:
-    """A driver that is killed in the middle of a move: its guard stops the arm and ends, systemd starts another."""
+    """A driver that is killed in a move: its guard stops the arm and ends, systemd starts another."""
     with moving():
         before, begun = int(shown("NRestarts")), time.time()
         run("systemctl kill --kill-whom=main --signal=KILL " + UNIT)
         told = rests("SIGKILL")
         assert said("the driver has died while the arm moves", begun) and said("the arm is at rest", begun)
-    require(lambda: int(shown("NRestarts")) == before + 1 and shown("ActiveState") == "active", "systemd starts it again")
+    require(lambda: int(shown("NRestarts")) == before + 1 and shown("ActiveState") == "active", "it is started again")
     until(lambda: run("rosservice info /jaka_driver/enable"), "the next driver offers its services")
     assert not state()["is_moving"] and len(processes().split()) == 2, processes()
     assert not list(CUSTODY.glob("custody.*")), "the guard has left a custody file"
@@ -156,7 +156,7 @@ def killed() -> str:
 
 
 def frozen() -> str:
-    """A driver that hangs in the middle of a move, while all of its service is asked to end: the guard stops the arm."""
+    """A driver that hangs in a move, while all of its service is asked to end: the guard stops the arm."""
     with moving():
         begun = time.time()
         run("systemctl kill --kill-whom=main --signal=STOP " + UNIT)
@@ -196,7 +196,7 @@ def main() -> int:
     print("Python %s, %s" % (platform.python_version(), run("systemctl --version").splitlines()[0]), flush=True)
     service = "systemd-run --quiet --setenv=ROS_HOSTNAME=localhost --setenv=HOME=/root --unit="
     run(service + "test-master roscore")
-    run(service + "test-controller jaka_sim --start off --power-delay 0.1 --enable-delay 0.1 --panel-port %d" % PANEL_PORT)
+    run("%stest-controller jaka_sim --power-delay 0.1 --enable-delay 0.1 --panel-port %d" % (service, PANEL_PORT))
     until(lambda: json.dumps(state()), "the simulated controller runs")
     for name, attempt in (
             ("systemd-analyze verify, security", judged), ("no address, no model: no driver", incomplete),

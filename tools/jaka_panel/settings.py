@@ -143,8 +143,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--insecure-http", action="store_true", help="let other computers in without TLS, see below")
     parser.add_argument("--allow-name", action="append", default=[], metavar="NAME",
                         help="a host name by which browsers call this computer; addresses are allowed anyway")
-    parser.add_argument("--token-file", type=_given, metavar="FILE", help="file with the token, made where it is not there "
-                                                             "(default: a new token with each start)")
+    parser.add_argument("--token-file", type=_given, metavar="FILE",
+                        help="file with the token, made where it is not there (default: a new token with each start)")
     parser.add_argument("--read-only", action="store_true", help="pages can watch, and stop, and nothing else")
     parser.add_argument("--logs", metavar="FOLDER", help="folder whose logs can be replayed")
     parser.add_argument("--max-jog-speed", type=_percent, default=100.0, metavar="PERCENT",

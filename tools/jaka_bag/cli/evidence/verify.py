@@ -31,7 +31,8 @@ Exit code: 0 unchanged, 1 changed or not signed, 2 usage.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag verify``."""
     parser.add_argument("files", nargs="+", metavar="FILE", help="signed logs; audit logs, or folders of them")
-    parser.add_argument("--key", type=given, metavar="PUBLIC", help="public key in PEM that they ought to be signed with")
+    parser.add_argument("--key", type=given, metavar="PUBLIC",
+                        help="public key in PEM that they ought to be signed with")
     parser.add_argument("--signature", type=given, metavar="FILE", help="the signature, where it is not FILE.sig")
 
 
