@@ -182,8 +182,7 @@ def stopped() -> str:
 
 def judged() -> str:
     """systemd finds no mistake in the unit, and few rights."""
-    text = subprocess.run(["systemd-analyze", "verify", "--man=no", UNIT], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                          check=True, text=True).stdout
+    text = run("systemd-analyze verify --man=no " + UNIT)
     assert "jaka" not in text, text
     lines = run("systemd-analyze security --no-pager --threshold=15 " + UNIT).splitlines()
     return next(line for line in lines if "Overall exposure level" in line).strip("→ ")
