@@ -27,6 +27,8 @@ NEED_ROS = tuple(import_graph.ROOT / "test" / name
 LONG = ("test/custody/", "test/packaging/", "test/mutation/", "test/ros/")
 left_out: List[str] = []
 
+program_places.import_what_is_under_test()  # before the conftest.py of folders below import it
+
 # The same examples in every run, for a failure that cannot be had again helps nobody; and no limit of time, for a busy
 # machine proves nothing about the code. A derandomized run has no use for a database of earlier failures.
 settings.register_profile("jaka", derandomize=True, database=None, deadline=None,

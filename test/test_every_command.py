@@ -7,6 +7,7 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import program_places
@@ -61,6 +62,24 @@ def test_the_walk_finds_what_is_there():
     assert {program for program, _ in EVERY} == set(program_places.declared())
     assert {" ".join(words) for program, words in EVERY if program == "jaka_bag"} == {"", *COMMANDS}
     assert ("jaka_sim", ["proxy"]) in EVERY and ("jaka_sim", ["panel"]) in EVERY
+
+
+NEVER_EMPTY = {"--black-box", "--dask", "--key", "--sign", "--signature", "--tls-cert", "--tls-key", "--token-file"}
+"""Options without which a program does something else, perhaps unsigned or open: "" must not be taken for none."""
+EVERYWHERE = {"--host"}
+"""To a listener an empty address is every address."""
+REFUSING = [(program, words, option) for program, words in EVERY if (program, words) != ("jaka_bag", [])
+            and not (words == ["info"]) and program != "jaka_sim" and not needs_ros(program)
+            for action in parser(program, words)._actions for option in action.option_strings
+            if option in NEVER_EMPTY | EVERYWHERE]
+
+
+@pytest.mark.parametrize("program, words, option", REFUSING, ids=[" ".join([a, *b, c]) for a, b, c in REFUSING])
+def test_an_option_that_is_given_empty_is_refused(program, words, option, tmp_path):
+    """As by ``--sign "$KEY"``, where the shell has no such variable."""
+    need(program, words)
+    code, said = run(tmp_path, " ".join([program, *words, option, "''", "file"]))
+    assert code == 2 and re.search("argument .*%s.*: it is empty" % option, said), said
 
 
 # ---- examples ----
@@ -155,7 +174,9 @@ def test_every_option_that_spreads_work_is_known():
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
-    python = place().prefix / "bin" / "python" if place().name == "wheel" else None
+    python = None
+    if place().name in ("wheel", "deb"):
+        python = place().prefix / "bin" / "python" if place().name == "wheel" else Path(sys.executable)
     with DaskCluster(tmp_path_factory.mktemp("cluster"), python=python) as cluster:
         yield cluster.address
 

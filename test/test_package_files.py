@@ -2,10 +2,11 @@
 import hashlib
 import json
 import subprocess
+from pathlib import Path
 
 import pytest
 from import_graph import LOG_TOOLS, PACKAGES, ROOT
-from program_places import LOG_PROGRAMS, command_of, place
+from program_places import DEBIAN_MODULES, LOG_PROGRAMS, command_of, place
 
 HASHES = """
 import hashlib, importlib, json, os, sys
@@ -57,7 +58,9 @@ def test_every_file_of_the_packages_is_there_byte_by_byte():
     assert [one for one, has, should in zip(wanted, found, expected) if has != should] == []
     assert len(wanted) > 20 or place().name == "wheel"
     if place().name in ("install", "wheel", "deb"):
-        assert not [folder for folder in folders if folder.startswith(str(ROOT / "tools"))], "it is the checkout's"
+        assert not [folder for folder in folders if Path(folder) in PACKAGES.values()], "it is the checkout's"
+    if place().name == "deb":
+        assert folders == [str(DEBIAN_MODULES / name) for name in packages()]
 
 
 def test_a_file_that_is_missing_is_seen():

@@ -1,5 +1,6 @@
 """The starts of executables in tests, benchmarks and pages: by their files, never as modules of a checkout."""
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -57,3 +58,13 @@ def test_every_program_is_in_the_place_under_test(program):
     done = subprocess.run([*program_places.command_of(program), "--help"], cwd="/", stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT, text=True, timeout=100)
     assert done.returncode == 0 and done.stdout.startswith("usage: %s" % program), done.stdout
+
+
+@pytest.mark.skipif(shutil.which("dpkg-query") is None, reason="needs dpkg")
+def test_a_program_that_is_no_package_of_ours_is_not_taken_for_one(tmp_path):
+    planted = tmp_path / "jaka_bag"
+    planted.write_text("#!/bin/sh\necho usage: jaka_bag\n", encoding="utf-8")
+    with pytest.raises(RuntimeError, match="of no Debian package"):
+        program_places.require_packaged(planted)
+    with pytest.raises(RuntimeError, match="of the Debian package dpkg"):
+        program_places.require_packaged(Path(shutil.which("dpkg-query")))

@@ -13,6 +13,8 @@ MOVING, IDLE, FAREWELL = b"m", b"i", b"q"
 """The driver's messages: it moves the arm; it does not; it ends in good order."""
 WATCHING, STOPPING = b".", b"!"
 """The guard's answers: it watches the driver; it is stopping the arm."""
+OUTLIVED = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+"""Signals that ask a process to end, and that a guard outlives: it ends with its driver, whose pipe tells it so."""
 SILENCE_TIMEOUT_S = 0.25
 """Silence, s, after which a driver that moves the arm is frozen: a dozen beats (``guard_post.BEAT_PERIOD_S``)."""
 STARVED_TIMEOUT_S = 1.0

@@ -3,11 +3,12 @@ import contextlib
 import io
 import os
 import select
+import signal
 import subprocess
 import threading
 from typing import List, Optional, Tuple
 
-from jaka_ros_driver.client.driver_pipe import MOVING, STOPPING
+from jaka_ros_driver.client.driver_pipe import MOVING, OUTLIVED, STOPPING
 from jaka_ros_driver.client.process_state import waits_for_processor
 
 BEAT_PERIOD_S = 0.02
@@ -54,12 +55,15 @@ class GuardPost:
     def launch(self, command: List[str]) -> None:
         """Start the process; raise OSError where that is not possible.
 
-        It has a session of its own, so that a signal to the driver's process group does not end it first.
+        It has a session of its own, so that a signal to the driver's process group does not end it first. The signals
+        that it is to outlive wait for it until it ignores them, for Python needs some time to start.
         """
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, OUTLIVED)
         try:
             process = subprocess.Popen(command, stdin=self._its_words, stdout=self._its_answers,
                                        start_new_session=True)
-        finally:  # where the start failed, the closed pipes show it
+        finally:  # where the start failed, the closed pipes tell it
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
             self._its_words.close()
             self._its_answers.close()
         with self._lock:

@@ -5,6 +5,9 @@ answers on standard output. When the pipe closes without a farewell, or no messa
 is so busy that the driver gets no processor time), and the driver was moving the arm, the guard takes the command port
 over, or shares it (docs/controller-protocol.md section 1), and stops the arm, as stopping.py describes.
 
+What asks every process of a service, a session or a computer to end (SIGTERM, SIGINT, SIGHUP) does not end the guard:
+a driver that hangs would be left without one. The guard ends as soon as its driver has, and the arm is stopped.
+
 Some controllers turn a second client away. Such a controller cannot be reached while a frozen driver holds the
 connection; then the guard kills the driver's process.
 
@@ -12,12 +15,13 @@ The guard needs this computer, its network and the controller. Where one of thes
 safety functions stop the arm.
 """
 import argparse
+import signal
 import sys
 from typing import List, Optional
 
 from jaka_ros_driver.background_log import StandardErrorLog
 from jaka_ros_driver.client.arm_stopper import ArmStopper
-from jaka_ros_driver.client.driver_pipe import DriverPipe, LogText
+from jaka_ros_driver.client.driver_pipe import OUTLIVED, DriverPipe, LogText
 
 _LOG_TIMEOUT_S = 0.5
 
@@ -44,6 +48,9 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser.add_argument("--driver", required=True, type=int, help="process id of the driver")
     parser.add_argument("--moving", action="store_true", help="the driver moves the arm already")
     args = parser.parse_args(argv)
+    for number in OUTLIVED:
+        signal.signal(number, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, OUTLIVED)
     log = StandardErrorLog("guard")
     pipe = DriverPipe(sys.stdin.fileno(), sys.stdout.fileno(), args.driver, args.moving)
     watch(pipe, ArmStopper(args.host, args.port, args.status_port, log.write), log.write)

@@ -41,6 +41,7 @@ from jaka_ros_driver.ros.start_checks import (
     refuse_taken_topics,
     refuse_topics_used_twice,
     refuse_unreachable_node,
+    refuse_words_that_are_not_taken,
     wait_for_time,
 )
 from jaka_ros_driver.ros.topics.diagnostics import Diagnostics
@@ -242,6 +243,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         sys.stdout.reconfigure(line_buffering=True)  # a log in a file is to be complete while the driver runs
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # there is nothing to stop yet
     try:
+        refuse_words_that_are_not_taken(sys.argv[1:])
         refuse_second_node(resolved_node_name(_NAME, sys.argv))
     except JakaError as error:
         print("%s cannot start: %s" % (_NAME, error), file=sys.stderr)

@@ -300,7 +300,9 @@ def markdown() -> str:
     """Return the documentation of all parameters: the content of docs/parameters.md."""
     lines = ["# Private parameters of the driver", "",
              "Made from the code with `build/venv/bin/python3 -m jaka_ros_driver.ros.params > docs/parameters.md`.",
-             "They are read once, when the node starts; with a wrong value or an unknown name it does not start.", "",
+             "They are read once, when the node starts; with a wrong value or an unknown name it does not start, nor "
+             "with `_NAME:=` or `NAME:=VALUE` on its command line, of which rospy would make the default. roslaunch "
+             "leaves out `ip:=` without a value before a launch file can see it: then the arm is a simulated one.", "",
              "| parameter | type | unit | default | valid | meaning |", "|---|---|---|---|---|---|"]
     for name, default, parameter in table():
         lines.append("| `~%s` | %s | %s | %s | %s | %s |" % (

@@ -1,4 +1,5 @@
-"""Checks of the ROS graph before anything is powered: clients can reach the node, time runs, each topic has one use.
+"""Checks before anything is powered: words of the command line are taken as they were meant, clients can reach the
+node, time runs, each topic has one use.
 
 Where one of them fails, an arm could move that nobody can stop through this node, or whose stamps and topics mislead
 those who look at it.
@@ -6,10 +7,11 @@ those who look at it.
 import http.client
 import logging
 import os
+import re
 import socket
 import threading
 import time
-from typing import Any, Callable, Dict
+from typing import Any, Callable, Container, Dict, Sequence
 from urllib.parse import urlsplit
 from xml.parsers.expat import ExpatError
 from xmlrpc.client import Error as XmlRpcError
@@ -17,10 +19,11 @@ from xmlrpc.client import ServerProxy, Transport
 
 import rosgraph
 import rospy
+import yaml
 from rospy.impl import registration, tcpros_base
 
 from jaka_ros_driver.errors import JakaError
-from jaka_ros_driver.ros.params import DriverConfig, WrongParameter
+from jaka_ros_driver.ros.params import DriverConfig, WrongParameter, table
 
 _LOG = logging.getLogger(__name__)
 
@@ -32,6 +35,42 @@ _OF_ROS = ("/rosout", "/rosout_agg", "/clock", "/tf", "/tf_static", "/diagnostic
 
 class Unreachable(JakaError):
     """The error that clients cannot reach this node at the address that it gives them."""
+
+
+# ---- the command line means what it says ----
+
+def refuse_words_that_are_not_taken(words: Sequence[str]) -> None:
+    """Refuse words of ROS on the command line of which rospy would not make what they say; call before ``init_node``.
+
+    rospy leaves out ``_ip:=`` that has no value (a variable of the shell that is not set), and takes ``ip:=10.5.5.100``
+    for the remapping of a topic: with either, the driver would drive the controller of its default.
+
+    Raises:
+        WrongParameter: There are such words; it names them all.
+    """
+    names = {name for name, _, _ in table()}
+    wrong = [problem for problem in (_problem_of(word, names) for word in words if ":=" in word and word[0] != "-")
+             if problem]
+    if wrong:
+        raise WrongParameter("; ".join(wrong))
+
+
+def _problem_of(word: str, names: Container[str]) -> str:
+    name, *values = (part.strip() for part in word.split(":="))
+    if len(values) != 1:
+        return "%s has := more than once" % word
+    if not name or not values[0]:
+        return "%s has no %s, and would have no effect (an empty text is written \"_NAME:=''\")" % (
+            word, "value" if name else "name")
+    if name.lstrip("~") in names:
+        return "%s would be the remapping of a topic; the parameter is set by _%s:=%s" % (
+            word, name.lstrip("~"), values[0])
+    if re.match("_[^_]", name):
+        try:
+            return "" if yaml.safe_load(values[0]) is not None else "%s has no value: null in YAML" % word
+        except yaml.YAMLError as error:
+            return "%s is no YAML: %s" % (word, " ".join(str(error).split()))
+    return ""
 
 
 # ---- clients can reach this node ----

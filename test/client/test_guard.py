@@ -10,6 +10,8 @@ from arm_bench import fill
 from guarded_driver import ROOT, GuardedDriver
 from waiting import WAIT, eventually
 
+from jaka_ros_driver.client.driver_pipe import OUTLIVED
+from jaka_ros_driver.client.guard_post import GuardPost
 from jaka_ros_driver.client.process_state import waits_for_processor
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
@@ -157,6 +159,35 @@ def test_a_guard_that_never_hears_a_word_of_its_driver_stops_what_the_driver_mov
     subprocess.run(guard_of(one, process.process.pid, "--moving"), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                    check=True, timeout=WAIT, cwd=str(ROOT))
     assert eventually(lambda: not one.is_moving())
+
+
+@pytest.mark.parametrize("number", OUTLIVED, ids=lambda number: number.name)
+def test_what_asks_every_process_to_end_leaves_a_frozen_driver_its_guard(driver, number):
+    """As systemd does with all processes of a service, or when the computer is shut down."""
+    one, process = driver("jog")
+    guard = process.watched()
+    process.send(signal.SIGSTOP)
+    os.kill(guard, number)
+    process.send(number)
+    assert eventually(lambda: not one.is_moving())
+    assert process.guards() == [guard]
+    process.send(signal.SIGKILL)
+    assert eventually(lambda: not process.guards()), "the guard outlives the driver"
+
+
+def test_a_guard_that_is_asked_to_end_while_it_starts_stops_the_arm(driver):
+    one, process = driver("jog")
+    pid = process.watched()
+    process.send(signal.SIGSTOP)
+    os.kill(pid, signal.SIGKILL)
+    post = GuardPost(time.monotonic())
+    post.launch(guard_of(one, process.process.pid, "--moving"))
+    for number in OUTLIVED:
+        post._process.send_signal(number)
+    post.leave()
+    assert post.has_exited(WAIT) and post._process.returncode == 0
+    assert eventually(lambda: not one.is_moving())
+    assert not signal.pthread_sigmask(signal.SIG_BLOCK, ()) & set(OUTLIVED), "they are kept from the driver"
 
 
 def guard_of(one, driver, *options):

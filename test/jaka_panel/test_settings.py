@@ -46,7 +46,8 @@ def test_the_tokens_file_is_made_kept_and_its_owners_alone(tmp_path):
 
 
 @pytest.mark.parametrize("words", [["--port", "x"], ["--port", "70000"], ["--pages", "0"], ["--max-jog-speed", "0"],
-                                   ["--max-jog-speed", "nan"], ["--unknown"]])
+                                   ["--max-jog-speed", "nan"], ["--unknown"], ["--host", ""],
+                                   ["--tls-cert", ""], ["--tls-key", " "], ["--token-file", ""]])
 def test_wrong_options_end_it(words, capsys):
     with pytest.raises(SystemExit) as end:
         settings_from(words)

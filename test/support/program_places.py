@@ -8,16 +8,19 @@ checkout    files like those that the build makes, for the interpreter   no buil
 devel       ``PREFIX/lib/jaka_ros_driver``, relays to the checkout       by default what the shell has sourced
 install     the same, with packages of its own                           by default built
 wheel       the console scripts in ``PREFIX/bin``; log tools only        by default built
-deb         ``PREFIX/bin``                                               ``/usr``
+deb         ``/usr/bin``; ``/usr/lib/jaka_ros_driver`` what only        no prefix
+            rostest starts. dpkg must have installed them
 ==========  ===========================================================  ==============================================
 
 Without ``JAKA_TEST_PLACE`` it is the devel space that the shell has sourced, if that is one of this checkout, else the
-checkout. Programs of the other places see neither the checkout nor its devel space.
+checkout. Programs of the other places see neither the checkout nor its devel space. With ``deb`` the tests themselves
+import the packages' modules, too.
 """
 import atexit
 import fcntl
 import functools
 import hashlib
+import importlib.util
 import os
 import re
 import shutil
@@ -28,7 +31,7 @@ import unittest
 from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple, Optional
 
-from import_graph import ROOT
+from import_graph import PACKAGES, ROOT
 
 PACKAGE = "jaka_ros_driver"
 SYSTEM_PYTHON = "/usr/bin/python3"
@@ -40,6 +43,8 @@ OF_A_SHELL = ("CMAKE_PREFIX_PATH", "PKG_CONFIG_PATH", "PYTHONPATH", "ROS_PACKAGE
 """Variables by which a sourced space is found."""
 LOG_PROGRAMS = ("jaka_bag", "jaka_foxglove")
 """The executables in the wheel."""
+DEBIAN_PACKAGES = ("jaka-panel", "python3-jaka-bag", "python3-jaka-ros-driver")
+DEBIAN_MODULES = Path("/usr/lib/python3/dist-packages")
 
 
 class Place(NamedTuple):
@@ -91,7 +96,7 @@ def place() -> Place:
     elif name == "wheel":
         prefix = prefix or _kept("wheel", wheel_venv)
     elif name == "deb":
-        prefix = prefix or "/usr"
+        prefix = "/usr"
     else:
         raise RuntimeError("JAKA_TEST_PLACE=%s; it must be checkout, devel, install, wheel or deb" % name)
     return Place(name, Path(prefix))
@@ -106,8 +111,12 @@ def command_of(program: str) -> List[str]:
     path = where.folder / program
     if where.name == "wheel" and program not in LOG_PROGRAMS:
         raise unittest.SkipTest("the wheel has the log tools only, and not %s" % program)
+    if where.name == "deb" and not path.exists():
+        path = where.prefix / "lib" / PACKAGE / program
     if not os.access(str(path), os.X_OK):
         raise RuntimeError("no program %s" % path)
+    if where.name == "deb":
+        require_packaged(path)
     changed = {name: value for name, value in where.environment.items() if os.environ.get(name) != value}
     words = []
     for name, value in changed.items():
@@ -129,6 +138,37 @@ def enter() -> None:
                 os.environ[name] = value
     if place().name in ("install", "wheel"):
         os.environ["JAKA_TEST_PREFIX"] = str(place().prefix)  # workers of a parallel run build nothing again
+
+
+# ---- what dpkg has installed ----
+
+@functools.lru_cache(maxsize=None)
+def require_packaged(path: Path) -> None:
+    """Raise RuntimeError unless this file is the one that a Debian package of this project has installed."""
+    said = _dpkg("dpkg-query", "--search", str(path)).partition(":")[0]
+    if said not in DEBIAN_PACKAGES:
+        raise RuntimeError("%s is of %s" % (path, "the Debian package " + said if said else "no Debian package"))
+    changed = [line.split()[-1] for line in _dpkg("dpkg", "--verify", said).splitlines()]
+    if str(path.resolve()) in changed or any(name.endswith(".py") for name in changed):
+        raise RuntimeError("not what the Debian package %s has installed: %s" % (said, ", ".join(changed)))
+
+
+def _dpkg(*words: str) -> str:
+    return subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True).stdout
+
+
+def import_what_is_under_test() -> None:
+    """Have this process, as well, import the modules of the Debian packages, and none of the checkout, in that place.
+
+    Raises RuntimeError where that is not possible. Call it before anything of them is imported.
+    """
+    if place().name != "deb":
+        return
+    sys.path[:] = [folder for folder in sys.path if Path(folder).resolve() not in (ROOT, ROOT / "tools")]
+    for name in PACKAGES:
+        found = importlib.util.find_spec(name)
+        if found is None or found.origin != str(DEBIAN_MODULES / name / "__init__.py"):
+            raise RuntimeError("JAKA_TEST_PLACE=deb: %s is imported from %s" % (name, found and found.origin))
 
 
 # ---- what the build makes ----

@@ -136,15 +136,15 @@ def _parser() -> argparse.ArgumentParser:
                                      description="An operator's page in the browser, for all drivers of a ROS graph.")
     parser.add_argument("--port", type=_port, default=PORT, metavar="N",
                         help="port of the page, or the next free one (default %d); 0 picks a free one" % PORT)
-    parser.add_argument("--host", default=LOOPBACK, metavar="ADDRESS",
+    parser.add_argument("--host", type=_given, default=LOOPBACK, metavar="ADDRESS",
                         help="address to listen on (default %s: this computer only)" % LOOPBACK)
-    parser.add_argument("--tls-cert", metavar="FILE", help="certificate, PEM")
-    parser.add_argument("--tls-key", metavar="FILE", help="its key, PEM")
+    parser.add_argument("--tls-cert", type=_given, metavar="FILE", help="certificate, PEM")
+    parser.add_argument("--tls-key", type=_given, metavar="FILE", help="its key, PEM")
     parser.add_argument("--insecure-http", action="store_true", help="let other computers in without TLS, see below")
     parser.add_argument("--allow-name", action="append", default=[], metavar="NAME",
                         help="a host name by which browsers call this computer; addresses are allowed anyway")
-    parser.add_argument("--token-file", metavar="FILE", help="file with the token, made where it is not there "
-                                                             "(default: a new token with each start)")
+    parser.add_argument("--token-file", type=_given, metavar="FILE",
+                        help="file with the token, made where it is not there (default: a new token with each start)")
     parser.add_argument("--read-only", action="store_true", help="pages can watch, and stop, and nothing else")
     parser.add_argument("--logs", metavar="FOLDER", help="folder whose logs can be replayed")
     parser.add_argument("--max-jog-speed", type=_percent, default=100.0, metavar="PERCENT",
@@ -154,6 +154,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--simulator-panel", type=_port, default=0, metavar="PORT",
                         help="port of the simulated controller's own panel (default: as the launch file set it)")
     return parser
+
+
+def _given(text: str) -> str:
+    if not text.strip():  # a variable of the shell that is not set must not be taken for no option
+        raise argparse.ArgumentTypeError("it is empty")
+    return text
 
 
 def _port(text: str) -> int:

@@ -235,7 +235,7 @@ def check(words, written, target=""):
     elif program == "pip":
         extras(rest)
     elif program in (".", "source"):
-        if rest[0].startswith("build/") and not (ROOT / rest[0]).is_file():
+        if rest[0].startswith("build/") and program_places.place().name != "deb" and not (ROOT / rest[0]).is_file():
             raise Wrong("no %s" % rest[0])
     elif program in (".ci/run", "catkin_lint"):
         if not (os.access(str(ROOT / program), os.X_OK) or shutil.which(program, path="/usr/bin:/bin")):
@@ -261,6 +261,8 @@ def checked(written):
 
 @pytest.mark.parametrize("where", sorted({written.where.split(",")[0] for written in FOUND}))
 def test_what_a_reader_is_told_to_type_is_understood(where):
+    if where == "CONTRIBUTING.md" and program_places.place().name == "deb":
+        pytest.skip("its commands are those of a checkout with its build")
     wrong = []
     for written in FOUND:
         if written.where.split(",")[0] == where:

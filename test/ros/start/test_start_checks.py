@@ -17,7 +17,7 @@ from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros import start_checks
 from jaka_ros_driver.ros.services.table import SERVICES
-from jaka_ros_driver.ros.start_checks import wait_for_time
+from jaka_ros_driver.ros.start_checks import refuse_words_that_are_not_taken, wait_for_time
 
 ENDS_WITHIN_S = 12.0
 """s; a driver that waits for the master ends never; the bound is the driver's own, 5 s, on a busy host."""
@@ -78,6 +78,31 @@ def test_a_remapping_that_makes_two_topics_one_is_refused(ros_node):
         said = refusal(simulator, remappings=["joint_states:=/refused/jog_joints"])
         assert "would use /refused/jog_joints for two things at once" in said
         assert untouched(simulator)
+
+
+@pytest.mark.parametrize("word, problem", [
+    ("_ip:=", "_ip:= has no value"), ("_ip:= ", "_ip:=  has no value"), ("_model:=", "_model:= has no value"),
+    ("_ip:=~", "_ip:=~ has no value: null in YAML"), ("_ip:=''", "parameter ~ip is ''"),
+    ("ip:=10.5.5.100", "ip:=10.5.5.100 would be the remapping of a topic; the parameter is set by _ip:=10.5.5.100"),
+    ("~ip:=10.5.5.100", "the parameter is set by _ip:=10.5.5.100"), ("_ip:=10.5.5.100:=1", "has := more than once"),
+    ("_ip:=[10.5", "is no YAML"), ("__ns:=", "__ns:= has no value"), ("joint_states:=", "joint_states:= has no value")])
+def test_a_word_that_would_leave_the_driver_with_its_default_is_refused(ros_node, word, problem):
+    """The default is the address on which a simulated controller, or a tunnel to a real one, may listen."""
+    with contextlib.closing(SimulatorProcess()) as simulator:
+        given = on(simulator)
+        del given["ip"]
+        with DriverProcess("refused", None, remappings=[word], **given) as driver:
+            code, said = driver.wait()
+        assert code == 1 and "Traceback" not in said and "cannot start: " in said and problem in said, said
+        assert untouched(simulator)
+    with contextlib.suppress(KeyError):
+        rospy.delete_param("/refused")
+
+
+@pytest.mark.parametrize("words", [["__name:=x", "__log:=/tmp/x.log", "joint_states:=/a/b", "_ip:=10.5.5.100"],
+                                   ["--dh-file=a:=b"], ["_frame_prefix:=''", "_publish_tf:=none", "_blocking:=no"]])
+def test_words_that_mean_what_they_say_are_taken(words):
+    refuse_words_that_are_not_taken(words)
 
 
 def test_without_time_nothing_is_powered_or_offered_until_it_runs(roscore):

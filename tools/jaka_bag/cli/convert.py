@@ -19,7 +19,7 @@ from .options import (
     selection_of,
     span_of,
 )
-from .quantities import count
+from .quantities import count, given
 
 EPILOG = """\
 examples:
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     many.add_argument("--to", choices=("mcap", "bag"), default="mcap",
                       help="format of the outputs (default mcap); files of that format are left alone")
     many.add_argument("--jobs", type=count, default=1, metavar="N", help="files at a time (default 1)")
-    many.add_argument("--dask", metavar="ADDRESS", help="hand the files to the Dask scheduler there")
+    many.add_argument("--dask", type=given, metavar="ADDRESS", help="hand the files to the Dask scheduler there")
     add_selection(parser)
     add_compression(parser)
     add_report(parser)

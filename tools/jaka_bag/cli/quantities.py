@@ -20,6 +20,13 @@ _BYTES = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30}
 _NUMBER = re.compile(r"^\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*([a-z]*)\s*$", re.IGNORECASE)
 
 
+def given(text: str) -> str:
+    """Return a text that is not empty: a variable of the shell that is not set must not be taken for no option."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("it is empty")
+    return text
+
+
 def nanoseconds(text: str) -> int:
     """A duration in ns, 0 or more, from ``5``, ``500ms``, ``5s``, ``2m``, ``1h``, ``1:30`` or ``1:02:03.5``."""
     words = text.strip()

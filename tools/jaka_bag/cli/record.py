@@ -76,7 +76,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                      help="log time: when the kernel got the message (default), or when it was read")
     how.add_argument("--report", metavar="FILE", help="write the account of the recording as JSON")
     how.add_argument("-q", "--quiet", action="store_true", help="say only what went wrong or was lost")
-    how.add_argument("--sign", metavar="KEY", help="write NAME.sig for each finished file: Ed25519, KEY in PEM")
+    how.add_argument("--sign", type=quantities.given, metavar="KEY",
+                     help="write NAME.sig for each finished file: Ed25519, KEY in PEM")
 
 
 def _selection(args: argparse.Namespace, names: NodeNames) -> TopicSelection:

@@ -6,6 +6,7 @@ from ..errors import BagError, UsageError
 from ..operations.audit_log import is_audit_log, verify_audit
 from ..operations.signature import load_public_key, verify
 from .main import printable
+from .quantities import given
 
 EPILOG = """\
 jaka_bag record --sign KEY.pem writes NAME.sig beside each finished log NAME: the SHA-256 of every record of the log,
@@ -30,8 +31,9 @@ Exit code: 0 unchanged, 1 changed or not signed, 2 usage.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``jaka_bag verify``."""
     parser.add_argument("files", nargs="+", metavar="FILE", help="signed logs; audit logs, or folders of them")
-    parser.add_argument("--key", metavar="PUBLIC", help="public key in PEM that they ought to be signed with")
-    parser.add_argument("--signature", metavar="FILE", help="the signature, where it is not FILE.sig")
+    parser.add_argument("--key", type=given, metavar="PUBLIC",
+                        help="public key in PEM that they ought to be signed with")
+    parser.add_argument("--signature", type=given, metavar="FILE", help="the signature, where it is not FILE.sig")
 
 
 def run(args: argparse.Namespace) -> int:

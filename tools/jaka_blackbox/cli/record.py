@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--snapshot", type=quantities.duration, metavar="TIME",
                        help="write the newest TIME of messages at each SIGUSR1, and only then")
     group = parser.add_argument_group("black box")
-    group.add_argument("--black-box", metavar="DIR",
+    group.add_argument("--black-box", type=quantities.given, metavar="DIR",
                        help="keep the newest messages in memory; write a file to DIR around each accident")
     add = group.add_argument
     add("--before", type=quantities.duration, metavar="TIME", help="from so long before it (default 60s)")

@@ -4,7 +4,7 @@ import os
 from typing import Sequence
 
 from jaka_bag.cli.options import Report
-from jaka_bag.cli.quantities import count
+from jaka_bag.cli.quantities import count, given
 from jaka_bag.engines.tasks import FAILED, Engine, LogFunction, LogResult, LogTask, OnResult, Serial, Tally, run_tasks
 from jaka_bag.errors import UsageError
 
@@ -14,7 +14,7 @@ def add_engine(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("where the work is done (default: a Dask cluster of this computer)")
     group.add_argument("--jobs", type=count, metavar="N",
                        help="logs at a time on this computer (default: its processors); 1 needs no Dask")
-    group.add_argument("--dask", metavar="ADDRESS", help="hand the logs to the Dask scheduler there")
+    group.add_argument("--dask", type=given, metavar="ADDRESS", help="hand the logs to the Dask scheduler there")
 
 
 def engine_of(args: argparse.Namespace, task_count: int) -> Engine:

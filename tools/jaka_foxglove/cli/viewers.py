@@ -17,7 +17,7 @@ _OPEN = "%s: everybody who reaches this port sees %s; nothing is encrypted, and 
 def add_server(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a server."""
     group = parser.add_argument_group("who may connect")
-    group.add_argument("--host", default="127.0.0.1", metavar="ADDRESS",
+    group.add_argument("--host", type=quantities.given, default="127.0.0.1", metavar="ADDRESS",
                        help="listen there (default 127.0.0.1: only this machine connects)")
     group.add_argument("--port", type=_port, default=DEFAULT_PORT, metavar="PORT",
                        help="port (default %d; 0: any that is free)" % DEFAULT_PORT)
