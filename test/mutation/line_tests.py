@@ -1,7 +1,7 @@
-"""The tests that run a line: recorded once with coverage, file of tests by file of tests, and kept in ``build/``.
+"""The tests that run a line: recorded with coverage, file of tests by file of tests, and kept in ``build/``.
 
-A file of tests is recorded again when it, or any module of the package, has changed. As a program: ``FILE OUT`` records
-one run of pytest into OUT; that is done in a process of its own.
+A file of tests is recorded again when it, or a module of which it runs a line, has changed. As a program:
+``OUT FILE...`` records one run of pytest over these files into OUT; that is done in processes of their own.
 """
 import functools
 import hashlib
@@ -9,8 +9,10 @@ import json
 import re
 import subprocess
 import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Any, Dict, Iterable, List, NamedTuple, Sequence, Set, Tuple
 
 import pytest
 from source_mutants import ROOMS, SourceMutant
@@ -54,6 +56,8 @@ LIVE: Dict[str, Tuple[str, ...]] = {
 _FAST_S = 0.5
 _CHUNKS_OF_SEEDS = 3
 """Of ten seeds each."""
+_FILES_A_PROCESS = 12
+"""What a stopped recording loses is small, and what starting processes costs as well."""
 
 
 class LineTests(NamedTuple):
@@ -67,10 +71,10 @@ class LineTests(NamedTuple):
     seconds: Dict[str, float]
     lines: Dict[str, Dict[int, Set[str]]]
 
-    def of(self, mutant: SourceMutant, package: Optional[Path] = None) -> List[str]:
+    def of(self, mutant: SourceMutant, root: Path = ROOT) -> List[str]:
         """The tests that may notice a mutant: fast ones of its module, then the fastest first.
 
-        Of a line that none runs, whole files of slow tests.
+        Of a line that none runs, whole files of slow tests. ``root`` is the checkout that the mutant was made from.
         """
         lines = self.lines.get(mutant.file, {})
         found = self._at(lines, mutant.lines)
@@ -78,10 +82,10 @@ class LineTests(NamedTuple):
             name = re.match(r"(\w+)", mutant.code)
             found = self._at(lines, lines)
             if name:
-                found |= self._users(name.group(1), mutant.file, package or PACKAGE)
+                found |= self._users(name.group(1), mutant.file, root / PACKAGE.name)
             module = Path(mutant.file).stem  # a test of a table, say, runs no line of its module
             found |= {test for test, seconds in self.seconds.items()
-                      if seconds < _FAST_S and module in _words(ROOT / test.split("::")[0])}
+                      if seconds < _FAST_S and module in _words(root / test.split("::")[0])}
         own = "/test_%s.py" % Path(mutant.file).stem  # the likeliest to notice
         found = found or {test for test in self._at(lines, lines) if own in test}
         ordered = sorted(found, key=lambda test: (own not in test or self.seconds[test] > _FAST_S,
@@ -162,38 +166,47 @@ def record(files: Sequence[str]) -> Dict[str, Any]:
     return found
 
 
-def _mark(paths: Iterable[Path]) -> str:
-    mark = hashlib.sha256()
-    for path in sorted(paths):
-        mark.update(path.read_bytes())
-    return mark.hexdigest()
+def _mark(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else ""
 
 
-def _files() -> List[str]:
+def _files(root: Path) -> List[str]:
     found = []
     for name in RECORDED:
-        path = ROOT / name
+        path = root / name
         found += [path] if path.is_file() else path.rglob("test_*.py")
-    names = sorted(path.relative_to(ROOT).as_posix() for path in found)
+    names = sorted(path.relative_to(root).as_posix() for path in found)
     return [name for name in names if not name.startswith(_SLOW)]
 
 
-def known() -> LineTests:
-    """Record what has changed, and read the rest."""
-    package = _mark(PACKAGE.rglob("*.py"))
+def known(root: Path, jobs: int = 1) -> LineTests:
+    """Record in a copy of the checkout, so many processes at a time, what has changed; read the rest."""
     kept = read(KEPT) if KEPT.exists() else {}
-    marks = {file: package + _mark([ROOT / file]) for file in _files()}
-    stale = [file for file, mark in marks.items() if kept.get(file, {}).get("mark") != mark]
+    files = _files(root)
+    stale = [file for file in files if file not in kept or any(
+        _mark(root / name) != mark for name, mark in kept[file]["marks"].items())]
+    parts = [stale[first:first + _FILES_A_PROCESS] for first in range(0, len(stale), _FILES_A_PROCESS)]
     if stale:
         print("recording which lines %d files of tests run ..." % len(stale), flush=True)
-        KEPT.parent.mkdir(parents=True, exist_ok=True)
-        new = KEPT.with_suffix(".new")
-        subprocess.run([sys.executable, __file__, str(new), *stale], cwd=str(ROOT), stdout=subprocess.DEVNULL,
+    KEPT.parent.mkdir(parents=True, exist_ok=True)
+    with ThreadPoolExecutor(jobs) as pool:
+        for found in pool.map(lambda part: _recorded(root, part), parts):
+            for file, one in found.items():
+                names = [file, *("%s/%s" % (PACKAGE.name, name) for name in one["lines"])]
+                kept[file] = {"marks": {name: _mark(root / name) for name in names}, **one}
+            new = KEPT.with_suffix(".new")
+            new.write_text(json.dumps(kept), encoding="utf-8")
+            new.replace(KEPT)
+    return joined(kept[file] for file in files)
+
+
+def _recorded(root: Path, files: Sequence[str]) -> Dict[str, Any]:
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder, "lines.json")
+        program = root / Path(__file__).relative_to(ROOT)
+        subprocess.run([sys.executable, str(program), str(out), *files], cwd=str(root), stdout=subprocess.DEVNULL,
                        check=True)
-        for file, found in read(new).items():
-            kept[file] = {"mark": marks[file], **found}
-        KEPT.write_text(json.dumps({file: kept[file] for file in marks}), encoding="utf-8")
-    return joined(kept[file] for file in marks if file in kept)
+        return read(out)
 
 
 def read(path: Path) -> Dict[str, Any]:
