@@ -10,7 +10,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, Dict, Iterable, List, NamedTuple, Sequence, Set, Tuple
 
@@ -122,6 +122,7 @@ class _Recorder:
     def __init__(self, measured: Any) -> None:
         self._measured = measured
         self.seconds: Dict[str, float] = {}
+        self.failed: List[str] = []
 
     def pytest_collection_modifyitems(self, items: List[pytest.Item]) -> None:
         items[:] = [item for item in items if "ros_master" not in getattr(item, "fixturenames", ())
@@ -134,6 +135,8 @@ class _Recorder:
         self._measured.switch_context("")
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            self.failed.append(report.nodeid)
         if report.when == "call" and report.passed or report.when != "call" and report.nodeid in self.seconds:
             self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
 
@@ -151,9 +154,12 @@ def record(files: Sequence[str]) -> Dict[str, Any]:
     measured.start()
     pytest.main(["-q", "--tb=line", "-p", "no:cacheprovider", *files], plugins=[recorder])
     measured.stop()
-    found: Dict[str, Any] = {file: {"seconds": {}, "lines": {}} for file in files}
+    found: Dict[str, Any] = {file: {"seconds": {}, "lines": {}, "failed": []} for file in files}
+    for test in recorder.failed:
+        found[test.split("::")[0]]["failed"].append(test)
     for test, seconds in recorder.seconds.items():
-        found[test.split("::")[0]]["seconds"][test] = round(seconds, 4)
+        if test not in recorder.failed:
+            found[test.split("::")[0]]["seconds"][test] = round(seconds, 4)
     numbers = {test: number for one in found.values() for number, test in enumerate(one["seconds"])}
     data = measured.get_data()
     for path in data.measured_files():
@@ -190,14 +196,26 @@ def known(root: Path, jobs: int = 1) -> LineTests:
         print("recording which lines %d files of tests run ..." % len(stale), flush=True)
     KEPT.parent.mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(jobs) as pool:
-        for found in pool.map(lambda part: _recorded(root, part), parts):
-            for file, one in found.items():
-                names = [file, *("%s/%s" % (PACKAGE.name, name) for name in one["lines"])]
-                kept[file] = {"marks": {name: _mark(root / name) for name in names}, **one}
-            new = KEPT.with_suffix(".new")
-            new.write_text(json.dumps(kept), encoding="utf-8")
-            new.replace(KEPT)
+        futures = [pool.submit(_recorded, root, part) for part in parts]
+        try:
+            for future in as_completed(futures):
+                for file, one in future.result().items():
+                    _keep(kept, root, file, one)
+        finally:
+            for future in futures:
+                future.cancel()
     return joined(kept[file] for file in files)
+
+
+def _keep(kept: Dict[str, Any], root: Path, file: str, one: Dict[str, Any]) -> None:
+    names = [file, *("%s/%s" % (PACKAGE.name, name) for name in one["lines"])]
+    kept[file] = {"marks": {name: _mark(root / name) for name in names}, **one}
+    if one["failed"]:
+        print("failed without a mutant, and will notice none in this run: " + ", ".join(one["failed"]), flush=True)
+        kept[file]["marks"][file] = ""  # it is recorded again in the next run
+    new = KEPT.with_suffix(".new")
+    new.write_text(json.dumps(kept), encoding="utf-8")
+    new.replace(KEPT)
 
 
 def _recorded(root: Path, files: Sequence[str]) -> Dict[str, Any]:
