@@ -24,7 +24,8 @@ class Asked:
     def frame(self, joint):
         """Show joint 1 there, rad, one period later; returns why the feed is too old."""
         self.now += PERIOD
-        return self.witness.saw(RobotState(joints(joint), True, True, True, False, False, received_at=self.now), True, PERIOD)
+        state = RobotState(joints(joint), True, True, True, False, False, received_at=self.now)
+        return self.witness.saw(state, True, PERIOD)
 
     def ask(self):
         """Put the questions; returns which."""

@@ -190,7 +190,8 @@ def test_tests_are_recorded_again_when_they_or_what_they_run_has_changed(checkou
     package.joinpath("other.py").write_text('"""Other."""\n\n\ndef other():\n    return 1\n')
     assert recorded() == ("recording which lines 1 files of tests run ...\n",
                           {5: {"test/client/test_other.py::test_other"}})
-    other.write_text(other.read_text() + "    assert other() == 1\n\n\ndef test_that_fails():\n    assert not other()\n")
+    with other.open("a") as file:
+        file.write("    assert other() == 1\n\n\ndef test_that_fails():\n    assert not other()\n")
     for _ in range(2):  # what has failed is recorded again
         assert recorded()[0] == (
             "recording which lines 1 files of tests run ...\n"
