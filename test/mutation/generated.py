@@ -30,7 +30,7 @@ EQUIVALENT = Path(__file__).with_name("equivalent.yaml")
 """Mutants that no test can tell from the code, by their key, with the reason."""
 KEPT = mutate.ROOT / "build" / "mutation" / "verdicts.jsonl"
 _STATE_OF = ("jaka_msgs", "jaka_ros_driver", "test", "tools")
-LONGEST_TESTS_S = 40.0
+LONGEST_TESTS_S = 120.0
 """s; of the tests that run a line the fastest ones are taken, until they take so long together."""
 _LEAST_S, _SLOWER, _WAITS = 20.0, 4.0, 2.0
 """A mutant's tests may take 20 s of a processor and four times as long as without it, and twice that while they wait;
@@ -39,6 +39,8 @@ then the mutant counts as noticed.
 _LOADED_FIRST = ("numpy", "yaml", "hypothesis", "aiohttp", "rospy", "actionlib", "actionlib_msgs.msg",
                  "control_msgs.msg", "diagnostic_msgs.msg", "diagnostic_updater", "geometry_msgs.msg", "jaka_msgs.msg",
                  "jaka_msgs.srv", "roslaunch", "sensor_msgs.msg", "std_srvs.srv", "trajectory_msgs.msg")
+_FILE_S = 40.0
+"""s; taken for a file of slow tests, of which it is not known."""
 _TEST_S = 40.0
 _OPTIONS = ("-q", "-x", "--tb=no", "-rfE", "-p", "no:cacheprovider", "-W", "ignore", "-o", "timeout=%g" % _TEST_S)
 _OK, _FAILED, _WRONG_USAGE, _NO_TESTS = 0, 1, (4, 5), 5
@@ -219,10 +221,11 @@ def chosen_tests(known: line_tests.LineTests, mutant: SourceMutant, root: Path) 
     tests: List[str] = []
     total = 0.0
     for test in known.of(mutant, root):
-        total += known.seconds.get(test, LONGEST_TESTS_S)  # of a file of slow tests it is not known
-        if tests and total > LONGEST_TESTS_S and test in known.seconds:
-            break
+        takes = known.seconds.get(test)
+        if tests and takes is not None and total + takes > LONGEST_TESTS_S:
+            continue
         tests.append(test)
+        total += _FILE_S if takes is None else takes
     return tests, total
 
 
@@ -274,6 +277,11 @@ class Verdicts:
             if row["state"] == state:
                 self.known[row["mutant"]] = row["by"], row["tests"], row["took"]
 
+    def is_known(self, mutant: SourceMutant, tests: int) -> bool:
+        """Return whether it was killed in this state, or has outlived at least so many tests."""
+        by, outlived, _ = self.known.get(mutant.key, ("", -1, 0.0))
+        return bool(by) or outlived >= tests
+
     def add(self, one: Tried) -> None:
         """Keep a verdict, so that a run which is stopped now has it."""
         row = {"state": self._state, "mutant": one.mutant.key, "by": one.by, "tests": one.tests,
@@ -312,13 +320,14 @@ def report(count: int, seed: int, jobs: int, only: Sequence[str]) -> int:
         known = line_tests.known(root, jobs)
         load_first()
         wanted = [mutant for mutant in chosen if mutant.key not in listed]
-        results = [Tried(mutant, *verdicts.known[mutant.key]) for mutant in wanted if mutant.key in verdicts.known]
+        results = [Tried(mutant, *verdicts.known[mutant.key]) for mutant in wanted if verdicts.is_known(
+            mutant, len(chosen_tests(known, mutant, root)[0]))]
+        done = {one.mutant for one in results}
         print("%d of %d mutants, seed %d; %d are known of this state" % (len(chosen), len(every), seed, len(results)),
               flush=True)
         for one in results:
             _show(one)
-        for one in tried([mutant for mutant in wanted if mutant.key not in verdicts.known], known, free,
-                         verdicts.killers):
+        for one in tried([mutant for mutant in wanted if mutant not in done], known, free, verdicts.killers):
             verdicts.add(one)
             results.append(one)
             _show(one)

@@ -74,7 +74,7 @@ class LineTests(NamedTuple):
     def of(self, mutant: SourceMutant, root: Path = ROOT) -> List[str]:
         """The tests that may notice a mutant: fast ones of its module, then the fastest first.
 
-        Of a line that none runs, whole files of slow tests. ``root`` is the checkout that the mutant was made from.
+        Last come whole files of slow tests. ``root`` is the checkout that the mutant was made from.
         """
         lines = self.lines.get(mutant.file, {})
         found = self._at(lines, mutant.lines)
@@ -90,7 +90,7 @@ class LineTests(NamedTuple):
         found = found or {test for test in self._at(lines, lines) if own in test}
         ordered = sorted(found, key=lambda test: (own not in test or self.seconds[test] > _FAST_S,
                                                   self.seconds[test], test))
-        return ordered or list(LIVE.get(mutant.file, ()))
+        return ordered + list(LIVE.get(mutant.file, ()))
 
     @staticmethod
     def _at(lines: Dict[int, Set[str]], numbers: Iterable[int]) -> Set[str]:

@@ -205,6 +205,7 @@ def test_verdicts_hold_for_their_state_and_name_the_likely_killer_on_another(tmp
     before.add(generated.Tried(alive, "", 2, 0.5))
     same = generated.Verdicts(tmp_path / "build" / "verdicts.jsonl", "a state")
     assert same.known == {killed.key: ("test/test_sums.py::test_f", 3, 1.5), alive.key: ("", 2, 0.5)}
+    assert same.is_known(killed, 9) and same.is_known(alive, 2) and not same.is_known(alive, 3)
     another = generated.Verdicts(tmp_path / "build" / "verdicts.jsonl", "another state")
     assert not another.known and another.killers == {killed.key: "test/test_sums.py::test_f"}
 
@@ -233,6 +234,15 @@ def test_the_tests_of_a_line_are_those_that_run_it_fastest_first():
                                  {"sums.py": {2: {"slow", "fast"}, 3: {"other"}}})
     mutant = source_mutants.of_source("sums.py", b"def f(a):\n    return a + 1\n")[0]
     assert known.of(mutant) == ["fast", "slow"]
+
+
+def test_whole_files_of_slow_tests_come_last_and_others_only_while_there_is_time():
+    known = line_tests.LineTests({"a": 1.0, "b": generated.LONGEST_TESTS_S, "c": 2 * generated.LONGEST_TESTS_S},
+                                 {"ros/node.py": {2: {"a", "b", "c"}}})
+    mutant = source_mutants.of_source("ros/node.py", b"def f(a):\n    return a + 1\n")[0]
+    tests, seconds = generated.chosen_tests(known, mutant, mutate.ROOT)
+    assert tests == ["a", *line_tests.LIVE["ros/node.py"]]
+    assert seconds > 1.0, "the files take time, too"
 
 
 def test_what_is_listed_as_equivalent_has_a_reason():
