@@ -95,3 +95,13 @@ def test_a_question_that_the_controller_refuses_is_not_put_again(one):
     one.ask()
     one.answer(Query.JOINTS, error=CommandRejected("get_joint_pos", 1, "unknown"))
     assert one.ask() == [Query.DRIVES_READY] and not one.witness.can_tell
+
+
+@pytest.mark.parametrize("refused, is_trusted", [(Query.JOINTS, False), (Query.DRIVES_READY, True)])
+def test_only_a_refusal_to_tell_the_joints_ends_the_trust_in_the_witness(one, refused, is_trusted):
+    one.ask()
+    one.answer(Query.JOINTS, joints(0.0))
+    assert one.witness.is_trusted
+    one.ask()
+    one.answer(refused, error=CommandRejected("a question", 1, "unknown"))
+    assert one.witness.is_trusted is is_trusted and one.witness.can_tell is is_trusted
