@@ -21,10 +21,10 @@ class Asked:
     def request(self, command, now, on_reply):
         self.asked.append((command, on_reply))
 
-    def frame(self, joint):
+    def frame(self, joint, is_enabled=True):
         """Show joint 1 there, rad, one period later; returns why the feed is too old."""
         self.now += PERIOD
-        state = RobotState(joints(joint), True, True, True, False, False, received_at=self.now)
+        state = RobotState(joints(joint), True, is_enabled, True, False, False, received_at=self.now)
         return self.witness.saw(state, True, PERIOD)
 
     def ask(self):
@@ -105,3 +105,13 @@ def test_only_a_refusal_to_tell_the_joints_ends_the_trust_in_the_witness(one, re
     one.ask()
     one.answer(refused, error=CommandRejected("a question", 1, "unknown"))
     assert one.witness.is_trusted is is_trusted and one.witness.can_tell is is_trusted
+
+
+@pytest.mark.parametrize("shown_at", [None, 3])
+def test_drives_that_the_controller_says_are_off_must_be_shown_off_once_within_half_a_second(one, shown_at):
+    """shown_at: the frame that shows them powered and not enabled; None: no frame does."""
+    for is_ready in (True, False):
+        one.ask()
+        one.answer(Query.DRIVES_READY, is_ready)
+    doubts = [bool(one.frame(0.0, is_enabled=number != shown_at)) for number in range(1, 9)]
+    assert doubts == [shown_at is None and number == 6 for number in range(1, 9)]
