@@ -1,12 +1,16 @@
 """A trial of mutants that are made from the source, each against the tests that run its line.
 
 pytest and what the tests import from elsewhere are loaded once; each mutant is a child of that process, in a copy of
-the checkout, and ends at its first failing test.
+the checkout, and ends at its first failing test. Verdicts are kept in ``build/`` as they come: a run that was stopped
+goes on where it was, and on a changed checkout the test that killed a mutant before is the first to try it.
 """
 import collections
 import contextlib
+import hashlib
 import importlib
+import json
 import os
+import queue
 import re
 import resource
 import signal
@@ -14,7 +18,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, TextIO, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, TextIO, Tuple
 
 import line_tests
 import mutate
@@ -24,7 +28,9 @@ from source_mutants import SourceMutant, of_rooms, sample
 
 EQUIVALENT = Path(__file__).with_name("equivalent.yaml")
 """Mutants that no test can distinguish from the code, by their key, with the reason."""
-LONGEST_TESTS_S = 40.0
+KEPT = mutate.ROOT / "build" / "mutation" / "verdicts.jsonl"
+_STATE_OF = ("jaka_msgs", "jaka_ros_driver", "test", "tools")
+LONGEST_TESTS_S = 120.0
 """s; of the tests that run a line the fastest ones are taken, until they take so long together."""
 _LEAST_S, _SLOWER, _WAITS = 20.0, 4.0, 2.0
 """A mutant's tests may take 20 s of a processor and four times as long as without it, and twice that while they wait;
@@ -32,9 +38,12 @@ then the mutant counts as noticed."""
 _LOADED_FIRST = ("numpy", "yaml", "hypothesis", "aiohttp", "rospy", "actionlib", "actionlib_msgs.msg",
                  "control_msgs.msg", "diagnostic_msgs.msg", "diagnostic_updater", "geometry_msgs.msg", "jaka_msgs.msg",
                  "jaka_msgs.srv", "roslaunch", "sensor_msgs.msg", "std_srvs.srv", "trajectory_msgs.msg")
+_FILE_S = 40.0
+"""s; taken for a file of slow tests, of which it is not known."""
 _TEST_S = 40.0
 _OPTIONS = ("-q", "-x", "--tb=no", "-rfE", "-p", "no:cacheprovider", "-W", "ignore", "-o", "timeout=%g" % _TEST_S)
-_OK, _FAILED, _WRONG_USAGE = 0, 1, (4, 5)
+_OK, _FAILED, _WRONG_USAGE, _NO_TESTS = 0, 1, (4, 5), 5
+_CONFTEST = "ImportError while loading conftest"
 _FIRST_FILES = 2
 
 
@@ -76,7 +85,7 @@ class _Order:
 class _Child:
     """A run of one mutant's tests in a copy of the checkout."""
 
-    def __init__(self, folder: Path, mutant: SourceMutant, tests: Sequence[str], limit: float) -> None:
+    def __init__(self, folder: Path, mutant: SourceMutant, tests: Sequence[str], limit: float, killer: str) -> None:
         self.folder, self.mutant, self._tests = folder, mutant, tests
         self._path = folder / "jaka_ros_driver" / mutant.file
         self._original = self._path.read_bytes()
@@ -85,7 +94,7 @@ class _Child:
         self._ends = self._began + _WAITS * limit
         if tests:
             _write(self._path, mutant.applied(self._original))
-            self._process = _forked(folder, tests, self._output, limit)
+            self._process = _forked(folder, tests, self._output, limit, killer)
 
     def ended(self) -> Optional[Tried]:
         """Return the outcome; None while its tests run."""
@@ -118,6 +127,8 @@ class _Child:
         self._output.seek(0)
         said = self._output.read()
         failed = re.findall(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", said, re.MULTILINE)
+        if _CONFTEST in said:
+            return "a conftest.py, which cannot be imported"
         if code in _WRONG_USAGE:
             raise mutate.CannotTell("pytest ended with %d: %s" % (code, said[-2000:]))
         if not failed:
@@ -157,7 +168,7 @@ def _run(tests: Sequence[str]) -> int:
     return _OK
 
 
-def _forked(folder: Path, tests: Sequence[str], output: TextIO, limit: float) -> int:
+def _forked(folder: Path, tests: Sequence[str], output: TextIO, limit: float, killer: str) -> int:
     sys.stdout.flush()
     process = os.fork()
     if process:
@@ -169,14 +180,17 @@ def _forked(folder: Path, tests: Sequence[str], output: TextIO, limit: float) ->
         os.chdir(str(folder))
         os.dup2(output.fileno(), 1)
         os.dup2(output.fileno(), 2)
+        sys.dont_write_bytecode = False  # a copy is compiled once, not for each mutant
         sys.path[:] = [place for place in sys.path if not place.startswith(str(mutate.ROOT / "test"))]
         for name in ("line_tests", "mutate", "mutant", "mutants", "source_mutants", "generated"):
             sys.modules.pop(name, None)
         resource.setrlimit(resource.RLIMIT_CPU, (int(limit), int(limit) + 5))
-        for part in parts(tests):
-            code = _run(part)
-            if code:
-                break
+        code = _run([killer]) if killer else _OK
+        if code in (_OK, _NO_TESTS):
+            for part in parts(tests):
+                code = _run(part)
+                if code:
+                    break
     finally:
         sys.stdout.flush()
         os._exit(code)
@@ -202,39 +216,89 @@ def load_first() -> None:
         del sys.modules[name]
 
 
-def chosen_tests(known: line_tests.LineTests, mutant: SourceMutant) -> Tuple[List[str], float]:
+def chosen_tests(known: line_tests.LineTests, mutant: SourceMutant, root: Path) -> Tuple[List[str], float]:
     """Return the tests that a mutant is tried with, and how long they take without it, s."""
     tests: List[str] = []
     total = 0.0
-    for test in known.of(mutant):
-        total += known.seconds.get(test, LONGEST_TESTS_S)  # of a file of slow tests it is not known
-        if tests and total > LONGEST_TESTS_S and test in known.seconds:
-            break
+    for test in known.of(mutant, root):
+        takes = known.seconds.get(test)
+        if tests and takes is not None and total + takes > LONGEST_TESTS_S:
+            continue
         tests.append(test)
+        total += _FILE_S if takes is None else takes
     return tests, total
 
 
-def tried(mutants: Sequence[SourceMutant], known: line_tests.LineTests, jobs: int) -> Iterator[Tried]:
-    """Try each of the mutants, so many at a time; yield the outcomes as they end."""
+def tried(mutants: Sequence[SourceMutant], known: line_tests.LineTests, free: "queue.Queue[Path]",
+          killers: Mapping[str, str]) -> Iterator[Tried]:
+    """Try each of the mutants, one at a time in each copy of the checkout; yield the outcomes as they end.
+
+    ``killers`` are tests that have noticed mutants before, by the mutant's key; they are tried first.
+    """
     waiting = collections.deque(mutants)
     running: List[_Child] = []
-    with mutate.copies(jobs) as free:
-        try:
-            while waiting or running:
-                while waiting and not free.empty():
-                    mutant = waiting.popleft()
-                    tests, seconds = chosen_tests(known, mutant)
-                    running.append(_Child(free.get(), mutant, tests, _LEAST_S + _SLOWER * seconds))
-                for child in list(running):
-                    result = child.ended()
-                    if result is not None:
-                        running.remove(child)
-                        free.put(child.folder)
-                        yield result
-                time.sleep(0.01)
-        finally:
-            for child in running:
-                child.stop()
+    try:
+        while waiting or running:
+            while waiting and not free.empty():
+                mutant, folder = waiting.popleft(), free.get()
+                tests, seconds = chosen_tests(known, mutant, folder)
+                killer = killers.get(mutant.key, "")
+                if not (tests and (folder / mutate.file_of(killer)).is_file()):  # it was a time limit, say
+                    killer = ""
+                running.append(_Child(folder, mutant, tests, _LEAST_S + _SLOWER * seconds, killer))
+            for child in list(running):
+                result = child.ended()
+                if result is not None:
+                    running.remove(child)
+                    free.put(child.folder)
+                    yield result
+            time.sleep(0.01)
+    finally:
+        for child in running:
+            child.stop()
+
+
+class Verdicts:
+    """The outcomes of mutants in earlier runs, one JSON object a line: of this state of the checkout, and of others.
+
+    Attributes:
+        known: Of this state, by the mutant's key: who noticed it, how many tests there were, and how long it took, s.
+        killers: Who noticed a mutant last, of whatever state, by the mutant's key.
+    """
+
+    def __init__(self, path: Path, state: str) -> None:
+        self.known: Dict[str, Tuple[str, int, float]] = {}
+        self.killers: Dict[str, str] = {}
+        self._path, self._state = path, state
+        for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
+            row = json.loads(line)
+            if row["by"]:
+                self.killers[row["mutant"]] = row["by"]
+            if row["state"] == state:
+                self.known[row["mutant"]] = row["by"], row["tests"], row["took"]
+
+    def is_known(self, mutant: SourceMutant, tests: int) -> bool:
+        """Return whether it was killed in this state, or has outlived at least so many tests."""
+        by, outlived, _ = self.known.get(mutant.key, ("", -1, 0.0))
+        return bool(by) or outlived >= tests
+
+    def add(self, one: Tried) -> None:
+        """Keep a verdict, so that a run which is stopped now has it."""
+        row = {"state": self._state, "mutant": one.mutant.key, "by": one.by, "tests": one.tests,
+               "took": round(one.took, 2)}
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        with self._path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+
+
+def state_of(root: Path) -> str:
+    """A name for what decides about mutants in a checkout: the code and the tests, without what makes the mutants."""
+    mark = hashlib.sha256()
+    for path in sorted(path for name in _STATE_OF for path in (root / name).rglob("*")):
+        name = path.relative_to(root).as_posix()
+        if path.is_file() and not name.startswith("test/mutation/") and "__pycache__" not in name:
+            mark.update(b"%s %d " % (name.encode(), path.stat().st_size) + path.read_bytes())
+    return mark.hexdigest()[:16]
 
 
 def equivalents() -> Dict[str, str]:
@@ -247,32 +311,45 @@ def report(count: int, seed: int, jobs: int, only: Sequence[str]) -> int:
     """Print what lives of so many mutants, and the share that was noticed; return 1 where one lives that is not
     listed."""
     began = time.monotonic()
-    every = list(of_rooms(line_tests.PACKAGE))
-    chosen = sample(line_tests.PACKAGE, [one for one in every if not only or any(text in one.key for text in only)],
-                    count, seed)
     listed = equivalents()
-    gone = set(listed) - {one.key for one in every}
-    known = line_tests.known()
-    load_first()
-    print("%d of %d mutants, seed %d" % (len(chosen), len(every), seed), flush=True)
-    results: List[Tried] = []
-    for one in tried([mutant for mutant in chosen if mutant.key not in listed], known, jobs):
-        results.append(one)
-        if not one.by:
-            print(_row(one), flush=True)
-        elif os.environ.get("MUTATE_SHOW"):
-            print("killed %4.1f s  %s  by %s" % (one.took, one.mutant.key, one.by), flush=True)
+    with mutate.copies(jobs) as free:
+        root = free.queue[0]  # the checkout may change meanwhile
+        verdicts = Verdicts(KEPT, state_of(root))
+        every = list(of_rooms(root / line_tests.PACKAGE.name))
+        chosen = sample(root / line_tests.PACKAGE.name,
+                        [one for one in every if not only or any(text in one.key for text in only)], count, seed)
+        known = line_tests.known(root, jobs)
+        load_first()
+        wanted = [mutant for mutant in chosen if mutant.key not in listed]
+        results = [Tried(mutant, *verdicts.known[mutant.key]) for mutant in wanted if verdicts.is_known(
+            mutant, len(chosen_tests(known, mutant, root)[0]))]
+        done = {one.mutant for one in results}
+        print("%d of %d mutants, seed %d; %d are known of this state" % (len(chosen), len(every), seed, len(results)),
+              flush=True)
+        for one in results:
+            _show(one)
+        for one in tried([mutant for mutant in wanted if mutant not in done], known, free, verdicts.killers):
+            verdicts.add(one)
+            results.append(one)
+            _show(one)
     alive = [one for one in results if not one.by]
     for room, rows in sorted(_by_room(results).items()):
         killed = sum(bool(one.by) for one in rows)
         print("%-12s %4d tried, %4d killed, %5.1f %%" % (room, len(rows), killed, 100.0 * killed / len(rows)))
-    for key in sorted(gone):
+    for key in sorted(set(listed) - {one.key for one in every}):
         print("listed as equivalent, and not there any more: " + key)
     print("seed %d: %d mutants, %d listed as equivalent, %d killed, %d alive: %.1f %% killed; %.0f s, %.1f s each" % (
         seed, len(chosen), len(chosen) - len(results), len(results) - len(alive), len(alive),
         100.0 * (len(results) - len(alive)) / max(1, len(chosen)), time.monotonic() - began,
         sum(one.took for one in results) / max(1, len(results))))
     return 1 if alive else 0
+
+
+def _show(one: Tried) -> None:
+    if not one.by:
+        print(_row(one), flush=True)
+    elif os.environ.get("MUTATE_SHOW"):
+        print("killed %4.1f s  %s  by %s" % (one.took, one.mutant.key, one.by), flush=True)
 
 
 def _row(one: Tried) -> str:

@@ -1,7 +1,7 @@
-"""The tests that run a line: recorded once with coverage, file of tests by file of tests, and kept in ``build/``.
+"""The tests that run a line: recorded with coverage, file of tests by file of tests, and kept in ``build/``.
 
-A file of tests is recorded again when it, or any module of the package, has changed. As an executable: ``FILE OUT``
-records one run of pytest into OUT; that is done in a process of its own.
+A file of tests is recorded again when it, or a module of which it runs a line, has changed. As an executable:
+``OUT FILE...`` records one run of pytest over these files into OUT; that is done in processes of their own.
 """
 import functools
 import hashlib
@@ -9,8 +9,10 @@ import json
 import re
 import subprocess
 import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Any, Dict, Iterable, List, NamedTuple, Sequence, Set, Tuple
 
 import pytest
 from source_mutants import ROOMS, SourceMutant
@@ -54,6 +56,8 @@ LIVE: Dict[str, Tuple[str, ...]] = {
 _FAST_S = 0.5
 _CHUNKS_OF_SEEDS = 3
 """Chunks of ten seeds each."""
+_FILES_A_PROCESS = 12
+"""Files of tests that one process records: few, so that a stopped recording loses little; more than one, for speed."""
 
 
 class LineTests(NamedTuple):
@@ -67,10 +71,10 @@ class LineTests(NamedTuple):
     seconds: Dict[str, float]
     lines: Dict[str, Dict[int, Set[str]]]
 
-    def of(self, mutant: SourceMutant, package: Optional[Path] = None) -> List[str]:
+    def of(self, mutant: SourceMutant, root: Path = ROOT) -> List[str]:
         """Return the tests that may notice a mutant: fast ones of its module, then the fastest first.
 
-        Of a line that none runs, whole files of slow tests.
+        Last come whole files of slow tests. ``root`` is the checkout that the mutant was made from.
         """
         lines = self.lines.get(mutant.file, {})
         found = self._at(lines, mutant.lines)
@@ -78,15 +82,15 @@ class LineTests(NamedTuple):
             name = re.match(r"(\w+)", mutant.code)
             found = self._at(lines, lines)
             if name:
-                found |= self._users(name.group(1), mutant.file, package or PACKAGE)
-            module = Path(mutant.file).stem  # a test of a table, for example, runs no line of its module
+                found |= self._users(name.group(1), mutant.file, root / PACKAGE.name)
+            module = Path(mutant.file).stem  # a test of a table, say, runs no line of its module
             found |= {test for test, seconds in self.seconds.items()
-                      if seconds < _FAST_S and module in _words(ROOT / test.split("::")[0])}
+                      if seconds < _FAST_S and module in _words(root / test.split("::")[0])}
         own = "/test_%s.py" % Path(mutant.file).stem  # the likeliest to notice
         found = found or {test for test in self._at(lines, lines) if own in test}
         ordered = sorted(found, key=lambda test: (own not in test or self.seconds[test] > _FAST_S,
                                                   self.seconds[test], test))
-        return ordered or list(LIVE.get(mutant.file, ()))
+        return ordered + list(LIVE.get(mutant.file, ()))
 
     @staticmethod
     def _at(lines: Dict[int, Set[str]], numbers: Iterable[int]) -> Set[str]:
@@ -118,6 +122,7 @@ class _Recorder:
     def __init__(self, measured: Any) -> None:
         self._measured = measured
         self.seconds: Dict[str, float] = {}
+        self.failed: List[str] = []
 
     def pytest_collection_modifyitems(self, items: List[pytest.Item]) -> None:
         items[:] = [item for item in items if "ros_master" not in getattr(item, "fixturenames", ())
@@ -130,6 +135,8 @@ class _Recorder:
         self._measured.switch_context("")
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            self.failed.append(report.nodeid)
         if report.when == "call" and report.passed or report.when != "call" and report.nodeid in self.seconds:
             self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
 
@@ -147,9 +154,12 @@ def record(files: Sequence[str]) -> Dict[str, Any]:
     measured.start()
     pytest.main(["-q", "--tb=line", "-p", "no:cacheprovider", *files], plugins=[recorder])
     measured.stop()
-    found: Dict[str, Any] = {file: {"seconds": {}, "lines": {}} for file in files}
+    found: Dict[str, Any] = {file: {"seconds": {}, "lines": {}, "failed": []} for file in files}
+    for test in recorder.failed:
+        found[test.split("::")[0]]["failed"].append(test)
     for test, seconds in recorder.seconds.items():
-        found[test.split("::")[0]]["seconds"][test] = round(seconds, 4)
+        if test not in recorder.failed:
+            found[test.split("::")[0]]["seconds"][test] = round(seconds, 4)
     numbers = {test: number for one in found.values() for number, test in enumerate(one["seconds"])}
     data = measured.get_data()
     for path in data.measured_files():
@@ -162,38 +172,59 @@ def record(files: Sequence[str]) -> Dict[str, Any]:
     return found
 
 
-def _mark(paths: Iterable[Path]) -> str:
-    mark = hashlib.sha256()
-    for path in sorted(paths):
-        mark.update(path.read_bytes())
-    return mark.hexdigest()
+def _mark(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else ""
 
 
-def _files() -> List[str]:
+def _files(root: Path) -> List[str]:
     found = []
     for name in RECORDED:
-        path = ROOT / name
+        path = root / name
         found += [path] if path.is_file() else path.rglob("test_*.py")
-    names = sorted(path.relative_to(ROOT).as_posix() for path in found)
+    names = sorted(path.relative_to(root).as_posix() for path in found)
     return [name for name in names if not name.startswith(_SLOW)]
 
 
-def known() -> LineTests:
-    """Record what has changed, and read the rest."""
-    package = _mark(PACKAGE.rglob("*.py"))
+def known(root: Path, jobs: int = 1) -> LineTests:
+    """Record in a copy of the checkout, so many processes at a time, what has changed; read the rest."""
     kept = read(KEPT) if KEPT.exists() else {}
-    marks = {file: package + _mark([ROOT / file]) for file in _files()}
-    stale = [file for file, mark in marks.items() if kept.get(file, {}).get("mark") != mark]
+    files = _files(root)
+    stale = [file for file in files if file not in kept or any(
+        _mark(root / name) != mark for name, mark in kept[file]["marks"].items())]
+    parts = [stale[first:first + _FILES_A_PROCESS] for first in range(0, len(stale), _FILES_A_PROCESS)]
     if stale:
         print("recording which lines %d files of tests run ..." % len(stale), flush=True)
-        KEPT.parent.mkdir(parents=True, exist_ok=True)
-        new = KEPT.with_suffix(".new")
-        subprocess.run([sys.executable, __file__, str(new), *stale], cwd=str(ROOT), stdout=subprocess.DEVNULL,
+    KEPT.parent.mkdir(parents=True, exist_ok=True)
+    with ThreadPoolExecutor(jobs) as pool:
+        futures = [pool.submit(_recorded, root, part) for part in parts]
+        try:
+            for future in as_completed(futures):
+                for file, one in future.result().items():
+                    _keep(kept, root, file, one)
+        finally:
+            for future in futures:
+                future.cancel()
+    return joined(kept[file] for file in files)
+
+
+def _keep(kept: Dict[str, Any], root: Path, file: str, one: Dict[str, Any]) -> None:
+    names = [file, *("%s/%s" % (PACKAGE.name, name) for name in one["lines"])]
+    kept[file] = {"marks": {name: _mark(root / name) for name in names}, **one}
+    if one["failed"]:
+        print("failed without a mutant, and will notice none in this run: " + ", ".join(one["failed"]), flush=True)
+        kept[file]["marks"][file] = ""  # it is recorded again in the next run
+    new = KEPT.with_suffix(".new")
+    new.write_text(json.dumps(kept), encoding="utf-8")
+    new.replace(KEPT)
+
+
+def _recorded(root: Path, files: Sequence[str]) -> Dict[str, Any]:
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder, "lines.json")
+        program = root / Path(__file__).relative_to(ROOT)
+        subprocess.run([sys.executable, str(program), str(out), *files], cwd=str(root), stdout=subprocess.DEVNULL,
                        check=True)
-        for file, found in read(new).items():
-            kept[file] = {"mark": marks[file], **found}
-        KEPT.write_text(json.dumps({file: kept[file] for file in marks}), encoding="utf-8")
-    return joined(kept[file] for file in marks if file in kept)
+        return read(out)
 
 
 def read(path: Path) -> Dict[str, Any]:

@@ -141,21 +141,23 @@ def checkout(tmp_path):
 TRY = """
     import json, sys
     sys.path.insert(0, "test/mutation")
-    import generated, line_tests, source_mutants
+    import generated, line_tests, mutate, source_mutants
     from pathlib import Path
 
     known = line_tests.joined(line_tests.read(Path("lines.json")).values())
     mutants = list(source_mutants.of_rooms(line_tests.PACKAGE, ["client"]))
-    print(json.dumps({one.mutant.changed: one.by for one in generated.tried(mutants, known, 1)}))
+    with mutate.copies(1) as free:
+        results = generated.tried(mutants, known, free, json.loads(sys.argv[1]))
+        print(json.dumps({one.mutant.changed: one.by for one in results}))
     """
 
 
-def tried(folder):
+def tried(folder, killers=()):
     """Return the outcome of every mutant, by its changed line; a process of its own has no threads when it forks."""
     subprocess.run([sys.executable, "test/mutation/line_tests.py", "lines.json", "test/client/test_sums.py"],
                    cwd=str(folder), stdout=subprocess.DEVNULL, check=True)
-    said = subprocess.run([sys.executable, "-c", textwrap.dedent(TRY)], cwd=str(folder), stdout=subprocess.PIPE,
-                          check=True).stdout
+    said = subprocess.run([sys.executable, "-c", textwrap.dedent(TRY), json.dumps(dict(killers))], cwd=str(folder),
+                          stdout=subprocess.PIPE, check=True).stdout
     return json.loads(said.splitlines()[-1])
 
 
@@ -169,11 +171,78 @@ def test_a_weak_test_lets_a_mutant_live_and_a_strong_one_does_not(checkout):
     assert set(results.values()) == {"test/client/test_sums.py::test_strong"}, results
 
 
+def test_tests_are_recorded_again_when_they_or_what_they_run_has_changed(checkout, monkeypatch, capsys):
+    folder = checkout(TESTS)
+    package, other = folder / "jaka_ros_driver/client", folder / "test/client/test_other.py"
+    package.joinpath("other.py").write_text("def other():\n    return 1\n")
+    other.write_text("from jaka_ros_driver.client.other import other\n\n\ndef test_other():\n    assert other()\n")
+    monkeypatch.setattr(line_tests, "KEPT", folder / "build" / "lines.json")
+
+    def recorded():
+        known = line_tests.known(folder, 2)
+        assert set(known.seconds) == {"test/client/test_other.py::test_other", "test/client/test_sums.py::test_weak",
+                                      "test/client/test_sums.py::test_strong"}
+        return capsys.readouterr().out, known.lines["client/other.py"]
+
+    assert recorded() == ("recording which lines 2 files of tests run ...\n",
+                          {2: {"test/client/test_other.py::test_other"}})
+    assert recorded()[0] == ""
+    package.joinpath("other.py").write_text('"""Other."""\n\n\ndef other():\n    return 1\n')
+    assert recorded() == ("recording which lines 1 files of tests run ...\n",
+                          {5: {"test/client/test_other.py::test_other"}})
+    with other.open("a") as file:
+        file.write("    assert other() == 1\n\n\ndef test_that_fails():\n    assert not other()\n")
+    for _ in range(2):  # what has failed is recorded again
+        assert recorded()[0] == (
+            "recording which lines 1 files of tests run ...\n"
+            "failed without a mutant, and will notice none in this run: test/client/test_other.py::test_that_fails\n")
+
+
+def test_verdicts_hold_for_their_state_and_name_the_likely_killer_on_another(tmp_path):
+    killed, alive = source_mutants.of_source("sums.py", b"def f(a):\n    return a + 1\n")[:2]
+    before = generated.Verdicts(tmp_path / "build" / "verdicts.jsonl", "a state")
+    before.add(generated.Tried(killed, "test/test_sums.py::test_f", 3, 1.5))
+    before.add(generated.Tried(alive, "", 2, 0.5))
+    same = generated.Verdicts(tmp_path / "build" / "verdicts.jsonl", "a state")
+    assert same.known == {killed.key: ("test/test_sums.py::test_f", 3, 1.5), alive.key: ("", 2, 0.5)}
+    assert same.is_known(killed, 9) and same.is_known(alive, 2) and not same.is_known(alive, 3)
+    another = generated.Verdicts(tmp_path / "build" / "verdicts.jsonl", "another state")
+    assert not another.known and another.killers == {killed.key: "test/test_sums.py::test_f"}
+
+
+@pytest.mark.parametrize("path, is_another", [
+    ("jaka_ros_driver/client/sums.py", True), ("test/client/test_sums.py", True), ("test/client/sums.yaml", True),
+    ("test/mutation/equivalent.yaml", False), ("test/__pycache__/sums.pyc", False), ("docs/sums.md", False)])
+def test_a_state_is_that_of_the_code_and_its_tests(checkout, path, is_another):
+    folder = checkout(TESTS)
+    before = generated.state_of(folder)
+    (folder / path).parent.mkdir(exist_ok=True)
+    (folder / path).write_text("# changed\n")
+    assert (generated.state_of(folder) != before) is is_another
+
+
+@pytest.mark.parametrize("killer", ["test_strong", "test_that_is_gone"])
+def test_the_test_that_killed_a_mutant_before_is_tried_first_while_it_is_there(checkout, killer):
+    results = tried(checkout(TESTS), {"client/sums.py | total | return 0 | return (0 + 1)":
+                                      "test/client/test_sums.py::" + killer})
+    by = results["return (0 + 1)"]
+    assert by == "test/client/test_sums.py::test_strong" if killer == "test_strong" else by.startswith("test/client/")
+
+
 def test_the_tests_of_a_line_are_those_that_run_it_fastest_first():
     known = line_tests.LineTests({"slow": 2.0, "fast": 0.1, "other": 0.0},
                                  {"sums.py": {2: {"slow", "fast"}, 3: {"other"}}})
     mutant = source_mutants.of_source("sums.py", b"def f(a):\n    return a + 1\n")[0]
     assert known.of(mutant) == ["fast", "slow"]
+
+
+def test_whole_files_of_slow_tests_come_last_and_others_only_while_there_is_time():
+    known = line_tests.LineTests({"a": 1.0, "b": generated.LONGEST_TESTS_S, "c": 2 * generated.LONGEST_TESTS_S},
+                                 {"ros/node.py": {2: {"a", "b", "c"}}})
+    mutant = source_mutants.of_source("ros/node.py", b"def f(a):\n    return a + 1\n")[0]
+    tests, seconds = generated.chosen_tests(known, mutant, mutate.ROOT)
+    assert tests == ["a", *line_tests.LIVE["ros/node.py"]]
+    assert seconds > 1.0, "the files take time, too"
 
 
 def test_what_is_listed_as_equivalent_has_a_reason():

@@ -4,6 +4,7 @@ import errno
 import os
 import re
 import resource
+import signal
 import socket
 import subprocess
 import sys
@@ -204,6 +205,20 @@ def test_what_is_no_greeting_ends_its_connection(node, greeting):
             while sock.recv(4096):
                 pass
     assert_served()
+
+
+def test_callers_that_come_while_the_node_is_held_up_are_connected_and_served_then(node):
+    with contextlib.ExitStack() as stack:
+        node.process.send_signal(signal.SIGSTOP)
+        try:
+            socks = [stack.enter_context(node.connect()) for _ in range(connections.MOST_HANDSHAKES)]
+        finally:
+            node.process.send_signal(signal.SIGCONT)
+        for sock in socks:
+            sock.settimeout(WAIT)
+            sock.sendall(encode_ros_handshake_header({"callerid": "/tests", "md5sum": "*",
+                                                      "service": "/doorkeeper/stop"}) + b"\0\0\0\0")
+        assert all(sock.recv(1) for sock in socks)
 
 
 def test_a_request_that_comes_with_the_greeting_is_served(node):

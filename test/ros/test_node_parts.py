@@ -64,6 +64,16 @@ def test_a_description_of_an_earlier_start_is_replaced(parts):
     assert parts["rospy"].set_param.call_count == 2
 
 
+@pytest.mark.parametrize("is_whole", [True, False])
+def test_an_audit_log_that_could_not_be_written_to_its_end_is_said(parts, caplog, is_whole):
+    parts["audit_log_of"].return_value.close.return_value = is_whole
+    made = driver()
+    made.start()
+    made.close()
+    assert parts["audit_log_of"].return_value.close.call_count == 1
+    assert ("could not be written to its end" in caplog.text) is not is_whole
+
+
 def test_whether_the_arm_is_real_is_told_when_it_becomes_known_and_when_it_changes(parts):
     one = driver()
     told = []

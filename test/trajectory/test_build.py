@@ -107,6 +107,13 @@ def test_a_moving_arm_joins_a_plan_that_is_already_under_way(has_acceleration, e
     is_smooth(path)
 
 
+@pytest.mark.parametrize("speed, joined_after", [(0.2, 0.1), (0.5, 0.2), (0.9, 0.4), (2.0, 0.8), (3.0, 1.6)])
+def test_a_moving_arm_is_led_onto_a_plan_as_soon_as_its_limits_allow(speed, joined_after):
+    path = build([at(0.0, (0.0,), REST), at(1.7, (0.0,), REST)], moving((0.0,), (speed,)), 0.05)
+    assert path.approach.until - 0.05 == pytest.approx(joined_after)
+    is_smooth(path)
+
+
 def test_points_of_before_now_are_left_out():
     points = [at(0.0, (0.0,), REST), at(1.0, (0.5,), REST), at(2.0, (0.0,), REST)]
     path, ideal = build(points, moving((0.5,), (0.0,)), 1.0), Path(*spline(points))

@@ -156,6 +156,23 @@ def test_an_arm_is_braked_within_three_tenths_of_a_second_from_anywhere(make, at
     assert longest * PERIOD <= 0.3
 
 
+@pytest.mark.parametrize("cycles", [3, 8, 15])
+def test_an_arm_is_braked_at_once_out_of_a_start_that_needs_what_the_audit_allows_above_the_ceiling(cycles):
+    speed, length = 2.5, 2.5 / (1.015 * ACCELERATION)
+    clock = PathClock(build([at(length, (0.5 * length * speed,), (speed,)),
+                             at(length + 0.5, ((0.5 * length + 0.5) * speed,), (speed,)),
+                             at(length + 1.5, ((0.5 * length + 1.0) * speed,), REST)]), MODEL)
+    frames = [clock.position]
+    for _ in range(cycles):
+        frames.append(clock.step(1.0))
+    speeds = [clock.velocity[0]]
+    while speeds[-1] > 1e-9:
+        frames.append(clock.step(0.0))
+        speeds.append(clock.velocity[0])
+        assert speeds[-1] < speeds[-2], "it goes on to speed up"
+    assert accelerations(np.array(frames)).max() <= ACCELERATION * SLACK
+
+
 def test_a_clock_that_is_paused_stays_and_goes_on_as_if_nothing_had_been():
     path = PATHS["highest speed"]()
     clock = PathClock(path, MODEL)

@@ -16,7 +16,8 @@ import time
 from typing import Any, Callable, Dict, Iterator
 
 from check_installed import PATIENCE_S, check, results, run, until
-from jaka_ros_driver.simulation.server.server import ask_panel
+
+from jaka_ros_driver.simulation.server.event_loop import ask_operator_port
 
 PANEL_PORT = 10002
 UNIT = "jaka-driver@cell.service"
@@ -28,7 +29,7 @@ MOVE = "rosservice call /jaka_driver/joint_move '{pose: [%g, 1.2, -1.2, 1.57, 1.
 
 def state() -> Dict[str, Any]:
     """Return what is true of the simulated arm."""
-    found: Dict[str, Any] = ask_panel(PANEL_PORT, {"action": "state"})["state"]
+    found: Dict[str, Any] = ask_operator_port(PANEL_PORT, {"action": "state"})["state"]
     return found
 
 

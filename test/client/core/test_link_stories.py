@@ -350,6 +350,20 @@ def test_a_thousand_replies_that_nobody_asked_for_are_read_on_a_new_connection(c
     assert bool(closes(story)) is is_flooded
 
 
+@pytest.mark.parametrize("strays_kib, is_read", [(120, True), (133, False)])
+def test_of_a_hundred_and_twenty_eight_kibibytes_that_answer_nothing_no_more_is_read(strays_kib, is_read):
+    story = Story()
+    story.replies = Mute()
+    story.core.run("call", story.core.ask(c.Query.VERSION), story.now)
+    story.perform()
+    stray = b'{"cmdName": "no", "errorCode": "0", "errorMsg": ""}'
+    reply = b'{"cmdName": "get_version", "errorCode": "0", "errorMsg": "", "version": "1"}'
+    stray = stray.replace(b'""', b'"%s"' % (b"x" * (1024 - len(stray))))
+    story.core.received(Port.COMMAND, stray * strays_kib + reply, story.now)
+    story.perform()
+    assert (story.error("call") is None) is is_read and bool(closes(story)) is not is_read
+
+
 def test_a_connection_that_ends_within_two_seconds_is_made_again_after_longer_and_longer_pauses():
     link, now, pauses = PortLink(Port.STATUS, Actions()), 100.0, []
     link.start(now)

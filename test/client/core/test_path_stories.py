@@ -344,3 +344,22 @@ def test_where_more_could_still_begin_the_end_is_made_sure_by_a_stop_after_1_s()
     assert story.error("path") == "pending" and story.count("stop_program") == 0
     story.run(0.4)
     assert story.error("path") is None and story.count("stop_program") == 1 and story.core.is_free
+
+
+@pytest.mark.parametrize("segments, inpos", [([line(0.5, 0.1)], True), ([line(0.5, 0.1), line(0.5, 0.2)], False)],
+                         ids=["inpos has not followed it", "more could still begin"])
+def test_beside_its_end_an_arm_has_arrived_at_once_only_where_inpos_tells_so_of_a_single_segment(segments, inpos):
+    """inpos: what the feed shows while the arm moves."""
+    story = OnPath().begin("path", *segments).run(0.1)
+    for x, y in CORNERS[:len(segments) - 1]:
+        story.glide(x, y, inpos=inpos)
+    x, y = CORNERS[len(segments) - 1]
+    aside = (x, y + 1.0) if len(segments) == 1 else (x + 1.0, y)
+    story.glide(*aside, inpos=inpos).run(0.9)
+    assert story.error("path") == "pending" and story.count("stop_program") == 0
+    assert story.run(0.4).error("path") is None and story.count("stop_program") == 1
+
+
+def test_beside_the_end_of_a_single_segment_inpos_that_has_followed_it_tells_the_arrival():
+    story = OnPath().begin("path", line(0.5, 0.1)).run(0.1).glide(500.0, 101.0, inpos=False).run(0.3)
+    assert story.error("path") is None and story.count("stop_program") == 0

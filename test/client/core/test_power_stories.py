@@ -186,3 +186,30 @@ def test_another_call_ends_a_recovery_and_a_second_recovery_is_refused(other):
         assert "another recovery is under way" in str(story.error("other")) and story.error("recover") == "pending"
     else:
         assert isinstance(story.error("recover"), recovery.RecoveryInterrupted)
+
+
+def recovering_while_it_moves(move):
+    """A story in which a recovery is asked for while joint 1 goes to ``move``, rad."""
+    story = Story()
+    story.fields["protective_stop"] = 1
+    story.run(0.2, move=move)
+    story.core.run("call", recovery.recover(story.core), story.now)
+    story.perform()
+    return story
+
+
+def test_an_arm_that_moves_is_not_recovered_and_nothing_is_sent():
+    story = recovering_while_it_moves(2.0).run(1.4, move=2.0)
+    assert story.error("call") == "pending" and not story.count("clear_error")
+    story.run(0.2, move=2.0)
+    assert isinstance(story.error("call"), InvalidCommand) and "the arm moves" in str(story.error("call"))
+    assert not story.count("clear_error") and not switches(story)
+
+
+def test_an_arm_that_comes_to_rest_in_time_is_recovered_then():
+    story = recovering_while_it_moves(0.3).run(0.4, move=0.3)
+    assert not story.count("clear_error"), "it has moved until now"
+    story.run(0.5)
+    assert story.count("clear_error") == 1 and story.error("call") == "pending"
+    story.fields["protective_stop"] = 0
+    assert story.run(0.5).error("call") is None

@@ -127,6 +127,16 @@ def test_a_fault_meanwhile_ends_the_powering_for_good():
     assert story.count("power_on") == 1 and story.count("enable_robot") == 0
 
 
+@pytest.mark.parametrize("errcode, disturbs", [("0xf0017", 1), ("0x10034", 0), ("0x10f0001", 0)],
+                         ids=["a fault", "a joint that nears its limit", "a note"])
+def test_a_fault_disturbs_once_and_what_is_none_does_not(errcode, disturbs):
+    story = Story()
+    before = story.core.disturbances
+    story.run(0.2, errcode=errcode).run(0.1)
+    assert story.core.disturbances - before == disturbs
+    story.run(0.1, errcode="0xf0017")
+    assert story.core.disturbances - before == disturbs + 1
+
 
 @pytest.mark.parametrize("in_position, stops", [(True, 0), (False, 1)])
 def test_an_arm_that_rests_is_disabled_without_a_stop_and_one_that_may_move_is_stopped_first(in_position, stops):

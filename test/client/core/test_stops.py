@@ -335,6 +335,19 @@ def test_a_stop_of_an_arm_that_this_driver_does_not_move_sees_servo_mode_end():
     assert story.run(0.05).count("joint_move") == 1
 
 
+def test_an_arm_that_somebody_else_moves_on_is_stopped_again_each_half_second_for_ten():
+    story = Story()
+    story.run(0.3, move=50.0, **MOVING)
+    story.core.stop("stop", story.now)
+    begun = story.now
+    story.perform()
+    story.run(14.0, move=50.0, **MOVING)
+    assert isinstance(story.error("stop"), JakaError)
+    times = [at - begun for at, request in story.sent if request["cmdName"] == "stop_program"]
+    assert 9.5 <= times[-1] <= 11.5
+    assert all(0.4 <= later - sooner <= 0.7 for sooner, later in zip(times, times[1:])), times
+
+
 def test_the_end_of_a_jog_that_is_refused_is_sent_again_until_the_arm_rests():
     story = Story()
     story.core.jog("jog", JOG, story.now)

@@ -74,6 +74,14 @@ def test_a_jog_in_another_direction_is_an_act_of_its_own(log, one):
     assert [line.state for line in log.lines] == ["begins"] * 3
 
 
+def test_messages_of_another_publisher_are_a_stream_of_its_own(log, one):
+    for publisher in ("/cell", "/pad", "/cell", "/pad"):
+        message = JointState()
+        message._connection_header = dict(HEADER, callerid=publisher)
+        one.message("~jog_joints", message)
+    assert [(line.state, line.node) for line in log.lines] == [("begins", "/cell"), ("begins", "/pad")]
+
+
 def test_without_a_log_everything_is_served(one):
     none = recorder.Recorder(None)
     none.offers_service("~power")

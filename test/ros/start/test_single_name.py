@@ -1,6 +1,8 @@
 """A node's name as rospy resolves it, and whether one of that name is alive already."""
+import http.client
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -115,3 +117,22 @@ def test_a_port_that_another_node_has_taken_over_is_no_second_node(monkeypatch, 
             refuse_second_node("/first")
     else:
         refuse_second_node("/first")
+
+
+def test_a_stopped_node_holds_a_start_up_for_a_few_seconds_at_most(monkeypatch):
+    """What each question would wait for is added up; nothing is waited for."""
+    waits = []
+
+    def time_out(connection):
+        waits.append(connection.timeout)
+        raise socket.timeout("timed out")
+
+    monkeypatch.setattr(http.client.HTTPConnection, "getresponse", time_out)
+    with socket.create_server(("127.0.0.1", 0)) as stopped:  # it takes connections and says nothing
+        uri = "http://127.0.0.1:%d/" % stopped.getsockname()[1]
+        ask = single_name._ask
+        monkeypatch.setattr(single_name, "_ask", lambda to, method, *arguments: (
+            uri if method == "lookupNode" else ask(to, method, *arguments)))
+        with pytest.raises(AlreadyDriven, match="it does not answer"):
+            refuse_second_node("/first")
+    assert len(waits) == 2 and 1.0 <= sum(waits) <= 3.0

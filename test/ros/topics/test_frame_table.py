@@ -3,10 +3,11 @@ import math
 import threading
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from jaka_ros_driver import commands as c
-from jaka_ros_driver.errors import ConnectionLost
+from jaka_ros_driver.errors import ConnectionLost, InvalidCommand
 from jaka_ros_driver.kinematics.rotations import IDENTITY, transform_from_pose
 from jaka_ros_driver.ros.frame_table import FrameReader
 from jaka_ros_driver.state import RobotState
@@ -109,6 +110,59 @@ def test_frames_are_read_again_at_once_after_a_change_and_a_new_connection(table
     assert controller.has_read.acquire(timeout=2.0), "sooner than after the usual 5 s"
     controller.link_health = SimpleNamespace(connections=2)
     assert controller.has_read.acquire(timeout=2.0)
+
+
+class ToldTime:
+    """An event that nobody sets, and a clock that goes on by its waiting; the table ends after ``lasts`` s."""
+
+    def __init__(self, table, lasts):
+        self._table, self._lasts, self.now = table, lasts, 0.0
+
+    def is_set(self):
+        return False
+
+    set = clear = is_set
+
+    def wait(self, seconds):
+        self.now += seconds
+        self._table._is_closing = self.now > self._lasts
+
+
+def test_replies_that_are_held_back_are_asked_for_each_second_and_others_every_five(table, controller):
+    time, asked_at = ToldTime(table, 20.0), []
+
+    def execute(query):
+        if query is c.Query.TOOL_FRAMES:
+            asked_at.append(time.now)
+            if time.now < 3.5:
+                raise InvalidCommand("refused: the controller may hold its replies back")
+            return TOOLS
+        return USERS
+
+    controller.execute, table._wake = execute, time
+    table._run()
+    assert asked_at == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.0, 9.0, 14.0, 19.0], abs=0.9)
+    assert np.diff(asked_at) == pytest.approx([1.0] * 4 + [5.0] * 3, abs=0.25)
+
+
+def test_a_new_connection_is_noticed_within_a_quarter_of_a_second(table, controller):
+    time, asked_at = ToldTime(table, 4.0), []
+
+    def execute(query):
+        asked_at.append(time.now)
+        return TOOLS
+
+    controller.execute, table._wake = execute, time
+    wait = time.wait
+
+    def connect_meanwhile(seconds):
+        if time.now < 2.0 <= time.now + seconds:
+            controller.link_health = SimpleNamespace(connections=2)
+        wait(seconds)
+
+    time.wait = connect_meanwhile
+    table._run()
+    assert asked_at == pytest.approx([0.0, 0.0, 2.0, 2.0], abs=0.25)
 
 
 def test_frames_that_cannot_be_read_are_unknown_and_the_others_are_not(table, controller):

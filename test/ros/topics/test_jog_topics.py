@@ -54,6 +54,9 @@ def topics(monkeypatch):
     monkeypatch.setattr(jog_topics.time, "monotonic", lambda: 5.0)
     monkeypatch.setattr(rospy, "logwarn_throttle", lambda *_: None)
     one = JogSubscribers(Arm(), PLAIN, Frames(), Recorder(None))
+    one.recorded = []
+    monkeypatch.setattr(one._recorder, "message", lambda name, message, refusal="", state="": one.recorded.append(
+        (bool(refusal), state)))
     one.start()
 
     def say(name, message, age=0.05, publisher="/pad"):
@@ -132,3 +135,9 @@ def test_a_tool_that_is_not_known_or_a_state_that_is_stale_is_told(topics):
     assert "not known yet" in topics.say("~jog_twist", twist()).problem
     topics._arm.is_stale = True
     assert "no fresh state" in topics.say("~jog_twist", twist()).problem
+
+
+def test_messages_that_let_go_are_recorded_as_a_stream_of_their_own(topics):
+    for velocity in (0.2, 0.0, float("nan")):
+        topics.say("~jog_joints", joints(["joint_1"], [velocity]))
+    assert topics.recorded == [(False, ""), (False, "at rest"), (False, "")]

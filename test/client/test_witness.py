@@ -1,0 +1,117 @@
+"""The witness of the feed's age, question by question: what counts as shown, and when a question is put no more."""
+import pytest
+
+from jaka_ros_driver.client.core.actions import Actions
+from jaka_ros_driver.client.core.witness import NEAR, Witness
+from jaka_ros_driver.commands import Query
+from jaka_ros_driver.errors import CommandRejected, ProtocolError
+from jaka_ros_driver.state import RobotState
+
+PERIOD = 0.1
+
+
+class Asked:
+    """A witness whose questions the test answers; ``asked`` are those that wait, with what takes their answer."""
+
+    def __init__(self):
+        self.now = 10.0
+        self.asked = []
+        self.witness = Witness(Actions(), self, 1.0)
+
+    def request(self, command, now, on_reply):
+        self.asked.append((command, on_reply))
+
+    def frame(self, joint, is_enabled=True):
+        """Show joint 1 there, rad, one period later; returns why the feed is too old."""
+        self.now += PERIOD
+        state = RobotState(joints(joint), True, is_enabled, True, False, False, received_at=self.now)
+        return self.witness.saw(state, True, PERIOD)
+
+    def ask(self):
+        """Put the questions; returns which."""
+        del self.asked[:]
+        self.witness.ask(self.now)
+        return [command for command, _ in self.asked]
+
+    def answer(self, query, result=None, error=None):
+        dict(self.asked)[query](result, error, self.now)
+
+
+def joints(first):
+    return (first, 0.5, -0.5, 0.5, 0.5, 0.0)
+
+
+@pytest.fixture
+def one():
+    made = Asked()
+    made.frame(0.0)
+    return made
+
+
+@pytest.mark.parametrize("before, after, answer, is_shown", [
+    (0.0, 0.0, 0.0, True), (0.0, 0.0, 0.9 * NEAR, True), (0.0, 0.0, -0.9 * NEAR, True),
+    (0.0, 0.0, 1.1 * NEAR, False), (0.0, 0.0, -1.1 * NEAR, False),
+    (0.0, 0.1, 0.05, True), (0.1, 0.0, 0.05, True),  # on the way between two frames, either way
+    (0.0, 0.1, 0.119, True), (0.0, 0.1, -0.019, True),  # it has turned back between them
+    (0.0, 0.1, 0.121, False), (0.0, 0.1, -0.021, False)])
+def test_an_answer_is_shown_by_the_way_between_two_frames_and_next_to_it(one, before, after, answer, is_shown):
+    one.frame(before)
+    one.ask()
+    one.frame(after)
+    one.answer(Query.JOINTS, joints(answer))
+    assert one.witness.is_trusted is is_shown
+
+
+def test_a_motion_that_answers_and_feed_both_show_is_told_once(one):
+    told = []
+    for step in range(8):
+        one.frame(0.1 * step)
+        one.ask()
+        one.answer(Query.JOINTS, joints(0.1 * step))
+        told.append(one.witness.take_motion_seen())
+    assert told == [False] * 4 + [True] * 4, "four answers that differ are needed before one tells of motion"
+    assert not one.witness.take_motion_seen(), "it was told"
+    for _ in range(3):  # now the arm rests
+        one.frame(0.7)
+        one.ask()
+        one.answer(Query.JOINTS, joints(0.7))
+        assert not one.witness.take_motion_seen()
+
+
+@pytest.mark.parametrize("query", [Query.JOINTS, Query.DRIVES_READY])
+def test_a_question_whose_answer_cannot_be_read_three_times_in_a_row_is_not_put_any_more(one, query):
+    results = {Query.JOINTS: joints(0.0), Query.DRIVES_READY: True}
+    for can_be_read in (False, False, True, False, False, False):  # one that can be read begins the count anew
+        assert one.ask() == [Query.DRIVES_READY, Query.JOINTS]
+        for other, result in results.items():
+            if can_be_read or other is not query:
+                one.answer(other, result)
+            else:
+                one.answer(query, error=ProtocolError("half an answer"))
+    assert one.ask() == [other for other in (Query.DRIVES_READY, Query.JOINTS) if other is not query]
+
+
+def test_a_question_that_the_controller_refuses_is_not_put_again(one):
+    one.ask()
+    one.answer(Query.JOINTS, error=CommandRejected("get_joint_pos", 1, "unknown"))
+    assert one.ask() == [Query.DRIVES_READY] and not one.witness.can_tell
+
+
+@pytest.mark.parametrize("refused, is_trusted", [(Query.JOINTS, False), (Query.DRIVES_READY, True)])
+def test_only_a_refusal_to_tell_the_joints_ends_the_trust_in_the_witness(one, refused, is_trusted):
+    one.ask()
+    one.answer(Query.JOINTS, joints(0.0))
+    assert one.witness.is_trusted
+    one.ask()
+    one.answer(refused, error=CommandRejected("a question", 1, "unknown"))
+    assert one.witness.is_trusted is is_trusted and one.witness.can_tell is is_trusted
+
+
+@pytest.mark.parametrize("shown_at", [None, 3])
+def test_drives_that_the_controller_says_are_off_must_be_shown_off_once_within_half_a_second(one, shown_at):
+    """shown_at: the frame that shows them powered and not enabled; None: no frame does."""
+    for is_ready in (True, False):
+        one.ask()
+        one.answer(Query.DRIVES_READY, is_ready)
+    doubts = [bool(one.frame(0.0, is_enabled=number != shown_at)) for number in range(1, 9)]
+    assert doubts == [shown_at is None and number == 6 for number in range(1, 9)]

@@ -1,0 +1,44 @@
+"""How far an arm has come on a path of segments: what it can have reached since it was seen last, and no more."""
+import pytest
+
+from jaka_ros_driver.commands import JointMove, Pose
+from jaka_ros_driver.state import RobotState
+from jaka_ros_driver.trajectory.segments import PathPlace, PathTracker, SegmentPath
+
+SPEED = 0.5
+TOOL = Pose((0.4, 0.1, 0.3), (0.0, 0.0, 0.0))
+
+
+def joints(first):
+    return (first, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def tracker():
+    """Joint 1 goes to 1 rad in 2 s, and back."""
+    ways = (0.0, 1.0, 0.0)
+    commands = [JointMove(joints(way), SPEED, 1.0) for way in ways[1:]]
+    return PathTracker(SegmentPath(commands, [PathPlace(joints(way), TOOL) for way in ways]), 10.0)
+
+
+def seen(tracker, first, at):
+    tracker.observe(RobotState(joints(first), True, True, False, False, False, received_at=at))
+    return tracker.time
+
+
+@pytest.mark.parametrize("faster", [0.5, 1.0, 1.15])
+def test_an_arm_is_followed_a_little_above_its_programmed_speed_too(tracker, faster):
+    for seconds in (0.4, 0.8, 1.2):
+        assert seen(tracker, SPEED * seconds * faster, 10.0 + seconds) == pytest.approx(seconds * faster, abs=0.01)
+
+
+def test_an_arm_that_is_farther_than_it_can_have_come_is_moved_by_something_else(tracker):
+    assert seen(tracker, SPEED * 0.4, 10.4) == pytest.approx(0.4, abs=0.01)
+    assert seen(tracker, SPEED * 1.2, 10.8) == pytest.approx(0.4, abs=0.01), "three times as fast"
+    assert seen(tracker, SPEED * (0.4 + 0.4 * 1.8), 10.8) == pytest.approx(0.4, abs=0.01), "almost twice as fast"
+
+
+def test_an_arm_that_is_seen_on_its_way_back_has_ended_the_first_segment(tracker):
+    for step in range(1, 31):
+        seen(tracker, min(0.1 * step, 4.0 - 0.1 * step) * SPEED, 10.0 + 0.1 * step)
+    assert tracker.time == pytest.approx(3.0, abs=0.01) and tracker.completed == 1
