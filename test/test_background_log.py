@@ -3,8 +3,9 @@ import subprocess
 import sys
 
 import pytest
-from arm_bench import WAIT, fill
+from arm_bench import fill
 from import_graph import ROOT
+from waiting import WAIT
 
 from jaka_bag.cli import notices
 from jaka_ros_driver.background_log import Background, StandardErrorLog, _StandardError

@@ -7,9 +7,9 @@ import threading
 import time
 
 import pytest
-from arm_bench import eventually
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from waiting import eventually
 
 from jaka_bag.operations.audit_log import verify_audit
 from jaka_ros_driver.audit import folder as folder_module

@@ -10,11 +10,12 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/jogging")]
+sys.path[:0] = [str(ROOT / folder) for folder in (
+    ".", "tools", "test/support", "test/support/live", "test/support/jogging")]
 
+from driver_bench import LiveDriver  # noqa: E402
 from jog_pad import KILLED, WAYS, let_go, print_rests  # noqa: E402
-from live_driver import LiveDriver  # noqa: E402
-from soak_bench import master  # noqa: E402
+from ros_graph import master  # noqa: E402
 
 TOPICS = ("jog_joints", "jog_twist")
 

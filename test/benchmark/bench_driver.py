@@ -16,17 +16,19 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support"), str(ROOT / "test" / "ros")]
+sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "live"),
+                str(ROOT / "test" / "ros")]
 os.environ["ROS_IP"] = "127.0.0.1"
 
 import conftest  # noqa: E402
 import rospy  # noqa: E402
-from arm_bench import eventually, processes_with  # noqa: E402
+from arm_bench import processes_with  # noqa: E402
+from driver_bench import HOME, TYPES, SimulatorProcess  # noqa: E402
+from figures import HostLoad, percentile  # noqa: E402
 from geometry_msgs.msg import TwistStamped  # noqa: E402
-from host_load import HostLoad  # noqa: E402
-from ros_bench import HOME, TYPES, InBackground, SimulatorProcess  # noqa: E402
+from ros_graph import master  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
-from soak_bench import master, percentile  # noqa: E402
+from waiting import InBackground, eventually  # noqa: E402
 
 from jaka_msgs.msg import RobotMsg  # noqa: E402
 from jaka_ros_driver.protocol.framing import FrameStream, ObjectStream  # noqa: E402

@@ -24,7 +24,8 @@ from typing import Dict, List, NamedTuple, Tuple
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "logs")]
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "live"),
+                str(ROOT / "test" / "support" / "logs")]
 
 from fleet_logs import DAY_S, Run, write_run  # noqa: E402
 from fleet_tasks import measured_add  # noqa: E402

@@ -10,13 +10,14 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "test/support", "test/support/live")]
 
 import rospy  # noqa: E402
-from live_driver import LiveDriver  # noqa: E402
-from ros_bench import collecting  # noqa: E402
+from driver_bench import LiveDriver, collecting  # noqa: E402
+from figures import percentile  # noqa: E402
+from ros_graph import master  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
-from soak_bench import master, percentile  # noqa: E402
 
 from jaka_msgs.msg import IOStates  # noqa: E402
 

@@ -18,14 +18,14 @@ from types import SimpleNamespace
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (
-    ".", "tools", "test/support", "test/support/jogging", "test/support/panel")]
+    ".", "tools", "test/support", "test/support/live", "test/support/jogging", "test/support/panel")]
 
+from driver_bench import LiveDriver, collecting  # noqa: E402
+from figures import percentile  # noqa: E402
 from jog_pad import print_rests  # noqa: E402
-from live_driver import LiveDriver  # noqa: E402
 from panel_jog import WAYS, JogBench, let_go  # noqa: E402
 from panel_page import Loop, Page  # noqa: E402
-from ros_bench import collecting  # noqa: E402
-from soak_bench import master, percentile  # noqa: E402
+from ros_graph import master  # noqa: E402
 
 WATCHED_S = 20.0
 SETTLE_S = 3.0

@@ -11,10 +11,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (
-    ".", "tools", "test/support", "test/support/jogging", "test/support/panel")]
+    ".", "tools", "test/support", "test/support/live", "test/support/jogging", "test/support/panel")]
 
+from figures import percentile  # noqa: E402
 from panel_operator import WAYS, Operator, times_to_rest  # noqa: E402
-from soak_bench import master, percentile  # noqa: E402
+from ros_graph import master  # noqa: E402
 
 
 def main(repeats, ways):

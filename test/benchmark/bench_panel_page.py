@@ -10,11 +10,12 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/panel")]
+sys.path[:0] = [str(ROOT / folder) for folder in (
+    ".", "tools", "test/support", "test/support/live", "test/support/panel")]
 
 from browser import Browser  # noqa: E402
 from fake_panel import FakePanel  # noqa: E402
-from soak_bench import summary  # noqa: E402
+from figures import summary  # noqa: E402
 
 LOADS = 10
 WATCHED_S = 10.0

@@ -20,11 +20,12 @@ from pathlib import Path
 from typing import Dict, List, Sequence, Tuple
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "logs")]
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "test" / "support"), str(ROOT / "test" / "support" / "live"),
+                str(ROOT / "test" / "support" / "logs")]
 
-import live_ros  # noqa: E402
 import live_samples  # noqa: E402
 import numpy as np  # noqa: E402
+import ros_graph  # noqa: E402
 from mcap.exceptions import EndOfFile  # noqa: E402
 from mcap.reader import NonSeekingReader  # noqa: E402
 
@@ -41,7 +42,7 @@ def generate(topics: int, rate: float, seconds: float, subscribers: int) -> None
     """Publish state-size messages on /t0, /t1 ... by absolute deadlines; runs in a process of its own."""
     publisher = Publisher(NodeNames("/generator"), print, lambda reason: os._exit(0))
     outlets = [publisher.advertise("/t%d" % i, live_samples.twist_connection("/t%d" % i), False) for i in range(topics)]
-    live_ros.with_subscribers(publisher, *outlets, count=subscribers)
+    ros_graph.with_subscribers(publisher, *outlets, count=subscribers)
     print("go", flush=True)
     with precise_wakeups():
         begin = time.monotonic()
@@ -63,18 +64,18 @@ def cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def start_generator(graph: live_ros.Graph, *arguments: object) -> live_ros.Process:
+def start_generator(graph: ros_graph.Graph, *arguments: object) -> ros_graph.Process:
     return graph.start(sys.executable, __file__, "--generate", *map(str, arguments), stdin=subprocess.PIPE)
 
 
-def end(generator: live_ros.Process) -> None:
+def end(generator: ros_graph.Process) -> None:
     """Release a generator that has sent everything."""
     generator.popen.stdin.write("\n")
     generator.popen.stdin.close()
     generator.wait()
 
 
-def bench_record(graph: live_ros.Graph, topics: int, rate: float, seconds: float) -> None:
+def bench_record(graph: ros_graph.Graph, topics: int, rate: float, seconds: float) -> None:
     names = ["/t%d" % i for i in range(topics)]
     recorders = {
         "rosbag record": graph.start(ROSBAG_RECORD, "-O", "peer.bag", *names),
@@ -119,7 +120,7 @@ def interval_errors(source: Path, played: Path, rate: float) -> "np.ndarray":
     return np.concatenate(errors)
 
 
-def play_once(graph: live_ros.Graph, who: str, arguments: Sequence[str]) -> Tuple[float, int]:
+def play_once(graph: ros_graph.Graph, who: str, arguments: Sequence[str]) -> Tuple[float, int]:
     """Play log.bag into a recording with kernel stamps; return CPU s of the player, messages that arrived."""
     meter = graph.record("-O", "meter.mcap", "--force", "/t0", "/t1", "/t2")
     graph.subscribed("/t2")
@@ -135,7 +136,7 @@ def play_once(graph: live_ros.Graph, who: str, arguments: Sequence[str]) -> Tupl
     return used, sum(len(found) for found in live_samples.content(graph.folder / "meter.mcap").values())
 
 
-def make_log(graph: live_ros.Graph, seconds: float) -> int:
+def make_log(graph: ros_graph.Graph, seconds: float) -> int:
     """Make log.bag with 3 topics x 125 Hz; return the number of its messages."""
     recorder = graph.record("-O", "log.bag", "--force", "/t0", "/t1", "/t2")
     generator = start_generator(graph, 3, 125, seconds, 1)
@@ -145,7 +146,7 @@ def make_log(graph: live_ros.Graph, seconds: float) -> int:
     return 3 * int(125 * seconds)
 
 
-def bench_play(graph: live_ros.Graph, seconds: float, rounds: int) -> None:
+def bench_play(graph: ros_graph.Graph, seconds: float, rounds: int) -> None:
     total = make_log(graph, seconds)
     players = ("rosbag play", "jaka_bag play")
     print("\nplay: 3 topics x 125 Hz, %g s, %d messages; |interval error|, us" % (seconds, total))
@@ -177,7 +178,7 @@ def surviving_stamps(path: Path) -> List[int]:
     return stamps
 
 
-def bench_kills(graph: live_ros.Graph, kills: int) -> None:
+def bench_kills(graph: ros_graph.Graph, kills: int) -> None:
     """Kill recorders of 3 x 125 Hz with kill -9 at random moments."""
     generator = start_generator(graph, 3, 125, 3600, 0)
     generator.wait_for_line("go")
@@ -199,7 +200,7 @@ def bench_kills(graph: live_ros.Graph, kills: int) -> None:
           % (kills, unreadable, float(np.median(losses)), max(losses)))
 
 
-def bench_full_disk(graph: live_ros.Graph) -> None:
+def bench_full_disk(graph: ros_graph.Graph) -> None:
     """Give a recorder of each kind 3 MB of disk, all of which it may use."""
     print("\nfull disk (3 MB)")
     disk = graph.folder / "disk"
@@ -242,7 +243,7 @@ def main() -> None:
         generate(int(topics), rate, seconds, int(subscribers))
         return
     wanted = args.only or ["record", "play", "kill", "disk"]
-    with tempfile.TemporaryDirectory(prefix="jaka_bench_") as folder, live_ros.Graph(Path(folder), True) as graph:
+    with tempfile.TemporaryDirectory(prefix="jaka_bench_") as folder, ros_graph.Graph(Path(folder), True) as graph:
         if "record" in wanted:
             bench_record(graph, 10, 1000.0, args.seconds)
             bench_record(graph, 3, 125.0, args.seconds)

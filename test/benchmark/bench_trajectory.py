@@ -17,13 +17,14 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "test/support", "test/support/live")]
 
 import rospy  # noqa: E402
-from live_driver import LiveDriver  # noqa: E402
+from action_bench import START, Client, goal_of, joints_of, smooth  # noqa: E402
+from driver_bench import LiveDriver  # noqa: E402
+from ros_graph import master  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
-from soak_bench import master  # noqa: E402
-from trajectory_bench import START, Client, goal_of, joints_of, smooth  # noqa: E402
 from wire_verdict import WireVerdict  # noqa: E402
 
 SPACINGS_S = (0.1, 0.05, 0.02, 0.01, 0.008, 0.004)

@@ -2,7 +2,8 @@
 import threading
 
 import pytest
-from arm_bench import Bench, InBackground, eventually
+from arm_bench import Bench
+from waiting import InBackground, eventually
 
 
 @pytest.fixture

@@ -5,7 +5,8 @@ import time
 from dataclasses import replace
 
 import pytest
-from arm_bench import LOOSE, eventually
+from arm_bench import LOOSE
+from waiting import eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.motion import MotionOwner

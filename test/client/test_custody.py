@@ -5,7 +5,8 @@ import threading
 import time
 
 import pytest
-from arm_bench import LOOSE, eventually
+from arm_bench import LOOSE
+from waiting import eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand, JakaError, MotionInterrupted, StopCause

@@ -3,7 +3,7 @@ import math
 from pathlib import Path
 
 import pytest
-from arm_bench import InBackground, eventually
+from waiting import InBackground, eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client import fail_stop

@@ -4,7 +4,7 @@ import time
 from concurrent.futures import Future
 
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.trajectory import StartChanged

@@ -6,8 +6,9 @@ import sys
 import time
 
 import pytest
-from arm_bench import WAIT, eventually, fill
+from arm_bench import fill
 from guarded_driver import ROOT, GuardedDriver
+from waiting import WAIT, eventually
 
 from jaka_ros_driver.client.process_state import waits_for_processor
 from jaka_ros_driver.simulation.controller.command_spec import CommandSpec

@@ -2,7 +2,7 @@
 import logging
 
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver.client import guard as module
 from jaka_ros_driver.client.driver_pipe import FAREWELL, IDLE, MOVING

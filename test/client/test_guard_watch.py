@@ -6,8 +6,9 @@ import threading
 import time
 
 import pytest
-from arm_bench import WAIT, eventually, processes_with
+from arm_bench import processes_with
 from guarded_driver import GuardedDriver
+from waiting import WAIT, eventually
 
 from jaka_ros_driver.client import guard_post
 from jaka_ros_driver.client.guard import BEAT_PERIOD_S, Guard

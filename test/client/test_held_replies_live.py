@@ -2,7 +2,7 @@
 import time
 
 import pytest
-from arm_bench import InBackground, eventually
+from waiting import InBackground, eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.procedures import power

@@ -6,8 +6,8 @@ import threading
 import time
 
 import pytest
-from arm_bench import eventually
 from raw_client import RawClient
+from waiting import eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.arm_client import ArmClient

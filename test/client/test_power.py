@@ -3,7 +3,7 @@ import math
 import threading
 
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.procedures import power

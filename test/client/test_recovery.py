@@ -5,7 +5,7 @@ Requests are judged by the controller's own log.
 import threading
 
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.contradictions import standing_cause

@@ -1,6 +1,6 @@
 """Settings that are read back."""
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.procedures import settings as procedures

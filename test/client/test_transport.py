@@ -3,7 +3,7 @@ import contextlib
 import socket
 
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver.client.core.actions import Port
 from jaka_ros_driver.client.transport import Closed, Opened, Received, Transport

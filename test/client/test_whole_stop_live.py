@@ -4,9 +4,9 @@ import signal
 import time
 
 import pytest
-from arm_bench import eventually
 from guarded_driver import GuardedDriver
 from raw_client import RawClient
+from waiting import eventually
 
 from jaka_ros_driver.client.arm_client import ArmClient
 from jaka_ros_driver.client.core.jog import Jog as JogMotion

@@ -3,7 +3,7 @@ import threading
 import time
 
 import pytest
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_bag.compare.run import Call
 from jaka_regression.command_player import CommandPlayer, ReplayStopped, Reply

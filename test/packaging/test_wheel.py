@@ -7,9 +7,9 @@ import subprocess
 
 import pytest
 from import_graph import ROOT
-from live_ros import SYSTEM_PYTHON, Process
-from live_samples import wait_until
 from program_places import wheel_venv
+from ros_graph import SYSTEM_PYTHON, Process
+from waiting import wait_until
 
 PUBLISH = """
 import rospy

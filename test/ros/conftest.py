@@ -1,42 +1,22 @@
 """A roscore of the tests' own, on loopback and a free port, and launch files started against it."""
 import contextlib
-import socket
 from pathlib import Path
 from typing import Callable, Iterator, List, Sequence, Tuple
 
 import import_graph
 import pytest
-import rosgraph
 import roslaunch
 import rospy
-from launching import launched_parent
-from ros_bench import Arm, SimulatorProcess
-
-
-def free_port() -> int:
-    """Return a port that was free a moment ago: roscore, unlike our own executables, cannot be asked to take any."""
-    with contextlib.closing(socket.socket()) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+import waiting
+from driver_bench import Arm, SimulatorProcess
+from ros_graph import core, launched_parent
 
 
 @pytest.fixture(scope="session")
 def ros_master(tmp_path_factory) -> Iterator[str]:
     """Start a master and return its URI; the environment points at it, logs go to a temporary folder."""
-    home = tmp_path_factory.mktemp("ros_home")
-    with pytest.MonkeyPatch.context() as environment:
-        port = free_port()
-        uri = "http://127.0.0.1:%d" % port
-        environment.setenv("ROS_MASTER_URI", uri)
-        environment.setenv("ROS_IP", "127.0.0.1")
-        environment.setenv("ROS_HOME", str(home))
-        environment.setenv("TMPDIR", str(home))
-        environment.setenv("ROS_LOG_DIR", str(home / "log"))
-        environment.delenv("ROS_HOSTNAME", raising=False)
-        environment.delenv("ROS_NAMESPACE", raising=False)
-        with launched_parent(is_core=True, port=port, num_workers=3):
-            assert rosgraph.is_master_online(uri)
-            yield uri
+    with core(tmp_path_factory.mktemp("ros_home")) as uri:
+        yield uri
 
 
 @pytest.fixture(scope="session")
@@ -107,13 +87,7 @@ def launched_file(ros_master) -> Callable[..., "contextlib.AbstractContextManage
 @pytest.fixture(scope="session")
 def free_ports() -> Callable[[int], List[int]]:
     """Return a function that finds so many different ports, for executables that must have them before they start."""
-    def choose(count: int) -> List[int]:
-        with contextlib.ExitStack() as probes:
-            sockets = [probes.enter_context(contextlib.closing(socket.socket())) for _ in range(count)]
-            for probe in sockets:
-                probe.bind(("127.0.0.1", 0))
-            return [int(probe.getsockname()[1]) for probe in sockets]
-    return choose
+    return waiting.free_ports
 
 
 @pytest.fixture(scope="session")

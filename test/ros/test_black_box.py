@@ -3,8 +3,9 @@ import json
 import shlex
 
 import roslaunch
+from driver_bench import rosservice
 from import_graph import ROOT
-from ros_bench import WAIT, eventually, rosservice
+from waiting import WAIT, eventually
 
 from jaka_bag.cli.main import main
 from jaka_bag.containers.registry import open_log, read_index, read_metadata

@@ -14,9 +14,9 @@ import pytest
 import rosgraph
 import rospy
 from import_graph import ROOT
-from ros_bench import WAIT, eventually
 from rosgraph.network import encode_ros_handshake_header
 from std_srvs.srv import Empty, SetBool, Trigger
+from waiting import WAIT, eventually
 
 from jaka_msgs.srv import GetIO
 from jaka_ros_driver.ros import connections

@@ -10,9 +10,8 @@ import time
 import pytest
 import rosgraph
 from arm_bench import fill
-from launching import ArmOfAnotherMaster
-from live_driver import LiveDriver, begin
-from ros_bench import HOME, WAIT, Arm, SimulatorProcess, eventually
+from driver_bench import HOME, Arm, ArmOfAnotherMaster, LiveDriver, SimulatorProcess, begin
+from waiting import WAIT, eventually
 
 IN_TIME = 3.0
 """s; on a quiet host it is a tenth of that."""

@@ -7,10 +7,10 @@ import pytest
 import roslib.packages
 import rospy
 import std_msgs
+from driver_bench import Arm, DriverProcess, SimulatorProcess, on
 from genpy.generate_initpy import write_modules
 from genpy.generator import MsgGenerator, SrvGenerator
 from import_graph import ROOT
-from ros_bench import Arm, DriverProcess, SimulatorProcess, on
 
 from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed
 

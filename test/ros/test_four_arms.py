@@ -3,8 +3,9 @@ import contextlib
 
 import pytest
 import rosgraph
-from ros_bench import HOME, Arm, DriverProcess, SimulatorProcess, collecting, eventually, on
+from driver_bench import HOME, Arm, DriverProcess, SimulatorProcess, collecting, on
 from sensor_msgs.msg import JointState
+from waiting import eventually
 
 NAMESPACES = ("arm_1", "arm_2", "arm_3", "arm_4")
 SHARED = {"/diagnostics", "/rosout", "/tf", "/tf_static"}

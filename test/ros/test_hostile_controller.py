@@ -1,9 +1,9 @@
 """Values that no field should have: a controller that sends them ends neither log nor rosout, diagnostics or calls."""
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from live_driver import LiveDriver
-from ros_bench import collecting, eventually
+from driver_bench import LiveDriver, collecting
 from rosgraph_msgs.msg import Log
+from waiting import eventually
 
 HALF = "half \ud800 of it \x1b[2J\n"
 

@@ -8,10 +8,11 @@ import pytest
 import roslaunch
 import rospy
 import std_msgs.msg
+from driver_bench import Arm, SimulatorProcess, collecting
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from import_graph import ROOT
-from ros_bench import Arm, SimulatorProcess, collecting, eventually
 from tf2_msgs.msg import TFMessage
+from waiting import eventually
 from wire_verdict import WireVerdict
 
 from jaka_ros_driver.client.core.velocity_jog.dead_man import FRESH_S

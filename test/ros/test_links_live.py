@@ -1,7 +1,7 @@
 """The kinds of cut of the running node's links: noticed, survived, nothing replayed; a soak test does more."""
 import pytest
+from driver_bench import LiveDriver
 from link_cuts import CUTS, LinkWatch, size_of
-from live_driver import LiveDriver
 
 SEED = 20260727
 

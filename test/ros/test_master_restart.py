@@ -5,8 +5,9 @@ import threading
 
 import pytest
 import rosgraph
-from launching import Roscore
-from ros_bench import HOME, WAIT, DriverProcess, SimulatorProcess, eventually, on
+from driver_bench import HOME, DriverProcess, SimulatorProcess, on
+from ros_graph import Roscore
+from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros import master_watch
 from jaka_ros_driver.ros.services.service_table import SERVICES

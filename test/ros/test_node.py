@@ -8,8 +8,9 @@ from types import SimpleNamespace
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from ros_bench import HOME, PROGRAM, Arm, DriverProcess, SimulatorProcess, collecting, eventually, on
+from driver_bench import HOME, PROGRAM, Arm, DriverProcess, SimulatorProcess, collecting, on
 from sensor_msgs.msg import JointState
+from waiting import eventually
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.ros.audit.recorder import Recorder

@@ -7,10 +7,10 @@ import time
 
 import pytest
 import rosgraph
-from arm_bench import eventually
+from driver_bench import HOME, evidence_of
 from import_graph import ROOT
 from program_places import command_of
-from ros_bench import HOME, evidence_of
+from waiting import eventually
 
 from jaka_bag.live.graph import RemoteNode
 

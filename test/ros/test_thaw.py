@@ -4,9 +4,9 @@ import time
 
 import pytest
 import rospy
-from live_driver import LiveDriver
-from ros_bench import eventually
+from driver_bench import LiveDriver
 from sensor_msgs.msg import JointState
+from waiting import eventually
 
 OLDEST = 0.25
 """s; how long a frame may have been on its way on a busy host."""

@@ -4,9 +4,10 @@ import contextlib
 import pytest
 import rosgraph
 import rospy
-from ros_bench import HOME, Arm, DriverProcess, SimulatorProcess, eventually, listen, on
+from driver_bench import HOME, Arm, DriverProcess, SimulatorProcess, listen, on
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
+from waiting import eventually
 
 SHARED = {"/diagnostics", "/rosout", "/tf", "/tf_static"}
 

@@ -10,12 +10,12 @@ import sys
 import tempfile
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"),
-                str(Path(__file__).resolve().parents[1] / "support" / "logs"), str(Path(__file__).resolve().parents[2])]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "test/support", "test/support/live", "test/support/logs")]
 
 from accidents import KINDS, Driver, account_of, black_box, files_of, set_off  # noqa: E402
-from live_ros import Graph  # noqa: E402
-from live_samples import wait_until  # noqa: E402
+from ros_graph import Graph  # noqa: E402
+from waiting import wait_until  # noqa: E402
 
 BEFORE_S, AFTER_S = 1.0, 0.25
 

@@ -11,11 +11,13 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "test/support", "test/support/live")]
 
-from live_driver import LiveDriver, begin  # noqa: E402
-from ros_bench import eventually  # noqa: E402
-from soak_bench import master, summary  # noqa: E402
+from driver_bench import LiveDriver, begin  # noqa: E402
+from figures import summary  # noqa: E402
+from ros_graph import master  # noqa: E402
+from waiting import eventually  # noqa: E402
 
 MOTIONS = ("move", "jog", "servo")
 ENDS = {"SIGINT": signal.SIGINT, "SIGTERM": signal.SIGTERM}

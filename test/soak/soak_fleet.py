@@ -16,8 +16,8 @@ from dask_cluster import DaskCluster
 from fleet_logs import write_plant
 from fleet_tasks import die_once, wait_for_gate
 from import_graph import ROOT
-from live_samples import wait_until
 from program_places import command_of
+from waiting import wait_until
 
 from jaka_bag.cli.main import main
 from jaka_bag.errors import BagError

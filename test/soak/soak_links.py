@@ -9,11 +9,13 @@ import sys
 import tempfile
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "support"), str(Path(__file__).resolve().parents[2])]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / folder) for folder in (".", "test/support", "test/support/live")]
 
+from driver_bench import LiveDriver  # noqa: E402
+from figures import summary  # noqa: E402
 from link_cuts import CUTS, LinkWatch, size_of  # noqa: E402
-from live_driver import LiveDriver  # noqa: E402
-from soak_bench import master, summary  # noqa: E402
+from ros_graph import master  # noqa: E402
 
 SHOWN = 10
 

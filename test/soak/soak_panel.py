@@ -13,13 +13,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / folder) for folder in (
-    ".", "tools", "test/support", "test/support/jogging", "test/support/panel")]
+    ".", "tools", "test/support", "test/support/live", "test/support/jogging", "test/support/panel")]
 
-from live_driver import LiveDriver  # noqa: E402
+from driver_bench import HOME, LiveDriver  # noqa: E402
 from panel_jog import JogBench  # noqa: E402
 from panel_page import Loop  # noqa: E402
-from ros_bench import HOME  # noqa: E402
-from soak_bench import master  # noqa: E402
+from ros_graph import master  # noqa: E402
 
 GROWTH = 1.05
 FILLED = 0.4

@@ -11,7 +11,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from arm_bench import WAIT, eventually, processes_with
+from arm_bench import processes_with
+from waiting import WAIT, eventually
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -75,8 +75,11 @@ def outside_imports(module: str) -> FrozenSet[str]:
 @lru_cache(maxsize=None)
 def behind_support(module: str) -> FrozenSet[str]:
     """Return the same as ``outside_imports`` for a module beside this one; empty for any other."""
-    source = Path(__file__).with_name(module + ".py")
-    return roots_behind(at_import(parse(source)), source.parent) if source.is_file() else frozenset()
+    for folder in (Path(__file__).parent, Path(__file__).with_name("live")):
+        source = folder / (module + ".py")
+        if source.is_file():
+            return roots_behind(at_import(parse(source)), source.parent)
+    return frozenset()
 
 
 def roots_behind(tree: ast.AST, folder: Path) -> FrozenSet[str]:

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any, Callable, Dict, List, NamedTuple
 
 import rospy
-from live_driver import MOTIONS, begin
+from driver_bench import HOME, MOTIONS, begin
 from raw_client import RawClient
-from ros_bench import HOME, InBackground, eventually
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
+from waiting import InBackground, eventually
 
 ENERGISING = ("power_on", "enable_robot")
 MOTION_COMMANDS = ("joint_move", "moveL")

@@ -3,9 +3,10 @@ import os
 import re
 import signal
 import subprocess
-import time
 from pathlib import Path
 from typing import Callable, Dict, List, NamedTuple, Tuple
+
+from waiting import wait_until
 
 PATIENCE_S = 280.0
 
@@ -72,7 +73,4 @@ class Shell:
 
 def until(condition: Callable[[], bool], what: Callable[[], str]) -> None:
     """Wait until the condition holds; fail with the text of ``what`` where it does not."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, what()
-        time.sleep(0.2)
+    wait_until(condition, what, PATIENCE_S)

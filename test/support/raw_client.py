@@ -4,7 +4,7 @@ import json
 import socket
 import time
 import zlib
-from typing import Any, Callable, Dict, List, Optional
+from typing import Any, Callable, Dict, List
 
 PATIENCE_S = 20.0
 """s; the longest wait for something that must come; never a measure of speed."""
@@ -127,14 +127,3 @@ def poll(client: RawClient, timeout: float = PATIENCE_S) -> bytes:
         text += inflate.decompress(data)
     assert not inflate.unused_data
     return text
-
-
-def wait_for(condition: Callable[[], Any], what: str, timeout: float = PATIENCE_S) -> Any:
-    """Wait for the first true value of the condition, and return it."""
-    deadline: Optional[float] = time.monotonic() + timeout
-    while True:
-        value = condition()
-        if value:
-            return value
-        assert time.monotonic() < deadline, "waited in vain for %s" % what
-        time.sleep(0.005)

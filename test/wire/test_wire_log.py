@@ -6,7 +6,8 @@ import time
 
 import mcap.reader
 import pytest
-from raw_client import RawClient, RawFeed, wait_for
+from raw_client import RawClient, RawFeed
+from waiting import wait_until
 
 from jaka_ros_driver.wire import log as wire_log
 from jaka_ros_driver.wire.log import TrueJoints, WireEvent, WireLog, WireLogError, read_log
@@ -29,7 +30,7 @@ def test_every_byte_with_its_time_and_the_joints(make_arm, tmp_path):
             client.send(request)
             received.append(client.reply())
         frames = [feed.raw_frame() for _ in range(5)]
-    wait_for(lambda: not arm.panel("wire")["wire"]["connections"], "the clients to be gone")
+    wait_until(lambda: not arm.panel("wire")["wire"]["connections"], "the clients to be gone")
     arm.close()
     entries = read_log(path)
     events = [entry for entry in entries if isinstance(entry, WireEvent)]
@@ -109,7 +110,7 @@ def test_a_working_day_is_told_by_its_log(make_arm, tmp_path, root):
         feed.until(lambda frame: frame["joint_actual_position"][0] > 60.0)
         arm.panel("hit")
         feed.until(lambda frame: frame["protective_stop"])
-        wait_for(lambda: not arm.state()["is_moving"], "standstill")
+        wait_until(lambda: not arm.state()["is_moving"], "standstill")
         assert client.code("clear_error") == "0"
         assert client.code("servo_move", relFlag=1) == "0"
         for _ in range(30):
@@ -165,7 +166,7 @@ def test_log_is_on_disk_while_the_controller_runs(make_arm, tmp_path, monkeypatc
     arm = make_arm(log=path)
     with RawClient(arm.command_port) as client:
         assert client.code("get_version") == "0"
-        wait_for(lambda: any(isinstance(entry, WireEvent) and entry.what == "out" for entry in read_log(path)),
+        wait_until(lambda: any(isinstance(entry, WireEvent) and entry.what == "out" for entry in read_log(path)),
                  "the reply in the unfinished file")
 
 

@@ -7,8 +7,8 @@ import pytest
 @pytest.fixture
 def graph(tmp_path, monkeypatch):
     """Start a master; the environment points at it."""
-    import live_ros  # a plain Python without ROS runs the tests that need no master
-    with live_ros.Graph(tmp_path) as running:
+    import ros_graph  # a plain Python without ROS runs the tests that need no master
+    with ros_graph.Graph(tmp_path) as running:
         for name in ("ROS_MASTER_URI", "ROS_IP"):
             monkeypatch.setenv(name, running.environment[name])
         for name in ("ROS_HOSTNAME", "ROS_NAMESPACE"):

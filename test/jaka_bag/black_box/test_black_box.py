@@ -19,7 +19,8 @@ from accidents import (
     metadata_of,
     set_off,
 )
-from live_samples import twist_frame, wait_until
+from live_samples import twist_frame
+from waiting import wait_until
 
 from jaka_bag.operations.signature import verify
 

@@ -8,9 +8,9 @@ import pytest
 from dask_cluster import DaskCluster
 from fleet_logs import write_plant
 from fleet_tasks import describe, die_once
-from live_samples import wait_until
 from many_sessions import drift, run_of
 from synthetic_session import write_log
+from waiting import wait_until
 
 from jaka_bag.cli.main import main
 from jaka_bag.errors import BagError

@@ -5,6 +5,7 @@ import threading
 
 import live_samples
 import pytest
+import waiting
 
 
 @pytest.fixture
@@ -25,7 +26,7 @@ def running():
             thread.start()
             stack.callback(thread.join)
             stack.callback(server.stop)
-            assert ready.wait(live_samples.PATIENCE_S)
+            assert ready.wait(waiting.WAIT)
             server.notices = notices
             return server
         yield run

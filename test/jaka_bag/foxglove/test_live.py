@@ -7,18 +7,11 @@ import threading
 
 import pytest
 from foxglove_clients import OLD, SDK, JsClient, RawViewer, Recorder, Refused, Served, data_of
-from live_ros import Graph, with_subscribers
-from live_samples import (
-    STRING,
-    TWIST_STAMPED,
-    string_connection,
-    string_frame,
-    twist_connection,
-    twist_frame,
-    wait_until,
-)
+from live_samples import STRING, TWIST_STAMPED, string_connection, string_frame, twist_connection, twist_frame
 from mcap.reader import make_reader
 from program_places import command_of
+from ros_graph import Graph, with_subscribers
+from waiting import wait_until
 
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.subscriber import accept_all

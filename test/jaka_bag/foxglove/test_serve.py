@@ -5,8 +5,8 @@ import struct
 import time
 from typing import Dict, List
 
-import live_samples
 import pytest
+import waiting
 from foxglove_clients import OLD, SDK, JsClient, RawViewer, Recorder, Served, control, data_of, serving, state_of
 from log_samples import JOINTS, MODEL, STATES, Sample, in_order, state_log, states, text, write
 from mcap.reader import make_reader
@@ -238,7 +238,7 @@ def test_it_ends_when_the_last_viewer_goes_at_that_moment(samples, tmp_path, ste
         playback.want(frozenset())
         for _ in range(steps):
             await asyncio.sleep(0)
-        await asyncio.wait([asyncio.ensure_future(playback.close())], timeout=live_samples.PATIENCE_S)
+        await asyncio.wait([asyncio.ensure_future(playback.close())], timeout=waiting.WAIT)
         assert playback._player.done()
     asyncio.run(run())
 
@@ -282,7 +282,7 @@ def test_it_stands_still_while_nobody_watches(shown, long_log):
     server = shown(long_log[0], speed=20.0)
     with Watching(server) as watching:
         watching.count(50)
-    live_samples.wait_until(lambda: not server._source._topics, "it is noticed that nobody watches")
+    waiting.wait_until(lambda: not server._source._topics, "it is noticed that nobody watches")
     stood_at, sent_to = server._source._clock.position(time.monotonic()), server._source._sent_to
     time.sleep(0.3)  # what must not come has no other sign
     assert server._source._clock.position(time.monotonic()) == stood_at

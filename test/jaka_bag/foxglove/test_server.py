@@ -8,7 +8,7 @@ import time
 
 import pytest
 from foxglove_clients import OLD, SDK, RawViewer, Refused, data_of
-from live_samples import wait_until
+from waiting import wait_until
 
 from jaka_bag.errors import JakaBagError
 from jaka_bag.foxglove import server as servers

@@ -5,8 +5,8 @@ import pytest
 
 
 def running_graph(tmp_path, monkeypatch, is_mortal):
-    import live_ros  # a plain Python without ROS runs the tests that need no master
-    with live_ros.Graph(tmp_path, is_mortal) as running:
+    import ros_graph  # a plain Python without ROS runs the tests that need no master
+    with ros_graph.Graph(tmp_path, is_mortal) as running:
         for name in ("ROS_MASTER_URI", "ROS_IP"):
             monkeypatch.setenv(name, running.environment[name])
         for name in ("ROS_HOSTNAME", "ROS_NAMESPACE"):

@@ -1,7 +1,8 @@
 """The publishers' own counts, in the words of both client libraries."""
-import live_ros
 import live_samples
 import pytest
+import ros_graph
+import waiting
 
 from jaka_bag.errors import ConnectionLost, ProtocolError
 from jaka_bag.live.bus_statistics import ask_publisher, ask_publishers, sent_messages
@@ -43,7 +44,7 @@ def test_rospy_itself_is_understood(graph):
     talker = graph.python(TALKER)
     talker.wait_for_line("done")
     uri = graph.master().lookupNode("/talker")
-    live_samples.wait_until(lambda: ask_publisher(uri, "/rec").get("/talk") == 25, "all are sent")
+    waiting.wait_until(lambda: ask_publisher(uri, "/rec").get("/talk") == 25, "all are sent")
     assert ask_publishers([uri, "http://127.0.0.1:1/"], "/rec", 5.0) == {(uri, "/talk"): 25}
     assert recorder.stop() == 0
 
@@ -52,16 +53,16 @@ def test_roscpp_itself_is_understood(graph):
     recorder = graph.record("/a", "-O", "first.bag")
     with graph.publisher("/source") as publisher:
         a = publisher.advertise("/a", live_samples.twist_connection("/a"), False)
-        live_ros.with_subscribers(publisher, a)
+        ros_graph.with_subscribers(publisher, a)
         for number in range(1, 21):
             publisher.publish(a, live_samples.twist_frame(number))
         assert recorder.stop() == 0
     recorder = graph.record("/a", "-O", "second", "__name:=rec")
     play = graph.start("rosbag", "play", "-q", "-k", "-d", "1", "--wait-for-subscribers", "first.bag", "__name:=cpp")
-    live_samples.wait_until(lambda: graph.master().getSystemState()[0] and any(
+    waiting.wait_until(lambda: graph.master().getSystemState()[0] and any(
         "/cpp" in nodes for _, nodes in graph.master().getSystemState()[0]), "it publishes")
     uri = graph.master().lookupNode("/cpp")
-    live_samples.wait_until(lambda: ask_publisher(uri, "/rec").get("/a") == 20, "all are sent")
+    waiting.wait_until(lambda: ask_publisher(uri, "/rec").get("/a") == 20, "all are sent")
     assert recorder.stop() == 0
     play.stop()
 

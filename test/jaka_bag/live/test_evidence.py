@@ -9,13 +9,13 @@ import subprocess
 import threading
 import time
 
-import live_samples
 import pytest
-from live_ros import with_subscribers
+import waiting
 from live_samples import content, twist_connection, twist_frame
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader
 from mcap.stream_reader import StreamReader
+from ros_graph import with_subscribers
 
 KILLED_LOSS_S = 1.1
 """Messages older than this at the moment of kill -9 are in the file."""
@@ -57,7 +57,7 @@ def test_kill_9_loses_at_most_the_newest_second(graph, chance):
         a = publisher.advertise("/a", twist_connection("/a"), False)
         with_subscribers(publisher, a)
         with sending(publisher, a) as stamps:
-            live_samples.wait_until(lambda: len(stamps) > 700, "messages flow")
+            waiting.wait_until(lambda: len(stamps) > 700, "messages flow")
             threading.Event().wait(random.Random(chance).random())
             killed_at = time.time_ns()
             recorder.popen.kill()
@@ -76,7 +76,7 @@ def test_a_killed_bag_recording_is_recovered_to_its_last_chunk(graph):
         a = publisher.advertise("/a", twist_connection("/a"), False)
         with_subscribers(publisher, a)
         with sending(publisher, a) as stamps:
-            live_samples.wait_until(lambda: len(stamps) > 700, "messages flow")
+            waiting.wait_until(lambda: len(stamps) > 700, "messages flow")
             killed_at = time.time_ns()
             recorder.popen.kill()
             recorder.wait()
@@ -103,7 +103,7 @@ def small_disk(folder, size):
 def fill(graph, recorder, publisher, outlet):
     """Publish until the recorder gives up; return the number of messages sent."""
     number = 0
-    deadline = time.monotonic() + live_samples.PATIENCE_S
+    deadline = time.monotonic() + waiting.WAIT
     while recorder.popen.poll() is None:
         assert time.monotonic() < deadline, "the recorder goes on: %s" % recorder.output
         number += 1

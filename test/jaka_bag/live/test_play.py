@@ -9,9 +9,9 @@ import termios
 import threading
 import types
 
-import live_ros
-import live_samples
 import pytest
+import ros_graph
+import waiting
 from live_samples import content, string_connection, string_frame, times, twist_connection, twist_frame
 
 from jaka_bag.cli.main import load_command, main, parser_of
@@ -147,11 +147,11 @@ def test_a_subscriber_that_stands_still_is_named_and_loses_nothing(graph):
     notices = []
     with graph.publisher("/source", notices.append) as publisher:
         outlet = publisher.advertise("/a", string_connection("/a"), False)
-        live_ros.with_subscribers(publisher, outlet)
+        ros_graph.with_subscribers(publisher, outlet)
         listener.popen.send_signal(signal.SIGSTOP)
         sender = threading.Thread(target=lambda: [publisher.publish(outlet, frame) for frame in frames])
         sender.start()
-        live_samples.wait_until(lambda: notices, "it is said who holds the others up")
+        waiting.wait_until(lambda: notices, "it is said who holds the others up")
         listener.popen.send_signal(signal.SIGCONT)
         sender.join()
     assert notices == ["/listener does not read /a: waiting for it"]
@@ -198,11 +198,11 @@ def test_latched_messages_before_the_start_are_sent_and_late_subscribers_get_the
     write_log(graph.folder / "log.bag", entries)
     player = play(graph, "-s", "0.2", "-k", "log.bag")
     player.wait_for_line("playing 2 topics")
-    live_samples.wait_until(lambda: "the topics stay" in player.output, "all is played")
+    waiting.wait_until(lambda: "the topics stay" in player.output, "all is played")
     with Listener("/fixed", "/a") as listener:
-        live_samples.wait_until(lambda: listener.texts("/fixed") == ["new"], "the latched message comes")
+        waiting.wait_until(lambda: listener.texts("/fixed") == ["new"], "the latched message comes")
         assert listener.connections["/fixed"].latching is True
-        live_samples.wait_until(lambda: "/a" in listener.connections, "the other topic is there, and silent")
+        waiting.wait_until(lambda: "/a" in listener.connections, "the other topic is there, and silent")
         assert listener.texts("/a") == []
     assert player.stop() == 0
     assert report_of(graph)["topics"]["/fixed"]["sent"] == 0
@@ -255,7 +255,7 @@ def test_loop_goes_on_until_it_is_stopped(graph):
     write_log(graph.folder / "log.bag", [("/a", i, string_frame("%d" % i)) for i in range(3)])
     with Listener("/a") as listener:
         player = play(graph, "-l", "--wait-for-subscribers", "log.bag")
-        live_samples.wait_until(lambda: len(listener.heard) >= 9, "three rounds")
+        waiting.wait_until(lambda: len(listener.heard) >= 9, "three rounds")
         assert player.stop(signal.SIGTERM) == 0
         texts = listener.texts("/a")
     assert texts[:9] == ["0", "1", "2"] * 3
@@ -292,7 +292,7 @@ def test_space_pauses_and_goes_on_s_steps_and_the_terminal_is_restored(graph):
         assert listener.texts("/a") == []
         for step in range(1, 4):
             terminal.press("s")
-            live_samples.wait_until(lambda step=step: len(listener.heard) == step, "step %d" % step)
+            waiting.wait_until(lambda step=step: len(listener.heard) == step, "step %d" % step)
         assert listener.texts("/a") == ["0", "1", "2"]
         terminal.press(" ")
         assert player.wait() == 0, player.output
@@ -306,12 +306,12 @@ def test_a_pause_in_mid_play_holds_the_rest_back(graph):
     terminal = Terminal()
     with Listener("/a") as listener:
         player = play(graph, "--wait-for-subscribers", "log.bag", **terminal.options())
-        live_samples.wait_until(lambda: len(listener.heard) > 5, "it plays")
+        waiting.wait_until(lambda: len(listener.heard) > 5, "it plays")
         terminal.press(" ")
         player.wait_for_line("paused")
         held = len(listener.heard)
         terminal.press("s")
-        live_samples.wait_until(lambda: len(listener.heard) > held, "a step")
+        waiting.wait_until(lambda: len(listener.heard) > held, "a step")
         assert len(listener.heard) < 300
         assert player.stop(signal.SIGINT) == 0
     assert "SIGINT" in player.output

@@ -6,13 +6,14 @@ import signal
 import struct
 import threading
 
-import live_ros
 import live_samples
 import pytest
+import ros_graph
+import waiting
 from arm_bench import fill
-from live_ros import all_read, with_subscribers
 from live_samples import content, string_connection, string_frame, twist_connection, twist_frame
 from mcap.reader import make_reader
+from ros_graph import all_read, with_subscribers
 
 from jaka_bag.cli.main import main
 from jaka_bag.live.publisher import frame_of
@@ -228,7 +229,7 @@ def test_state_log_takes_the_driver_of_the_namespace_and_nothing_else(graph):
         foreign = [right.advertise(topic, twist_connection(topic), False)
                    for topic in ("/right/jaka_driver/tool_position", "/tf", "/diagnostics")]
         with_subscribers(left, *outlets)
-        live_samples.wait_until(lambda: right.admit() or all(o.links for o in foreign[1:]),
+        waiting.wait_until(lambda: right.admit() or all(o.links for o in foreign[1:]),
                                 "it looks at the other driver")
         for publisher, chosen, number in ((left, outlets, 1), (right, foreign, 2)):
             publisher.admit()
@@ -315,12 +316,12 @@ def test_simulated_time_stamps_messages_with_the_clock(graph):
         a = publisher.advertise("/a", string_connection("/a"), False)
         with_subscribers(publisher, clock, a)
         publisher.publish(a, string_frame("before"))
-        live_ros.all_read(publisher)
+        ros_graph.all_read(publisher)
         for second in (100, 200):
             publisher.publish(clock, frame_of(struct.pack("<II", second, 500)))
-            live_ros.all_read(publisher)
+            ros_graph.all_read(publisher)
             publisher.publish(a, string_frame("at %d" % second))
-            live_ros.all_read(publisher)
+            ros_graph.all_read(publisher)
         assert recorder.stop() == 0
     assert live_samples.times(graph.folder / "log.mcap") == [
         ("/a", 100000000500), ("/a", 100000000500), ("/a", 200000000500)]
@@ -333,12 +334,12 @@ def test_snapshot_keeps_the_past_in_memory_until_asked(graph):
         a = publisher.advertise("/a", twist_connection("/a"), False)
         with_subscribers(publisher, a)
         publish_numbers(publisher, a, range(1, 101))
-        live_ros.all_read(publisher)
+        ros_graph.all_read(publisher)
         assert not list(graph.folder.glob("log*"))
         recorder.popen.send_signal(signal.SIGUSR1)
         recorder.wait_for_line("snapshot of 100 messages")
         publish_numbers(publisher, a, range(101, 121))
-        live_ros.all_read(publisher)
+        ros_graph.all_read(publisher)
         recorder.popen.send_signal(signal.SIGUSR1)
         recorder.wait_for_line("snapshot of 20 messages")
         assert recorder.stop() == 0

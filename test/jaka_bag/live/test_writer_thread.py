@@ -5,8 +5,8 @@ import time
 from collections import namedtuple
 from pathlib import Path
 
-import live_samples
 import pytest
+import waiting
 from live_samples import string_connection, twist_connection, twist_frame
 
 from jaka_bag.containers.mcap.writer import McapWriter
@@ -122,7 +122,7 @@ def test_a_snapshot_holds_the_newest_time_and_starts_anew(tmp_path):
     for age, payload in ((500, b"old"), (50, b"new"), (0, b"newest")):
         bench.recorder.take(stream, now - age * S, payload)
     bench.recorder.trigger_snapshot()
-    live_samples.wait_until(lambda: bench.said, "it is written")
+    waiting.wait_until(lambda: bench.said, "it is written")
     assert [entry[4] for entry in bench.log()] == [b"new", b"newest"]
     bench.recorder.finish()
 
@@ -141,13 +141,13 @@ def test_a_refused_write_ends_the_recording_whole_and_is_raised(tmp_path, monkey
     bench.recorder.start()
     stream = bench.recorder.open_stream(string_connection("/b"), "http://n/")
     bench.recorder.take(stream, S, b"before")
-    live_samples.wait_until(lambda: stream.written == 1, "it is taken over")
+    waiting.wait_until(lambda: stream.written == 1, "it is taken over")
 
     def refuse(*arguments):
         raise WriteFailed("log", OSError(5, "Input/output error"))
     with monkeypatch.context() as patch:
         patch.setattr(owner, method, refuse)
-        live_samples.wait_until(lambda: bench.stopped, "it stops")
+        waiting.wait_until(lambda: bench.stopped, "it stops")
     bench.recorder.take(stream, 2 * S, b"after")
     with pytest.raises(WriteFailed, match="Input/output error"):
         bench.recorder.finish()
@@ -160,7 +160,7 @@ def test_a_bug_in_the_writer_does_not_end_the_recording_unnoticed(tmp_path, monk
     bench = Bench(tmp_path)
     bench.recorder.start()
     monkeypatch.setattr(RollingFiles, "tick", lambda self: 1 // 0)
-    live_samples.wait_until(lambda: bench.stopped, "it stops")
+    waiting.wait_until(lambda: bench.stopped, "it stops")
     with pytest.raises(ZeroDivisionError):
         bench.recorder.finish()
 
@@ -177,9 +177,9 @@ def test_a_disk_that_fills_ends_a_recording_with_everything_taken_in_the_file(tm
     stream = bench.recorder.open_stream(string_connection("/b"), "http://n/")
     for payload in (b"x" * 100, b"y" * 100):
         bench.recorder.take(stream, S, payload)
-    live_samples.wait_until(lambda: stream.written == 2, "they are taken over")
+    waiting.wait_until(lambda: stream.written == 2, "they are taken over")
     free[0] = 6000
-    live_samples.wait_until(lambda: bench.stopped, "it stops")
+    waiting.wait_until(lambda: bench.stopped, "it stops")
     with pytest.raises(DiskFull, match="is full"):
         bench.recorder.finish()
     assert len(bench.log()) == 2

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from import_graph import ROOT
-from live_samples import wait_until
+from waiting import wait_until
 
 from jaka_regression.processes import Program
 from jaka_regression.programs import STAGE

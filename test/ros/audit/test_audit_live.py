@@ -9,13 +9,12 @@ from types import SimpleNamespace
 import actionlib
 import pytest
 import rospy
-from arm_bench import eventually
 from audit_reading import lines_of, those_of, whole
+from driver_bench import HOME, LiveDriver, begin, listen
 from jog_pad import Pad
 from jog_pad import begin as begin_jog
-from live_driver import LiveDriver, begin
-from ros_bench import HOME, WAIT, listen
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from waiting import WAIT, eventually
 
 from jaka_bag.cli import main as program
 from jaka_msgs.msg import RecoverAction, RecoverGoal

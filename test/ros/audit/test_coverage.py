@@ -9,10 +9,10 @@ import sys
 import pytest
 import rosgraph
 import rospy
-from arm_bench import eventually
 from audit_reading import those_of
+from driver_bench import DriverProcess, SimulatorProcess, on
 from import_graph import ROOT
-from ros_bench import WAIT, DriverProcess, SimulatorProcess, on
+from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros.audit.recorder import NOT_RECORDED, STREAMED, URGENT
 from jaka_ros_driver.ros.services.service_table import SERVICES
@@ -81,7 +81,7 @@ def test_all_that_a_driver_takes_is_recorded_or_listed_with_the_reason(ros_node,
 def test_what_is_neither_is_found(ros_node, simulator, tmp_path, monkeypatch):
     script = tmp_path / "planted.py"
     script.write_text(PLANTED)
-    monkeypatch.setattr("ros_bench.PROGRAM", [sys.executable, str(script)])
+    monkeypatch.setattr("driver_bench.PROGRAM", [sys.executable, str(script)])
     folder = tmp_path / "audit"
     with DriverProcess("planted", audit_dir=str(folder), **on(simulator, guard=False)):
         wait_until_all_is_offered("/planted", folder)

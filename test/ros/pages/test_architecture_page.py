@@ -6,8 +6,9 @@ from pathlib import Path
 
 import import_graph
 import pytest
-from arm_bench import Bench, eventually
-from ros_bench import HOME
+from arm_bench import Bench
+from driver_bench import HOME
+from waiting import eventually
 
 from jaka_msgs.srv import MoveRequest
 from jaka_ros_driver.client.arm_client import LoopTask

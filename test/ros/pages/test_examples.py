@@ -9,7 +9,8 @@ import sys
 import import_graph
 import log_samples
 import pytest
-from ros_bench import HOME, eventually
+from driver_bench import HOME
+from waiting import eventually
 
 EXAMPLES = import_graph.ROOT / "docs" / "examples"
 TESTED = {"move_and_stop.py", "stream_servo_targets.py", "follow_trajectory.py", "read_log_into_numpy.py",

@@ -5,8 +5,8 @@ import re
 import pytest
 from foxglove_clients import PATIENCE_S, RawViewer, data_of
 from import_graph import ROOT
-from live_samples import wait_until
 from page_commands import blocks, until
+from waiting import wait_until
 
 from jaka_bag.messages.definitions import parse_definition
 

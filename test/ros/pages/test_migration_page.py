@@ -7,8 +7,8 @@ import shutil
 
 import import_graph
 import pytest
+from driver_bench import SimulatorProcess
 from page_commands import Shell, blocks, until
-from ros_bench import SimulatorProcess
 
 PAGE = import_graph.ROOT / "docs" / "migration.md"
 ARM = "ip:=10.5.5.100"

@@ -5,8 +5,9 @@ import re
 
 import import_graph
 import pytest
+from driver_bench import HOME, SimulatorProcess
 from page_commands import blocks, until
-from ros_bench import HOME, SimulatorProcess, eventually
+from waiting import eventually
 
 from jaka_ros_driver.client.core.procedures.recovery import RecoveryStep
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 from panel_page import Page, PanelProcess, get, refused
-from ros_bench import eventually
+from waiting import eventually
 
 SCRIPT = "<script>alert(1)</script>"
 

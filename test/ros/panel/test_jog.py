@@ -3,11 +3,11 @@ import contextlib
 from types import SimpleNamespace
 
 import pytest
+from driver_bench import LiveDriver
 from jog_pad import last_frame_of_motion
-from live_driver import LiveDriver
 from panel_jog import WAYS, JogBench, let_go
 from panel_page import Loop
-from ros_bench import eventually
+from waiting import eventually
 
 LONGEST_S = 1.0
 """s; 0.3 s on a quiet host (test/benchmark/bench_panel.py), and what a busy one may take away."""

@@ -6,10 +6,10 @@ import subprocess
 import time
 
 import pytest
-from live_driver import LiveDriver
+from driver_bench import HOME, LiveDriver
 from motion_logs import log_of, session
 from panel_page import PROGRAM, Page, PanelProcess, get
-from ros_bench import HOME, WAIT, eventually
+from waiting import WAIT, eventually
 
 STAGE = [0.2, 1.4, -1.4, 1.5, 1.4, 0.1]
 SCRIPT = "<script>alert(1)</script>"

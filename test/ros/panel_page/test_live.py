@@ -9,8 +9,8 @@ pytest.importorskip("aiohttp")
 
 from browser import CHROMIUM, Browser
 from import_graph import ROOT
-from live_ros import Graph
 from panel_operator import WAYS, Operator, times_to_rest
+from ros_graph import Graph
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium-headless-shell")
 LONGEST_S = 1.0

@@ -4,8 +4,9 @@ import math
 import time
 
 import pytest
-from path_bench import SQUARE, PathClient, arc, bow, joint, line, nearest, square, tool_way
-from ros_bench import HOME, InBackground, SimulatorProcess, eventually
+from action_bench import SQUARE, PathClient, arc, bow, joint, line, nearest, square, tool_way
+from driver_bench import HOME, SimulatorProcess
+from waiting import InBackground, eventually
 from wire_verdict import WireVerdict
 
 NAN = math.nan

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 from actionlib_msgs.msg import GoalStatus
-from arm_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver.client.core.planned.path_move import PathProgress
 from jaka_ros_driver.errors import InvalidCommand, MotionInterrupted, PathInterrupted, StopCause

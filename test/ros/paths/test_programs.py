@@ -3,7 +3,8 @@ import contextlib
 
 import pytest
 import rospy
-from ros_bench import HOME, InBackground, SimulatorProcess, eventually
+from driver_bench import HOME, SimulatorProcess
+from waiting import InBackground, eventually
 from wire_verdict import WireVerdict
 
 from jaka_msgs.msg import ProgramState

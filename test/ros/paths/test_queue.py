@@ -3,10 +3,11 @@ import contextlib
 import os
 
 import pytest
+from action_bench import bow, nearest, tool_way
+from driver_bench import HOME, SimulatorProcess, collecting
 from import_graph import ROOT
 from page_commands import Shell, blocks
-from path_bench import bow, nearest, tool_way
-from ros_bench import HOME, SimulatorProcess, collecting, eventually
+from waiting import eventually
 from wire_verdict import WireVerdict
 
 from jaka_msgs.msg import MotionState

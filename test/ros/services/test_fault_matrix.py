@@ -6,8 +6,8 @@ import math
 
 import pytest
 import rospy
-from arm_bench import eventually
-from ros_bench import HOME, InBackground
+from driver_bench import HOME
+from waiting import InBackground, eventually
 
 MOVING = ("joint_move", "linear_move", "jog", "servo_move_enable", "servo_j", "servo_p", "drag_mode")
 POSE = [300.0, 100.0, 300.0, math.pi, 0.0, 0.0]

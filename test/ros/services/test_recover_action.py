@@ -6,7 +6,8 @@ import pytest
 import rospy
 import rosservice as rosservice_library
 from actionlib_msgs.msg import GoalStatus
-from ros_bench import SimulatorProcess, eventually, rosservice
+from driver_bench import SimulatorProcess, rosservice
+from waiting import eventually
 
 from jaka_msgs.msg import RecoverAction, RecoverActionFeedback, RecoverGoal
 

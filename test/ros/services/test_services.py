@@ -5,10 +5,11 @@ import math
 import pytest
 import rospy
 import rosservice as rosservice_library
+from driver_bench import HOME, SimulatorProcess, evidence_of, rosservice
 from import_graph import ROOT
 from reference_values import reference_values
-from ros_bench import HOME, SimulatorProcess, eventually, evidence_of, rosservice
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from waiting import eventually
 
 from jaka_msgs.srv import Move, MoveRequest, MoveResponse
 from jaka_ros_driver.ros.services.service_table import SERVICES

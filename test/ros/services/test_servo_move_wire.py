@@ -13,8 +13,9 @@ import pytest
 import rosgraph
 import rosgraph.network
 import rospy
+from driver_bench import HOME, evidence_of
 from import_graph import ROOT
-from ros_bench import HOME, eventually, evidence_of
+from waiting import eventually
 
 from jaka_msgs.srv import ServoMove, ServoMoveResponse
 from jaka_ros_driver.ros.services.servo_move_wire import ServoMoveWithSpeed, ServoMoveWithSpeedRequest

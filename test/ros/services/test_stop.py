@@ -8,8 +8,9 @@ import time
 import pytest
 import rosgraph
 import rospy
-from ros_bench import HOME, Arm, DriverProcess, InBackground, SimulatorProcess, eventually, evidence_of, on
+from driver_bench import HOME, Arm, DriverProcess, SimulatorProcess, evidence_of, on
 from std_srvs.srv import Empty
+from waiting import InBackground, eventually
 
 AWAY = [2.0] + HOME[1:]
 SLOW_LINE = {"pose": [420.0, 300.0, 370.0, 2.2214, -2.2214, 0.0], "mvvelo": 20.0, "mvacc": 100.0}

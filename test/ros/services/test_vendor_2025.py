@@ -4,9 +4,10 @@ import signal
 import subprocess
 
 import pytest
+from driver_bench import HOME
 from geometry_msgs.msg import PoseStamped
 from program_places import command_of
-from ros_bench import HOME, eventually
+from waiting import eventually
 
 from jaka_bag.cli.main import main
 from jaka_bag.compare.loading import load_run

@@ -3,7 +3,8 @@ import math
 
 import pytest
 import rosservice as rosservice_library
-from ros_bench import HOME, InBackground, eventually, listen
+from driver_bench import HOME, listen
+from waiting import InBackground, eventually
 
 from jaka_ros_driver.kinematics.rotations import (
     matrix_from_rotation_vector,

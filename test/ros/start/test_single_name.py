@@ -8,7 +8,7 @@ import time
 import pytest
 import rosgraph
 from import_graph import ROOT
-from ros_bench import WAIT, eventually
+from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros import single_name
 from jaka_ros_driver.ros.driver_lock import AlreadyDriven

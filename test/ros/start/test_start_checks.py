@@ -10,9 +10,10 @@ from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 import rospy
-from launching import ArmOfAnotherMaster, Roscore
-from ros_bench import WAIT, DriverProcess, SimulatorProcess, eventually, on
+from driver_bench import ArmOfAnotherMaster, DriverProcess, SimulatorProcess, on
+from ros_graph import Roscore
 from std_msgs.msg import Bool
+from waiting import WAIT, eventually
 
 from jaka_ros_driver.ros import start_checks
 from jaka_ros_driver.ros.services.service_table import SERVICES

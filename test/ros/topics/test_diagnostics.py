@@ -4,8 +4,9 @@ import re
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from diagnostic_updater import DiagnosticStatusWrapper
+from driver_bench import collecting
 from raw_client import RawClient
-from ros_bench import collecting, eventually
+from waiting import eventually
 
 from jaka_msgs.msg import MotionState
 from jaka_ros_driver.ros.topics import diagnostics

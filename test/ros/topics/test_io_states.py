@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 import rospy
-from ros_bench import SimulatorProcess, collecting, eventually
+from driver_bench import SimulatorProcess, collecting
+from waiting import eventually
 
 from jaka_msgs.msg import IOStates
 from jaka_ros_driver.ros.topics import io_states

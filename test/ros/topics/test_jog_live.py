@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 import rospy
+from driver_bench import LiveDriver, collecting
 from jog_pad import (
     KILLED,
     PERIOD_S,
@@ -17,9 +18,8 @@ from jog_pad import (
     rests,
     twist_message,
 )
-from live_driver import LiveDriver
-from ros_bench import collecting, eventually
 from rosgraph_msgs.msg import Log
+from waiting import eventually
 
 LONGEST_S = 1.0
 """s; 0.3 s on a quiet host (test/benchmark/bench_deadman.py), and what a busy one may take away."""

@@ -4,10 +4,11 @@ import math
 
 import pytest
 import rospy
+from driver_bench import HOME, collecting
 from geometry_msgs.msg import TwistStamped
-from ros_bench import HOME, collecting, eventually
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
+from waiting import eventually
 
 from jaka_msgs.msg import RobotMsg
 from jaka_ros_driver.kinematics.arm_models import load_model

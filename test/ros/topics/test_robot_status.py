@@ -10,7 +10,8 @@ import types
 
 import pytest
 import rospy
-from arm_bench import Bench, InBackground, eventually
+from arm_bench import Bench
+from waiting import InBackground, eventually
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.procedures import power, settings

@@ -6,10 +6,11 @@ from types import SimpleNamespace
 
 import pytest
 import rospy
+from driver_bench import Arm, DriverProcess, SimulatorProcess, collecting, on
 from geometry_msgs.msg import WrenchStamped
-from ros_bench import Arm, DriverProcess, SimulatorProcess, collecting, eventually, on
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from waiting import eventually
 
 from jaka_ros_driver.ros.topics import sensors
 from jaka_ros_driver.ros.topics.stamps import SampleStamps, StampClock

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 import rospy
+from driver_bench import HOME, LiveDriver, rosservice, stream
 from geometry_msgs.msg import PoseStamped
-from live_driver import LiveDriver, stream
-from ros_bench import HOME, InBackground, eventually, rosservice
+from waiting import InBackground, eventually
 
 CYCLE = 0.008
 SERVO_TIMEOUT = 1.0

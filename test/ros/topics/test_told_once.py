@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 import rospy
-from arm_bench import eventually
 from std_srvs.srv import Trigger, TriggerResponse
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from waiting import eventually
 
 from jaka_msgs import msg as messages
 from jaka_ros_driver.errors import ConnectionLost, MotionInterrupted, StopCause

@@ -6,7 +6,7 @@ from concurrent.futures import Future
 
 import pytest
 import rospy
-from ros_bench import eventually
+from waiting import eventually
 
 from jaka_ros_driver.client.core.motion import MotionOwner
 from jaka_ros_driver.client.core.trajectory import Progress

@@ -6,20 +6,11 @@ import time
 
 import pytest
 import rospy
-from ros_bench import SimulatorProcess, eventually
+from action_bench import CONTROLLER, NAMES, START, Client, goal_of, joints_of, point, smooth, trajectory
+from driver_bench import SimulatorProcess
 from std_msgs.msg import Float64
-from trajectory_bench import (
-    CONTROLLER,
-    NAMES,
-    START,
-    Client,
-    goal_of,
-    joints_of,
-    point,
-    smooth,
-    trajectory,
-)
 from trajectory_msgs.msg import JointTrajectory
+from waiting import eventually
 from wire_verdict import WireVerdict
 
 from jaka_regression.host_watch import HostWatch

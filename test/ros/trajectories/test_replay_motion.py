@@ -8,11 +8,11 @@ import subprocess
 
 import pytest
 import yaml
-from arm_bench import eventually
+from driver_bench import HOME
 from import_graph import ROOT
 from page_commands import Shell, blocks, until
 from program_places import command_of
-from ros_bench import HOME
+from waiting import eventually
 
 from jaka_bag.live.graph import RemoteNode
 from jaka_regression.driver_client import DriverNotThere

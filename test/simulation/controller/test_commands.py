@@ -4,7 +4,8 @@ import math
 
 import pytest
 from good_requests import BEFORE, GOOD, HOME, HOME_POSE, NEAR, NEAR_POSE, TESTED_APART, ZEROS
-from raw_client import RawClient, poll, wait_for
+from raw_client import RawClient, poll
+from waiting import wait_until
 
 from jaka_ros_driver.simulation.controller.command_table import COMMANDS
 from jaka_ros_driver.simulation.controller.status_frame import all_field_names
@@ -379,5 +380,5 @@ def test_lost_client_aborts_motion_where_it_asked_for_that(make_arm):
     with RawClient(arm.command_port) as client:
         assert client.code("set_network_exception_handle", motType=2, timeLimit=100.0) == "0"
         assert client.code("joint_move", jointPosition=[170.0, 90, -90, 90, 90, 0], speed=10) == "0"
-    wait_for(lambda: not arm.state()["is_moving"] and arm.state()["queue_length"] == 0, "the abort")
+    wait_until(lambda: not arm.state()["is_moving"] and arm.state()["queue_length"] == 0, "the abort")
     assert arm.state()["joint_position"][0] < 169.0

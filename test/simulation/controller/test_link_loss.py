@@ -3,7 +3,8 @@ import json
 import time
 
 import pytest
-from raw_client import RawClient, wait_for
+from raw_client import RawClient
+from waiting import wait_until
 
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.arm.plant import CYCLE_TIME_S
@@ -173,23 +174,23 @@ def ask_for_abort(client, simulated_s):
 
 def still_moves_after(arm, simulated_s):
     began = arm.state()["simulated_s"]
-    wait_for(lambda: arm.state()["simulated_s"] > began + simulated_s, "time to pass")
+    wait_until(lambda: arm.state()["simulated_s"] > began + simulated_s, "time to pass")
     return arm.state()["is_moving"] and arm.state()["queue_length"] == 1
 
 
 def wait_for_abort(arm):
-    wait_for(lambda: not arm.state()["is_moving"] and arm.state()["queue_length"] == 0, "the abort")
+    wait_until(lambda: not arm.state()["is_moving"] and arm.state()["queue_length"] == 0, "the abort")
     assert arm.state()["joint_position"][0] < 169.0
 
 
 def test_next_client_begins_without_a_setting_and_without_a_timer(arm):
     with RawClient(arm.command_port) as first:
         ask_for_abort(first, 6.0)
-    wait_for(lambda: connected(arm) == 0, "the first to be gone")
+    wait_until(lambda: connected(arm) == 0, "the first to be gone")
     with RawClient(arm.command_port) as second:
         send_far(second)
         assert still_moves_after(arm, 10.0)
-    wait_for(lambda: connected(arm) == 0, "the second to be gone")
+    wait_until(lambda: connected(arm) == 0, "the second to be gone")
     assert still_moves_after(arm, 10.0)
 
 
@@ -269,7 +270,7 @@ def test_stall_without_a_client_does_not_bring_the_lost_one_back(arm):
     with RawClient(arm.command_port) as client:
         ask_for_abort(client, 10.0)
         send_far(client)
-    wait_for(lambda: connected(arm) == 0, "the client to be gone")
+    wait_until(lambda: connected(arm) == 0, "the client to be gone")
     arm.panel("stall", port="command", duration_ms=20)
     assert still_moves_after(arm, 1.0)
     wait_for_abort(arm)

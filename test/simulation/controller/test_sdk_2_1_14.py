@@ -2,8 +2,9 @@
 import json
 
 import pytest
-from raw_client import RawClient, wait_for
+from raw_client import RawClient
 from sdk_2_1_14 import REFUSED, has_shape, read_in, refusal, requests
+from waiting import wait_until
 
 FIRMWARES = ["1.5.14", "1.7.1", "1.7.2"]
 STARTS = {"power_on": "off", "shutdown": "off", "power_off": "powered", "enable_robot": "powered"}
@@ -49,7 +50,7 @@ def test_leaving_servo_mode_is_seen_as_the_sdk_needs_it(make_arm, firmware):
         client.send(b'{"cmdName":"servo_move","relFlag":0}{"cmdName":"is_in_servomove"}')
         assert client.reply()["errorCode"] == "0" and client.reply()["in_servomove"] is True
         began = arm.state()["simulated_s"]
-        wait_for(lambda: client.ask("is_in_servomove")["in_servomove"] is False, "the end of servo mode")
+        wait_until(lambda: client.ask("is_in_servomove")["in_servomove"] is False, "the end of servo mode")
         assert arm.state()["simulated_s"] - began < 1.0
 
 
@@ -65,7 +66,7 @@ def test_slow_commands_are_answered_as_evidence_says(make_arm, command, start, k
         if not is_early:
             client.send(look)
         assert bool(client.reply()[key]) is not is_early
-        wait_for(lambda: client.ask("get_data")[key], "the drives")
+        wait_until(lambda: client.ask("get_data")[key], "the drives")
 
 
 @pytest.mark.parametrize("firmware, event", [("1.5.14", "0x0"), ("1.7.1", "0xf0017"), ("1.7.2", "0xf0017")])

@@ -6,7 +6,8 @@ import zlib
 from pathlib import Path
 
 import pytest
-from raw_client import RawClient, RawFeed, poll, wait_for
+from raw_client import RawClient, RawFeed, poll
+from waiting import wait_until
 
 from jaka_ros_driver.simulation.controller.io_banks import IoBanks
 
@@ -49,7 +50,7 @@ def test_every_recorded_request_is_answered_as_a_controller_would(make_arm, firm
             client.send(request.encode("ascii"))
             reply = client.reply()
             if call == "servo_move_enable 0":  # it is left some cycles later
-                wait_for(lambda: client.ask("is_in_servomove")["in_servomove"] is False, "the end of servo mode")
+                wait_until(lambda: client.ask("is_in_servomove")["in_servomove"] is False, "the end of servo mode")
             assert type(reply["errorCode"]) is str and reply["cmdName"] == json.loads(request)["cmdName"]
             codes.append((call, reply["errorCode"]))
     assert len(codes) == 132
@@ -190,7 +191,7 @@ def test_lines_of_an_earlier_client_are_forgotten_though_its_move_goes_on(make_a
     with RawClient(arm.poll_port) as status:
         with RawClient(arm.command_port) as client:
             assert move(client, 2, 100.0) == "0"
-            wait_for(lambda: json.loads(poll(status))["motion_line"] == 2, "the move to begin")
+            wait_until(lambda: json.loads(poll(status))["motion_line"] == 2, "the move to begin")
         with RawClient(arm.command_port) as client:
             assert client.ask("get_version")["errorCode"] == "0"
             assert arm.state()["is_moving"] and json.loads(poll(status))["motion_line"] == 0

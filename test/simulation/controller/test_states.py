@@ -1,7 +1,8 @@
 """The state machine over the wire: power, drives, stops, servo mode, hand guiding; and the life of events in
 errcode."""
 import pytest
-from raw_client import RawClient, RawFeed, wait_for
+from raw_client import RawClient, RawFeed
+from waiting import wait_until
 
 HOME = [0.0, 90.0, -90.0, 90.0, 90.0, 0.0]
 FAR = [170.0, 90.0, -90.0, 90.0, 90.0, 0.0]
@@ -129,7 +130,7 @@ def test_motion_is_queued_and_stopped(arm, client, feed):
 def test_pause_and_resume_of_a_move(arm, client, feed):
     start_moving(client, feed)
     assert client.code("pause_program") == "0"
-    wait_for(lambda: not arm.state()["is_moving"], "the pause")
+    wait_until(lambda: not arm.state()["is_moving"], "the pause")
     assert feed.until(lambda frame: frame["paused"])[-1]["inpos"] is False
     paused_at = arm.state()["joint_position"][0]
     assert client.code("resume_program") == "0"
@@ -144,7 +145,7 @@ def test_emergency_stop_and_the_way_back(arm, client, feed):
     frame = feed.until(lambda frame: frame["emergency_stop"] == 1)[-1]
     assert (frame["powered_on"], frame["enabled"], frame["task_state"]) == (0, False, 1)
     assert (frame["errcode"], frame["errmsg"]) == ("0x309082", "emergency stop triggered")
-    wait_for(lambda: not arm.state()["is_moving"], "standstill")
+    wait_until(lambda: not arm.state()["is_moving"], "standstill")
     assert arm.state()["queue_length"] == 0
     assert client.code("clear_error") == "0"  # software cannot release it
     assert client.code("power_on") == "2" and client.code("enable_robot") == "2"
@@ -171,7 +172,7 @@ def test_emergency_stop_while_energising(make_arm):
         arm.panel("press_emergency_stop")
         arm.panel("release_emergency_stop")
         began = arm.state()["simulated_s"]
-        wait_for(lambda: arm.state()["simulated_s"] > began + 5.0, "the delay to pass")
+        wait_until(lambda: arm.state()["simulated_s"] > began + 5.0, "the delay to pass")
         assert not arm.state()["is_powered"]
 
 
@@ -184,7 +185,7 @@ def test_collision_depends_on_the_level(arm, client, feed, level):
     assert arm.panel("hit", force=25.0 * level)["noticed"] is True
     frame = feed.until(lambda frame: frame["protective_stop"] == 1)[-1]
     assert frame["errcode"] == "0xf0034" and frame["enabled"] is True and frame["powered_on"] == 1
-    wait_for(lambda: not arm.state()["is_moving"], "standstill")
+    wait_until(lambda: not arm.state()["is_moving"], "standstill")
     assert client.ask("protective_stop_status")["protective_stop"] == 1
     assert_nothing_moves(arm, client)
     assert client.code("enable_robot") == "2"
@@ -214,7 +215,7 @@ def test_collision_in_servo_mode_and_the_way_back(arm, client, feed):
     assert client.code("servo_j", jointPosition=HOME) == "-1"
     assert client.code("servo_move", relFlag=1) == "2"
     assert client.code("clear_error") == "0"
-    wait_for(lambda: not arm.state()["is_moving"], "standstill")
+    wait_until(lambda: not arm.state()["is_moving"], "standstill")
     assert client.code("servo_move", relFlag=1) == "0"
     assert client.ask("is_in_servomove")["in_servomove"] is True
 
@@ -235,9 +236,9 @@ def test_servo_mode_has_rules_of_its_own(arm, client, feed):
     assert client.code("servo_j", relFlag=1, jointPosition=[0.1, 0, 0, 0, 0, 0], stepNum=4) == "0"
     assert client.code("servo_j", jointPosition=[1, 2, 3], stepNum=1) == "2"
     assert client.code("servo_j", jointPosition=HOME, stepNum=0) == "2"
-    wait_for(lambda: abs(arm.state()["joint_position"][0] - 3.0) < 1e-6, "the stream's end")
+    wait_until(lambda: abs(arm.state()["joint_position"][0] - 3.0) < 1e-6, "the stream's end")
     assert client.code("servo_move", relFlag=0) == "0"
-    wait_for(lambda: client.ask("is_in_servomove")["in_servomove"] is False, "the end of servo mode")
+    wait_until(lambda: client.ask("is_in_servomove")["in_servomove"] is False, "the end of servo mode")
     assert client.code("set_servo_move_filter", filter_type=0) == "0"
 
 
@@ -252,7 +253,7 @@ def test_jog_runs_until_it_is_stopped(arm, client, feed):
     assert abs(arm.state()["joint_position"][0]) < 1.0
     before = arm.state()["tcp_pose"][2]
     assert client.code("jog", jog_mode=2, coord_map=0, jnum=2, jogvel=100.0, poscmd=10.0) == "0"
-    wait_for(lambda: abs(arm.state()["tcp_pose"][2] - before - 10.0) < 1e-3, "10 mm up")
+    wait_until(lambda: abs(arm.state()["tcp_pose"][2] - before - 10.0) < 1e-3, "10 mm up")
     assert client.code("jog", jog_mode=0, coord_map=1, jnum=77) == "0"
 
 
@@ -266,13 +267,13 @@ def test_hand_guiding(arm, client, feed):
     assert client.code("set_clsn_sensitivity", sensitivityVal=1) == "2"
     assert arm.panel("push", joint=1, velocity=10.0, duration=1.0)["pushed"] is True
     feed.until(lambda frame: frame["joint_actual_position"][0] > 5.0)
-    wait_for(lambda: not arm.state()["is_moving"], "the end of the push")
+    wait_until(lambda: not arm.state()["is_moving"], "the end of the push")
     assert 5.0 < arm.state()["joint_position"][0] < 30.0
     before = arm.state()["joint_position"][1]
     assert arm.panel("push", joint=2, velocity=1.0, duration=0.1)["pushed"] is True
     assert arm.panel("push", joint=2, velocity=10.0, duration=2.0)["pushed"] is True
-    wait_for(lambda: abs(arm.state()["joint_position"][1] - before) > 10.0, "a push that lasts on after the one before")
-    wait_for(lambda: not arm.state()["is_moving"], "the end of the push")
+    wait_until(lambda: abs(arm.state()["joint_position"][1] - before) > 10.0, "a push after the one before")
+    wait_until(lambda: not arm.state()["is_moving"], "the end of the push")
     assert client.code("torque_control_enable", enable_flag=0) == "0"
     assert feed.until(lambda frame: not frame["drag_status"])[-1]["task_mode"] == 1
     start_moving(client, feed)
@@ -298,10 +299,10 @@ def test_jog_past_a_limit_is_refused_and_on_it_the_feed_says_so(arm, client, fee
 def test_rapid_rate_in_motion(arm, client, feed):
     start_moving(client, feed)
     assert client.code("rapid_rate", rate_value=0.0) == "0"
-    wait_for(lambda: not arm.state()["is_moving"], "standstill at rate 0")
+    wait_until(lambda: not arm.state()["is_moving"], "standstill at rate 0")
     assert feed.until(lambda frame: frame["rapidrate"] == 0.0)[-1]["inpos"] is False
     assert client.code("rapid_rate", rate_value=1) == "0"
-    wait_for(lambda: arm.state()["is_moving"], "motion at rate 1")
+    wait_until(lambda: arm.state()["is_moving"], "motion at rate 1")
     assert client.code("stop_program") == "0"
 
 

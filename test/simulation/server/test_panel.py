@@ -5,7 +5,8 @@ import time
 import zlib
 
 import pytest
-from raw_client import RawClient, RawFeed, poll, wait_for
+from raw_client import RawClient, RawFeed, poll
+from waiting import wait_until
 
 from jaka_ros_driver.errors import ConnectionLost, InvalidCommand
 from jaka_ros_driver.simulation.server.faults import KINDS
@@ -120,12 +121,12 @@ def test_cut_ends_the_connection_in_the_middle_of_a_message(arm, client):
 def test_close_and_reset_in_place_of_a_message(arm, port):
     for kind in ("close", "reset"):
         with RawClient(getattr(arm, port + "_port")) as link:
-            wait_for(lambda: arm.panel("wire")["wire"]["connections"], "the connection")
+            wait_until(lambda: arm.panel("wire")["wire"]["connections"], "the connection")
             arm.panel("fault", kind=kind, port=port)
             if port != "status":
                 link.send(b'{"cmdName": "data_request"}')
             assert link.is_closed()
-        wait_for(lambda: not arm.panel("wire")["wire"]["connections"], "its end")
+        wait_until(lambda: not arm.panel("wire")["wire"]["connections"], "its end")
 
 
 def test_half_open_in_place_of_a_reply(arm, client):
@@ -188,7 +189,7 @@ def test_refuse_and_then_serve_again(arm, client):
             return RawFeed(arm.status_port)
         except ConnectionRefusedError:
             return None
-    with wait_for(comes_back, "the port to be back") as feed:
+    with wait_until(comes_back, "the port to be back") as feed:
         assert feed.frame()["enabled"] is True
 
 
@@ -206,7 +207,7 @@ def test_reboot_forgets_what_is_volatile(arm, silent):
             read_until_silence(feed.socket, 0.1)
         else:
             assert client.is_closed()
-        wait_for(lambda: not arm.panel("wire")["wire"]["is_off"], "the end of the reboot")
+        wait_until(lambda: not arm.panel("wire")["wire"]["is_off"], "the end of the reboot")
         assert client.is_closed() and feed.is_closed()
     with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
         frame = feed.frame()
@@ -222,7 +223,7 @@ def test_reboot_keeps_the_persistent_period_and_a_pressed_button(arm):
         assert client.ask("get_port10000_delay_ms")["port10000_delay_ms"] == 12
     arm.panel("press_emergency_stop")
     arm.panel("reboot", down=0)
-    wait_for(lambda: not arm.panel("wire")["wire"]["is_off"], "the end of the reboot")
+    wait_until(lambda: not arm.panel("wire")["wire"]["is_off"], "the end of the reboot")
     with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
         assert client.ask("get_port10000_delay_ms")["port10000_delay_ms"] == 12
         assert feed.frame()["emergency_stop"] == 1
@@ -233,7 +234,7 @@ def test_shutdown_turns_the_cabinet_off_until_the_panel_boots_it(make_arm):
     with RawClient(arm.command_port) as client, RawFeed(arm.status_port) as feed:
         assert client.code("shutdown") == "0"
         assert client.is_closed() and feed.is_closed()
-    wait_for(lambda: arm.panel("wire")["wire"]["is_off"], "the cabinet to be off")
+    wait_until(lambda: arm.panel("wire")["wire"]["is_off"], "the cabinet to be off")
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", arm.command_port), 5.0)
     arm.panel("boot")
@@ -290,7 +291,7 @@ def test_the_force_sensor_is_loaded_where_there_is_one(make_arm):
     loaded = make_arm(force_sensor=True)
     loaded.panel("load_force_sensor", fx=1.5, mz=-0.25)
     with RawFeed(loaded.status_port) as feed:
-        wait_for(lambda: feed.frame()["torqsensor"][1][2] == [1.5, 0, 0, 0, 0, -0.25], "the load is in the feed")
+        wait_until(lambda: feed.frame()["torqsensor"][1][2] == [1.5, 0, 0, 0, 0, -0.25], "the load is in the feed")
     with pytest.raises(InvalidCommand, match="fy is not a number"):
         loaded.panel("load_force_sensor", fy="much")
 

@@ -9,7 +9,8 @@ import time
 from pathlib import Path
 
 import pytest
-from raw_client import RawClient, RawFeed, poll, wait_for
+from raw_client import RawClient, RawFeed, poll
+from waiting import wait_until
 
 from jaka_ros_driver.errors import ConnectionLost
 from jaka_ros_driver.protocol.ports import PORTS
@@ -48,11 +49,12 @@ def test_what_one_client_has_set_for_its_loss_follows_its_own_loss_only(arm):
         with RawClient(arm.command_port) as short:
             assert short.code("get_version") == "0"
         began = arm.state()["simulated_s"]
-        wait_for(lambda: arm.state()["simulated_s"] > began + 1.0, "a second without the short client")
+        wait_until(lambda: arm.state()["simulated_s"] > began + 1.0, "a second without the short client")
         assert first.ask("get_motion_state")["queue"] == 1
         first.close()
-        wait_for(lambda: other.ask("get_motion_state")["queue"] == 0, "the end of the motion")
-        wait_for(lambda: other.code("joint_move", jointPosition=[-200, 90, -90, 90, 90, 0], speed=2) == "0", "the next")
+        wait_until(lambda: other.ask("get_motion_state")["queue"] == 0, "the end of the motion")
+        wait_until(lambda: other.code("joint_move", jointPosition=[-200, 90, -90, 90, 90, 0], speed=2) == "0",
+                   "the next move")
         arm.panel("stall", port="command", duration_ms=100)  # whose loss it was is gone, and what it had set
         assert other.ask("get_motion_state")["queue"] == 1
 
@@ -100,7 +102,7 @@ def test_second_client_is_refused_where_that_is_asked_for(make_arm):
         with RawClient(arm.command_port) as second:
             assert second.is_closed()
         assert first.code("get_version") == "0"
-    wait_for(lambda: not arm.panel("wire")["wire"]["connections"], "the first to be gone")
+    wait_until(lambda: not arm.panel("wire")["wire"]["connections"], "the first to be gone")
     with RawClient(arm.command_port) as third:
         assert third.code("get_version") == "0"
 
@@ -213,7 +215,7 @@ def test_clients_that_come_and_go_leave_nothing(arm):
             if number % 2:
                 link.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             link.close()
-    wait_for(lambda: not arm.panel("wire")["wire"]["connections"], "all to be gone")
+    wait_until(lambda: not arm.panel("wire")["wire"]["connections"], "all to be gone")
     with RawClient(arm.command_port) as client:
         assert client.code("get_version") == "0"
 

@@ -12,10 +12,10 @@ import threading
 import time
 
 import rospy
-from arm_bench import eventually
+from figures import percentile
 from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState
-from soak_bench import percentile
+from waiting import eventually
 
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.publisher import Publisher, frame_of

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple
 
 from accident_samples import CALLS, DIAGNOSTICS, STATES, call, diagnostics, states
-from live_ros import Graph, Process, all_read, with_subscribers
-from live_samples import twist_connection, twist_frame, wait_until
+from live_samples import twist_connection, twist_frame
+from ros_graph import Graph, Process, all_read, with_subscribers
+from waiting import wait_until
 
 from jaka_bag.containers.contract import Message
 from jaka_bag.containers.registry import open_log, read_index, read_metadata

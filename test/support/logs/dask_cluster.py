@@ -1,22 +1,16 @@
 """A Dask scheduler with workers, each a process, on free ports of this machine."""
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
 from pathlib import Path
 from typing import Dict, List, Optional
 
+from waiting import free_port
+
 DEADLINE_S = 120
 ROOT = Path(__file__).resolve().parents[3]
-
-
-def free_port() -> int:
-    """Return a port that nobody listens on now."""
-    with socket.socket() as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
 
 
 class DaskCluster:
@@ -39,7 +33,7 @@ class DaskCluster:
         self.address = "tcp://127.0.0.1:%d" % self._port
         self._environment: Dict[str, str] = dict(
             os.environ, DASK_DISTRIBUTED__WORKER__DAEMON="False",
-            PYTHONPATH=os.pathsep.join([str(ROOT / "tools"), str(ROOT / "test" / "support"),
+            PYTHONPATH=os.pathsep.join([str(ROOT / "tools"), str(ROOT / "test" / "support" / "live"),
                                         str(ROOT / "test" / "support" / "logs"), os.environ.get("PYTHONPATH", "")]))
         if python is not None:
             del self._environment["PYTHONPATH"]

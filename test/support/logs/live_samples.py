@@ -1,10 +1,11 @@
-"""Messages whose content is their number, the content of a log, and waiting; without ROS."""
+"""Messages whose content is their number, and the content of a log; without ROS."""
 import contextlib
 import struct
 import threading
-import time
 from pathlib import Path
-from typing import Callable, Dict, List, Tuple
+from typing import Dict, List, Tuple
+
+from waiting import wait_until
 
 from jaka_bag.containers.registry import open_log
 from jaka_bag.containers.time_order import messages_of
@@ -12,7 +13,6 @@ from jaka_bag.live.publisher import frame_of
 from jaka_bag.messages.connection import Connection
 from jaka_bag.messages.definitions import definition_md5
 
-PATIENCE_S = 60.0
 SEPARATOR = "=" * 80 + "\n"
 TWIST_STAMPED = (
     "std_msgs/Header header\ngeometry_msgs/Twist twist\n"
@@ -20,13 +20,6 @@ TWIST_STAMPED = (
     + SEPARATOR + "MSG: geometry_msgs/Twist\ngeometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n"
     + SEPARATOR + "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n")
 STRING = "string data\n"
-
-
-def wait_until(condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
-    deadline = time.monotonic() + patience_s
-    while not condition():
-        assert time.monotonic() < deadline, "waited %g s in vain: %s" % (patience_s, what)
-        threading.Event().wait(0.01)
 
 
 def twist_connection(topic: str) -> Connection:

@@ -2,8 +2,8 @@
 import signal
 import time
 
-from arm_bench import eventually
 from panel_page import PERIOD_S, WAIT, Page, PanelProcess
+from waiting import eventually
 
 SPEED = 0.8
 """The limit of the driver's jog speed."""

@@ -8,11 +8,11 @@ import os
 import signal
 import time
 
-from arm_bench import eventually
 from browser import Browser, BrowserError
+from driver_bench import LiveDriver
 from jog_pad import last_frame_of_motion
-from live_driver import LiveDriver
 from panel_page import PanelProcess
+from waiting import eventually
 
 WAIT = 60.0
 BUTTON = ".jog-button[data-axis='%d'][data-sign='%d']"

@@ -10,8 +10,8 @@ import threading
 import time
 
 import aiohttp
-from arm_bench import eventually
 from program_places import command_of
+from waiting import eventually
 
 WAIT = 60.0
 PERIOD_S = 0.05

@@ -7,7 +7,8 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
-sys.path[:0] = [str(ROOT / folder) for folder in (".", "tools", "test/support", "test/support/panel")]
+sys.path[:0] = [str(ROOT / folder) for folder in (
+    ".", "tools", "test/support", "test/support/live", "test/support/panel")]
 
 import browser as browser_module  # noqa: E402
 from browser import Browser  # noqa: E402

@@ -1,4 +1,4 @@
-"""The load of this computer, and the share that a virtual machine's host takes away: every measurement states both."""
+"""Figures of measurements: percentiles, and the host's load with the share that a virtual machine's host takes away."""
 import os
 from pathlib import Path
 
@@ -23,3 +23,15 @@ class HostLoad:
     def __str__(self):
         return "load average %s, %.1f %% of the processors' time stolen by the host" % (
             " ".join("%.2f" % load for load in os.getloadavg()), self.stolen_percent())
+
+
+def percentile(values, share):
+    """Return the value below which that share of them lies."""
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
+def summary(seconds):
+    """Format median, 95th percentile and largest of durations in s, in ms."""
+    return "n %3d  p50 %7.1f ms  p95 %7.1f ms  max %7.1f ms" % (
+        len(seconds), 1e3 * percentile(seconds, 0.5), 1e3 * percentile(seconds, 0.95), 1e3 * max(seconds))

@@ -1,24 +1,27 @@
-"""A master of the tests' own, jaka_bag and ROS nodes as processes against it, publishers with chosen faults."""
+"""Masters of the tests' own, launch files and processes against them, and publishers with chosen faults."""
 import contextlib
 import os
 import re
 import signal
-import socket
 import subprocess
+import tempfile
 import threading
 from pathlib import Path
 from typing import Callable, Dict, Iterator, List, Optional, Sequence
 
 import rosgraph
+import roslaunch
 import rosmaster.master
-from launching import end_server
-from live_samples import PATIENCE_S, wait_until
+import rospy
+from figures import HostLoad
 from program_places import command_of
+from waiting import WAIT, eventually, free_port, wait_until
 
 from jaka_bag.live.names import NodeNames
 from jaka_bag.live.publisher import Publisher, TopicPublisher
 
 SYSTEM_PYTHON = "/usr/bin/python3"
+RUN_ID = "jaka-tests"
 
 
 @contextlib.contextmanager
@@ -63,7 +66,7 @@ class Process:
 
     def wait(self) -> int:
         try:
-            code = self.popen.wait(PATIENCE_S)
+            code = self.popen.wait(WAIT)
         except subprocess.TimeoutExpired:
             self.popen.kill()
             raise AssertionError("%s does not end: %s" % (self.command, self.output)) from None
@@ -93,9 +96,7 @@ class Graph:
     def __init__(self, folder: Path, is_mortal: bool = False) -> None:
         self.folder = folder
         self._is_mortal = is_mortal
-        with contextlib.closing(socket.socket()) as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = int(probe.getsockname()[1])
+        self.port = free_port()
         self.uri = "http://127.0.0.1:%d" % self.port
         self.environment = dict(os.environ, ROS_MASTER_URI=self.uri, ROS_IP="127.0.0.1", ROS_HOME=str(folder / "ros"),
                                 ROS_LOG_DIR=str(folder / "ros"), PYTHONUNBUFFERED="1")
@@ -190,3 +191,105 @@ def all_read(publisher: Publisher) -> None:
         rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
         return sum(int(row[4].split(":")[1], 16) for row in rows if int(row[1].split(":")[1], 16) in ports)
     wait_until(lambda: unread() == 0, "subscribers read")
+
+
+def end_server(node):
+    """End the thread that serves a rosgraph XmlRpcNode.
+
+    The node's own shutdown only closes the socket, and the thread polls the closed descriptor for ever.
+    """
+    if node is not None and node.server is not None:
+        node.is_shutdown = True
+        node.server.shutdown()
+
+
+@contextlib.contextmanager
+def launched_parent(files=(), **options):
+    """Yield a ROSLaunchParent that runs these (path, arguments) of launch files."""
+    parent = roslaunch.parent.ROSLaunchParent(RUN_ID, list(files), **options)
+    parent.start()
+    try:
+        yield parent
+    finally:
+        end_server(parent.server)
+        parent.shutdown()
+
+
+class Roscore:
+    """A master of one test's own, to be killed, started again and frozen: the session's must not be touched."""
+
+    def __init__(self, port, home):
+        self.uri = "http://127.0.0.1:%d" % port
+        self.environment = dict(os.environ, ROS_MASTER_URI=self.uri, ROS_HOME=str(home), ROS_LOG_DIR=str(home))
+        self._port = port
+        self._process = None
+
+    def start(self):
+        self._process = subprocess.Popen(["roscore", "-p", str(self._port)], env=self.environment,
+                                         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        assert eventually(lambda: self.ask("getParam", "/run_id"))
+
+    def _send(self, number):
+        """Send a signal to the master first: roscore runs it in a process group of its own."""
+        children = subprocess.run(["pgrep", "-P", str(self._process.pid)], stdout=subprocess.PIPE, text=True).stdout
+        for pid in [int(word) for word in children.split()] + [self._process.pid]:
+            os.kill(pid, number)
+
+    @contextlib.contextmanager
+    def frozen(self):
+        self._send(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self._send(signal.SIGCONT)
+
+    def kill(self):
+        if self._process is not None and self._process.poll() is None:
+            self._send(signal.SIGKILL)
+            self._process.wait(WAIT)
+            assert eventually(lambda: self.ask("getPid") is None)
+
+    def ask(self, method, *args):
+        """Return the master's answer, None while there is none."""
+        try:
+            return getattr(rosgraph.Master("/asking", self.uri), method)(*args)
+        except (OSError, rosgraph.MasterException):
+            return None
+
+    def run(self, *words):
+        done = subprocess.run(words, env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                              timeout=60)
+        return done.stdout
+
+    def registered(self):
+        published, subscribed, services = self.ask("getSystemState") or ([], [], [])
+        return tuple({name for name, nodes in rows if "/jaka_driver" in nodes}
+                     for rows in (published, subscribed, services))
+
+
+@contextlib.contextmanager
+def core(home: Path) -> Iterator[str]:
+    """Run a master with rosout on a free port of loopback; yield its URI, at which the environment points meanwhile."""
+    port = free_port()
+    uri = "http://127.0.0.1:%d" % port
+    with changed_environment({"ROS_MASTER_URI": uri, "ROS_IP": "127.0.0.1", "ROS_HOME": str(home), "TMPDIR": str(home),
+                              "ROS_LOG_DIR": str(home / "log")}):
+        for name in ("ROS_HOSTNAME", "ROS_NAMESPACE"):
+            os.environ.pop(name, None)
+        with launched_parent(is_core=True, port=port, num_workers=3):
+            assert rosgraph.is_master_online(uri)
+            yield uri
+
+
+@contextlib.contextmanager
+def master():
+    """Make this process a ROS node of a master of its own, for a while; print the host's load at begin and end."""
+    with tempfile.TemporaryDirectory() as home, core(Path(home)):
+        host = HostLoad()
+        print("at start: load average %.2f" % os.getloadavg()[0], flush=True)
+        rospy.init_node("soak", anonymous=True, disable_signals=True)
+        try:
+            yield
+            print("in all: %s" % host, flush=True)
+        finally:
+            rospy.signal_shutdown("done")

@@ -5,9 +5,8 @@ The client is judged by the controller's own log of bytes and true joints.
 import collections
 import contextlib
 import os
-import threading
-import time
 
+from waiting import eventually
 from wire_verdict import WireVerdict
 
 from jaka_ros_driver.client.arm_client import ArmClient
@@ -15,19 +14,8 @@ from jaka_ros_driver.client.settings import ClientSettings
 from jaka_ros_driver.kinematics.arm_models import load_model
 from jaka_ros_driver.simulation.simulated_controller import SimulatedController
 
-WAIT = 20.0
 LOOSE = 2.0
 """s: a bound on what a quiet computer does within some tenths. The exact figures are judged under virtual time."""
-
-
-def eventually(condition, timeout=WAIT):
-    """Wait until the condition holds; return its last value, which is false after the time-out."""
-    deadline = time.monotonic() + timeout
-    while True:
-        value = condition()
-        if value or time.monotonic() > deadline:
-            return value
-        time.sleep(0.005)
 
 
 def fill(pipe):
@@ -119,41 +107,3 @@ class Bench:
 
     def rest_after(self, moment):
         return self.log().rest_after(moment)
-
-
-class InBackground:
-    """A call in a thread of its own, and how it ended."""
-
-    def __init__(self, function, *args, **kwargs):
-        self.result = None
-        self.error = None
-        self.ended_at = None
-        self._thread = threading.Thread(target=self._run, args=(function, args, kwargs), daemon=True)
-        self._thread.start()
-
-    def _run(self, function, args, kwargs):
-        try:
-            self.result = function(*args, **kwargs)
-        except Exception as error:
-            self.error = error
-        self.ended_at = time.monotonic()
-
-    @property
-    def is_over(self):
-        return not self._thread.is_alive()
-
-    def wait(self, timeout=WAIT):
-        self._thread.join(timeout)
-        assert self.is_over, "the call did not return"
-
-    def failure(self):
-        """Return what the call raised; None where it returned."""
-        self.wait()
-        return self.error
-
-    def join(self, timeout=WAIT):
-        """Return what the call returned, or raise what it raised."""
-        self.wait(timeout)
-        if self.error is not None:
-            raise self.error
-        return self.result

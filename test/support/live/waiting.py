@@ -1,0 +1,79 @@
+"""Waiting in tests: for conditions, for calls in threads of their own, and for a free port. No ROS, no controller."""
+import contextlib
+import socket
+import threading
+import time
+from typing import Any, Callable, List, Union
+
+WAIT = 60.0
+"""s; the longest wait for something that must come, on a busy host; never a measure of speed."""
+_LOOK_S = 0.005
+
+
+def eventually(condition: Callable[[], Any], timeout: float = WAIT) -> Any:
+    """Wait until the condition holds; return its last value, which is false after the time-out."""
+    deadline = time.monotonic() + timeout
+    while True:
+        value = condition()
+        if value or time.monotonic() > deadline:
+            return value
+        time.sleep(_LOOK_S)
+
+
+def wait_until(condition: Callable[[], Any], what: Union[str, Callable[[], str]], timeout: float = WAIT) -> Any:
+    """Wait until the condition holds; return its value, or fail with ``what``, a text or a function that makes it."""
+    value = eventually(condition, timeout)
+    assert value, "waited %g s in vain: %s" % (timeout, what if isinstance(what, str) else what())
+    return value
+
+
+class InBackground:
+    """A call in a thread of its own, and how it ended."""
+
+    def __init__(self, function: Callable[..., Any], *args: Any, **kwargs: Any) -> None:
+        self.result: Any = None
+        self.error: Any = None
+        self.ended_at: Any = None
+        self._thread = threading.Thread(target=self._run, args=(function, args, kwargs), daemon=True)
+        self._thread.start()
+
+    def _run(self, function: Callable[..., Any], args: Any, kwargs: Any) -> None:
+        try:
+            self.result = function(*args, **kwargs)
+        except Exception as error:
+            self.error = error
+        self.ended_at = time.monotonic()
+
+    @property
+    def is_over(self) -> bool:
+        return not self._thread.is_alive()
+
+    def wait(self, timeout: float = WAIT) -> None:
+        self._thread.join(timeout)
+        assert self.is_over, "the call did not return"
+
+    def failure(self) -> Any:
+        """Return what the call raised; None where it returned."""
+        self.wait()
+        return self.error
+
+    def join(self, timeout: float = WAIT) -> Any:
+        """Return what the call returned, or raise what it raised."""
+        self.wait(timeout)
+        if self.error is not None:
+            raise self.error
+        return self.result
+
+
+def free_ports(count: int) -> List[int]:
+    """Return different ports that were free a moment ago, for executables that cannot be asked to take any."""
+    with contextlib.ExitStack() as probes:
+        sockets = [probes.enter_context(contextlib.closing(socket.socket())) for _ in range(count)]
+        for probe in sockets:
+            probe.bind(("127.0.0.1", 0))
+        return [int(probe.getsockname()[1]) for probe in sockets]
+
+
+def free_port() -> int:
+    """Return one such port."""
+    return free_ports(1)[0]
