@@ -16,7 +16,7 @@ ALWAYS = range(1, 201)
 NIGHT = 100_000
 _DRAWN_FROM = 1_000_000
 _PROGRESS_S = 60.0
-sys.path[:0] = [str(HERE), str(HERE / "rules"), str(HERE.parents[1])]
+sys.path[:0] = [str(folder) for folder in (HERE, HERE / "rules", HERE.parent / "support", HERE.parents[1])]
 
 from generator import Scenario, generate  # noqa: E402
 from world import Result, World  # noqa: E402
