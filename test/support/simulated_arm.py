@@ -96,10 +96,10 @@ class SimulatedArm:
 
     # ---- calls ----
 
-    def begin(self, method, *args):
+    def begin(self, method, *args, **more):
         """Call a method of the core; return the call at once."""
         call = Call()
-        getattr(self.core, method)(call, *args, self.now)
+        getattr(self.core, method)(call, *args, self.now, **more)
         self._perform()
         return call
 
