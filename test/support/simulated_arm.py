@@ -17,13 +17,15 @@ from jaka_ros_driver.simulation.controller.controller import Controller, ReplyLi
 from jaka_ros_driver.simulation.controller.controller_state import Options, Start
 from jaka_ros_driver.simulation.controller.firmware import FIRMWARES
 from jaka_ros_driver.simulation.controller.status_frame import all_field_names
+from jaka_ros_driver.simulation.dialect.dialect import Dialect
 from jaka_ros_driver.trajectory.build import build_path
 from jaka_ros_driver.trajectory.points import JointTrajectory, Tolerances
 
 FIELDS = frozenset((
     "joint_actual_position", "joint_position", "actual_position", "powered_on", "enabled", "inpos", "emergency_stop",
-    "protective_stop", "errcode", "rapidrate", "on_soft_limit", "paused", "drag_status"))
+    "protective_stop", "errcode", "errmsg", "rapidrate", "on_soft_limit", "paused", "drag_status"))
 START_TOLERANCE = 0.01
+_FIRMWARE = "1.5.14"
 _MOST_TICKS = 100
 _PHASE_S = 0.003
 """The offset between the controller's cycle and the driver's, which have different clocks."""
@@ -59,7 +61,18 @@ class SimulatedArm:
         longest_unowned: The longest time in which the arm moved without custody, s.
     """
 
-    def __init__(self, model, joints, is_ready=True, start=Start.ENABLED, identity="", **settings):
+    def __init__(self, model, joints, is_ready=True, start=Start.ENABLED, identity="", dialect=None, **settings):
+        """Make an arm and let the driver connect.
+
+        Args:
+            model: The arm model.
+            joints: Where the arm is, rad (6,).
+            is_ready: The driver must be ready after 0.3 s.
+            start: The state of the drives.
+            identity: The identity that the controller reports.
+            dialect: What the controller does otherwise than its firmware's default, by dimension.
+            settings: Settings of the client.
+        """
         self._model = model
         self._clock = Clock(100.0)
         self.sent, self.frames, self.answers, self.shown = [], [], {}, []
@@ -71,16 +84,21 @@ class SimulatedArm:
         self._motions = [(self.now, False)]
         self._unowned_since = None
         self._new_connection()
-        self.controller = Controller(model, FIRMWARES["1.5.14"], Options(start=start, identity=identity), tuple(joints))
-        state = self.controller.state
-        for name in set(all_field_names(state.firmware)) - FIELDS:
-            state.memory.field_switches[name] = False  # a short frame takes a tenth of the time
+        options = Options(Dialect.default(_FIRMWARE).replaced(dialect or {}), start, identity=identity)
+        self.controller = Controller(model, FIRMWARES[_FIRMWARE], options, tuple(joints))
+        self._shorten_frames()
+        self._is_off = False
         self._next_cycle = self.now + _PHASE_S
         self.core = ArmCore(ClientSettings("10.5.5.100", **settings), model)
         self.core.start(self.now)
         self._perform()
         self.run(0.3)
         assert not is_ready or self.core.is_ready(self.now)
+
+    def _shorten_frames(self):
+        state = self.controller.state
+        for name in set(all_field_names(state.firmware)) - FIELDS:
+            state.memory.field_switches[name] = False  # a short frame takes a tenth of the time
 
     @property
     def now(self):
@@ -107,6 +125,24 @@ class SimulatedArm:
         """Let time pass until a call has ended; return its error, None for success."""
         self.until(lambda: call.is_over, timeout)
         return call.error
+
+    def does(self, procedure, exclusive=False):
+        """Carry out a procedure, made of the core; return its result, or raise its error."""
+        call = self.begin("run", procedure(self.core), exclusive=exclusive)
+        error = self.ended(call)
+        if error is not None:
+            raise error
+        return call.result
+
+    def act(self, function):
+        """Call a function of the core that answers no call."""
+        function(self.now)
+        self._perform()
+
+    @property
+    def state(self):
+        """The newest state that the driver has; raises ConnectionLost where it is stale."""
+        return self.core.fresh_state(self.now)
 
     def target(self, command):
         """Give the core a servo target; raise what it raises."""
@@ -143,6 +179,18 @@ class SimulatedArm:
         self._lose(port)
         self.core.closed(port, "connection closed by the controller", self.now)
         self._perform()
+
+    def restart(self, down):
+        """Switch the cabinet off for so long; its drives are off afterwards."""
+        for port in Port:
+            self.cut(port, down)
+        self._is_off = True
+        self._clock.after(down, self._boot)
+
+    def _boot(self):
+        self.controller.restart()
+        self._shorten_frames()
+        self._is_off = False
 
     def join_replies(self, seconds):
         """Hold the replies of the next time back, and deliver them in one piece."""
@@ -201,8 +249,9 @@ class SimulatedArm:
         return True
 
     def _cycle(self):
-        self.controller.step(CYCLE_TIME_S)
-        self._send_due()
+        if not self._is_off:
+            self.controller.step(CYCLE_TIME_S)
+            self._send_due()
         if self._motions[-1][1] != self.is_moving:
             self._motions.append((self.now, self.is_moving))
         if self._links[Port.STATUS]:
