@@ -1,13 +1,16 @@
-"""Settings that are read back."""
+"""Settings that are read back, from the simulated controller in virtual time."""
 import pytest
-from waiting import eventually
+from simulated_arm import SimulatedArm
 
 from jaka_ros_driver import commands as c
 from jaka_ros_driver.client.core.procedures import settings as procedures
 from jaka_ros_driver.client.core.procedures.procedure import Ask
 from jaka_ros_driver.errors import CommandRejected, InvalidCommand
+from jaka_ros_driver.kinematics.arm_models import load_model
+from jaka_ros_driver.simulation.arm.plant import HOME
 from jaka_ros_driver.state import IoBank
 
+MODEL = load_model("zu7")
 EXCLUSIVE = ("set_tool_frame", "set_user_frame", "set_payload", "set_hand_guiding", "zero_force_sensor")
 
 
@@ -19,58 +22,64 @@ class Settings:
 
     def __getattr__(self, name):
         def act(arm, *args):
-            return arm.run(lambda core: getattr(procedures, name)(core, *args), exclusive=name in EXCLUSIVE)
+            return arm.does(lambda core: getattr(procedures, name)(core, *args), exclusive=name in EXCLUSIVE)
         return act
 
 
 settings = Settings()
 POSE = c.Pose((0.01, -0.02, 0.12), (0.1, -0.2, 0.3))
+JOG = c.Jog(c.JogFrame.JOINT, 0, 0.1)
 
 
-def test_tool_and_user_frames_are_stored_read_back_and_active(bench):
-    one = bench()
-    arm = one.connect()
+def simulated(**options):
+    return SimulatedArm(MODEL, HOME, has_all_fields=True, **options)
+
+
+def jogged(arm):
+    assert arm.ended(arm.begin("jog", JOG)) is None
+
+
+def test_tool_and_user_frames_are_stored_read_back_and_active():
+    arm = simulated()
     assert settings.set_tool_frame(arm, c.SetToolFrame(2, POSE, "gripper"), True) == "tool 2 set and active"
     assert settings.set_user_frame(arm, c.SetUserFrame(3, POSE, "table"), True) == "user frame 3 set and active"
-    assert (arm.fresh_state().tool_id, arm.fresh_state().user_frame_id) == (2, 3)
+    assert (arm.state.tool_id, arm.state.user_frame_id) == (2, 3)
     assert settings.set_tool_frame(arm, c.SetToolFrame(4, POSE, "other"), False) == "tool 4 set"
-    assert one.controller.state()["tool_id"] == 2
+    assert arm.controller.state.memory.tools.active == 2
 
 
-def test_payload_and_collision_level_are_read_back(bench):
-    one = bench()
-    arm = one.connect()
+def test_payload_and_collision_level_are_read_back():
+    arm = simulated()
     assert settings.set_payload(arm, 1, c.SetPayload(1.5, (0.0, 0.0, 0.05))) == "payload of tool 1 set: 1.5 kg"
     assert settings.set_collision_level(arm, 4) == "collision level 4"
     assert settings.set_collision_level(arm, 0) == "collision detection off"
-    assert one.controller.state()["payload"]["mass"] == 1.5 and one.controller.state()["collision_level"] == 0
+    assert arm.controller.state.memory.payload.mass == 1.5 and arm.controller.state.memory.collision_level == 0
 
 
 @pytest.mark.parametrize("bank", [IoBank.CABINET, IoBank.TOOL, IoBank.EXTENSION])
-def test_outputs_are_seen_set(bench, bank):
-    arm = bench().connect()
+def test_outputs_are_seen_set(bank):
+    arm = simulated()
     for value in (True, False):
         assert "digital output 1 of %s is %d" % (bank.name.lower(), value) in settings.set_digital_output(
             arm, c.SetDigitalOutput(bank, 1, value))
 
 
 @pytest.mark.parametrize("firmware, base", [("1.5.14", None), ("1.7.2", None), ("1.5.14", 1), ("1.7.1", 0)])
-def test_outputs_are_counted_as_the_controller_counts_them(bench, firmware, base):
-    one = bench(firmware=firmware, io_index_base=base)
-    arm = one.connect(io_index_base=base)
+def test_outputs_are_counted_as_the_controller_counts_them(firmware, base):
+    dialect = {} if base is None else {"io_index_base": base}
+    arm = simulated(firmware=firmware, dialect=dialect, io_index_base=base)
     settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.CABINET, 3, True))
     settings.set_analog_output(arm, c.SetAnalogOutput(IoBank.CABINET, 5, 2.5))
-    io = arm.fresh_state().io
+    io = arm.state.io
     assert io.digital_outputs[IoBank.CABINET].index(1) == 3 and io.analog_outputs[IoBank.CABINET].index(2.5) == 5
     told = settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.EXTENSION, 7, True))  # the feed lacks this bank
     assert told == "digital output 7 of extension is 1"
-    assert arm.execute(c.GetDigitalOutput(IoBank.EXTENSION, 7)) is True
+    assert arm.does(lambda core: core.ask(c.GetDigitalOutput(IoBank.EXTENSION, 7))) is True
 
 
 @pytest.mark.parametrize("driver, controller, other", [(0, 1, 2), (1, 0, 4)])
-def test_another_output_than_the_asked_one_is_an_error_that_names_both(bench, driver, controller, other):
-    one = bench(io_index_base=controller)
-    arm = one.connect(io_index_base=driver)
+def test_another_output_than_the_asked_one_is_an_error_that_names_both(driver, controller, other):
+    arm = simulated(dialect={"io_index_base": controller}, io_index_base=driver)
     both = "accepted output 3 and set output %d instead: .*io_index_base" % other
 
     def set_it(value):
@@ -85,47 +94,46 @@ def test_another_output_than_the_asked_one_is_an_error_that_names_both(bench, dr
         settings.set_analog_output(arm, c.SetAnalogOutput(IoBank.CABINET, 3, 1.5))
 
 
-def test_an_output_that_is_set_already_may_be_set_again(bench):
-    arm = bench().connect()
+def test_an_output_that_is_set_already_may_be_set_again():
+    arm = simulated()
     for _ in range(3):
         assert settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.CABINET, 3, True)).endswith("is 1")
 
 
-def test_an_analog_output_is_seen_set(bench):
-    arm = bench().connect()
+def test_an_analog_output_is_seen_set():
+    arm = simulated()
     told = settings.set_analog_output(arm, c.SetAnalogOutput(IoBank.CABINET, 0, 4.5))
     assert told == "analog output 0 of cabinet is 4.5"
 
 
-def test_hand_guiding_is_seen_on_and_off(bench):
-    arm = bench().connect()
+def test_hand_guiding_is_seen_on_and_off():
+    arm = simulated()
     assert settings.set_hand_guiding(arm, True) == "hand guiding on"
     assert settings.set_hand_guiding(arm, True) == "hand guiding on"
     assert settings.set_hand_guiding(arm, False) == "hand guiding off"
 
 
-def test_hand_guiding_is_refused_while_something_moves_the_arm(bench):
-    one = bench()
-    arm = one.connect()
-    arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.1))
+def test_hand_guiding_is_refused_while_something_moves_the_arm():
+    arm = simulated()
+    jogged(arm)
     with pytest.raises(InvalidCommand, match="a jog owns"):
         settings.set_hand_guiding(arm, True)
-    assert one.times_of("torque_control_enable") == []
+    assert arm.times_of("torque_control_enable") == []
 
 
-def test_the_force_sensor_is_seen_to_read_zero(bench):
-    one = bench(force_sensor=True)
-    one.panel("load_force_sensor", fx=10.0, mz=-1.0)
-    arm = one.connect()
-    assert arm.fresh_state().wrench == (10.0, 0.0, 0.0, 0.0, 0.0, -1.0)
+def test_the_force_sensor_is_seen_to_read_zero():
+    arm = simulated(has_force_sensor=True)
+    arm.controller.state.force_sensor.load((10.0, 0.0, 0.0, 0.0, 0.0, -1.0))
+    arm.run(0.1)
+    assert arm.state.wrench == (10.0, 0.0, 0.0, 0.0, 0.0, -1.0)
     assert settings.zero_force_sensor(arm) == "the force sensor reads zero"
-    assert arm.fresh_state().wrench == (0.0,) * 6
+    assert arm.state.wrench == (0.0,) * 6
 
 
-def test_a_sensor_that_goes_on_reading_a_load_is_told(bench):
-    one = bench(force_sensor=True)
-    one.panel("load_force_sensor", fx=10.0)
-    arm = one.connect()
+def test_a_sensor_that_goes_on_reading_a_load_is_told():
+    arm = simulated(has_force_sensor=True)
+    arm.controller.state.force_sensor.load((10.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    arm.run(0.1)
     changed = Changed(arm, lambda command: () if isinstance(command, c.ZeroForceSensor) else None)
     with pytest.raises(settings.ReadBackMismatch, match="accepted it but the sensor reads 10 0 0 N, 0 0 0 N m"):
         settings.zero_force_sensor(changed)
@@ -133,21 +141,21 @@ def test_a_sensor_that_goes_on_reading_a_load_is_told(bench):
 
 @pytest.mark.parametrize("shown, told", [
     ({}, "shows no force sensor"), ({"torqsensor": [[], [0, 17, [1.0] * 6, [1.0] * 6]]}, "reports error 17")])
-def test_a_sensor_that_is_not_there_or_has_failed_is_not_zeroed(bench, shown, told):
-    one = bench()
-    one.panel("fields", add=shown)
+def test_a_sensor_that_is_not_there_or_has_failed_is_not_zeroed(shown, told):
+    arm = simulated()
+    arm.show(**shown)
+    arm.run(0.1)
     with pytest.raises(InvalidCommand, match=told):
-        settings.zero_force_sensor(one.connect())
-    assert not one.requests("zero_end_sensor")
+        settings.zero_force_sensor(arm)
+    assert not arm.times_of("zero_end_sensor")
 
 
-def test_the_force_sensor_is_not_zeroed_while_something_moves_the_arm(bench):
-    one = bench(force_sensor=True)
-    arm = one.connect()
-    arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.1))
+def test_the_force_sensor_is_not_zeroed_while_something_moves_the_arm():
+    arm = simulated(has_force_sensor=True)
+    jogged(arm)
     with pytest.raises(InvalidCommand, match="a jog owns"):
         settings.zero_force_sensor(arm)
-    assert not one.requests("zero_end_sensor")
+    assert not arm.times_of("zero_end_sensor")
 
 
 class Changed:
@@ -157,8 +165,8 @@ class Changed:
         self._arm = arm
         self._answer = answer
 
-    def run(self, procedure, exclusive=False):
-        return self._arm.run(lambda core: self._filtered(procedure(core)), exclusive)
+    def does(self, procedure, exclusive=False):
+        return self._arm.does(lambda core: self._filtered(procedure(core)), exclusive)
 
     def _filtered(self, steps):
         resume, value = steps.send, None
@@ -192,24 +200,22 @@ def forgetful(arm, forgets):
     (c.SetDigitalOutput, lambda arm: settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.CABINET, 2, True))),
     (c.SetAnalogOutput, lambda arm: settings.set_analog_output(arm, c.SetAnalogOutput(IoBank.CABINET, 2, 3.0))),
     (c.SetHandGuiding, lambda arm: settings.set_hand_guiding(arm, True))])
-def test_a_setting_that_is_accepted_and_not_kept_is_a_failure(bench, forgets, act):
-    one = bench()
-    arm = one.connect()
+def test_a_setting_that_is_accepted_and_not_kept_is_a_failure(forgets, act):
+    arm = simulated()
     settings.set_collision_level(arm, 5)
     with pytest.raises(settings.ReadBackMismatch, match="accepted it but"):
         act(forgetful(arm, forgets))
 
 
-def test_what_the_controller_refuses_is_told(bench):
-    arm = bench().connect()
+def test_what_the_controller_refuses_is_told():
+    arm = simulated()
     with pytest.raises((CommandRejected, InvalidCommand)):
         settings.set_digital_output(arm, c.SetDigitalOutput(IoBank.CABINET, 9999, True))
-    assert eventually(lambda: arm.is_ready)
+    assert arm.core.is_ready(arm.now)
 
 
-def test_a_controller_that_cannot_read_back_is_named(bench):
-    one = bench()
-    arm = one.connect()
+def test_a_controller_that_cannot_read_back_is_named():
+    arm = simulated()
 
     refusal = CommandRejected("get_tool_offsets", 1, "Exception:function call failed")
     silent = Changed(arm, lambda command: refusal if command is c.Query.TOOL_FRAMES else None)
@@ -221,22 +227,20 @@ def test_a_controller_that_cannot_read_back_is_named(bench):
     ("current_tool_id", lambda arm: settings.set_tool_frame(arm, c.SetToolFrame(2, POSE, "t"), True)),
     ("current_user_id", lambda arm: settings.set_user_frame(arm, c.SetUserFrame(2, POSE, "u"), True)),
     ("current_tool_id", lambda arm: settings.set_payload(arm, 1, c.SetPayload(1.0, (0.0, 0.0, 0.0))))])
-def test_what_the_feed_does_not_tell_is_not_said_to_be_set(bench, field, act):
-    one = bench()
-    arm = one.connect()
-    one.panel("fields", drop=[field])
-    assert eventually(lambda: None in (arm.fresh_state().tool_id, arm.fresh_state().user_frame_id))
+def test_what_the_feed_does_not_tell_is_not_said_to_be_set(field, act):
+    arm = simulated()
+    arm.show(drop=(field,))
+    arm.until(lambda: None in (arm.state.tool_id, arm.state.user_frame_id))
     assert act(arm).endswith(settings.NOT_VERIFIED)
 
 
-def test_hand_guiding_that_the_feed_does_not_tell_is_asked_for_and_excludes_motion(bench):
-    one = bench()
-    arm = one.connect()
-    one.panel("fields", drop=["drag_status"])
-    assert eventually(lambda: arm.fresh_state().is_hand_guided is None)
+def test_hand_guiding_that_the_feed_does_not_tell_is_asked_for_and_excludes_motion():
+    arm = simulated()
+    arm.show(drop=("drag_status",))
+    arm.until(lambda: arm.state.is_hand_guided is None)
     assert settings.set_hand_guiding(arm, True) == "hand guiding on"
     with pytest.raises(InvalidCommand, match="hand guiding owns"):
-        arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.1))
+        raise arm.ended(arm.begin("jog", JOG))
     assert settings.set_hand_guiding(arm, False) == "hand guiding off"
 
 
@@ -244,24 +248,28 @@ def test_hand_guiding_that_the_feed_does_not_tell_is_asked_for_and_excludes_moti
     lambda arm: settings.set_tool_frame(arm, c.SetToolFrame(2, POSE, "t"), True),
     lambda arm: settings.set_user_frame(arm, c.SetUserFrame(2, POSE, "u"), True),
     lambda arm: settings.set_payload(arm, 1, c.SetPayload(1.0, (0.0, 0.0, 0.0)))])
-def test_frames_and_payload_are_refused_in_mid_motion(bench, act):
-    one = bench()
-    arm = one.connect()
-    arm.jog(c.Jog(c.JogFrame.JOINT, 0, 0.1))
+def test_frames_and_payload_are_refused_in_mid_motion(act):
+    arm = simulated()
+    jogged(arm)
     with pytest.raises(InvalidCommand, match="a jog owns"):
         act(arm)
-    names = {request["cmdName"] for _, request in one.received()}
+    names = {request["cmdName"] for _, request in arm.sent}
     assert names.isdisjoint({"set_tool_offsets", "set_tool_id", "set_user_offsets", "set_user_id", "set_payload"})
 
 
-def test_hand_guiding_and_a_move_are_never_both_accepted(bench, call):
-    one = bench()
-    arm = one.connect()
+@pytest.mark.parametrize("apart", [0.0, 0.001, 0.004, 0.02, 0.2])
+@pytest.mark.parametrize("is_guiding_first", [True, False])
+def test_hand_guiding_and_a_move_are_never_both_accepted(is_guiding_first, apart):
+    arm = simulated()
+    arm.reply_delay = 0.002
     move = c.JointMove((0.3, 1.5, -1.5, 1.5, 1.5, 0.0), 0.5, 4.0)
-    for _ in range(20):
-        guiding, moving = call(settings.set_hand_guiding, arm, True), call(arm.move, move, False)
-        outcomes = [guiding.failure() is None, moving.failure() is None]
-        assert outcomes.count(True) == 1, outcomes
-        settings.set_hand_guiding(arm, False)
-        arm.stop()
-        assert eventually(lambda: arm.motion_owner is None)
+    calls = [("run", procedures.set_hand_guiding(arm.core, True)), ("move", move, False)]
+    first, second = calls if is_guiding_first else calls[::-1]
+    begun = [arm.begin(*first, **({"exclusive": True} if is_guiding_first else {}))]
+    arm.run(apart)
+    begun.append(arm.begin(*second, **({} if is_guiding_first else {"exclusive": True})))
+    outcomes = [arm.ended(call) is None for call in begun]
+    assert outcomes.count(True) == 1, outcomes
+    assert arm.ended(arm.begin("stop")) is None
+    arm.until(lambda: arm.core.is_free)
+    assert outcomes[0] and settings.set_hand_guiding(arm, False) == "hand guiding off"

@@ -25,7 +25,6 @@ FIELDS = frozenset((
     "joint_actual_position", "joint_position", "actual_position", "powered_on", "enabled", "inpos", "emergency_stop",
     "protective_stop", "errcode", "errmsg", "rapidrate", "on_soft_limit", "paused", "drag_status"))
 START_TOLERANCE = 0.01
-_FIRMWARE = "1.5.14"
 _MOST_TICKS = 100
 _PHASE_S = 0.003
 """The offset between the controller's cycle and the driver's, which have different clocks."""
@@ -61,7 +60,8 @@ class SimulatedArm:
         longest_unowned: The longest time in which the arm moved without custody, s.
     """
 
-    def __init__(self, model, joints, is_ready=True, start=Start.ENABLED, identity="", dialect=None, **settings):
+    def __init__(self, model, joints, is_ready=True, start=Start.ENABLED, identity="", dialect=None,
+                 firmware="1.5.14", has_force_sensor=False, has_all_fields=False, **settings):
         """Make an arm and let the driver connect.
 
         Args:
@@ -71,6 +71,9 @@ class SimulatedArm:
             start: The state of the drives.
             identity: The identity that the controller reports.
             dialect: What the controller does otherwise than its firmware's default, by dimension.
+            firmware: The controller's.
+            has_force_sensor: There is a sensor at the flange.
+            has_all_fields: Frames have all fields, and cost ten times the time of others.
             settings: Settings of the client.
         """
         self._model = model
@@ -84,8 +87,10 @@ class SimulatedArm:
         self._motions = [(self.now, False)]
         self._unowned_since = None
         self._new_connection()
-        options = Options(Dialect.default(_FIRMWARE).replaced(dialect or {}), start, identity=identity)
-        self.controller = Controller(model, FIRMWARES[_FIRMWARE], options, tuple(joints))
+        options = Options(Dialect.default(firmware).replaced(dialect or {}), start, identity=identity,
+                          has_force_sensor=has_force_sensor)
+        self.controller = Controller(model, FIRMWARES[firmware], options, tuple(joints))
+        self._has_all_fields = has_all_fields
         self._shorten_frames()
         self._is_off = False
         self._next_cycle = self.now + _PHASE_S
@@ -97,8 +102,8 @@ class SimulatedArm:
 
     def _shorten_frames(self):
         state = self.controller.state
-        for name in set(all_field_names(state.firmware)) - FIELDS:
-            state.memory.field_switches[name] = False  # a short frame takes a tenth of the time
+        for name in set() if self._has_all_fields else set(all_field_names(state.firmware)) - FIELDS:
+            state.memory.field_switches[name] = False
 
     @property
     def now(self):
@@ -168,9 +173,10 @@ class SimulatedArm:
 
     # ---- faults ----
 
-    def show(self, **fields):
-        """Put these fields into every frame from now on, whatever is true; without any, end that."""
-        self.controller.change_fields(fields, ())
+    def show(self, drop=(), **fields):
+        """Put these fields into every frame from now on, whatever is true, and leave others out; without any, end
+        that."""
+        self.controller.change_fields(fields, drop)
 
     def cut(self, port, refused_for=0.0):
         """End the connection of a port, and refuse others for so long."""
