@@ -27,7 +27,7 @@ LONG = ("test/custody/", "test/packaging/", "test/mutation/", "test/ros/")
 left_out: List[str] = []
 
 # The same examples in every run, for a failure that cannot be had again helps nobody; and no limit of time, for a busy
-# machine says nothing about the code. A derandomized run has no use for a database of earlier failures.
+# machine proves nothing about the code. A derandomized run has no use for a database of earlier failures.
 settings.register_profile("jaka", derandomize=True, database=None, deadline=None,
                           suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("jaka")

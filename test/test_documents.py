@@ -153,7 +153,7 @@ def test_the_log_tools_have_the_same_version():
     assert pytest.importorskip("jaka_bag").__version__ == version()
 
 
-# ---- what contributors are told ----
+# ---- the page for contributors ----
 
 def hooks():
     (repo,) = yaml.safe_load(text_of(ROOT / ".pre-commit-config.yaml"))["repos"]

@@ -55,7 +55,7 @@ def edge(live, edges, n):
             if message.cabinet.digital_inputs[7] is wanted:
                 return set_at, came, message.header.stamp.to_sec()
         time.sleep(0.0005)
-    raise AssertionError("edge %d was not told" % n)
+    raise AssertionError("edge %d was not published" % n)
 
 
 if __name__ == "__main__":

@@ -188,7 +188,7 @@ def test_a_driver_that_takes_its_leave_meanwhile_is_heard(bench):
     os.write(bench.words, FAREWELL)
     bench.stop()
     assert bench.pipe.has_left and bench.said[-1] == "the driver is back and sees to the arm itself"
-    assert not any("not the driver any more" in text for text in bench.said), "it was heard before it was to be ended"
+    assert not any("not the driver any more" in text for text in bench.said), "it sent a beat before it was to be ended"
 
 
 @pytest.mark.parametrize("is_its_own, jogs", [(True, 1), (False, 6)])

@@ -125,7 +125,7 @@ def test_what_piled_up_while_nobody_read_is_old_news_however_slow_the_feed():
     assert [is_new for _, is_new in feed.received(frame_of(12), 1.2)] == [True]
 
 
-# ---- what is told of it ----
+# ---- its report ----
 
 def test_rate_and_jitter_of_a_feed_and_nothing_of_one_that_is_silent():
     feed, now = Feed(0.008), 0.0

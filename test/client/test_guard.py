@@ -108,7 +108,7 @@ def test_the_arm_is_stopped_though_nobody_reads_what_the_guard_says(driver):
     process.send(signal.SIGSTOP)
     assert eventually(lambda: not one.is_moving())
     process.send(signal.SIGKILL)
-    assert eventually(lambda: not process.guards()), "a guard that is not heard outlives its driver"
+    assert eventually(lambda: not process.guards()), "a guard without a beat outlives its driver"
     assert one.times_of("stop_program")
 
 
@@ -175,7 +175,7 @@ def test_a_refused_stop_is_repeated_until_it_is_accepted(driver, answer_stops):
     assert eventually(lambda: not one.is_moving())
     assert eventually(lambda: not process.guards())
     said = process.kill()
-    assert said.count("controller rejected stop_program: code 2") == 1, "each of them is told: %s" % said
+    assert said.count("controller rejected stop_program: code 2") == 1, "each of them is logged: %s" % said
     stops = one.times_of("stop_program")
     assert len(stops) == 6
     assert all(gap > 0.04 for gap in gaps_between(stops)) and sorted(gaps_between(stops))[2] < 1.0

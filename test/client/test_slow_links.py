@@ -105,7 +105,7 @@ def jog_to_and_fro(arm, true, until):
         while time.monotonic() < min(until, edge) and direction * true.angles[-1] < 1.2:
             with contextlib.suppress(JakaError):
                 arm.jog(c.Jog(c.JogFrame.JOINT, 0, direction * SPEED))
-            time.sleep(0.2)  # a caller that says it again
+            time.sleep(0.2)  # the rate of a caller
         with contextlib.suppress(JakaError):
             arm.stop()
 

@@ -94,7 +94,7 @@ class Clients:
         self.are_gone = False
 
     def has_lost_driver(self) -> None:
-        """Forget the calls under way: the driver's process has died, and each waiting client loses its connection."""
+        """Forget the open calls: the driver's process has died, and each waiting client loses its connection."""
         self._busy = {}
         self._jogger += 1
         self._streams += 1

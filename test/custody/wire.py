@@ -165,7 +165,7 @@ class Cable:
         host: Who made it.
         port: The controller's port.
         number: Counts connections.
-        driver_knows, controller_knows: That end believes that it is open; "driver" is its host, whoever that is.
+        driver_knows, controller_knows: That end believes that it is open; "driver" is its host, of any name.
     """
 
     def __init__(self, network: "Network", host: Host, port: Port, number: int) -> None:

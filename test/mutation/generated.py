@@ -23,7 +23,7 @@ import yaml
 from source_mutants import SourceMutant, of_rooms, sample
 
 EQUIVALENT = Path(__file__).with_name("equivalent.yaml")
-"""Mutants that no test can tell from the code, by their key, with the reason."""
+"""Mutants that no test can distinguish from the code, by their key, with the reason."""
 LONGEST_TESTS_S = 40.0
 """s; of the tests that run a line the fastest ones are taken, until they take so long together."""
 _LEAST_S, _SLOWER, _WAITS = 20.0, 4.0, 2.0

@@ -79,7 +79,7 @@ class LineTests(NamedTuple):
             found = self._at(lines, lines)
             if name:
                 found |= self._users(name.group(1), mutant.file, package or PACKAGE)
-            module = Path(mutant.file).stem  # a test of a table, say, runs no line of its module
+            module = Path(mutant.file).stem  # a test of a table, for example, runs no line of its module
             found |= {test for test, seconds in self.seconds.items()
                       if seconds < _FAST_S and module in _words(ROOT / test.split("::")[0])}
         own = "/test_%s.py" % Path(mutant.file).stem  # the likeliest to notice

@@ -62,7 +62,7 @@ def run_tests(folder: Path, tests: Sequence[str], time_limit: float = TIME_LIMIT
     Raises CannotTell where there are no such tests.
     """
     command = [sys.executable, "-m", "pytest", "-q", "-x", "--tb=no", "-rfE", "-p", "no:cacheprovider", *tests]
-    # Compiled files are told from outdated ones by their time, in whole seconds: mutants come faster.
+    # Python compares the times of compiled files in whole seconds: mutants come faster.
     environment = dict(os.environ, PYTHONDONTWRITEBYTECODE="1", COLUMNS="200")
     began = time.monotonic()
     with tempfile.TemporaryFile("w+") as output:

@@ -15,7 +15,7 @@ NOT_IN_DEBIAN = {
     "dask", "duckdb", "fsspec", "ray",  # data sets of jaka_bag; distributed, which Debian has, brings dask and fsspec
     "ompl", "ruckig", "toppra",  # the simulated arm moves in trapezoids without ruckig
 }
-GUARDED = {  # imported by modules that are imported for a part which says so where they are missing
+GUARDED = {  # imported only for a part of the tools, which reports where they are missing
     "python3-jaka-bag": {"aiohttp", "cryptography", "distributed", "matplotlib", "mpl_toolkits", "pyarrow"},
     "python3-jaka-ros-driver": {"pytest", "rosunit"},  # the plugin of pytest, the program of rostest
     "jaka-panel": set(),

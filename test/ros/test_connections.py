@@ -49,7 +49,7 @@ def hold_all_descriptors(request):
 serve_from_the_start()
 rospy.init_node("doorkeeper", disable_signals=True)
 tcpros_base.start_tcpros_server()
-early = socket.create_connection(tcpros_base.get_tcpros_server_address())  # it says nothing, and is there first
+early = socket.create_connection(tcpros_base.get_tcpros_server_address())  # it sends nothing, and connects first
 time.sleep(0.2)  # so that rospy's own thread has taken it, of which nothing tells
 log_to_ros()
 keep_serving(take_connection)
@@ -154,7 +154,7 @@ def test_a_service_is_answered_while_hundreds_of_connections_stay(node, kind):
         flood(lambda: FLOODS[kind](node), 600, stack)
         assert_served()
         assert node.descriptors() < DESCRIPTORS
-    if kind != "subscribers":  # rospy sees that one has gone when it has something to tell it
+    if kind != "subscribers":  # rospy sees that a subscriber has gone when it publishes to it
         assert eventually(lambda: node.descriptors() <= before + 8), node.descriptors()
     assert_served()
 
@@ -184,7 +184,7 @@ def test_who_says_nothing_is_sent_away_and_who_says_little_too(node):
     with node.connect() as silent, node.connect() as slow:
         slow.sendall(b"\xff\0\0\0")
         for _ in range(3):
-            time.sleep(1.0)  # this is what it is to say little
+            time.sleep(1.0)  # this caller sends little
             with contextlib.suppress(OSError):
                 slow.sendall(b"\x10")
         assert not is_closed(slow, 0.1) or time.monotonic() - begin >= 5.0, "5 s are not over"

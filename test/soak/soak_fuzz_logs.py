@@ -2,7 +2,7 @@
 
     build/venv/bin/python3 test/soak/soak_fuzz_logs.py [MINUTES [SEED [FOLDER]]]        60 minutes, seed 1
 
-A damaged log whose run went wrong is kept in FOLDER (``fuzzed`` in the current one), beside what the run said.
+A damaged log whose run went wrong is kept in FOLDER (``fuzzed`` in the current one), beside the run's output.
 """
 import contextlib
 import faulthandler

@@ -14,7 +14,7 @@ OUTPUT = SetDigitalOutput(IoBank.CABINET, 0, True)
 
 
 class Controller(Story):
-    """A controller whose reply to one command comes when the test says so; ``holds``: and no later one before it."""
+    """A controller whose reply to one command comes when the test lets it; ``holds``: and no later one before it."""
 
     def __init__(self, holds, slow="power_on", **fields):
         super().__init__()

@@ -288,7 +288,7 @@ def test_a_refused_part_leaves_the_others_of_the_queue():
     assert story.error("end of first") is None and story.core.is_free and story.count("stop_program") == 0
 
 
-# ---- what the log says ----
+# ---- the log ----
 
 def logged(story, words):
     return sum(words in text for text in story.log)

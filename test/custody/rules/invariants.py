@@ -310,7 +310,7 @@ class Judge:
     def _is_older(self, joints: Vector, now: float) -> bool:
         """Return whether joints are older than a link slower than the feed allows.
 
-        Motion too small to be told from rest does not count.
+        Motion too small to differ from rest does not count.
         """
         until, oldest = now, now - self._settings.silence_timeout - AGE_SLACK - self._wire_age
         for since, known in reversed(self._joints):
@@ -358,7 +358,7 @@ class Judge:
         frozen = room.feed.frozen_joints
         if frozen and max([abs(a - b) for a, b in zip(frozen, plant.joint_position)]) < UNTELLING:
             self._true_at = now
-        if plant.is_moving:  # whoever moves it
+        if plant.is_moving:  # by anybody
             for call in self.sent.open_calls.values():
                 if call.kind == "path" and call.was_sent:
                     passes(call, plant)

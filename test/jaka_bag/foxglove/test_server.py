@@ -158,7 +158,7 @@ def test_a_viewer_that_sends_nothing_but_garbage_is_let_go_and_others_stay(runni
     server = running(toy)
     with RawViewer(server.port) as other, RawViewer(server.port) as viewer:
         other.subscribe(1)
-        with contextlib.suppress(OSError):  # it may be let go before it has said all of it
+        with contextlib.suppress(OSError):  # the server may close it before all of it is sent
             for _ in range(100):
                 viewer.send(b"\x09")
         assert ends_with(viewer, 1008)

@@ -1,4 +1,4 @@
-"""jaka_bag record on a real master: the file has what is published, whoever publishes it and however."""
+"""jaka_bag record on a real master: the file has what is published, by any publisher."""
 import json
 import os
 import re
@@ -149,7 +149,7 @@ def test_nobody_reads_what_the_recorder_says_and_it_records_all_the_same(graph):
         with graph.publisher("/one") as one, graph.publisher("/two") as two:
             first = one.advertise("/a", twist_connection("/a"), False)
             with_subscribers(one, first)
-            second = two.advertise("/a", string_connection("/a"), False)  # the recorder has something to say to that
+            second = two.advertise("/a", string_connection("/a"), False)  # the recorder reports that
             with_subscribers(two, second)
             publish_numbers(one, first, range(1, 101))
             two.publish(second, string_frame("other"))

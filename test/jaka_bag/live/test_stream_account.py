@@ -54,7 +54,7 @@ def test_the_publishers_count_is_believed_at_the_end_or_when_said_twice():
     account = stream()
     account.received = 10
     account.note_sent(14)
-    assert account.undelivered is None  # four may be under way
+    assert account.undelivered is None  # four may still be on their way
     account.received = 20
     account.note_sent(21)
     assert account.undelivered == 1

@@ -202,7 +202,7 @@ def test_a_target_is_shown_before_go_goes_there_and_only_there(panel, open_page)
 
 
 def test_a_target_that_is_typed_while_the_arm_is_under_way_stays(panel, open_page):
-    panel.answers["joint_move"] = lambda arguments: None  # said below
+    panel.answers["joint_move"] = lambda arguments: None  # answered below
     page = open_page(control=True)
     page.click("#tab-move")
     page.type("#panel-move input", "20")

@@ -103,7 +103,7 @@ def test_too_long_and_too_many_messages_end_the_connection(loop, panel):
         assert eventually(lambda: page.closed is not None) and page.closed == 1009
     with Page(loop, panel) as page:
         page.flood(5000, t="nothing")
-        assert eventually(lambda: page.closed is not None) and page.closed in (1006, 1008), "cut, or told why"
+        assert eventually(lambda: page.closed is not None) and page.closed in (1006, 1008), "cut, or with a reason"
 
 
 @pytest.mark.parametrize("message", [

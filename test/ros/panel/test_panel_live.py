@@ -138,7 +138,7 @@ def test_a_sample_that_is_old_is_not_shown_as_new(page, live, arm):
         page.press(arm, [1, 0, 0, 0, 0, 0])
         assert "not fresh" in page.wait("jog", lambda m: m["state"] == "ended")["why"]
         page.let_go_silently()
-        # a stop of an arm that does not answer holds up nothing, and is not told as done
+        # a stop of an arm that does not answer holds up nothing, and is not reported as done
         begun = time.monotonic()
         answer = page.ask("stop", arm=arm)
         assert not answer["ok"] and time.monotonic() - begun < 10.0
@@ -241,7 +241,7 @@ def test_logs_are_those_of_the_folder_and_a_name_leads_nowhere_else(page, panel,
 def test_a_log_is_replayed_as_it_was_drawn(page, live, panel, arm):
     log_of(panel.logs / "led.bag", session(seconds=1.5, reach=0.2))
     plan = page.command("plan_log", arm, file="led.bag")["data"]
-    assert plan["duration"] > 1.0 and plan["warnings"], "the log does not tell the model"
+    assert plan["duration"] > 1.0 and plan["warnings"], "the log lacks the model"
     begin = plan["start"][0]
     peak = max(abs(place[0] - begin) for place in plan["path"])
     page.plots.clear()

@@ -36,7 +36,7 @@ def rests(ros_node, tmp_path_factory):
 
 @pytest.mark.parametrize("way", SUITE)
 def test_every_way_of_letting_go_of_a_button_stops_the_arm(rests, way):
-    assert max(rests[way]) < LONGEST_S, "below zero: a busy host had let go before"
+    assert max(rests[way]) < LONGEST_S, "below zero: a busy host had ended the jog before"
 
 
 @pytest.fixture

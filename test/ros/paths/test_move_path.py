@@ -141,7 +141,7 @@ def test_what_ends_it_tells_how_far_it_came_and_nothing_is_sent_afterwards(arm, 
     state, result = client.end(handle)
     assert state == ENDS[how][0] and ENDS[how][1] in result.message and "segments completed" in result.message, result
     assert result.completed == 1 and 0.3 <= result.fraction < 0.5 and not result.success
-    assert not arm.simulator.is_moving(), "it is told when the arm rests"
+    assert not arm.simulator.is_moving(), "the end is published when the arm rests"
     arm.simulator.panel("release_emergency_stop")
     assert eventually(lambda: arm.call("recover").success)
     where = arm.simulator.state()["tcp_pose"]

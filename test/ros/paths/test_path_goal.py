@@ -120,7 +120,7 @@ def test_a_path_that_is_over_before_anybody_looks_has_an_end_too(goal):
 def test_a_cancel_that_comes_between_the_audit_and_the_first_segment_is_made_good(goal):
     arm, handle, action = goal
     action._cancel(handle)
-    assert arm.is_cancelled() and arm.cancels == [False], "nothing was under way yet"
+    assert arm.is_cancelled() and arm.cancels == [False], "no path was running yet"
     arm.can_be_cancelled = True
     arm.on_begun()
     assert eventually(lambda: True in arm.cancels)

@@ -1,4 +1,4 @@
-"""An action server at the end of its node: rospy closes the topics before it says that it shuts down."""
+"""An action server at the end of its node: rospy closes the topics before it reports its shutdown."""
 import subprocess
 import sys
 

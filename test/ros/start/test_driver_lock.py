@@ -45,7 +45,7 @@ def elsewhere(*before, host="10.5.5.100", **environment):
 
 def test_the_second_is_told_who_has_it_and_gets_it_after_the_first():
     first = DriverLock("10.5.5.100", PORT, "node /left/jaka_driver")
-    for _ in range(20):  # whoever is told of it takes nothing away
+    for _ in range(20):  # a refused start takes nothing away
         with pytest.raises(AlreadyDriven, match=r"10.5.5.100:%d is already driven by node /left/jaka_driver "
                                                 r"\(pid %d\)" % (PORT, os.getpid())):
             DriverLock("10.5.5.100", PORT, "node /right/jaka_driver")

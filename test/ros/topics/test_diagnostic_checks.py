@@ -253,7 +253,7 @@ def test_an_audit_log_that_cannot_be_written_or_that_lost_lines_is_a_warning(ben
     assert bench.level("audit log") == (WARN, "cannot be written: no space")
     bench.audit = bench.audit._replace(trouble="", lost=5)
     assert bench.level("audit log") == (WARN, "5 lines were lost")
-    assert bench.level("audit log") == (OK, "written")  # as other losses, they are said once, and stay in the values
+    assert bench.level("audit log") == (OK, "written")  # like other losses, reported once and kept in the values
     assert bench.look("audit log")[2]["lost lines"] == "5"
 
 

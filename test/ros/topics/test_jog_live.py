@@ -56,7 +56,7 @@ def moved_along_axes(live, told):
     told.tool_before = live.simulator.state()["tcp_pose"]
     with Pad(live.arm.name, "jog_twist") as pad:
         def is_there():
-            if not live.simulator.is_moving():  # at first, and where a busy host has let go
+            if not live.simulator.is_moving():  # at first, and where a busy host has ended the jog
                 begin(live.arm, pad, 0.2)
             return live.simulator.state()["tcp_pose"][1] > told.tool_before[1] + 20.0
         assert eventually(is_there)

@@ -156,7 +156,7 @@ def test_a_cancelled_goal_brakes_the_arm_and_no_other(server, arm):
     second = begun(server, arm, 2)
     assert first.ended.wait(0.0) is second.ended.wait(0.0) is False
     server._cancel(second)
-    assert arm.cancelled == [arm.goals[1]] and not second.ended.wait(0.2), "it is told when the arm rests"
+    assert arm.cancelled == [arm.goals[1]] and not second.ended.wait(0.2), "the end is published when the arm rests"
     arm.goals[1].set_exception(MotionInterrupted(StopCause.CANCELLED))
     assert second.end()[0] == "canceled" and not first.ends
     arm.goals[0].set_result(None)
@@ -217,7 +217,7 @@ def test_feedback_tells_how_far_the_arm_is_while_its_own_trajectory_is_under_way
     desired = JointState((0.5,) * 6, (0.1,) * 6, (0.0,) * 6)
     state = RobotState((0.4,) * 6, True, True, True, False, False, 100.0)
     arm.state, arm.trajectory = state, Progress(object(), 9.0, desired)
-    assert not handle.ended.wait(0.2) and not handle.feedback, "another one is under way"
+    assert not handle.ended.wait(0.2) and not handle.feedback, "another one is running"
     arm.trajectory = Progress(arm.goals[0], 1.5, desired)
     assert eventually(lambda: handle.feedback)
     told = handle.feedback[0]

@@ -263,7 +263,7 @@ def test_tolerances_of_the_goal_hold(arm, client):
     start = [math.radians(q) for q in arm.simulator.state()["joint_position"]]
     arm.simulator.panel("fields", add={"joint_actual_position": arm.simulator.state()["joint_position"]})
     arm.listen("joint_position", 2)
-    # by less than the driver needs to notice that the feed does not show where the controller says the arm is
+    # by less than the driver needs to notice that the feed does not show where the controller reports the arm
     state, result = client.run(goal_of([point(1.0, other(start, 0, start[0] + 0.004), REST)], end=[("joint_1", 0.002)],
                                        seconds=0.2))
     arm.simulator.panel("clear_faults")

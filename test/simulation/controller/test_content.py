@@ -84,7 +84,7 @@ def test_with_content(make_arm, getter, firmware):
     assert reply["errorCode"] == "0" and reply["cmdName"] == getter
     if expected is None:
         expected = {key: value for key, value in held.items() if key in reply and key != "cmdName"}
-        assert set(expected) >= set(held) - {"cmdName"}, "what was set is not all told"
+        assert set(expected) >= set(held) - {"cmdName"}, "the reply lacks a part of the setting"
     if firmware == "1.5.14" and getter == "get_version":
         expected = {**expected, "version": "1.5.14_13_X64"}
     assert {key: reply[key] for key in expected} == expected

@@ -135,7 +135,7 @@ def fingerprint():
 
 
 def test_the_same_session_gives_the_same_bytes_in_any_process():
-    # Whoever sets the time can repeat a session: no clock, no chance, no order of a set is in it.
+    # A caller that sets the time can repeat a session: no clock, no chance, no order of a set is in it.
     paths = os.pathsep.join([str(ROOT), str(ROOT / "test" / "support")])
     seen = {subprocess.run([sys.executable, __file__], env=dict(os.environ, PYTHONPATH=paths, PYTHONHASHSEED=seed),
                            stdout=subprocess.PIPE, check=True, timeout=120).stdout for seed in ("1", "2")}

@@ -279,7 +279,7 @@ class LiveDriver:
 
 
 # ---- motions, each long enough to be cut short: they return what waits for their end, None where nothing does.
-# Each has a speed of its own, so that the log tells two of them from one that was sent twice. ----
+# Each has a speed of its own, so that in the log two of them differ from one that was sent twice. ----
 
 def begin_move(arm, speed=SPEED):
     return InBackground(arm.call, "joint_move", pose=[3.0] + HOME[1:], mvvelo=speed, mvacc=4.0)

@@ -199,7 +199,7 @@ def test_results_lie_in_the_data_set_and_a_second_call_reads_no_log_again(short_
     before = [path.read_bytes() for path in tables]
     for path in against.glob("*.bag"):
         state = path.stat()
-        path.write_bytes(b"\0" * state.st_size)  # whoever reads it again notices
+        path.write_bytes(b"\0" * state.st_size)  # a second reading notices
         os.utime(str(path), ns=(state.st_mtime_ns, state.st_mtime_ns))
     assert main([*words, "--cell", "press_9"]) == 0
     assert [path.read_bytes() for path in tables] == before
