@@ -39,6 +39,8 @@ def need(program, words):
         pytest.importorskip("rospy", reason="%s needs ROS" % program)
     if place().name == "wheel" and words and program == "jaka_bag" and brought_by_ros(words):
         pytest.skip("comes with the ROS package")
+    if place().name == "deb" and words and words[0] in ("compare", "dataset", "export"):
+        pytest.importorskip("pyarrow", reason="this Debian has no python3-pyarrow")
 
 
 def brought_by_ros(words):
