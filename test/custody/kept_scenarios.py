@@ -189,6 +189,35 @@ KEPT: Dict[str, Scenario] = {
         (1.0, "path", {"caller": 0, "segments": (("joint", (0.2, 0.0, 0.0, 0.0, 0.0, 0.0)),), "radius": 0.002,
                        "speed": 0.27, "then": "", "then_after": 0.0}),
         (1.7, "feed_silent", {"duration": 2.6}), settings=_SETTINGS, dialect={"start_delay": 19.9}),
+    "stops went into a connection that was cut in silence while the reply to power_on was waited for": _scenario(
+        (0.5, "maintenance", {"every": 0.7, "recovers": True}), (0.6606, "emergency_stop", {"held": 0.3}),
+        (2.1342, "stop", {"caller": 0}),
+        (2.1438, "cut", {"port": "COMMAND", "driver_learns": False, "controller_learns": True}),
+        (11.085, "feed_jumps", {"by": 2.0, "frames": 1}), length=15.0,
+        settings=dict(_SETTINGS, reply_timeout=0.9, power_timeout=30.0), firmware="1.7.1", start="enabled",
+        dialect={"power_reply": "held"}, latency=(0.0001, 0.001), lateness=0.0002, has_turns=True, has_guard=False),
+    "an answer that came late excused a backlog for as long as one that came at once": _scenario(
+        (2.9305, "slow_link", {"port": "both", "carries": 0.5, "duration": 3.25}),
+        (3.7596, "trajectory", {
+            "ways": ((-0.00955, 0.00571, 0.00128, -0.00744, 0.00743, -0.00904),
+                     (0.00151, -0.00991, 0.00956, 0.00983, 0.00549, 0.00343),
+                     (0.00147, 0.00588, 0.00277, -0.00096, -0.00552, 0.0063)),
+            "apart": 0.3, "first_at": 1.0, "form": "rest", "delay": 0.3, "build_time": 0.02, "lead": 0.016,
+            "then": "replace", "then_after": 0.05, "caller": 0}), length=15.0,
+        settings=dict(_SETTINGS, feed_period=0.1, reply_timeout=0.9, motion_timeout=300.0, enable_timeout=30.0),
+        firmware="1.7.1", start="enabled", latency=(0.0005, 0.005), lateness=0.002, auto_enable=True, has_guard=False,
+        seed=60001014),
+    "a move to where the arm is was completed on a feed that stood still while the pendant moved the arm": _scenario(
+        (0.0333, "feed_frozen", {"duration": 1.6}), (0.146, "pendant_move", {"joint": 0, "step": -0.3}),
+        (0.7283, "joint_move", _joint_move(0, 0.0, 1.6, True, caller=1)),
+        settings=dict(_SETTINGS, motion_timeout=4.0), start="enabled", latency=(0.0001, 0.0005), lateness=0.0002),
+    "a driver that was started again knew nothing of moves that were accepted and had not begun": _scenario(
+        (4.1274, "queue", {"joint": 0, "ways": (-0.3, 0.005, -0.3, 0.005), "speed": 0.2154, "first_waits": False,
+                           "apart": 0.05, "caller": 1}),
+        (4.2795, "kill", {"restart_after": 0.6597}), (5.1689, "joint_move", _joint_move(3, -1e-5, 0.5923, False)),
+        length=15.0, settings=dict(_SETTINGS, reply_timeout=0.9, jog_timeout=1.0), start="enabled",
+        dialect={"start_delay": 1.445, "feed_period": 0.008}, latency=(0.0005, 0.005), lateness=0.002, has_turns=True,
+        has_guard=False, ends="close in trouble", firmware="1.7.2", seed=60000555),
 }
 AWAITED: Dict[str, Scenario] = {
     "program on a slow link": _scenario(

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Deque, List, Optional, Tuple
 
-from jaka_bag.cli.record import Recorder
+from jaka_bag.cli.record import LogRecording
 from jaka_bag.live.rolling_files import FileSettings, RollingFiles
 from jaka_bag.live.stream_account import Stream
 from jaka_bag.units import NS_PER_S
@@ -32,7 +32,7 @@ class Snapshots:
 
     is_large_enough = False
 
-    def __init__(self, recorder: Recorder, newest_s: float) -> None:
+    def __init__(self, recorder: LogRecording, newest_s: float) -> None:
         self._recorder = recorder
         self._newest_ns = int(newest_s * NS_PER_S)
         self._ring: Deque[_Item] = collections.deque()

@@ -147,7 +147,7 @@ class Companion(Protocol):
         """End what has begun."""
 
 
-class Recorder:
+class LogRecording:
     """One recording that a command line asks for: who the node is, what it records, and how it ends.
 
     Each mode sets where messages go (``prepare``), runs it, and prints its account.
@@ -310,7 +310,7 @@ def _signals(handler: Callable[[int, Any], None], with_usr1: bool) -> Iterator[N
             signal.signal(number, old)
 
 
-def record(recorder: Recorder) -> int:
+def record(recorder: LogRecording) -> int:
     """Record into one file, or one after the other; return the exit code."""
     recorder.prepare(recorder.open_log)
     if not recorder.run(str(recorder.settings.path(0))):

@@ -9,7 +9,7 @@ from typing import Callable, Dict, Optional, Tuple
 
 from jaka_bag.cli import quantities, record
 from jaka_bag.cli.notices import Notices
-from jaka_bag.cli.record import Recorder
+from jaka_bag.cli.record import LogRecording
 from jaka_bag.errors import BagError, OutputExists, UsageError
 from jaka_bag.live.graph import master_uri
 from jaka_bag.live.names import anonymous_name
@@ -117,12 +117,12 @@ def run(args: argparse.Namespace) -> int:
     check(args)
     with Notices("jaka_bag record", args.quiet) as console:
         if args.black_box:
-            return record_black_box(Recorder(args, NODE, console))
-        recorder = Recorder(args, anonymous_name("jaka_bag_record"), console)
+            return record_black_box(LogRecording(args, NODE, console))
+        recorder = LogRecording(args, anonymous_name("jaka_bag_record"), console)
         return record.record(recorder) if args.snapshot is None else record_snapshots(recorder)
 
 
-def record_snapshots(recorder: Recorder) -> int:
+def record_snapshots(recorder: LogRecording) -> int:
     """Keep the newest messages in memory and write a file at each SIGUSR1; return the exit code."""
     newest_s = recorder.args.snapshot
     snapshots = Snapshots(recorder, newest_s)
@@ -133,7 +133,7 @@ def record_snapshots(recorder: Recorder) -> int:
     return recorder.account()
 
 
-def record_black_box(recorder: Recorder) -> int:
+def record_black_box(recorder: LogRecording) -> int:
     """Keep the newest messages in memory and write a file around each accident; return the exit code."""
     box = Assembly(recorder)
     recorder.prepare(box.open, box.selection(), box.memory_bytes, ITEM_BYTES)
@@ -153,7 +153,7 @@ class Assembly:
         UsageError: A condition is not understood.
     """
 
-    def __init__(self, recorder: Recorder) -> None:
+    def __init__(self, recorder: LogRecording) -> None:
         args, names, console = recorder.args, recorder.names, recorder.console
         self._recorder = recorder
         self._names = names
