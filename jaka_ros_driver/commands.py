@@ -367,6 +367,8 @@ JOINTS: Tuple[str, ...] = tuple("joint_%d" % n for n in range(1, 7))
 STOP_REPLY = 1
 """Index in ``whole_stop`` of ``stop_program``, whose reply is the stop's; the others may be refused when nothing runs.
 """
+SERVO_END_REPLY = 0
+"""Index in ``whole_stop`` of the command that leaves servo mode."""
 
 _ALL_AXES = tuple(JogStop(JogFrame.JOINT, axis) for axis in range(6))
 """The requests of the maker's SDK to stop all axes, whatever the jog's frame (docs/sdk-client.md section 5).

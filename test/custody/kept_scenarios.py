@@ -215,8 +215,10 @@ KEPT: Dict[str, Scenario] = {
         (4.1274, "queue", {"joint": 0, "ways": (-0.3, 0.005, -0.3, 0.005), "speed": 0.2154, "first_waits": False,
                            "apart": 0.05, "caller": 1}),
         (4.2795, "kill", {"restart_after": 0.6597}), (5.1689, "joint_move", _joint_move(3, -1e-5, 0.5923, False)),
-        length=15.0, settings=dict(_SETTINGS, reply_timeout=0.9, jog_timeout=1.0), start="enabled",
-        dialect={"start_delay": 1.445, "feed_period": 0.008}, latency=(0.0005, 0.005), lateness=0.002, has_turns=True,
+        length=15.0, settings=dict(_SETTINGS, reply_timeout=0.9, jog_timeout=1.0, servo_timeout=10.0, link_loss_stop=0.3),
+        start="enabled",
+        dialect={"start_delay": 1.445, "link_loss_notice": 5.0, "feed_period": 0.008},
+        latency=(0.0005, 0.005), lateness=0.002, has_turns=True,
         has_guard=False, ends="close in trouble", firmware="1.7.2", seed=60000555),
 }
 AWAITED: Dict[str, Scenario] = {

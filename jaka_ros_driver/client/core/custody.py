@@ -26,7 +26,7 @@ from jaka_ros_driver.client.core.contradictions import (
 from jaka_ros_driver.client.core.motion import ArmMotion, MotionOwner
 from jaka_ros_driver.client.core.stillness import REST_TIME_S, Stillness
 from jaka_ros_driver.client.settings import ClientSettings
-from jaka_ros_driver.commands import STOP_REPLY, SetLinkLoss, whole_stop
+from jaka_ros_driver.commands import SERVO_END_REPLY, STOP_REPLY, SetLinkLoss, whole_stop
 from jaka_ros_driver.errors import (
     CommandRejected,
     ConnectionLost,
@@ -374,15 +374,19 @@ class Custody:
             if number == self._number and self._phase is _Phase.STOPPING:
                 self._stop_replied(error, at)
 
-        def jog_end_replied(_result: Any, error: Optional[JakaError], at: float) -> None:
-            """Send the stop again, where its end of the jog was refused, until the arm rests."""
+        def own_end_replied(_result: Any, error: Optional[JakaError], at: float) -> None:
+            """Send the stop again, where its end of this very jog or servo mode was refused, until the arm rests."""
             if number == self._number and self._phase is _Phase.STOPPING and isinstance(error, CommandRejected):
                 self._retry_at = at + _RETRY_PERIOD_S
 
         jog = self.motion.halt()
+        own_ends = {}
+        if self.motion.owner in STREAMS:
+            own_ends = {SERVO_END_REPLY: own_end_replied}
+        elif jog is not None and not self._moves_on:
+            own_ends = {STOP_REPLY + 1: own_end_replied}
         try:
-            self.channel.request_all(whole_stop(jog, self._moves_on), now, replied, STOP_REPLY,
-                                     {} if jog is None or self._moves_on else {STOP_REPLY + 1: jog_end_replied})
+            self.channel.request_all(whole_stop(jog, self._moves_on), now, replied, STOP_REPLY, own_ends)
         except JakaError as error:
             self._retry_at = _NEVER
             self._log(logging.ERROR, "the arm could not be stopped: %s" % error, now)
@@ -469,6 +473,10 @@ class Sight(Protocol):
     @property
     def is_servo_active(self) -> bool:
         """True while the controller is in servo mode; False while that is not known."""
+
+    @property
+    def is_in_question(self) -> bool:
+        """True while the feed has not shown what the controller answered, and was known to show it."""
 
     def fresh_state(self, now: float) -> RobotState:
         """Return the newest state; raise ConnectionLost where it is stale."""
@@ -574,7 +582,7 @@ class Admission:
             require_no_wait(owner, self.evidence(owner, state))
         except InvalidCommand:
             return False
-        return self._custody.stillness.duration() >= REST_TIME_S
+        return self._custody.stillness.duration() >= REST_TIME_S and not self._sight.is_in_question
 
     def retry(self, now: float) -> None:
         """Try again to begin the waiting calls."""

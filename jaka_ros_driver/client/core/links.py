@@ -115,6 +115,11 @@ class Links:
         """The time at which ``tick`` is due, s."""
         return min(self._command.retry_at, self._status.retry_at, self._next_beat)
 
+    @property
+    def is_in_question(self) -> bool:
+        """True while the feed has not shown what the controller answered, and was known to show it."""
+        return self._witness.is_trusted and self._witness.is_unanswered
+
     def fresh_state(self, now: float) -> RobotState:
         """Return the newest state.
 

@@ -120,6 +120,11 @@ class Witness:
         return Query.JOINTS not in self._refused and (self._was_right or self._tries > 0)
 
     @property
+    def is_unanswered(self) -> bool:
+        """True while an answer has not been found in the feed."""
+        return bool(self._open)
+
+    @property
     def wants_to_ask(self) -> bool:
         """True where the feed is disputed, and no open question could settle it."""
         return bool(self.dispute) and not self._asked and not self._open and bool(self._frames)

@@ -89,7 +89,7 @@ class Judge:
         self._old_until = -1e9
         self._guarded_from = _NEVER
         self._guard_excused_until = clock.now
-        self._jog_end_is_due = 0.0
+        self._end_is_due = 0.0
         self.cycles_moving = 0
         self.answers: Dict[Tuple[str, str], int] = {}
         low, high = network.terms[Port.STATUS, False].latency
@@ -408,10 +408,11 @@ class Judge:
     def stop_is_refused(self, part: str) -> None:
         """Give the driver and its guard the time to repeat a refused stop; ``part`` is the request that was refused.
 
-        No reply tells whether a refused end of a jog had a jog to end: the stop was accepted, and is sent again.
+        No reply tells whether a refused end of a jog or of servo mode had one to end: the stop was accepted, and is
+        sent again.
         """
-        if part == "jog":
-            self._jog_end_is_due = self._clock.now + STOP_AGAIN + REST_AFTER_STOP
+        if part in ("jog", "servo_move"):
+            self._end_is_due = self._clock.now + STOP_AGAIN + REST_AFTER_STOP
         self._excused_until = max(self._excused_until, self._clock.now + STOP_AGAIN)
         self._guard_excused_until = max(self._guard_excused_until, self._clock.now + STOP_AGAIN)
 
@@ -444,7 +445,7 @@ class Judge:
         if self.sent.jog.is_running:
             uses("JOG_LAG", now - max(self.sent.jog.rests_from, self._excused_until, self._awake_since + JOG_BRAKE))
         for quiet in self._quiet:
-            if plant.queue.is_jogging and now < self._jog_end_is_due:
+            if (plant.queue.is_jogging or plant.is_servo_active) and now < self._end_is_due:
                 continue
             if quiet.rule == "p" and self._room.resumed_at > quiet.since - PAUSE_SLACK:
                 continue  # at the pendant
