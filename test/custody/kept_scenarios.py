@@ -221,6 +221,19 @@ KEPT: Dict[str, Scenario] = {
         dialect={"start_delay": 1.445, "link_loss_notice": 5.0, "feed_period": 0.008},
         latency=(0.0005, 0.005), lateness=0.002, has_turns=True,
         has_guard=False, ends="close in trouble", firmware="1.7.2", seed=60000555),
+    "joints that jumped behind damaged frames were believed, and a jog began from there": _scenario(
+        (6.1765, "feed_mangled", {"how": "cut off", "frames": 20}), (8.0998, "feed_jumps", {"by": 2.0, "frames": 5}),
+        (8.4343, "velocity_jog", {"caller": 0, "frame": 0, "axis": 1, "speed": -0.041, "rate": 50.0, "duration": 1.5,
+                                  "end": "frozen", "says_rest": True}),
+        length=20.0, settings=dict(_SETTINGS, motion_timeout=300.0, jog_timeout=1.0, link_loss_stop=0.3),
+        dialect={"shortest_feed_period": 0.1}, latency=(0.0001, 0.001), lateness=0.002, start="enabled",
+        seed=60006378),
+    "the end of servo mode that was refused was not sent again": _scenario(
+        (2.6239, "velocity_jog", {"caller": 1, "frame": 2, "axis": 3, "speed": 0.172, "rate": 20.0, "duration": 2.5,
+                                  "end": "second", "says_rest": True}),
+        (4.1, "refuse_command", {"command": "servo_move", "duration": 1.29}), (4.4, "stop", {"caller": 9}),
+        settings=dict(_SETTINGS, link_loss_stop=0.3), dialect={"stop_ends_servo": False, "starvation": "repeat"},
+        start="enabled", auto_enable=True, has_guard=False),
 }
 AWAITED: Dict[str, Scenario] = {
     "program on a slow link": _scenario(

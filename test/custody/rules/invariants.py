@@ -444,9 +444,7 @@ class Judge:
             uses("JOG_SLACK", now - max(self._jog_word_at + self._settings.jog_timeout, self._excused_until))
         if self.sent.jog.is_running:
             uses("JOG_LAG", now - max(self.sent.jog.rests_from, self._excused_until, self._awake_since + JOG_BRAKE))
-        for quiet in self._quiet:
-            if (plant.queue.is_jogging or plant.is_servo_active) and now < self._end_is_due:
-                continue
+        for quiet in self._quiet if now >= self._end_is_due else ():
             if quiet.rule == "p" and self._room.resumed_at > quiet.since - PAUSE_SLACK:
                 continue  # at the pendant
             if now > max(quiet.since, self._awake_since) + _CYCLE:
