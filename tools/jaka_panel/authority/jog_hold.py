@@ -135,7 +135,7 @@ class Lateness:
         self._ways: Deque[Tuple[float, float]] = deque()
 
     def of(self, clock: float, now: float) -> float:
-        """Return the excess delay, s, of a message sent at ``clock`` and received at ``now``; their zeros may differ."""
+        """Return the excess delay, s, of a message sent at ``clock``, received at ``now``; their zeros may differ."""
         way = now - clock
         while self._ways and self._ways[0][0] < now - _WINDOW_S:
             self._ways.popleft()
